@@ -1,0 +1,174 @@
+//! A symmetric sparse matrix of 3 x 3 blocks on a fixed pattern.
+//!
+//! Nodes are numbered free ones first, handle nodes last. Both triangles are stored and the columns of a
+//! row ascend, so the product with the free part of a vector is a prefix of each row and the product with
+//! the handle part the rest; a pointer per row says where it splits.
+
+use crate::{Mat3, Vec3};
+
+/// Where the nine blocks of a triangle lie in the matrix, by row and column vertex.
+pub type ElementSlots = [[u32; 3]; 3];
+
+/// The matrix: compressed block rows.
+#[derive(Clone, Debug)]
+pub struct BlockMatrix {
+    free: usize,
+    row_start: Vec<u32>,
+    /// First entry of each row whose column is a handle node.
+    row_split: Vec<u32>,
+    columns: Vec<u32>,
+    blocks: Vec<Mat3>,
+}
+
+#[inline(always)]
+fn add_product(sum: &mut [f64; 3], block: &Mat3, x: &Vec3) {
+    let b = &block.data.0;
+    for i in 0..3 {
+        sum[i] += b[0][i] * x.x + b[1][i] * x.y + b[2][i] * x.z;
+    }
+}
+
+impl BlockMatrix {
+    /// A zero matrix over `nodes` nodes, the first `free` of them free, that couples every two nodes of
+    /// each of `cliques` (and every node with itself).
+    pub fn new<'a>(nodes: usize, free: usize, cliques: impl Iterator<Item = &'a [u32]>) -> Self {
+        let mut rows: Vec<Vec<u32>> = (0..nodes as u32).map(|node| vec![node]).collect();
+        for clique in cliques {
+            for &node in clique {
+                rows[node as usize].extend_from_slice(clique);
+            }
+        }
+        let mut matrix = Self {
+            free,
+            row_start: Vec::with_capacity(nodes + 1),
+            row_split: Vec::with_capacity(nodes),
+            columns: Vec::new(),
+            blocks: Vec::new(),
+        };
+        matrix.row_start.push(0);
+        for row in &mut rows {
+            row.sort_unstable();
+            row.dedup();
+            let split = row.partition_point(|&column| (column as usize) < free);
+            matrix.row_split.push((matrix.columns.len() + split) as u32);
+            matrix.columns.extend_from_slice(row);
+            matrix.row_start.push(matrix.columns.len() as u32);
+        }
+        matrix.blocks = vec![Mat3::zeros(); matrix.columns.len()];
+        matrix
+    }
+
+    /// Number of nodes, free and held.
+    pub fn nodes(&self) -> usize {
+        self.row_split.len()
+    }
+
+    /// Number of free nodes.
+    pub fn free(&self) -> usize {
+        self.free
+    }
+
+    /// Number of stored blocks.
+    pub fn block_count(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Where block (`row`, `column`) is stored, or `None` where the pattern has none.
+    pub fn slot(&self, row: u32, column: u32) -> Option<u32> {
+        let start = self.row_start[row as usize] as usize;
+        let end = self.row_start[row as usize + 1] as usize;
+        let offset = self.columns[start..end].binary_search(&column).ok()?;
+        Some((start + offset) as u32)
+    }
+
+    /// Where the blocks of a triangle are stored; `None` where the pattern lacks one.
+    pub fn element_slots(&self, nodes: [u32; 3]) -> Option<ElementSlots> {
+        let mut slots = [[0; 3]; 3];
+        for a in 0..3 {
+            for b in 0..3 {
+                slots[a][b] = self.slot(nodes[a], nodes[b])?;
+            }
+        }
+        Some(slots)
+    }
+
+    /// Sets every block to zero.
+    pub fn clear(&mut self) {
+        self.blocks.fill(Mat3::zeros());
+    }
+
+    /// Sets every block to its entry of `weights` times the identity.
+    pub fn load_scalar(&mut self, weights: &[f64]) {
+        for (block, &weight) in self.blocks.iter_mut().zip(weights) {
+            *block = Mat3::from_diagonal_element(weight);
+        }
+    }
+
+    /// Adds to the block stored at `slot`.
+    #[inline]
+    pub fn add(&mut self, slot: u32, block: &Mat3) {
+        self.blocks[slot as usize] += block;
+    }
+
+    /// Columns of a row, with the slot of the first.
+    pub fn row(&self, row: usize) -> (&[u32], usize) {
+        let start = self.row_start[row] as usize;
+        (
+            &self.columns[start..self.row_start[row + 1] as usize],
+            start,
+        )
+    }
+
+    fn entries(&self, start: u32, end: u32) -> impl Iterator<Item = (usize, &Mat3)> {
+        let range = start as usize..end as usize;
+        self.columns[range.clone()]
+            .iter()
+            .map(|&column| column as usize)
+            .zip(&self.blocks[range])
+    }
+
+    /// Blocks of a row in free columns, with the columns.
+    pub fn free_blocks(&self, row: usize) -> impl Iterator<Item = (usize, &Mat3)> {
+        self.entries(self.row_start[row], self.row_split[row])
+    }
+
+    /// Blocks of a row in handle columns, with the columns (counted over all nodes).
+    pub fn handle_blocks(&self, row: usize) -> impl Iterator<Item = (usize, &Mat3)> {
+        self.entries(self.row_split[row], self.row_start[row + 1])
+    }
+
+    /// The diagonal block of a row.
+    pub fn diagonal(&self, row: usize) -> Mat3 {
+        self.slot(row as u32, row as u32)
+            .map_or_else(Mat3::zeros, |slot| self.blocks[slot as usize])
+    }
+
+    /// Row `row` times `x`, over all nodes.
+    #[inline]
+    pub fn row_product(&self, row: usize, x: &[Vec3]) -> Vec3 {
+        let mut sum = [0.0; 3];
+        for (column, block) in self.entries(self.row_start[row], self.row_start[row + 1]) {
+            add_product(&mut sum, block, &x[column]);
+        }
+        Vec3::from(sum)
+    }
+
+    /// The free part of row `row` times `x`, over free nodes.
+    #[inline]
+    pub fn free_product(&self, row: usize, x: &[Vec3]) -> Vec3 {
+        let mut sum = [0.0; 3];
+        for (column, block) in self.free_blocks(row) {
+            add_product(&mut sum, block, &x[column]);
+        }
+        Vec3::from(sum)
+    }
+
+    /// The whole matrix times `x`.
+    ///
+    /// `x` and `y` hold one entry per node.
+    pub fn product(&self, x: &[Vec3], y: &mut [Vec3]) {
+        for (row, y) in y.iter_mut().enumerate().take(self.nodes()) {
+            *y = self.row_product(row, x);
+        }
+    }
+}

@@ -1,0 +1,329 @@
+//! What the hands feel of a sheet, as small dense matrices between handles.
+//!
+//! With `A = M / t^2 + C / t + K` at the publication period `t`, split into free and handle nodes, and the
+//! basis `S` of the handles' motions, the body follows the hands by `Psi = [S; -A_ff^-1 A_fh S]`. The
+//! published matrices are the stiffness and damping of those shapes, `Psi^T K Psi` and `Psi^T C Psi`.
+//! This is Guyan's reduction ("Reduction of stiffness and mass matrices", 1965) with the dynamic stiffness
+//! of the period in the place of the static one, so it exists for loose pieces and flat membranes too. It
+//! is not the Schur complement of `A`: that holds `M / t^2` and `C / t` and would be felt as a spring.
+//!
+//! A moment is taken about the moving origin of its handle. Turning a loaded handle turns the arms at
+//! which its vertices pull, which changes the moment even where every force stays: the *lever* term,
+//! `d m = sum (theta x r_i) x f_i`, belongs to the stiffness. It is not symmetric, so what is published is
+//! the symmetric part of both, made positive semidefinite; the raw matrices can be read beside it.
+//!
+//! Since `A_ff Psi_f = -A_fh S`, on the free nodes `K Psi` is a multiple of `M Psi`, and the products
+//! `Psi^T K Psi` need only the handle rows of `K` and inner products with the masses.
+
+use super::body::Sheet;
+use super::cholesky::Cholesky;
+use super::dense::{Clip, Clipper, Square};
+use super::error::CondenseError;
+use super::handle::Freedom;
+use crate::Vec3;
+
+/// The condensed matrices of all handles of a sheet.
+///
+/// Each is 6 H x 6 H for H handles: three translations (m, N), then three rotations (rad, N m) about the
+/// handle's origin, in world axes, for each handle in turn. Rows and columns of motions that a handle does
+/// not answer to are zero. They give the wrench of the hand on the body for a motion of the handle;
+/// the wrench on the hand has the opposite sign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condensed {
+    /// Tangent stiffness, symmetric and positive semidefinite.
+    pub stiffness: Square,
+    /// Tangent damping, symmetric and positive semidefinite.
+    pub damping: Square,
+    /// `Psi^T K Psi` with the lever term, neither symmetrized nor clipped.
+    pub raw_stiffness: Square,
+    /// `Psi^T C Psi`, neither symmetrized nor clipped.
+    pub raw_damping: Square,
+    /// `Psi^T M Psi`: for checks, it is not to be extrapolated.
+    pub mass: Square,
+    /// What clipping took from the stiffness.
+    pub stiffness_clip: Clip,
+    /// What clipping took from the damping.
+    pub damping_clip: Clip,
+    /// The length (m) by which rotations were made comparable to translations for clipping.
+    pub length: f64,
+}
+
+/// A motion of a handle.
+#[derive(Clone, Copy, Debug)]
+struct Column {
+    handle: usize,
+    /// 0 to 2: translation; 3 to 5: rotation.
+    motion: usize,
+}
+
+impl Column {
+    fn slot(self) -> usize {
+        6 * self.handle + self.motion
+    }
+
+    /// The velocity of a point at `arm` from the origin.
+    fn at(self, arm: &Vec3) -> Vec3 {
+        let axis = Vec3::ith(self.motion % 3, 1.0);
+        if self.motion < 3 {
+            axis
+        } else {
+            axis.cross(arm)
+        }
+    }
+}
+
+/// Condenses one sheet again and again without allocating.
+#[derive(Debug)]
+pub struct Condenser {
+    cholesky: Cholesky,
+    columns: Vec<Column>,
+    /// The handle of each handle node.
+    holder: Vec<u32>,
+    /// For each handle, its columns as a range.
+    range: Vec<core::ops::Range<usize>>,
+    /// `Psi` on the free nodes, by columns.
+    shapes: Vec<f64>,
+    /// Present arm of each handle node from its handle's origin (m).
+    arms: Vec<Vec3>,
+    /// `Psi_f^T M Psi_f` over columns.
+    inner: Square,
+    clipper: Clipper,
+    scale: Vec<f64>,
+    condensed: Condensed,
+}
+
+impl Condenser {
+    /// Analyzes the topology of `sheet` and sets all memory aside.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Symbolic`].
+    pub fn new(sheet: &Sheet) -> Result<Self, CondenseError> {
+        let mut columns = Vec::new();
+        let mut range = Vec::new();
+        let mut holder = Vec::new();
+        let mut squares = 0.0;
+        let mut counted = 0;
+        for (handle, held) in sheet.handles.iter().enumerate() {
+            let first = columns.len();
+            columns.extend((0..held.freedom.count()).map(|motion| Column { handle, motion }));
+            range.push(first..columns.len());
+            holder.extend(held.offsets.iter().map(|_| handle as u32));
+            if held.freedom == Freedom::Rigid {
+                squares += held.offsets.iter().map(Vec3::norm_squared).sum::<f64>();
+                counted += held.offsets.len();
+            }
+        }
+        let size = 6 * sheet.handles.len();
+        let length = characteristic_length(squares, counted, &sheet.x);
+        let zeros = || Square::zeros(size);
+        Ok(Self {
+            cholesky: Cholesky::new(&sheet.stiffness, columns.len())?,
+            shapes: vec![0.0; columns.len() * 3 * sheet.stiffness.free()],
+            arms: vec![Vec3::zeros(); holder.len()],
+            inner: Square::zeros(columns.len()),
+            clipper: Clipper::new(size),
+            scale: (0..size)
+                .map(|slot| if slot % 6 < 3 { 1.0 } else { length })
+                .collect(),
+            columns,
+            holder,
+            range,
+            condensed: Condensed {
+                stiffness: zeros(),
+                damping: zeros(),
+                raw_stiffness: zeros(),
+                raw_damping: zeros(),
+                mass: zeros(),
+                stiffness_clip: Clip::default(),
+                damping_clip: Clip::default(),
+                length,
+            },
+        })
+    }
+
+    /// The last result; all zero before the first.
+    pub fn condensed(&self) -> &Condensed {
+        &self.condensed
+    }
+
+    /// The factorization of the last condensation's matrix.
+    pub fn cholesky(&self) -> &Cholesky {
+        &self.cholesky
+    }
+
+    /// Condenses the stiffness last assembled onto the handles where they are now, for local models
+    /// published every `period` seconds.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`]; the last result is kept then.
+    pub fn condense(&mut self, sheet: &Sheet, period: f64) -> Result<&Condensed, CondenseError> {
+        if !(period > 0.0 && period.is_finite()) {
+            return Err(CondenseError::Period { found: period });
+        }
+        if !sheet.assembled {
+            return Err(CondenseError::NotAssembled);
+        }
+        if self.holder.len() != sheet.grip.len() || self.range.len() != sheet.handles.len() {
+            return Err(CondenseError::Topology);
+        }
+        let mass_factor = 1.0 / (period * period) + sheet.config.mass_damping / period;
+        let stiffness_factor = 1.0 + sheet.config.stiffness_damping / period;
+        self.cholesky
+            .factorize(&sheet.stiffness, &sheet.mass, mass_factor, stiffness_factor)?;
+        self.solve_shapes(sheet, stiffness_factor)?;
+
+        let ratio = mass_factor / stiffness_factor;
+        self.products(sheet, ratio);
+        self.publish(sheet);
+        Ok(&self.condensed)
+    }
+
+    /// The arms, and `Psi_f = -A_ff^-1 A_fh S`.
+    fn solve_shapes(&mut self, sheet: &Sheet, stiffness_factor: f64) -> Result<(), CondenseError> {
+        let free = sheet.stiffness.free();
+        for handle in &sheet.handles {
+            for node in handle.nodes() {
+                self.arms[node - free] = sheet.x[node] - handle.report.pose.position;
+            }
+        }
+        let rows = 3 * free;
+        self.shapes.fill(0.0);
+        for node in 0..free {
+            for (held, block) in sheet.stiffness.handle_blocks(node) {
+                let arm = &self.arms[held - free];
+                for c in self.range[self.holder[held - free] as usize].clone() {
+                    let force = block * self.columns[c].at(arm) * stiffness_factor;
+                    for axis in 0..3 {
+                        self.shapes[c * rows + 3 * node + axis] -= force[axis];
+                    }
+                }
+            }
+        }
+        self.cholesky.solve(&mut self.shapes);
+        if self.shapes.iter().all(|value| value.is_finite()) {
+            Ok(())
+        } else {
+            Err(CondenseError::NotPositiveDefinite { pivot: rows })
+        }
+    }
+
+    /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
+    fn products(&mut self, sheet: &Sheet, ratio: f64) {
+        let free = sheet.stiffness.free();
+        let rows = 3 * free;
+        let count = self.columns.len();
+        for c in 0..count {
+            for r in 0..=c {
+                let left = &self.shapes[r * rows..(r + 1) * rows];
+                let right = &self.shapes[c * rows..(c + 1) * rows];
+                let value = mass_product(left, right, &sheet.mass[..free]);
+                self.inner[(r, c)] = value;
+                self.inner[(c, r)] = value;
+            }
+        }
+        let stiffness = &mut self.condensed.raw_stiffness;
+        let mass = &mut self.condensed.mass;
+        stiffness.fill(0.0);
+        mass.fill(0.0);
+        for c in 0..count {
+            for r in 0..count {
+                let at = (self.columns[r].slot(), self.columns[c].slot());
+                stiffness[at] = -ratio * self.inner[(r, c)];
+                mass[at] = self.inner[(r, c)];
+            }
+        }
+        for (held, arm) in self.arms.iter().enumerate() {
+            let row = free + held;
+            let own = self.range[self.holder[held] as usize].clone();
+            if own.is_empty() {
+                continue;
+            }
+            for (c, column) in self.columns.iter().enumerate() {
+                let shape = &self.shapes[c * rows..(c + 1) * rows];
+                let mut force = Vec3::zeros();
+                for (node, block) in sheet.stiffness.free_blocks(row) {
+                    let at = 3 * node;
+                    force += block * Vec3::new(shape[at], shape[at + 1], shape[at + 2]);
+                }
+                for (other, block) in sheet.stiffness.handle_blocks(row) {
+                    if self.holder[other - free] as usize == column.handle {
+                        force += block * column.at(&self.arms[other - free]);
+                    }
+                }
+                for motion in &self.columns[own.clone()] {
+                    stiffness[(motion.slot(), column.slot())] += motion.at(arm).dot(&force);
+                }
+            }
+            for column in &self.columns[own.clone()] {
+                let shape = column.at(arm);
+                for motion in &self.columns[own.clone()] {
+                    let at = (motion.slot(), column.slot());
+                    mass[at] += sheet.mass[row] * motion.at(arm).dot(&shape);
+                }
+            }
+        }
+    }
+
+    /// Damping, lever term, symmetrizing and clipping.
+    fn publish(&mut self, sheet: &Sheet) {
+        let Condensed {
+            stiffness,
+            damping,
+            raw_stiffness,
+            raw_damping,
+            mass,
+            stiffness_clip,
+            damping_clip,
+            ..
+        } = &mut self.condensed;
+        let (alpha, beta) = (sheet.config.mass_damping, sheet.config.stiffness_damping);
+        for j in 0..mass.size() {
+            for i in 0..mass.size() {
+                raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
+            }
+        }
+        for (held, (arm, force)) in self.arms.iter().zip(&sheet.grip).enumerate() {
+            let own = self.range[self.holder[held] as usize].clone();
+            for column in self.columns[own.clone()]
+                .iter()
+                .filter(|column| column.motion >= 3)
+            {
+                let change = column.at(arm).cross(force);
+                for motion in self.columns[own.clone()]
+                    .iter()
+                    .filter(|row| row.motion >= 3)
+                {
+                    raw_stiffness[(motion.slot(), column.slot())] += change[motion.motion - 3];
+                }
+            }
+        }
+        stiffness.copy_from(raw_stiffness);
+        stiffness.symmetrize();
+        damping.copy_from(raw_damping);
+        damping.symmetrize();
+        *stiffness_clip = self.clipper.clip(stiffness, &self.scale);
+        *damping_clip = self.clipper.clip(damping, &self.scale);
+    }
+}
+
+/// `sum m_i a_i . b_i`, in three running sums so that additions need not wait for each other.
+fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
+    let mut sum = [0.0; 3];
+    for ((a, b), &mass) in a.chunks_exact(3).zip(b.chunks_exact(3)).zip(mass) {
+        for axis in 0..3 {
+            sum[axis] += mass * a[axis] * b[axis];
+        }
+    }
+    sum[0] + sum[1] + sum[2]
+}
+
+/// The root mean square of the rigid handles' offsets, or of the body's extent where they have none.
+fn characteristic_length(squares: f64, count: usize, x: &[Vec3]) -> f64 {
+    if squares > 0.0 {
+        return libm::sqrt(squares / count as f64);
+    }
+    let centre = x.iter().sum::<Vec3>() / x.len() as f64;
+    libm::sqrt(x.iter().map(|x| (x - centre).norm_squared()).sum::<f64>() / x.len() as f64)
+}

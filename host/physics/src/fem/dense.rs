@@ -1,0 +1,225 @@
+//! Small dense symmetric matrices: a test of definiteness, and the nearest positive semidefinite matrix.
+//!
+//! The eigenvalues come from cyclic Jacobi rotations (Golub and Van Loan, "Matrix computations", section
+//! 8.5), which are simple, accurate and quick enough for the few dozen rows that handles have.
+
+use core::ops::{Index, IndexMut};
+
+/// A negative eigenvalue within this share of the largest is rounding, not indefiniteness.
+pub const ROUNDING: f64 = 1e-12;
+
+/// A square matrix, by columns.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Square {
+    size: usize,
+    data: Vec<f64>,
+}
+
+impl Square {
+    /// A zero matrix of `size` rows.
+    pub fn zeros(size: usize) -> Self {
+        Self {
+            size,
+            data: vec![0.0; size * size],
+        }
+    }
+
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Entries by columns.
+    pub fn as_slice(&self) -> &[f64] {
+        &self.data
+    }
+
+    /// Sets every entry to `value`.
+    pub fn fill(&mut self, value: f64) {
+        self.data.fill(value);
+    }
+
+    /// Copies the entries of a matrix of the same size.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.data.copy_from_slice(&other.data);
+    }
+
+    /// Replaces the matrix by its symmetric part.
+    pub fn symmetrize(&mut self) {
+        for j in 0..self.size {
+            for i in 0..j {
+                let mean = 0.5 * (self[(i, j)] + self[(j, i)]);
+                self[(i, j)] = mean;
+                self[(j, i)] = mean;
+            }
+        }
+    }
+}
+
+impl Index<(usize, usize)> for Square {
+    type Output = f64;
+    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+        &self.data[j * self.size + i]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Square {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+        &mut self.data[j * self.size + i]
+    }
+}
+
+/// What clipping took away.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Clip {
+    /// Number of eigenvalues raised to zero (beyond rounding).
+    pub count: usize,
+    /// The most negative eigenvalue over the largest in magnitude, as a positive number; 0 if none.
+    pub share: f64,
+}
+
+/// Workspace of [`clip`](Clipper::clip), for one size of matrix.
+#[derive(Clone, Debug)]
+pub struct Clipper {
+    work: Square,
+    vectors: Square,
+}
+
+impl Clipper {
+    /// A workspace for matrices of `size` rows.
+    pub fn new(size: usize) -> Self {
+        Self {
+            work: Square::zeros(size),
+            vectors: Square::zeros(size),
+        }
+    }
+
+    /// Replaces a symmetric `matrix` by the nearest positive semidefinite one, distance being measured
+    /// after row and column `i` are divided by `scale[i]`, which makes their units one.
+    ///
+    /// If a Cholesky factorization, eased by [`ROUNDING`], succeeds, nothing is touched.
+    pub fn clip(&mut self, matrix: &mut Square, scale: &[f64]) -> Clip {
+        let size = matrix.size();
+        let mut largest = 0.0_f64;
+        for j in 0..size {
+            for i in 0..size {
+                self.work[(i, j)] = matrix[(i, j)] / (scale[i] * scale[j]);
+            }
+            largest = largest.max(self.work[(j, j)].abs());
+        }
+        self.vectors.copy_from(&self.work);
+        if is_positive(&mut self.vectors, ROUNDING * largest) {
+            return Clip::default();
+        }
+        jacobi(&mut self.work, &mut self.vectors);
+        let eigenvalue = |k: usize| self.work[(k, k)];
+        let magnitude = (0..size).map(|k| eigenvalue(k).abs()).fold(0.0, f64::max);
+        let mut clip = Clip::default();
+        for k in 0..size {
+            let share = -eigenvalue(k) / magnitude;
+            if share > ROUNDING {
+                clip.count += 1;
+                clip.share = clip.share.max(share);
+            }
+        }
+        if clip.count > 0 {
+            for j in 0..size {
+                for i in 0..=j {
+                    let mut sum = 0.0;
+                    for k in 0..size {
+                        let value = self.work[(k, k)].max(0.0);
+                        sum += value * self.vectors[(i, k)] * self.vectors[(j, k)];
+                    }
+                    let value = sum * scale[i] * scale[j];
+                    matrix[(i, j)] = value;
+                    matrix[(j, i)] = value;
+                }
+            }
+        }
+        clip
+    }
+}
+
+/// Whether `matrix + ease I` has a Cholesky factor; overwrites the matrix.
+fn is_positive(matrix: &mut Square, ease: f64) -> bool {
+    let size = matrix.size();
+    for k in 0..size {
+        let mut pivot = matrix[(k, k)] + ease;
+        for j in 0..k {
+            pivot -= matrix[(k, j)] * matrix[(k, j)];
+        }
+        // A row of zeros (a motion that a handle lacks, or a body without stiffness) passes.
+        if pivot == 0.0 && ease == 0.0 {
+            return (0..size).all(|i| (0..size).all(|j| matrix[(i, j)] == 0.0));
+        }
+        if pivot <= 0.0 || pivot.is_nan() {
+            return false;
+        }
+        let root = libm::sqrt(pivot);
+        matrix[(k, k)] = root;
+        for i in k + 1..size {
+            let mut sum = matrix[(i, k)];
+            for j in 0..k {
+                sum -= matrix[(i, j)] * matrix[(k, j)];
+            }
+            matrix[(i, k)] = sum / root;
+        }
+    }
+    true
+}
+
+/// Diagonalizes the symmetric `a`; the columns of `v` become its eigenvectors.
+fn jacobi(a: &mut Square, v: &mut Square) {
+    let size = a.size();
+    v.fill(0.0);
+    for i in 0..size {
+        v[(i, i)] = 1.0;
+    }
+    // Convergence is quadratic; ten sweeps are usual for a hundred rows.
+    for _ in 0..30 {
+        let mut off = 0.0;
+        let mut diagonal = 0.0;
+        for j in 0..size {
+            diagonal += a[(j, j)] * a[(j, j)];
+            for i in 0..j {
+                off += a[(i, j)] * a[(i, j)];
+            }
+        }
+        if off <= 1e-32 * diagonal || off.is_nan() {
+            return;
+        }
+        for q in 1..size {
+            for p in 0..q {
+                rotate(a, v, p, q);
+            }
+        }
+    }
+}
+
+/// One rotation that makes `a[(p, q)]` zero.
+fn rotate(a: &mut Square, v: &mut Square, p: usize, q: usize) {
+    let apq = a[(p, q)];
+    if apq == 0.0 {
+        return;
+    }
+    let theta = 0.5 * (a[(q, q)] - a[(p, p)]) / apq;
+    let t = theta.signum() / (theta.abs() + libm::sqrt(1.0 + theta * theta));
+    let c = 1.0 / libm::sqrt(1.0 + t * t);
+    let s = t * c;
+    let size = a.size();
+    for k in 0..size {
+        let (akp, akq) = (a[(k, p)], a[(k, q)]);
+        a[(k, p)] = c * akp - s * akq;
+        a[(k, q)] = s * akp + c * akq;
+    }
+    for k in 0..size {
+        let (apk, aqk) = (a[(p, k)], a[(q, k)]);
+        a[(p, k)] = c * apk - s * aqk;
+        a[(q, k)] = s * apk + c * aqk;
+    }
+    for k in 0..size {
+        let (vkp, vkq) = (v[(k, p)], v[(k, q)]);
+        v[(k, p)] = c * vkp - s * vkq;
+        v[(k, q)] = s * vkp + c * vkq;
+    }
+}

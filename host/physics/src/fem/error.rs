@@ -1,0 +1,227 @@
+//! What can be wrong with a sheet, a step or a condensation.
+
+use thiserror::Error;
+
+/// Why a sheet could not be built, or an input to it was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum SheetError {
+    /// The mesh has no triangle.
+    #[error("the mesh has no triangles; a sheet needs at least one")]
+    Empty,
+    /// A vertex position is not a finite number.
+    #[error("vertex {vertex} has a position that is not finite")]
+    Position {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} names vertex {vertex}, but the mesh has {count} vertices")]
+    TriangleVertex {
+        /// The triangle.
+        triangle: usize,
+        /// The vertex that it names.
+        vertex: u32,
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// A triangle has no area at rest.
+    #[error(
+        "triangle {triangle} has no area at rest ({area:e} m^2 for edges of {edge:e} m); \
+         remove it or move its vertices apart"
+    )]
+    Degenerate {
+        /// The triangle.
+        triangle: usize,
+        /// Its area (m^2).
+        area: f64,
+        /// Its longest edge (m).
+        edge: f64,
+    },
+    /// A vertex belongs to no triangle, so that it has no mass.
+    #[error("vertex {vertex} belongs to no triangle and so has no mass; remove it from the mesh")]
+    Unreferenced {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// A material parameter is out of range.
+    #[error("material of triangle {triangle}: `{field}` is {found}, expected {expected}")]
+    Material {
+        /// The triangle.
+        triangle: usize,
+        /// The field of [`Material`](super::Material).
+        field: &'static str,
+        /// Its value.
+        found: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The number of materials is neither one nor that of the triangles.
+    #[error(
+        "{found} materials given; expected one for all or one for each of {triangles} triangles"
+    )]
+    MaterialCount {
+        /// How many were given.
+        found: usize,
+        /// Number of triangles.
+        triangles: usize,
+    },
+    /// A field of the configuration is out of range.
+    #[error("sheet configuration: `{field}` is {found}, expected {expected}")]
+    Config {
+        /// The field of [`SheetConfig`](super::SheetConfig).
+        field: &'static str,
+        /// Its value.
+        found: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A handle holds no vertex.
+    #[error("handle {handle} holds no vertices; give it at least one")]
+    EmptyHandle {
+        /// The handle.
+        handle: usize,
+    },
+    /// A handle names a vertex that does not exist.
+    #[error("handle {handle} names vertex {vertex}, but the mesh has {count} vertices")]
+    HandleVertex {
+        /// The handle.
+        handle: usize,
+        /// The vertex that it names.
+        vertex: u32,
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// A vertex is held more than once.
+    #[error(
+        "vertex {vertex} is held by handle {first} and again by handle {second}; a vertex may be held once"
+    )]
+    SharedVertex {
+        /// The vertex.
+        vertex: u32,
+        /// The handle that holds it first.
+        first: usize,
+        /// The handle that names it again (the same one, if it lists the vertex twice).
+        second: usize,
+    },
+    /// The origin of a handle is not a finite number.
+    #[error("handle {handle} has an origin that is not finite")]
+    HandleOrigin {
+        /// The handle.
+        handle: usize,
+    },
+    /// Bending was asked for, but the sheet is folded at rest.
+    #[error(
+        "the sheet is folded by {angle} rad at rest across the edge between vertices {a} and {b}, and \
+         the bending model needs a flat rest shape; flatten the mesh or set `bending` to 0"
+    )]
+    Folded {
+        /// One end of the edge.
+        a: u32,
+        /// The other end.
+        b: u32,
+        /// Angle between the two triangles (rad); 0 is flat.
+        angle: f64,
+    },
+    /// Bending was asked for, but more than two triangles meet at an edge.
+    #[error(
+        "{count} triangles meet at the edge between vertices {a} and {b}, and the bending model allows \
+         two; repair the mesh or set `bending` to 0"
+    )]
+    NonManifold {
+        /// One end of the edge.
+        a: u32,
+        /// The other end.
+        b: u32,
+        /// How many triangles meet there.
+        count: usize,
+    },
+    /// An array that should hold one entry per vertex has another length.
+    #[error("`{what}` has {found} entries, expected one for each of {expected} vertices")]
+    Length {
+        /// The array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of vertices.
+        expected: usize,
+    },
+    /// An array holds a number that is not finite.
+    #[error("`{what}` of vertex {vertex} is not finite")]
+    NotFinite {
+        /// The array.
+        what: &'static str,
+        /// The vertex.
+        vertex: usize,
+    },
+}
+
+/// Why a step was refused. The sheet keeps its last good state.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum StepError {
+    /// The step length is not positive.
+    #[error("the step length is {found} s, expected a positive, finite number")]
+    StepLength {
+        /// The length (s).
+        found: f64,
+    },
+    /// The number of target poses differs from that of the handles.
+    #[error("{found} target poses given for {expected} handles")]
+    Targets {
+        /// How many were given.
+        found: usize,
+        /// Number of handles.
+        expected: usize,
+    },
+    /// A target pose is not finite.
+    #[error("the target pose of handle {handle} is not finite")]
+    Target {
+        /// The handle.
+        handle: usize,
+    },
+    /// `solve` was called without `assemble` since the state last changed.
+    #[error(
+        "forces and stiffness are not those of the present state; call `assemble` before `solve`"
+    )]
+    NotAssembled,
+    /// The solution is not finite: a target leapt too far, or the state had already blown up.
+    #[error(
+        "the step gave a motion that is not finite after {iterations} iterations; the last state is kept"
+    )]
+    Diverged {
+        /// Iterations spent.
+        iterations: usize,
+    },
+}
+
+/// Why a condensation was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CondenseError {
+    /// The publication period is not positive.
+    #[error("the publication period is {found} s, expected a positive, finite number")]
+    Period {
+        /// The period (s).
+        found: f64,
+    },
+    /// The sheet was never assembled.
+    #[error("the sheet has no stiffness yet; call `assemble` before `condense`")]
+    NotAssembled,
+    /// The sheet is not the one for which the condenser was made.
+    #[error("the sheet's topology is not the one for which this condenser was made")]
+    Topology,
+    /// The symbolic factorization failed: out of memory, or too many entries for its index type.
+    #[error("the symbolic factorization of {unknowns} unknowns failed: {reason}")]
+    Symbolic {
+        /// Number of scalar unknowns.
+        unknowns: usize,
+        /// What the linear algebra library says.
+        reason: String,
+    },
+    /// The matrix of the free vertices is not positive definite, or not finite.
+    #[error(
+        "the matrix of the free vertices is not positive definite (pivot {pivot}); the state is not usable"
+    )]
+    NotPositiveDefinite {
+        /// The pivot at which the factorization stopped, in elimination order.
+        pivot: usize,
+    },
+}

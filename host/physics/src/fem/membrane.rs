@@ -1,0 +1,328 @@
+//! In-plane elasticity of a sheet: corotational constant-strain triangles in plane stress.
+//!
+//! With rest gradients `g_a` of the three hat functions in an orthonormal rest frame of the triangle, the
+//! deformation gradient is the 3 x 2 matrix `F = sum x_a g_a^T`. Its polar decomposition `F = R U` has a
+//! closed form: with `s = |F_1 x F_2|`, `n` the unit normal and `q^2 = tr C + 2 s`, `C = F^T F`,
+//!
+//! ```text
+//! U = (C + s I) / q        R = (F + [F_2 x n, n x F_1]) / q
+//! ```
+//!
+//! which stays finite and orthonormal for a collapsed triangle as long as `n` is some unit normal of what
+//! is left. The strain is `U - I`, the stress `sigma = 2 mu (U - I) + lambda tr(U - I) I` with the Lame
+//! parameters of plane stress, and the force is exactly minus the gradient of the energy: `P = R sigma`,
+//! `f_a = -t A P g_a`.
+//!
+//! The tangent is exact as well (differentiate `R sigma`; the in-plane part is that of McAdams et al.,
+//! "Efficient elasticity for character skinning with contact and collisions", 2011, in two dimensions).
+//! It is a sum of three parts, each of known sign:
+//!
+//! 1. material: `D sym(R^T dF)`, positive semidefinite;
+//! 2. in-plane spin: `tr(sigma) / (2 tr U)` times the square of the spin;
+//! 3. out of plane: `w^T sigma U^-1 w` for `dF = n w^T`, the stiffness of a taut string.
+//!
+//! [`Tangent::Clipped`] keeps the positive part of 2 and 3, so that every element's tangent is positive
+//! semidefinite. Without part 3 a step of a sheet under tension is unstable.
+
+use super::block_matrix::{BlockMatrix, ElementSlots};
+use super::material::Material;
+use crate::{Mat3, Vec3};
+
+/// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
+/// which divides by it: a triangle crushed to a hundredth must not make the matrix arbitrarily stiff.
+const STRETCH_FLOOR: f64 = 0.01;
+
+/// Which tangent an element gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tangent {
+    /// The derivative of the force, indefinite under compression.
+    Exact,
+    /// Its negative parts clipped: positive semidefinite.
+    Clipped,
+}
+
+/// Force and tangent of one triangle at its three vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct Element {
+    /// Elastic force on each vertex (N).
+    pub force: [Vec3; 3],
+    /// Minus the derivative of the force on vertex `a` by the position of vertex `b` (N/m), at `[a][b]`.
+    pub stiffness: [[Mat3; 3]; 3],
+}
+
+/// All triangles of a sheet, by arrays over triangles.
+#[derive(Clone, Debug)]
+pub struct Membrane {
+    nodes: Vec<[u32; 3]>,
+    /// Rest gradients of the second and third hat function; the first is minus their sum.
+    gradients: Vec<[[f64; 2]; 2]>,
+    /// Shear modulus times thickness times rest area (N m).
+    mu: Vec<f64>,
+    /// Plane-stress Lame parameter times thickness times rest area (N m).
+    lambda: Vec<f64>,
+}
+
+/// Polar decomposition of a deformation gradient, and what the force and the tangent need of it.
+struct Polar {
+    /// Columns of the 3 x 2 rotation.
+    r: [Vec3; 2],
+    n: Vec3,
+    /// `U`: xx, xy, yy.
+    u: [f64; 3],
+    /// `tr U`.
+    trace: f64,
+}
+
+impl Polar {
+    fn new(f1: &Vec3, f2: &Vec3) -> Self {
+        let c = [f1.dot(f1), f1.dot(f2), f2.dot(f2)];
+        let trace_c = c[0] + c[2];
+        // A triangle shrunk to a point has no direction at all: any frame will do.
+        if trace_c < 1e-200 {
+            return Self {
+                r: [Vec3::x(), Vec3::y()],
+                n: Vec3::z(),
+                u: [0.0; 3],
+                trace: 0.0,
+            };
+        }
+        let cross = f1.cross(f2);
+        let s = cross.norm();
+        let n = if s > 1e-14 * trace_c {
+            cross / s
+        } else {
+            normal_of_line(if c[0] >= c[2] { f1 } else { f2 })
+        };
+        let q = libm::sqrt(trace_c + 2.0 * s);
+        Self {
+            r: [(f1 + f2.cross(&n)) / q, (f2 + n.cross(f1)) / q],
+            n,
+            u: [(c[0] + s) / q, c[1] / q, (c[2] + s) / q],
+            trace: q,
+        }
+    }
+
+    /// Principal stretches, the larger first.
+    fn stretches(&self) -> [f64; 2] {
+        let mean = 0.5 * (self.u[0] + self.u[2]);
+        let radius = libm::hypot(0.5 * (self.u[0] - self.u[2]), self.u[1]);
+        [mean + radius, mean - radius]
+    }
+}
+
+/// A unit vector perpendicular to `line`, the same for the same line.
+fn normal_of_line(line: &Vec3) -> Vec3 {
+    let axis = match line.iamin() {
+        0 => Vec3::x(),
+        1 => Vec3::y(),
+        _ => Vec3::z(),
+    };
+    line.cross(&axis).normalize()
+}
+
+/// `g_1`, `g_2` in the triangle's rest frame and its rest area, or `None` where it has none.
+///
+/// The frame's first axis runs along the first edge; the triangle is counterclockwise in it.
+pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
+    let e1 = x[1] - x[0];
+    let e2 = x[2] - x[0];
+    let longest = e1.norm().max(e2.norm()).max((e2 - e1).norm());
+    let twice_area = e1.cross(&e2).norm();
+    // Thinner than this, the gradients would carry no correct digits in strain.
+    if twice_area <= 1e-10 * longest * longest || twice_area.is_nan() {
+        return None;
+    }
+    let length = e1.norm();
+    let along = e1.dot(&e2) / length;
+    let height = twice_area / length;
+    Some((
+        [
+            [1.0 / length, -along / (length * height)],
+            [0.0, 1.0 / height],
+        ],
+        0.5 * twice_area,
+    ))
+}
+
+fn dot2(a: [f64; 2], b: [f64; 2]) -> f64 {
+    a[0] * b[0] + a[1] * b[1]
+}
+
+impl Membrane {
+    /// An empty membrane with room for `count` triangles.
+    pub(crate) fn with_capacity(count: usize) -> Self {
+        Self {
+            nodes: Vec::with_capacity(count),
+            gradients: Vec::with_capacity(count),
+            mu: Vec::with_capacity(count),
+            lambda: Vec::with_capacity(count),
+        }
+    }
+
+    /// Adds a triangle by its nodes, rest gradients and rest area (m^2).
+    pub(crate) fn push(
+        &mut self,
+        nodes: [u32; 3],
+        gradients: [[f64; 2]; 2],
+        area: f64,
+        material: &Material,
+    ) {
+        self.nodes.push(nodes);
+        self.gradients.push(gradients);
+        self.mu.push(material.shear() * material.thickness * area);
+        self.lambda
+            .push(material.lambda_plane_stress() * material.thickness * area);
+    }
+
+    /// Number of triangles.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there are no triangles.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// Nodes of each triangle.
+    pub fn nodes(&self) -> &[[u32; 3]] {
+        &self.nodes
+    }
+
+    fn polar(&self, e: usize, x: &[Vec3]) -> Polar {
+        let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
+        let [g1, g2] = self.gradients[e];
+        let (e1, e2) = (b - a, c - a);
+        Polar::new(&(e1 * g1[0] + e2 * g2[0]), &(e1 * g1[1] + e2 * g2[1]))
+    }
+
+    /// Principal stretches of triangle `e` at node positions `x`, the larger first; 1 is unstretched.
+    pub fn principal_stretches(&self, e: usize, x: &[Vec3]) -> [f64; 2] {
+        self.polar(e, x).stretches()
+    }
+
+    /// Elastic energy (J) at node positions `x`.
+    pub fn energy(&self, x: &[Vec3]) -> f64 {
+        let mut energy = 0.0;
+        for e in 0..self.len() {
+            let polar = self.polar(e, x);
+            let [xx, xy, yy] = polar.u;
+            let (xx, yy) = (xx - 1.0, yy - 1.0);
+            let trace = xx + yy;
+            energy += self.mu[e] * (xx * xx + 2.0 * xy * xy + yy * yy)
+                + 0.5 * self.lambda[e] * trace * trace;
+        }
+        energy
+    }
+
+    /// Force and tangent of triangle `e` at node positions `x`.
+    pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
+        let polar = self.polar(e, x);
+        let (mu, lambda) = (self.mu[e], self.lambda[e]);
+        let [g1, g2] = self.gradients[e];
+        let [r1, r2] = polar.r;
+
+        let [uxx, uxy, uyy] = polar.u;
+        let pressure = lambda * (uxx - 1.0 + uyy - 1.0);
+        let sigma = [
+            2.0 * mu * (uxx - 1.0) + pressure,
+            2.0 * mu * uxy,
+            2.0 * mu * (uyy - 1.0) + pressure,
+        ];
+        let p1 = r1 * sigma[0] + r2 * sigma[1];
+        let p2 = r1 * sigma[1] + r2 * sigma[2];
+        let force_1 = -(p1 * g1[0] + p2 * g1[1]);
+        let force_2 = -(p1 * g2[0] + p2 * g2[1]);
+
+        let spin = spin_coefficient(&sigma, polar.trace, tangent);
+        let geometric = out_of_plane(&polar, mu, lambda, tangent);
+        let nn = polar.n * polar.n.transpose();
+        let g0 = [-g1[0] - g2[0], -g1[1] - g2[1]];
+        let block = |a: [f64; 2], b: [f64; 2]| {
+            let shear = mu * dot2(a, b);
+            let (ja, jb) = ([-a[1], a[0]], [-b[1], b[0]]);
+            let entry =
+                |i: usize, j: usize| mu * b[i] * a[j] + lambda * a[i] * b[j] + spin * ja[i] * jb[j];
+            let k = [
+                [entry(0, 0) + shear, entry(0, 1)],
+                [entry(1, 0), entry(1, 1) + shear],
+            ];
+            // R k R^T, by its two left columns.
+            let left = [r1 * k[0][0] + r2 * k[1][0], r1 * k[0][1] + r2 * k[1][1]];
+            let w = a[0] * (geometric[0] * b[0] + geometric[1] * b[1])
+                + a[1] * (geometric[1] * b[0] + geometric[2] * b[1]);
+            left[0] * r1.transpose() + left[1] * r2.transpose() + nn * w
+        };
+        // The gradients sum to zero, so the diagonal blocks are minus the sum of their rows: a
+        // translation then gives no force at all, not even by rounding.
+        let k01 = block(g0, g1);
+        let k02 = block(g0, g2);
+        let k12 = block(g1, g2);
+        let (k10, k20, k21) = (k01.transpose(), k02.transpose(), k12.transpose());
+        Element {
+            force: [-(force_1 + force_2), force_1, force_2],
+            stiffness: [
+                [-(k01 + k02), k01, k02],
+                [k10, -(k10 + k12), k12],
+                [k20, k21, -(k20 + k21)],
+            ],
+        }
+    }
+
+    /// Adds the force of every triangle to `force`, and its clipped tangent to `stiffness`.
+    pub(crate) fn assemble(
+        &self,
+        x: &[Vec3],
+        slots: &[ElementSlots],
+        force: &mut [Vec3],
+        stiffness: &mut BlockMatrix,
+    ) {
+        for (e, slots) in slots.iter().enumerate() {
+            let element = self.element(e, x, Tangent::Clipped);
+            for a in 0..3 {
+                force[self.nodes[e][a] as usize] += element.force[a];
+                for b in 0..3 {
+                    stiffness.add(slots[a][b], &element.stiffness[a][b]);
+                }
+            }
+        }
+    }
+}
+
+/// Part 2 of the tangent: what multiplies the square of the in-plane spin.
+fn spin_coefficient(sigma: &[f64; 3], trace: f64, tangent: Tangent) -> f64 {
+    let floor = 2.0 * STRETCH_FLOOR;
+    let coefficient = 0.5 * (sigma[0] + sigma[2]) / trace.max(floor);
+    match tangent {
+        Tangent::Exact => coefficient,
+        Tangent::Clipped => coefficient.max(0.0),
+    }
+}
+
+/// Part 3 of the tangent: `sigma U^-1` or its positive part (xx, xy, yy), which shares its principal axes
+/// with `U`.
+fn out_of_plane(polar: &Polar, mu: f64, lambda: f64, tangent: Tangent) -> [f64; 3] {
+    let stretch = polar.stretches();
+    let pressure = lambda * (stretch[0] + stretch[1] - 2.0);
+    let value = stretch.map(|stretch| {
+        let s = (2.0 * mu * (stretch - 1.0) + pressure) / stretch.max(STRETCH_FLOOR);
+        match tangent {
+            Tangent::Exact => s,
+            Tangent::Clipped => s.max(0.0),
+        }
+    });
+    // S = s_2 I + (s_1 - s_2) v_1 v_1^T and v_1 v_1^T = (U - l_2 I) / (l_1 - l_2): the quotient of
+    // differences is bounded, so nearly equal stretches lose nothing.
+    let gap = stretch[0] - stretch[1];
+    let slope = if gap > 1e-14 * stretch[0] {
+        (value[0] - value[1]) / gap
+    } else {
+        0.0
+    };
+    let [xx, xy, yy] = polar.u;
+    [
+        value[1] + slope * (xx - stretch[1]),
+        slope * xy,
+        value[1] + slope * (yy - stretch[1]),
+    ]
+}

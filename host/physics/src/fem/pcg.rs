@@ -1,0 +1,145 @@
+//! Conjugate gradients for the step, preconditioned by the 3 x 3 diagonal blocks.
+//!
+//! Textbook preconditioned conjugate gradients (Saad, "Iterative methods for sparse linear systems",
+//! algorithm 9.1). The matrix is never formed: mass and stiffness are combined as they are read.
+
+use super::block_matrix::BlockMatrix;
+use crate::{Mat3, Vec3};
+
+/// `mass_factor M + stiffness_factor K` on the free nodes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepMatrix<'a> {
+    pub(crate) stiffness: &'a BlockMatrix,
+    pub(crate) mass: &'a [f64],
+    pub(crate) stiffness_factor: f64,
+    pub(crate) mass_factor: f64,
+}
+
+impl StepMatrix<'_> {
+    /// `y = A_ff x`; returns `x . y`.
+    fn product(&self, x: &[Vec3], y: &mut [Vec3]) -> f64 {
+        let mut dot = 0.0;
+        for (row, y) in y.iter_mut().enumerate() {
+            *y = self.stiffness.free_product(row, x) * self.stiffness_factor
+                + x[row] * (self.mass_factor * self.mass[row]);
+            dot += x[row].dot(y);
+        }
+        dot
+    }
+}
+
+/// What stops the iteration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Budget {
+    /// Stop when the residual is this share of the first.
+    pub tolerance: f64,
+    /// Stop when the residual is below this (N).
+    pub absolute_tolerance: f64,
+    /// Stop after this many iterations, converged or not.
+    pub max_iterations: usize,
+}
+
+/// How a solve went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SolveReport {
+    /// Iterations spent.
+    pub iterations: usize,
+    /// Norm of the residual at the guess (N): last step's velocity kept on.
+    pub initial_residual: f64,
+    /// Norm of the residual at the end (N), as the recurrence carries it.
+    pub final_residual: f64,
+    /// Whether a tolerance was met within the budget.
+    pub converged: bool,
+}
+
+impl SolveReport {
+    /// Residual at the end as a share of that at the guess; 0 where the guess was exact.
+    pub fn relative_residual(&self) -> f64 {
+        if self.initial_residual > 0.0 {
+            self.final_residual / self.initial_residual
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The vectors of the iteration, kept from step to step.
+#[derive(Clone, Debug)]
+pub(crate) struct Pcg {
+    /// Residual: the caller sets it to that of the guess.
+    pub(crate) residual: Vec<Vec3>,
+    direction: Vec<Vec3>,
+    image: Vec<Vec3>,
+    inverse: Vec<Mat3>,
+}
+
+impl Pcg {
+    pub(crate) fn new(free: usize) -> Self {
+        Self {
+            residual: vec![Vec3::zeros(); free],
+            direction: vec![Vec3::zeros(); free],
+            image: vec![Vec3::zeros(); free],
+            inverse: vec![Mat3::zeros(); free],
+        }
+    }
+
+    /// Improves `u` until `budget` stops it, from `self.residual`.
+    pub(crate) fn solve(
+        &mut self,
+        matrix: &StepMatrix<'_>,
+        u: &mut [Vec3],
+        budget: &Budget,
+    ) -> SolveReport {
+        let mut rr = 0.0;
+        let mut rz = 0.0;
+        for row in 0..self.residual.len() {
+            let mut block = matrix.stiffness.diagonal(row) * matrix.stiffness_factor;
+            for i in 0..3 {
+                block[(i, i)] += matrix.mass_factor * matrix.mass[row];
+            }
+            self.inverse[row] = block.try_inverse().unwrap_or_else(Mat3::identity);
+            let r = self.residual[row];
+            let z = self.inverse[row] * r;
+            self.direction[row] = z;
+            rr += r.norm_squared();
+            rz += r.dot(&z);
+        }
+        let initial = libm::sqrt(rr);
+        let goal = (budget.tolerance * initial).max(budget.absolute_tolerance);
+        let mut report = SolveReport {
+            iterations: 0,
+            initial_residual: initial,
+            final_residual: initial,
+            converged: initial <= goal,
+        };
+        while !report.converged && report.iterations < budget.max_iterations {
+            let curvature = matrix.product(&self.direction, &mut self.image);
+            // The matrix is positive definite: anything else is underflow or a state that has blown up,
+            // and another iteration would divide by it.
+            if !(curvature > 0.0 && curvature.is_finite()) {
+                break;
+            }
+            let alpha = rz / curvature;
+            let mut rz_new = 0.0;
+            rr = 0.0;
+            for row in 0..self.residual.len() {
+                u[row] += self.direction[row] * alpha;
+                let r = self.residual[row] - self.image[row] * alpha;
+                let z = self.inverse[row] * r;
+                self.residual[row] = r;
+                self.image[row] = z;
+                rr += r.norm_squared();
+                rz_new += r.dot(&z);
+            }
+            let beta = rz_new / rz;
+            rz = rz_new;
+            for (p, z) in self.direction.iter_mut().zip(&self.image) {
+                *p = z + *p * beta;
+            }
+            report.iterations += 1;
+            report.final_residual = libm::sqrt(rr);
+            report.converged = report.final_residual <= goal;
+        }
+        report
+    }
+}

@@ -1,0 +1,145 @@
+//! The time step: implicit Euler with one linearization.
+//!
+//! With the displacement over the step `u = h v'` as the unknown, Rayleigh damping `C = alpha M + beta K`
+//! and the matrix `A = M / h^2 + C / h + K`,
+//!
+//! ```text
+//! A u = M v / h + f_internal + f_external        x' = x + u        v' = u / h
+//! ```
+//!
+//! on the free nodes, while the handle nodes move as their handles prescribe (Baraff and Witkin, "Large
+//! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
+//! that the hand had to give.
+
+use super::body::Sheet;
+use super::error::StepError;
+use super::handle::{HandlePose, HandleReport, Wrench};
+use super::pcg::{SolveReport, StepMatrix};
+use crate::Vec3;
+
+impl Sheet {
+    /// Assembles and solves: one whole step of `h` seconds.
+    ///
+    /// # Errors
+    ///
+    /// As [`solve`](Self::solve).
+    pub fn step(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
+        self.assemble();
+        self.solve(h, targets)
+    }
+
+    /// Advances the sheet by `h` seconds to the handle poses `targets`, one per handle, from forces and
+    /// stiffness as just assembled.
+    ///
+    /// A solve that runs out of iterations is no error: the report says how far it came.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`]; the sheet keeps its state then.
+    pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
+        if !(h > 0.0 && h.is_finite()) {
+            return Err(StepError::StepLength { found: h });
+        }
+        if targets.len() != self.handles.len() {
+            let (found, expected) = (targets.len(), self.handles.len());
+            return Err(StepError::Targets { found, expected });
+        }
+        if let Some(handle) = targets.iter().position(|target| !target.is_finite()) {
+            return Err(StepError::Target { handle });
+        }
+        if !self.fresh {
+            return Err(StepError::NotAssembled);
+        }
+        let free = self.stiffness.free();
+        let mass_factor = 1.0 / (h * h) + self.config.mass_damping / h;
+        let stiffness_factor = 1.0 + self.config.stiffness_damping / h;
+
+        for (u, v) in self.displacement[..free].iter_mut().zip(&self.v) {
+            *u = v * h;
+        }
+        for (handle, target) in self.handles.iter().zip(targets) {
+            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+                self.displacement[node] = target.position + target.rotation * offset - self.x[node];
+            }
+        }
+        for node in 0..free {
+            self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
+        }
+        let matrix = StepMatrix {
+            stiffness: &self.stiffness,
+            mass: &self.mass,
+            stiffness_factor,
+            mass_factor,
+        };
+        let report = self.pcg.solve(
+            &matrix,
+            &mut self.displacement[..free],
+            &self.config.budget(),
+        );
+
+        for node in free..self.x.len() {
+            let inertia = self.inertia(node, h);
+            self.grip[node - free] =
+                self.imbalance(node, h, mass_factor, stiffness_factor) - inertia;
+        }
+        let all = self.displacement.iter().chain(&self.grip);
+        if !all.flat_map(Vec3::iter).all(|value| value.is_finite()) {
+            // They are not those of the state kept; without them a condensation has no lever term.
+            self.grip.fill(Vec3::zeros());
+            return Err(StepError::Diverged {
+                iterations: report.iterations,
+            });
+        }
+        self.report_handles(h, targets);
+        for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
+            *x += u;
+            *v = u / h;
+        }
+        self.fresh = false;
+        Ok(report)
+    }
+
+    /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force
+    /// of the hand on a handle node.
+    fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
+        let mass = self.mass[node];
+        self.stiffness.row_product(node, &self.displacement) * stiffness_factor
+            + self.displacement[node] * (mass_factor * mass)
+            - self.v[node] * (mass / h)
+            - self.internal[node]
+            - self.external[node]
+    }
+
+    /// Mass times acceleration of a node over the step.
+    fn inertia(&self, node: usize, h: f64) -> Vec3 {
+        (self.displacement[node] / h - self.v[node]) * (self.mass[node] / h)
+    }
+
+    fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
+        let free = self.stiffness.free();
+        for i in 0..self.handles.len() {
+            let (old, target) = (self.handles[i].report.pose, targets[i]);
+            let mut grip = Wrench::default();
+            let mut inertia = Wrench::default();
+            for node in self.handles[i].nodes() {
+                let arm = self.x[node] + self.displacement[node] - target.position;
+                grip.add(&self.grip[node - free], &arm);
+                inertia.add(&self.inertia(node, h), &arm);
+            }
+            self.handles[i].report = HandleReport {
+                pose: target,
+                linear_velocity: (target.position - old.position) / h,
+                angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
+                wrench_on_hand: Wrench {
+                    force: -grip.force,
+                    moment: -grip.moment,
+                },
+                reaction: Wrench {
+                    force: grip.force + inertia.force,
+                    moment: grip.moment + inertia.moment,
+                },
+                inertia,
+            };
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! Meshes, finite elements and condensation: pure computation.
+//!
+//! Everything here is a plain function or struct over state and time step. There are no threads, clocks,
+//! files or printing, and no knowledge of devices: files arrive as text, time as a step length, and every
+//! budget is a count of iterations. That is what makes a run repeat to the byte.
+//!
+//! - [`mesh`]: triangle meshes, generators and file formats.
+//! - [`fem`]: the corotational membrane with bending, implicit time steps, and the condensation of a body
+//!   onto its handles.
+#![forbid(unsafe_code)]
+
+pub mod fem;
+pub mod mesh;
+
+/// A vector in three dimensions (m, m/s or N, as its name says).
+pub type Vec3 = nalgebra::Vector3<f64>;
+/// A 3 x 3 matrix.
+pub type Mat3 = nalgebra::Matrix3<f64>;

@@ -1,0 +1,311 @@
+//! What every mesh is checked for before anything computes with it.
+//!
+//! The checks are those without which the physics divides by zero, reads out of bounds or gives a
+//! vertex no stiffness at all. They say nothing about quality beyond that: a mesh may be coarse, curved,
+//! in several pieces, or wound differently from triangle to triangle.
+
+use super::{Adjacency, Group, TriMesh};
+use crate::Vec3;
+use thiserror::Error;
+
+/// Coordinates lie within this distance of zero (m), so that squares of lengths stay far from overflow.
+pub const MAX_COORDINATE: f64 = 1e9;
+/// The least height of a triangle over its longest edge, below which it counts as having no area.
+/// (An equilateral triangle has 0.87.) Rounding of the coordinates alone stays far below this.
+pub const MIN_HEIGHT_RATIO: f64 = 1e-6;
+/// The least longest edge of a triangle over the diagonal of the mesh's bounding box, below which the
+/// coordinates no longer resolve the triangle.
+pub const MIN_EDGE_RATIO: f64 = 1e-9;
+/// Vertices and triangles are numbered by `u32`; the last number is left free.
+pub const MAX_COUNT: usize = u32::MAX as usize;
+
+/// Why arrays of positions, triangles and groups are no mesh.
+///
+/// Vertices and triangles are named by their index, from zero.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeshError {
+    /// There is no triangle.
+    #[error("the mesh has no triangles, at least 1 is needed")]
+    Empty,
+    /// There are more vertices or triangles than can be numbered.
+    #[error("the mesh has {found} {what}, at most {MAX_COUNT} are allowed")]
+    TooMany {
+        /// "vertices" or "triangles".
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+    },
+    /// A coordinate is not a number, infinite or far too large.
+    #[error(
+        "vertex {vertex}: {axis} is {found:?} m, it must be finite and within ±{MAX_COORDINATE:e} m"
+    )]
+    Coordinate {
+        /// The vertex.
+        vertex: u32,
+        /// "x", "y" or "z".
+        axis: &'static str,
+        /// The coordinate (m).
+        found: f64,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error(
+        "triangle {triangle}: there is no vertex {found}, the mesh has {vertices}, counted from 0"
+    )]
+    Index {
+        /// The triangle.
+        triangle: u32,
+        /// The vertex that it names.
+        found: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A triangle names a vertex more than once.
+    #[error("triangle {triangle}: vertex {vertex} is named twice, all three must differ")]
+    RepeatedVertex {
+        /// The triangle.
+        triangle: u32,
+        /// The vertex that it names more than once.
+        vertex: u32,
+    },
+    /// A triangle has no area, measured against its own size.
+    #[error(
+        "triangle {triangle}: it is flat, its height is {found:.3e} of its longest edge; \
+         at least {MIN_HEIGHT_RATIO:e} is needed"
+    )]
+    Flat {
+        /// The triangle.
+        triangle: u32,
+        /// Its height over its longest edge.
+        found: f64,
+    },
+    /// A triangle is too small to be resolved by the coordinates of its mesh.
+    #[error(
+        "triangle {triangle}: its longest edge is {found:.3e} m; \
+         in a mesh of this extent at least {least:.3e} m is needed"
+    )]
+    Tiny {
+        /// The triangle.
+        triangle: u32,
+        /// Its longest edge (m).
+        found: f64,
+        /// The least that is allowed (m).
+        least: f64,
+    },
+    /// More than two triangles meet at an edge.
+    #[error(
+        "edge {a}-{b}: triangles {0}, {1} and {2} meet there, at most 2 may",
+        triangles[0], triangles[1], triangles[2]
+    )]
+    CrowdedEdge {
+        /// The edge's lower vertex.
+        a: u32,
+        /// The edge's higher vertex.
+        b: u32,
+        /// The first three triangles there, ascending.
+        triangles: [u32; 3],
+    },
+    /// Two triangles have the same three vertices.
+    #[error("triangle {triangle}: it has the same three vertices as triangle {first}")]
+    Duplicate {
+        /// The later triangle.
+        triangle: u32,
+        /// The earlier one.
+        first: u32,
+    },
+    /// A vertex belongs to no triangle.
+    #[error("vertex {vertex}: it belongs to no triangle, every vertex must")]
+    Unused {
+        /// The vertex.
+        vertex: u32,
+    },
+    /// A group's members are out of range, out of order or repeated.
+    #[error(
+        "group {name:?}: member number {position} is {found}; members must ascend and be below {count}"
+    )]
+    GroupMember {
+        /// The group's name.
+        name: String,
+        /// The place in the list of members, from zero.
+        position: usize,
+        /// What stands there.
+        found: u32,
+        /// How many vertices or triangles there are.
+        count: usize,
+    },
+    /// Two groups of the same kind have one name.
+    #[error("group {name:?}: the name is used by two groups of the same kind, each needs its own")]
+    GroupName {
+        /// The name.
+        name: String,
+    },
+}
+
+impl TriMesh {
+    /// A mesh without groups from rest positions (m) and triangles.
+    ///
+    /// # Errors
+    /// The first [`MeshError`] found.
+    pub fn new(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, MeshError> {
+        let mesh = Self {
+            positions,
+            triangles,
+            ..Self::default()
+        };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+
+    /// Checks the whole mesh, groups included. For a mesh that was changed through its public fields.
+    ///
+    /// # Errors
+    /// The first [`MeshError`] found.
+    pub fn validate(&self) -> Result<(), MeshError> {
+        check_counts(self)?;
+        check_coordinates(&self.positions)?;
+        check_indices(self)?;
+        check_shapes(self)?;
+        let adjacency = Adjacency::new(&self.triangles)?;
+        check_duplicates(&adjacency)?;
+        check_all_used(self)?;
+        check_groups(&self.vertex_groups, self.positions.len())?;
+        check_groups(&self.triangle_groups, self.triangles.len())
+    }
+}
+
+fn check_counts(mesh: &TriMesh) -> Result<(), MeshError> {
+    for (what, found) in [
+        ("vertices", mesh.positions.len()),
+        ("triangles", mesh.triangles.len()),
+    ] {
+        if found > MAX_COUNT {
+            return Err(MeshError::TooMany { what, found });
+        }
+    }
+    if mesh.triangles.is_empty() {
+        Err(MeshError::Empty)
+    } else {
+        Ok(())
+    }
+}
+
+fn check_coordinates(positions: &[Vec3]) -> Result<(), MeshError> {
+    for (vertex, position) in (0_u32..).zip(positions) {
+        for (axis, &found) in ["x", "y", "z"].into_iter().zip(position.iter()) {
+            // Not-a-number fails every comparison, and so this one.
+            if !(-MAX_COORDINATE..=MAX_COORDINATE).contains(&found) {
+                return Err(MeshError::Coordinate {
+                    vertex,
+                    axis,
+                    found,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check_indices(mesh: &TriMesh) -> Result<(), MeshError> {
+    let vertices = mesh.positions.len();
+    for (triangle, &[a, b, c]) in (0_u32..).zip(&mesh.triangles) {
+        if let Some(found) = [a, b, c].into_iter().find(|&v| v as usize >= vertices) {
+            return Err(MeshError::Index {
+                triangle,
+                found,
+                vertices,
+            });
+        }
+        if a == b || a == c {
+            return Err(MeshError::RepeatedVertex {
+                triangle,
+                vertex: a,
+            });
+        }
+        if b == c {
+            return Err(MeshError::RepeatedVertex {
+                triangle,
+                vertex: b,
+            });
+        }
+    }
+    Ok(())
+}
+
+fn check_shapes(mesh: &TriMesh) -> Result<(), MeshError> {
+    let diagonal = mesh.bounds().map_or(0.0, |bounds| bounds.size().norm());
+    let least = MIN_EDGE_RATIO * diagonal;
+    for triangle in (0_u32..).take(mesh.triangles.len()) {
+        let Some([a, b, c]) = mesh.corners(triangle) else {
+            continue;
+        };
+        let longest = (b - a).norm().max((c - b).norm()).max((a - c).norm());
+        let height = if longest > 0.0 {
+            (b - a).cross(&(c - a)).norm() / longest
+        } else {
+            0.0
+        };
+        if height <= MIN_HEIGHT_RATIO * longest {
+            let found = if longest > 0.0 { height / longest } else { 0.0 };
+            return Err(MeshError::Flat { triangle, found });
+        }
+        if longest < least {
+            return Err(MeshError::Tiny {
+                triangle,
+                found: longest,
+                least,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Two triangles with the same vertices share three edges, and each edge then has the same vertex
+/// opposite it on both sides.
+fn check_duplicates(adjacency: &Adjacency) -> Result<(), MeshError> {
+    match adjacency
+        .interior
+        .iter()
+        .find(|edge| edge.opposite[0] == edge.opposite[1])
+    {
+        Some(edge) => Err(MeshError::Duplicate {
+            triangle: edge.triangles[1],
+            first: edge.triangles[0],
+        }),
+        None => Ok(()),
+    }
+}
+
+fn check_all_used(mesh: &TriMesh) -> Result<(), MeshError> {
+    let mut used = vec![false; mesh.positions.len()];
+    for &vertex in mesh.triangles.iter().flatten() {
+        used[vertex as usize] = true;
+    }
+    match (0_u32..).zip(used).find(|&(_, used)| !used) {
+        Some((vertex, _)) => Err(MeshError::Unused { vertex }),
+        None => Ok(()),
+    }
+}
+
+fn check_groups(groups: &[Group], count: usize) -> Result<(), MeshError> {
+    for (index, Group { name, members }) in groups.iter().enumerate() {
+        let mut least = 0_u64;
+        for (position, &found) in members.iter().enumerate() {
+            if u64::from(found) < least || found as usize >= count {
+                return Err(MeshError::GroupMember {
+                    name: name.clone(),
+                    position,
+                    found,
+                    count,
+                });
+            }
+            least = u64::from(found) + 1;
+        }
+        if groups
+            .iter()
+            .take(index)
+            .any(|earlier| earlier.name == *name)
+        {
+            return Err(MeshError::GroupName { name: name.clone() });
+        }
+    }
+    Ok(())
+}

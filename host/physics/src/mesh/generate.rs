@@ -1,0 +1,126 @@
+//! Meshes made from a few numbers.
+
+use super::{Group, MeshError, TriMesh};
+use crate::Vec3;
+use thiserror::Error;
+
+/// The most vertices that a generator makes; more would take gigabytes and is likely a slip of a digit.
+pub const MAX_VERTICES: u64 = 5_000_000;
+
+/// How the rectangles of a sheet are cut into triangles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pattern {
+    /// Diagonals change direction from cell to cell, like a row of Union Jacks: the sheet is equally
+    /// stiff along both diagonals.
+    #[default]
+    Alternating,
+    /// All diagonals run from the lower left to the upper right. Simpler, and stiffer along one diagonal
+    /// than along the other.
+    Regular,
+}
+
+/// Why a sheet cannot be made.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SheetError {
+    /// A size is zero, negative or not a number.
+    #[error("sheet: its {what} is {found:?} m, it must be positive and finite")]
+    Size {
+        /// "length" or "width".
+        what: &'static str,
+        /// The size (m).
+        found: f64,
+    },
+    /// There are no cells along one side.
+    #[error("sheet: it has 0 cells along its {along}, at least 1 is needed")]
+    NoCells {
+        /// "length" or "width".
+        along: &'static str,
+    },
+    /// There would be too many vertices.
+    #[error(
+        "sheet: {nx} x {ny} cells make {vertices} vertices, at most {MAX_VERTICES} are allowed"
+    )]
+    TooMany {
+        /// Cells along the length.
+        nx: u32,
+        /// Cells along the width.
+        ny: u32,
+        /// The vertices that they would make.
+        vertices: u64,
+    },
+    /// The result is no usable mesh: cells are far too narrow, or the sheet far too large.
+    #[error("sheet: {0}")]
+    Mesh(#[from] MeshError),
+}
+
+/// A rectangular sheet in the xy-plane, centred at the origin, its length (m) along x and its width (m)
+/// along y, of `nx` times `ny` cells of two triangles each.
+///
+/// Vertices are numbered along x first; every triangle is wound counter-clockwise seen from +z. The vertex
+/// groups "left" and "right" hold the short ends (x = ∓length/2), "bottom" and "top" the sides
+/// (y = ∓width/2); a corner is in two of them.
+///
+/// # Errors
+/// [`SheetError`] for sizes that are not positive, no cells, more than [`MAX_VERTICES`] vertices, or cells
+/// so narrow that their triangles count as flat.
+pub fn sheet(
+    length: f64,
+    width: f64,
+    nx: u32,
+    ny: u32,
+    pattern: Pattern,
+) -> Result<TriMesh, SheetError> {
+    for (what, found) in [("length", length), ("width", width)] {
+        if !(found > 0.0 && found.is_finite()) {
+            return Err(SheetError::Size { what, found });
+        }
+    }
+    for (along, cells) in [("length", nx), ("width", ny)] {
+        if cells == 0 {
+            return Err(SheetError::NoCells { along });
+        }
+    }
+    let vertices = (u64::from(nx) + 1).saturating_mul(u64::from(ny) + 1);
+    if vertices > MAX_VERTICES {
+        return Err(SheetError::TooMany { nx, ny, vertices });
+    }
+
+    let positions = (0..=ny)
+        .flat_map(|j| (0..=nx).map(move |i| (i, j)))
+        .map(|(i, j)| Vec3::new(length * across(i, nx), width * across(j, ny), 0.0))
+        .collect();
+
+    let vertex = |i: u32, j: u32| j * (nx + 1) + i;
+    let triangles = (0..ny)
+        .flat_map(|j| (0..nx).map(move |i| (i, j)))
+        .flat_map(|(i, j)| {
+            let [a, b] = [vertex(i, j), vertex(i + 1, j)];
+            let [d, c] = [vertex(i, j + 1), vertex(i + 1, j + 1)];
+            let rising = pattern == Pattern::Regular || (i + j).is_multiple_of(2);
+            if rising {
+                [[a, b, c], [a, c, d]]
+            } else {
+                [[a, b, d], [b, c, d]]
+            }
+        })
+        .collect();
+
+    let mut mesh = TriMesh::new(positions, triangles)?;
+    let mut group = |name: &str, members: Vec<u32>| {
+        mesh.vertex_groups.push(Group {
+            name: name.to_owned(),
+            members,
+        });
+    };
+    group("left", (0..=ny).map(|j| vertex(0, j)).collect());
+    group("right", (0..=ny).map(|j| vertex(nx, j)).collect());
+    group("bottom", (0..=nx).map(|i| vertex(i, 0)).collect());
+    group("top", (0..=nx).map(|i| vertex(i, ny)).collect());
+    Ok(mesh)
+}
+
+/// Where grid line `i` of `n` cells lies, from -0.5 to 0.5: exact at the ends, and exactly antisymmetric,
+/// so that a symmetric load on a sheet stays symmetric.
+fn across(i: u32, n: u32) -> f64 {
+    (2.0 * f64::from(i) - f64::from(n)) / (2.0 * f64::from(n))
+}

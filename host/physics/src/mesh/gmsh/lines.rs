@@ -1,0 +1,156 @@
+//! A text as lines of fields, with errors that name the line.
+
+use super::GmshError;
+use std::str::FromStr;
+
+/// Found text longer than this many characters is shortened in errors.
+const SHOWN: usize = 40;
+
+/// The lines of a text that are not blank, each with its number.
+pub(super) struct Lines<'a> {
+    lines: std::iter::Enumerate<std::str::Lines<'a>>,
+    /// The number of the last line given out, from one; zero before the first.
+    last: usize,
+}
+
+/// What is left of one line.
+#[derive(Clone, Copy)]
+pub(super) struct Fields<'a> {
+    /// The line's number, from one.
+    pub(super) line: usize,
+    rest: &'a str,
+}
+
+impl<'a> Lines<'a> {
+    pub(super) fn new(text: &'a str) -> Self {
+        Self {
+            lines: text.lines().enumerate(),
+            last: 0,
+        }
+    }
+
+    /// The number of the last line given out.
+    pub(super) fn last(&self) -> usize {
+        self.last
+    }
+
+    /// The next line that is not blank, if any.
+    pub(super) fn next(&mut self) -> Option<Fields<'a>> {
+        for (index, text) in self.lines.by_ref() {
+            self.last = index + 1;
+            let rest = text.trim();
+            if !rest.is_empty() {
+                return Some(Fields {
+                    line: self.last.max(1),
+                    rest,
+                });
+            }
+        }
+        None
+    }
+
+    /// The next line that is not blank, which should hold `expected`.
+    pub(super) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, GmshError> {
+        self.next().ok_or_else(|| GmshError::Syntax {
+            line: self.last.max(1),
+            expected: expected.to_owned(),
+            found: "the end of the file".to_owned(),
+        })
+    }
+
+    /// The next line, which should be `marker` alone.
+    pub(super) fn marker(&mut self, marker: &str) -> Result<(), GmshError> {
+        let fields = self.expect(marker)?;
+        if fields.rest == marker {
+            Ok(())
+        } else {
+            Err(fields.unexpected(marker))
+        }
+    }
+}
+
+impl<'a> Fields<'a> {
+    /// What is left of the line, without blanks at either end.
+    pub(super) fn rest(&self) -> &'a str {
+        self.rest
+    }
+
+    /// The error that `expected` should stand here instead of what does.
+    pub(super) fn unexpected(&self, expected: &str) -> GmshError {
+        let found = if self.rest.is_empty() {
+            "the end of the line".to_owned()
+        } else {
+            quoted(self.rest)
+        };
+        GmshError::Syntax {
+            line: self.line,
+            expected: expected.to_owned(),
+            found,
+        }
+    }
+
+    /// The next field as text.
+    pub(super) fn word(&mut self, expected: &str) -> Result<&'a str, GmshError> {
+        if self.rest.is_empty() {
+            return Err(self.unexpected(expected));
+        }
+        let (word, rest) = self
+            .rest
+            .split_once(char::is_whitespace)
+            .unwrap_or((self.rest, ""));
+        self.rest = rest.trim_start();
+        Ok(word)
+    }
+
+    /// The next field as a number.
+    pub(super) fn number<T: FromStr>(&mut self, expected: &str) -> Result<T, GmshError> {
+        let word = self.word(expected)?;
+        word.parse().map_err(|_| {
+            Fields {
+                rest: word,
+                ..*self
+            }
+            .unexpected(expected)
+        })
+    }
+
+    /// The next field as a finite number.
+    pub(super) fn finite(&mut self, expected: &str) -> Result<f64, GmshError> {
+        let word = self.word(expected)?;
+        let number = word.parse::<f64>().ok().filter(|number| number.is_finite());
+        number.ok_or_else(|| {
+            Fields {
+                rest: word,
+                ..*self
+            }
+            .unexpected(expected)
+        })
+    }
+
+    /// Checks that nothing is left of the line.
+    pub(super) fn end(&self) -> Result<(), GmshError> {
+        if self.rest.is_empty() {
+            Ok(())
+        } else {
+            Err(self.unexpected("the end of the line"))
+        }
+    }
+}
+
+/// Found text as an error shows it: on one line, quoted, not too long.
+fn quoted(text: &str) -> String {
+    let shown = shortened(text);
+    if shown.len() < text.len() {
+        format!("{shown:?}...")
+    } else {
+        format!("{shown:?}")
+    }
+}
+
+/// The start of a text, as much as an error shows.
+pub(super) fn shortened(text: &str) -> &str {
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => text.get(..end).unwrap_or_default(),
+        None => text,
+    }
+}

@@ -1,0 +1,386 @@
+//! The sections of an MSH 4.1 file as they stand, each checked for itself.
+
+use super::lines::{Fields, Lines, shortened};
+use super::{GmshError, MAX_GROUPS};
+use crate::Vec3;
+use std::collections::BTreeMap;
+
+/// What the file says, before one section is compared with another.
+#[derive(Default)]
+pub(super) struct Sections {
+    pub(super) names: Vec<PhysicalName>,
+    /// The physical tags of each entity, by its dimension and tag.
+    pub(super) entities: BTreeMap<(u8, i32), Entity>,
+    pub(super) nodes: Vec<Node>,
+    pub(super) blocks: Vec<Block>,
+    /// The number of the file's last line.
+    pub(super) last_line: usize,
+}
+
+/// The name of the physical group `tag` of entities of dimension `dim`.
+pub(super) struct PhysicalName {
+    pub(super) dim: u8,
+    pub(super) tag: u32,
+    pub(super) name: String,
+    line: usize,
+}
+
+/// A point, curve, surface or volume of the model.
+pub(super) struct Entity {
+    /// Its physical groups, without their signs, ascending.
+    physical: Vec<u32>,
+    line: usize,
+}
+
+/// A node and the line where its coordinates stand.
+pub(super) struct Node {
+    pub(super) tag: u64,
+    pub(super) position: Vec3,
+    pub(super) line: usize,
+}
+
+/// The elements of one entity: triangles where `dim` is 2, lines where it is 1, points where it is 0.
+pub(super) struct Block {
+    pub(super) dim: u8,
+    pub(super) entity: i32,
+    pub(super) elements: Vec<Element>,
+}
+
+/// An element's nodes; where it has fewer than three, the last is repeated.
+pub(super) struct Element {
+    pub(super) nodes: [u64; 3],
+    pub(super) line: usize,
+}
+
+impl Entity {
+    /// Whether the entity belongs to the physical group `tag` of its dimension.
+    pub(super) fn in_group(&self, tag: u32) -> bool {
+        self.physical.binary_search(&tag).is_ok()
+    }
+}
+
+/// Room for as many items as a file claims to hold, but no more than its text can hold: a node takes at
+/// least eight bytes there ("1" and "0 0 0" with their lines' ends), and so does a triangle ("1 1 2 3").
+fn room<T>(claimed: usize, text: &str) -> Vec<T> {
+    Vec::with_capacity(claimed.min(text.len() / 8))
+}
+
+/// Reads all sections.
+pub(super) fn read(text: &str) -> Result<Sections, GmshError> {
+    let mut lines = Lines::new(text);
+    format(&mut lines)?;
+    let mut sections = Sections::default();
+    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
+    seen.insert("$MeshFormat", 1);
+    while let Some(fields) = lines.next() {
+        let section = fields.rest();
+        if !section.starts_with('$') || section.starts_with("$End") {
+            return Err(fields.unexpected("the start of a section, such as $Nodes"));
+        }
+        let known = [
+            "$MeshFormat",
+            "$PhysicalNames",
+            "$Entities",
+            "$Nodes",
+            "$Elements",
+        ];
+        if known.contains(&section)
+            && let Some(first) = seen.insert(section, fields.line)
+        {
+            return Err(GmshError::Repeated {
+                line: fields.line,
+                what: section.to_owned(),
+                first,
+            });
+        }
+        match section {
+            "$PhysicalNames" => sections.names = physical_names(&mut lines)?,
+            "$Entities" => sections.entities = entities(&mut lines)?,
+            "$Nodes" => sections.nodes = nodes(&mut lines, text)?,
+            "$Elements" => sections.blocks = elements(&mut lines, text)?,
+            other => skip(&mut lines, other)?,
+        }
+    }
+    sections.last_line = lines.last();
+    for section in ["$Nodes", "$Elements"] {
+        if !seen.contains_key(section) {
+            return Err(GmshError::Missing {
+                line: sections.last_line,
+                section,
+            });
+        }
+    }
+    Ok(sections)
+}
+
+/// Checks only that the text starts as MSH 4.1 ASCII does.
+pub(super) fn check_format(text: &str) -> Result<(), GmshError> {
+    version(&mut Lines::new(text))
+}
+
+fn format(lines: &mut Lines) -> Result<(), GmshError> {
+    version(lines)?;
+    lines.marker("$EndMeshFormat")
+}
+
+fn version(lines: &mut Lines) -> Result<(), GmshError> {
+    lines.marker("$MeshFormat")?;
+    let mut fields = lines.expect("the version, such as 4.1 0 8")?;
+    let before = fields;
+    let version = fields.word("the version, such as 4.1 0 8")?;
+    let number: f64 = version
+        .parse()
+        .map_err(|_| before.unexpected("the version, such as 4.1 0 8"))?;
+    let kind = match fields.number("0 for ASCII or 1 for binary")? {
+        0_u8 => "ASCII",
+        1 => "binary",
+        _ => return Err(before.unexpected("a version and 0 for ASCII or 1 for binary")),
+    };
+    if number == 4.1 && kind == "ASCII" {
+        return Ok(());
+    }
+    Err(GmshError::Version {
+        line: fields.line,
+        found: format!("{} {kind}", shortened(version)),
+    })
+}
+
+fn skip(lines: &mut Lines, section: &str) -> Result<(), GmshError> {
+    let end = format!("$End{}", section.trim_start_matches('$'));
+    while lines.expect(&end)?.rest() != end {}
+    Ok(())
+}
+
+fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
+    let mut fields = lines.expect("the number of physical names")?;
+    let head = fields;
+    let count: usize = fields.number("the number of physical names")?;
+    fields.end()?;
+    if count > MAX_GROUPS {
+        return Err(head.unexpected(&format!("at most {MAX_GROUPS} physical names")));
+    }
+    let mut names: Vec<PhysicalName> = Vec::new();
+    for _ in 0..count {
+        let mut fields = lines.expect("a physical name: dimension, tag, \"name\"")?;
+        let line = fields.line;
+        let dim = dimension(&mut fields)?;
+        let tag = fields.number("a physical tag")?;
+        let name = fields
+            .rest()
+            .strip_prefix('"')
+            .and_then(|rest| rest.strip_suffix('"'));
+        let Some(name) = name.filter(|name| !name.trim().is_empty()) else {
+            return Err(fields.unexpected("a name in double quotes"));
+        };
+        if let Some(earlier) = names
+            .iter()
+            .find(|earlier| (earlier.dim, earlier.tag) == (dim, tag))
+        {
+            let what = format!("physical tag {tag} of dimension {dim}");
+            return Err(GmshError::Repeated {
+                line,
+                what,
+                first: earlier.line,
+            });
+        }
+        names.push(PhysicalName {
+            dim,
+            tag,
+            name: name.to_owned(),
+            line,
+        });
+    }
+    lines.marker("$EndPhysicalNames")?;
+    Ok(names)
+}
+
+fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError> {
+    const COUNT: &str = "a number of points, curves, surfaces, then volumes";
+    let mut fields = lines.expect(COUNT)?;
+    let mut counts = [0_usize; 4];
+    for count in &mut counts {
+        *count = fields.number(COUNT)?;
+    }
+    fields.end()?;
+    let mut entities = BTreeMap::new();
+    for (dim, count) in (0_u8..).zip(counts) {
+        for _ in 0..count {
+            let mut fields = lines.expect("a point, curve, surface or volume")?;
+            let line = fields.line;
+            let tag: i32 = fields.number("an entity's tag")?;
+            // A point has three coordinates, the others a bounding box; neither matters here.
+            for _ in 0..if dim == 0 { 3 } else { 6 } {
+                fields.word("an entity's coordinate")?;
+            }
+            let tags: usize = fields.number("a number of physical tags")?;
+            let mut physical = Vec::new();
+            for _ in 0..tags {
+                physical.push(fields.number::<i32>("a physical tag")?.unsigned_abs());
+            }
+            // Sorted for `in_group`. What bounds the entity follows and does not matter here.
+            physical.sort_unstable();
+            if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
+                let what = format!("entity {tag} of dimension {dim}");
+                return Err(GmshError::Repeated {
+                    line,
+                    what,
+                    first: earlier.line,
+                });
+            }
+        }
+    }
+    lines.marker("$EndEntities")?;
+    Ok(entities)
+}
+
+fn nodes(lines: &mut Lines, text: &str) -> Result<Vec<Node>, GmshError> {
+    let (head, blocks, count) = head(lines)?;
+    let mut nodes: Vec<Node> = room(count, text);
+    for _ in 0..blocks {
+        let mut fields = lines.expect("a block of nodes")?;
+        let dim = dimension(&mut fields)?;
+        fields.number::<i32>("an entity's tag")?;
+        let parametric: u8 = fields.number("0, or 1 for parametric coordinates")?;
+        let in_block: usize = fields.number("a number of nodes")?;
+        fields.end()?;
+        let first = nodes.len();
+        for _ in 0..in_block {
+            let mut fields = lines.expect("a node's tag")?;
+            let line = fields.line;
+            let tag = fields.number("a node's tag")?;
+            fields.end()?;
+            nodes.push(Node {
+                tag,
+                position: Vec3::zeros(),
+                line,
+            });
+        }
+        for node in nodes.iter_mut().skip(first) {
+            let mut fields = lines.expect("a node's coordinates")?;
+            node.line = fields.line;
+            for coordinate in node.position.iter_mut() {
+                *coordinate = fields.finite("a node's coordinate, finite")?;
+            }
+            for _ in 0..if parametric == 1 { dim } else { 0 } {
+                fields.finite("a parametric coordinate, finite")?;
+            }
+            fields.end()?;
+        }
+    }
+    total(&head, count, nodes.len(), "nodes")?;
+    lines.marker("$EndNodes")?;
+    Ok(nodes)
+}
+
+fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
+    let (head, block_count, count) = head(lines)?;
+    let mut blocks = room(block_count, text);
+    let mut total_found = 0;
+    for _ in 0..block_count {
+        let mut fields = lines.expect("a block of elements")?;
+        let start = fields;
+        let dim = dimension(&mut fields)?;
+        let entity = fields.number("an entity's tag")?;
+        let code: u32 = fields.number("an element type")?;
+        let in_block: usize = fields.number("a number of elements")?;
+        fields.end()?;
+        let (nodes_each, expected_dim) = match code {
+            15 => (1, 0),
+            1 => (2, 1),
+            2 => (3, 2),
+            _ => {
+                let (name, advice) = unsupported(code);
+                return Err(GmshError::Element {
+                    line: start.line,
+                    code,
+                    name,
+                    advice,
+                });
+            }
+        };
+        if dim != expected_dim {
+            let expected = format!("dimension {expected_dim} for elements of type {code}");
+            return Err(start.unexpected(&expected));
+        }
+        let mut elements = room(in_block, text);
+        for _ in 0..in_block {
+            let mut fields = lines.expect("an element")?;
+            let line = fields.line;
+            fields.number::<u64>("an element's tag")?;
+            let mut tag = 0;
+            let mut nodes = [0_u64; 3];
+            for (k, node) in nodes.iter_mut().enumerate() {
+                if k < nodes_each {
+                    tag = fields.number("the tag of an element's node")?;
+                }
+                *node = tag;
+            }
+            fields.end()?;
+            elements.push(Element { nodes, line });
+        }
+        total_found += elements.len();
+        elements.shrink_to_fit();
+        blocks.push(Block {
+            dim,
+            entity,
+            elements,
+        });
+    }
+    total(&head, count, total_found, "elements")?;
+    lines.marker("$EndElements")?;
+    Ok(blocks)
+}
+
+/// The first line of `$Nodes` and `$Elements`: the line, the number of blocks and that of items.
+fn head<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
+    const EXPECTED: &str = "numbers of blocks and items, least and greatest tag";
+    let mut fields = lines.expect(EXPECTED)?;
+    let start = fields;
+    let blocks = fields.number(EXPECTED)?;
+    let items = fields.number(EXPECTED)?;
+    fields.number::<u64>(EXPECTED)?;
+    fields.number::<u64>(EXPECTED)?;
+    fields.end()?;
+    Ok((start, blocks, items))
+}
+
+fn total(head: &Fields, claimed: usize, found: usize, what: &str) -> Result<(), GmshError> {
+    if claimed == found {
+        return Ok(());
+    }
+    Err(GmshError::Syntax {
+        line: head.line,
+        expected: format!("{claimed} {what}, as this line says"),
+        found: format!("{found} in the blocks below"),
+    })
+}
+
+fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
+    let before = *fields;
+    match fields.number("a dimension from 0 to 3")? {
+        dim @ 0..=3 => Ok(dim),
+        _ => Err(before.unexpected("a dimension from 0 to 3")),
+    }
+}
+
+/// Names for the element types that people are likely to have, and what to do about them.
+fn unsupported(code: u32) -> (&'static str, &'static str) {
+    const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
+    const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
+    const SURFACE: &str = "mesh the surface only, with `gmsh -2`";
+    match code {
+        3 => ("4-node quadrangles", TRIANGLES),
+        4 => ("4-node tetrahedra", SURFACE),
+        5 => ("8-node hexahedra", SURFACE),
+        6 => ("6-node prisms", SURFACE),
+        7 => ("5-node pyramids", SURFACE),
+        8 => ("3-node lines of second order", FIRST_ORDER),
+        9 => ("6-node triangles of second order", FIRST_ORDER),
+        10 => ("9-node quadrangles of second order", FIRST_ORDER),
+        11 => ("10-node tetrahedra of second order", SURFACE),
+        16 => ("8-node quadrangles of second order", FIRST_ORDER),
+        20 | 21 => ("triangles of third order", FIRST_ORDER),
+        26 => ("4-node lines of third order", FIRST_ORDER),
+        _ => ("another kind", "mesh again with triangles of first order"),
+    }
+}

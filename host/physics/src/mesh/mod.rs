@@ -1,0 +1,117 @@
+//! Triangle meshes: positions, triangles, and named groups of either.
+//!
+//! A mesh comes from a generator ([`generate`]) or from a file's text ([`gmsh`]); both end in
+//! [`TriMesh::new`], so what holds for one mesh holds for all (see [`check`]).
+
+use crate::Vec3;
+
+pub mod adjacency;
+pub mod check;
+pub mod generate;
+pub mod gmsh;
+
+pub use adjacency::Adjacency;
+pub use check::MeshError;
+
+/// A triangle mesh with named groups, as a generator or a file gives it.
+///
+/// Every index in it has been checked against the arrays that it points into.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TriMesh {
+    /// Rest positions (m), one per vertex.
+    pub positions: Vec<Vec3>,
+    /// Vertex indices of each triangle.
+    pub triangles: Vec<[u32; 3]>,
+    /// Named sets of vertices, in the order in which they were defined.
+    pub vertex_groups: Vec<Group>,
+    /// Named sets of triangles, in the order in which they were defined.
+    pub triangle_groups: Vec<Group>,
+}
+
+/// A named set of vertices or triangles.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// The name by which a scene refers to the set.
+    pub name: String,
+    /// Indices, ascending, each once.
+    pub members: Vec<u32>,
+}
+
+/// An axis-aligned box that holds a mesh (m).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// The corner with the smallest coordinates (m).
+    pub min: Vec3,
+    /// The corner with the largest coordinates (m).
+    pub max: Vec3,
+}
+
+impl Bounds {
+    /// The smallest box that holds `positions`, or `None` if there are none.
+    pub fn of(positions: &[Vec3]) -> Option<Self> {
+        let first = *positions.first()?;
+        let whole = Self {
+            min: first,
+            max: first,
+        };
+        Some(positions.iter().fold(whole, |b, p| Self {
+            min: b.min.inf(p),
+            max: b.max.sup(p),
+        }))
+    }
+
+    /// The edge lengths of the box (m).
+    pub fn size(&self) -> Vec3 {
+        self.max - self.min
+    }
+}
+
+impl TriMesh {
+    /// The group of vertices called `name`.
+    ///
+    /// A group of triangles that came from a file has a group of vertices of the same name.
+    pub fn group(&self, name: &str) -> Option<&Group> {
+        self.vertex_groups.iter().find(|group| group.name == name)
+    }
+
+    /// The group of triangles called `name`.
+    pub fn triangle_group(&self, name: &str) -> Option<&Group> {
+        self.triangle_groups.iter().find(|group| group.name == name)
+    }
+
+    /// The vertices whose rest position lies in the box from `min` to `max` (m), faces included,
+    /// ascending. A box that is inside out on any axis holds none.
+    pub fn vertices_in_box(&self, min: Vec3, max: Vec3) -> Vec<u32> {
+        let inside = |p: &Vec3| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&p[axis]));
+        let numbered = (0_u32..).zip(&self.positions);
+        numbered
+            .filter(|(_, p)| inside(p))
+            .map(|(vertex, _)| vertex)
+            .collect()
+    }
+
+    /// The rest positions of a triangle's vertices (m), or `None` if there is no such triangle.
+    pub fn corners(&self, triangle: u32) -> Option<[Vec3; 3]> {
+        let [a, b, c] = *self.triangles.get(triangle as usize)?;
+        let at = |vertex: u32| self.positions.get(vertex as usize).copied();
+        Some([at(a)?, at(b)?, at(c)?])
+    }
+
+    /// The rest area of one triangle (m²), or `None` if there is no such triangle.
+    pub fn triangle_area(&self, triangle: u32) -> Option<f64> {
+        let [a, b, c] = self.corners(triangle)?;
+        Some(0.5 * (b - a).cross(&(c - a)).norm())
+    }
+
+    /// The rest area of the whole mesh (m²).
+    pub fn area(&self) -> f64 {
+        (0_u32..)
+            .map_while(|triangle| self.triangle_area(triangle))
+            .sum()
+    }
+
+    /// The smallest axis-aligned box that holds the mesh at rest, or `None` if it has no vertices.
+    pub fn bounds(&self) -> Option<Bounds> {
+        Bounds::of(&self.positions)
+    }
+}

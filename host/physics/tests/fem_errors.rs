@@ -1,0 +1,213 @@
+//! Bad input: each kind is refused by name, and nothing panics.
+
+mod fem_support;
+
+use fem_support::*;
+use physics::Vec3;
+use physics::fem::{Freedom, HandleSpec, Material, Sheet, SheetConfig, SheetError};
+use physics::mesh::TriMesh;
+
+fn square() -> TriMesh {
+    grid(1, 1, 1.0, 1.0, Split::Right)
+}
+
+fn refusal(
+    mesh: &TriMesh,
+    materials: &[Material],
+    config: SheetConfig,
+    handles: &[HandleSpec],
+) -> SheetError {
+    match Sheet::new(mesh, materials, config, handles) {
+        Err(error) => error,
+        Ok(_) => panic!("accepted"),
+    }
+}
+
+#[test]
+fn meshes() {
+    let refusal = |mesh: &TriMesh| refusal(mesh, &[rubber(0.3)], tight(), &[]);
+    assert_eq!(refusal(&TriMesh::default()), SheetError::Empty);
+
+    let mut mesh = square();
+    mesh.positions[2].y = f64::NAN;
+    assert_eq!(refusal(&mesh), SheetError::Position { vertex: 2 });
+
+    let mut mesh = square();
+    mesh.triangles[1][2] = 9;
+    let expected = SheetError::TriangleVertex {
+        triangle: 1,
+        vertex: 9,
+        count: 4,
+    };
+    assert_eq!(refusal(&mesh), expected);
+
+    let mut mesh = square();
+    mesh.triangles[1] = [0, 2, 2];
+    assert!(matches!(
+        refusal(&mesh),
+        SheetError::Degenerate { triangle: 1, .. }
+    ));
+    let mut mesh = square();
+    mesh.positions[3] = mesh.positions[2] * 0.5;
+    assert!(matches!(
+        refusal(&mesh),
+        SheetError::Degenerate { triangle: 1, .. }
+    ));
+
+    let mut mesh = square();
+    mesh.positions.push(Vec3::zeros());
+    assert_eq!(refusal(&mesh), SheetError::Unreferenced { vertex: 4 });
+}
+
+#[test]
+fn materials() {
+    let refusal = |materials: &[Material]| refusal(&square(), materials, tight(), &[]);
+    let good = rubber(0.3);
+    let named = |material: Material| match refusal(&[good, material]) {
+        SheetError::Material {
+            triangle: 1, field, ..
+        } => field,
+        other => panic!("{other}"),
+    };
+    assert_eq!(named(Material { young: 0.0, ..good }), "young");
+    assert_eq!(
+        named(Material {
+            young: f64::NAN,
+            ..good
+        }),
+        "young"
+    );
+    assert_eq!(
+        named(Material {
+            thickness: -1.0,
+            ..good
+        }),
+        "thickness"
+    );
+    assert_eq!(
+        named(Material {
+            density: f64::INFINITY,
+            ..good
+        }),
+        "density"
+    );
+    assert_eq!(
+        named(Material {
+            poisson: 0.5,
+            ..good
+        }),
+        "poisson"
+    );
+    assert_eq!(
+        named(Material {
+            poisson: -1.0,
+            ..good
+        }),
+        "poisson"
+    );
+    let expected = SheetError::MaterialCount {
+        found: 3,
+        triangles: 2,
+    };
+    assert_eq!(refusal(&[good; 3]), expected);
+    assert_eq!(
+        refusal(&[]),
+        SheetError::MaterialCount {
+            found: 0,
+            triangles: 2
+        }
+    );
+}
+
+#[test]
+fn configurations() {
+    let named = |config| match refusal(&square(), &[rubber(0.3)], config, &[]) {
+        SheetError::Config { field, .. } => field,
+        other => panic!("{other}"),
+    };
+    assert_eq!(
+        named(SheetConfig {
+            mass_damping: -1.0,
+            ..tight()
+        }),
+        "mass_damping"
+    );
+    assert_eq!(
+        named(SheetConfig {
+            stiffness_damping: f64::NAN,
+            ..tight()
+        }),
+        "stiffness_damping"
+    );
+    assert_eq!(
+        named(SheetConfig {
+            bending: -0.1,
+            ..tight()
+        }),
+        "bending"
+    );
+    assert_eq!(
+        named(SheetConfig {
+            gravity: Vec3::repeat(f64::NAN),
+            ..tight()
+        }),
+        "gravity"
+    );
+}
+
+#[test]
+fn handles() {
+    let spec = |vertices: &[u32]| HandleSpec {
+        vertices: vertices.to_vec(),
+        origin: Vec3::zeros(),
+        freedom: Freedom::Rigid,
+    };
+    let refusal = |handles: &[HandleSpec]| refusal(&square(), &[rubber(0.3)], tight(), handles);
+    assert_eq!(
+        refusal(&[spec(&[0]), spec(&[])]),
+        SheetError::EmptyHandle { handle: 1 }
+    );
+    let expected = SheetError::HandleVertex {
+        handle: 0,
+        vertex: 4,
+        count: 4,
+    };
+    assert_eq!(refusal(&[spec(&[4])]), expected);
+    let expected = SheetError::SharedVertex {
+        vertex: 1,
+        first: 0,
+        second: 1,
+    };
+    assert_eq!(refusal(&[spec(&[0, 1]), spec(&[2, 1])]), expected);
+    let expected = SheetError::SharedVertex {
+        vertex: 1,
+        first: 0,
+        second: 0,
+    };
+    assert_eq!(refusal(&[spec(&[1, 1])]), expected);
+    let mut lost = spec(&[0]);
+    lost.origin.x = f64::NAN;
+    assert_eq!(refusal(&[lost]), SheetError::HandleOrigin { handle: 0 });
+}
+
+#[test]
+fn arrays() {
+    let mut sheet = Sheet::new(&square(), &[rubber(0.3)], tight(), &[]).unwrap();
+    let before: Vec<Vec3> = sheet.positions().collect();
+    let short = [Vec3::zeros(); 3];
+    let expected = SheetError::Length {
+        what: "positions",
+        found: 3,
+        expected: 4,
+    };
+    assert_eq!(sheet.set_positions(&short), Err(expected));
+    let mut bad = [Vec3::zeros(); 4];
+    bad[2].z = f64::NAN;
+    let expected = SheetError::NotFinite {
+        what: "velocities",
+        vertex: 2,
+    };
+    assert_eq!(sheet.set_velocities(&bad), Err(expected));
+    assert!(sheet.set_external_forces(&bad).is_err());
+    assert_eq!(sheet.positions().collect::<Vec<_>>(), before);
+}

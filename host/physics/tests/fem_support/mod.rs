@@ -1,0 +1,178 @@
+//! Small meshes, a generator of numbers and norms that the tests of the sheet share.
+#![allow(dead_code)]
+
+use physics::fem::{
+    Freedom, HandlePose, HandleSpec, Material, Sheet, SheetConfig, SolveReport, StepError,
+};
+use physics::mesh::TriMesh;
+use physics::{Mat3, Vec3};
+
+/// How each cell of a grid is cut into triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Split {
+    /// All from the lower left to the upper right.
+    Right,
+    /// All from the upper left to the lower right.
+    Left,
+    /// In turn, like a chessboard.
+    Alternating,
+    /// Into four, with a vertex in the middle.
+    Crossed,
+}
+
+/// A rectangle [0, lx] x [0, ly] in the plane z = 0, in nx x ny cells; vertices row by row along x.
+pub(crate) fn grid(nx: u32, ny: u32, lx: f64, ly: f64, split: Split) -> TriMesh {
+    let mut mesh = TriMesh::default();
+    for j in 0..=ny {
+        for i in 0..=nx {
+            let (x, y) = (
+                lx * f64::from(i) / f64::from(nx),
+                ly * f64::from(j) / f64::from(ny),
+            );
+            mesh.positions.push(Vec3::new(x, y, 0.0));
+        }
+    }
+    for j in 0..ny {
+        for i in 0..nx {
+            let a = j * (nx + 1) + i;
+            let (b, c, d) = (a + 1, a + nx + 2, a + nx + 1);
+            let right = match split {
+                Split::Right => true,
+                Split::Left => false,
+                Split::Alternating => (i + j) % 2 == 0,
+                Split::Crossed => {
+                    let middle = mesh.positions.len() as u32;
+                    let sum: Vec3 = [a, b, c, d]
+                        .map(|v| mesh.positions[v as usize])
+                        .iter()
+                        .sum();
+                    mesh.positions.push(sum / 4.0);
+                    for (p, q) in [(a, b), (b, c), (c, d), (d, a)] {
+                        mesh.triangles.push([p, q, middle]);
+                    }
+                    continue;
+                }
+            };
+            if right {
+                mesh.triangles.extend([[a, b, c], [a, c, d]]);
+            } else {
+                mesh.triangles.extend([[a, b, d], [b, c, d]]);
+            }
+        }
+    }
+    mesh
+}
+
+/// Whether a vertex lies on the border of the rectangle of `grid`.
+pub(crate) fn on_border(x: &Vec3, lx: f64, ly: f64) -> bool {
+    let near = |a: f64, b: f64| (a - b).abs() < 1e-9 * lx;
+    near(x.x, 0.0) || near(x.x, lx) || near(x.y, 0.0) || near(x.y, ly)
+}
+
+/// `grid` with its inner vertices moved by up to `share` of a cell.
+pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, share: f64, seed: u64) -> TriMesh {
+    let mut mesh = grid(nx, ny, lx, ly, Split::Alternating);
+    let mut random = Random(seed);
+    for x in &mut mesh.positions {
+        if !on_border(x, lx, ly) {
+            x.x += share * lx / f64::from(nx) * random.signed();
+            x.y += share * ly / f64::from(ny) * random.signed();
+        }
+    }
+    mesh
+}
+
+/// A linear congruential generator (Knuth's constants): the same numbers on every machine.
+pub(crate) struct Random(pub(crate) u64);
+
+impl Random {
+    /// Between -1 and 1.
+    pub(crate) fn signed(&mut self) -> f64 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    pub(crate) fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.signed(), self.signed(), self.signed())
+    }
+}
+
+/// The strip of the reference figures: 1 MPa, 1 mm; Poisson's ratio as given.
+pub(crate) fn rubber(poisson: f64) -> Material {
+    Material {
+        young: 1e6,
+        poisson,
+        thickness: 1e-3,
+        density: 1000.0,
+    }
+}
+
+/// No gravity, no damping, no bending; the solver as tight as double precision gives.
+pub(crate) fn tight() -> SheetConfig {
+    SheetConfig {
+        gravity: Vec3::zeros(),
+        tolerance: 1e-13,
+        absolute_tolerance: 0.0,
+        max_iterations: 20_000,
+        ..SheetConfig::default()
+    }
+}
+
+/// A handle on every vertex that `chosen` picks, its origin in their middle.
+pub(crate) fn handle(
+    mesh: &TriMesh,
+    freedom: Freedom,
+    chosen: impl Fn(&Vec3) -> bool,
+) -> HandleSpec {
+    let vertices: Vec<u32> = (0..mesh.positions.len() as u32)
+        .filter(|&vertex| chosen(&mesh.positions[vertex as usize]))
+        .collect();
+    let sum: Vec3 = vertices
+        .iter()
+        .map(|&vertex| mesh.positions[vertex as usize])
+        .sum();
+    HandleSpec {
+        origin: sum / vertices.len() as f64,
+        vertices,
+        freedom,
+    }
+}
+
+/// The poses that leave handles where they were made.
+pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
+    handles
+        .iter()
+        .map(|handle| HandlePose::at(handle.origin))
+        .collect()
+}
+
+/// Steps of `h` towards static equilibrium: with a long step each is one Newton iteration.
+///
+/// Velocities are cleared so that no inertia is carried along.
+pub(crate) fn settle(
+    sheet: &mut Sheet,
+    targets: &[HandlePose],
+    h: f64,
+    steps: usize,
+) -> Result<SolveReport, StepError> {
+    let still = vec![Vec3::zeros(); sheet.vertex_count()];
+    let mut report = SolveReport::default();
+    for _ in 0..steps {
+        report = sheet.step(h, targets)?;
+        assert!(sheet.set_velocities(&still).is_ok());
+    }
+    Ok(report)
+}
+
+/// The largest norm.
+pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
+    values.map(|value| value.norm()).fold(0.0, f64::max)
+}
+
+/// An in-plane affine map as a matrix.
+pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
+    Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
+}

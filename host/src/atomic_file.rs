@@ -1,0 +1,117 @@
+//! Writing a file whole or not at all: results are never seen half-written, and a failed write leaves
+//! the older file as it was.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A file that could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot write {}: {source}", path.display())]
+pub struct AtomicFileError {
+    /// The file.
+    pub path: PathBuf,
+    /// What the system said.
+    pub source: io::Error,
+}
+
+/// Writes `content` to `path` in the place of what is there: to a temporary file beside it, then to the
+/// disk, then renamed. A link is followed. What is no file (`/dev/stdout`, a pipe) is written to directly.
+///
+/// # Errors
+/// If the folder is missing or may not be written to, or the disk is full.
+pub fn write_atomically(path: &Path, content: &[u8]) -> Result<(), AtomicFileError> {
+    replace(path, content).map_err(|source| AtomicFileError {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
+    // An error here means that nothing is there yet, or shows again below.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    match fs::metadata(path) {
+        Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+        Ok(there) if !there.is_file() => {
+            return fs::OpenOptions::new()
+                .write(true)
+                .open(path)?
+                .write_all(content);
+        }
+        _ => {}
+    }
+    let folder = match target.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".palpate-").suffix(".tmp");
+    ordinary_permissions(&mut builder);
+    let mut file = builder.tempfile_in(folder)?;
+    file.write_all(content)?;
+    file.as_file().sync_all()?;
+    file.persist(&target).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Those of any new file, less the user's mask; a temporary file has none for others otherwise.
+#[cfg(unix)]
+fn ordinary_permissions(builder: &mut tempfile::Builder) {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(fs::Permissions::from_mode(0o666));
+}
+
+#[cfg(not(unix))]
+fn ordinary_permissions(_: &mut tempfile::Builder) {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_and_nothing_is_left_beside_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("plot.svg");
+        write_atomically(&path, b"old and longer").expect("first");
+        write_atomically(&path, b"new").expect("second");
+        assert_eq!(fs::read(&path).expect("the file"), b"new");
+        assert_eq!(fs::read_dir(&folder).expect("the folder").count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn permissions_are_those_of_any_new_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().expect("a folder");
+        let mode = |name: &str| {
+            let metadata = fs::metadata(folder.path().join(name)).expect("the file");
+            metadata.permissions().mode()
+        };
+        fs::write(folder.path().join("plain"), b"").expect("plain");
+        write_atomically(&folder.path().join("atomic"), b"").expect("atomic");
+        assert_eq!(mode("plain"), mode("atomic"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_a_link_and_a_device_is_written_to() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        fs::write(&file, b"old").expect("the file");
+        std::os::unix::fs::symlink(&file, &link).expect("the link");
+        write_atomically(&link, b"new").expect("through the link");
+        assert_eq!(fs::read(&file).expect("the file"), b"new");
+        assert!(fs::symlink_metadata(&link).expect("the link").is_symlink());
+        write_atomically(Path::new("/dev/null"), b"gone").expect("the device");
+    }
+
+    #[test]
+    fn an_error_names_the_path() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let missing = folder.path().join("missing/plot.svg");
+        let error = write_atomically(&missing, b"").expect_err("no folder");
+        assert!(error.to_string().contains("missing/plot.svg"), "{error}");
+        let error = write_atomically(folder.path(), b"").expect_err("a folder");
+        assert_eq!(error.source.kind(), io::ErrorKind::IsADirectory);
+    }
+}

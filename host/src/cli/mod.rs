@@ -1,0 +1,94 @@
+//! The command line: one file a command.
+//!
+//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong.
+
+mod bench;
+mod plan;
+mod run;
+
+use crate::scene::{LoadedScene, Scene, SceneError};
+use clap::{Parser, Subcommand};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// A hard-realtime controller for haptic devices that touch deformable things.
+///
+/// Without a command, runs the built-in scene: two hands, each on a simulated device, stretch a rubber
+/// sheet; the host runs finite elements, and the tick returns forces at 1 kHz.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, after_help = EXAMPLES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate run                                  the built-in scene, as fast as the machine goes
+  palpate run --plot stretch.svg               and draw force and position of both hands
+  palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
+  palpate run my_scene.toml --seed 7           your own scene
+  palpate plan my_scene.toml                   which stages it needs, and why the others are skipped";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scene and print what came of it
+    Run(run::RunArguments),
+    /// Print which stages a scene needs and why the others are skipped
+    Plan(plan::PlanArguments),
+    /// Measure, and print the tables that the book quotes
+    Bench(bench::BenchArguments),
+}
+
+/// Why a command ended without its result.
+#[derive(Debug, thiserror::Error)]
+enum CommandError {
+    #[error(transparent)]
+    Run(#[from] crate::run::RunError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    File(#[from] crate::atomic_file::AtomicFileError),
+    #[error("the run ended, but a part of it failed")]
+    Incomplete,
+    #[error(transparent)]
+    Study(#[from] crate::study::extrapolation::StudyError),
+}
+
+impl CommandError {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Scene(_) | Self::Run(crate::run::RunError::Scene(_)) => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Runs the program; gives its exit code.
+pub fn main() -> ExitCode {
+    let command = Arguments::parse().command;
+    let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("palpate: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// The scene at `path`, or the built-in one.
+fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
+    path.map_or_else(Scene::embedded_default, Scene::load)
+}
+
+/// A scene file as an argument.
+#[derive(Clone, Debug, Default, clap::Args)]
+struct SceneArgument {
+    /// Scene file (TOML); without one, the built-in scene
+    scene: Option<PathBuf>,
+}

@@ -1,0 +1,45 @@
+//! `palpate plan`: which stages a scene needs, and why.
+
+use super::{CommandError, SceneArgument, load};
+use crate::atomic_file::write_atomically;
+use crate::engine::plan::{Stage, plan};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Arguments of `palpate plan`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct PlanArguments {
+    #[command(flatten)]
+    scene: SceneArgument,
+    /// Write the plan as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct PlanJson<'a> {
+    schema: &'static str,
+    scene: &'a str,
+    stages: &'a [Stage],
+}
+
+pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
+    let loaded = load(arguments.scene.scene.as_deref())?;
+    let stages = plan(&loaded.scene);
+    println!("{}: stages of a host step", loaded.scene.name);
+    for stage in &stages {
+        let sign = if stage.needed { "run " } else { "skip" };
+        println!("  {sign}  {:<10} {}", stage.name, stage.why);
+    }
+    if let Some(path) = &arguments.json {
+        let json = PlanJson {
+            schema: "palpate.plan/1",
+            scene: &loaded.scene.name,
+            stages: &stages,
+        };
+        let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    Ok(())
+}

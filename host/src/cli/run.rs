@@ -1,0 +1,102 @@
+//! `palpate run`: a scene from beginning to end.
+
+use super::{CommandError, SceneArgument, load};
+use crate::run::{Clock, RunOptions};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+
+/// Arguments of `palpate run`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct RunArguments {
+    #[command(flatten)]
+    scene: SceneArgument,
+    /// Which clock: virtual time is exact and repeatable, real time is the machine's
+    #[arg(long, value_enum, default_value_t = ClockName::Virtual)]
+    clock: ClockName,
+    /// Length of the run in seconds, if not the scene's
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<f64>,
+    /// Fixes every random choice, in place of the scene's seed
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Draw force and position over time (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Write the summary as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl Default for RunArguments {
+    fn default() -> Self {
+        Self {
+            scene: SceneArgument::default(),
+            clock: ClockName::Virtual,
+            duration: None,
+            seed: None,
+            log: None,
+            plot: None,
+            json: None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ClockName {
+    Virtual,
+    Real,
+}
+
+/// A positive, finite number of seconds, a day at most.
+fn seconds(text: &str) -> Result<f64, String> {
+    let refused = || format!("found {text}, allowed: a number above 0 and up to 86400 (s)");
+    let value: f64 = text.parse().map_err(|_| refused())?;
+    if value > 0.0 && value <= 86_400.0 {
+        Ok(value)
+    } else {
+        Err(refused())
+    }
+}
+
+pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
+    let loaded = load(arguments.scene.scene.as_deref())?;
+    let options = RunOptions {
+        duration: arguments.duration,
+        seed: arguments.seed,
+        log: arguments.log.clone(),
+        plot: arguments.plot.clone(),
+        json: arguments.json.clone(),
+        ..RunOptions::new(match arguments.clock {
+            ClockName::Virtual => Clock::Virtual,
+            ClockName::Real => Clock::Real,
+        })
+    };
+    // Drawn only where a person looks: on a terminal.
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
+        bar.set_style(style);
+    }
+    let result = crate::run::run(&loaded, &options, |share| {
+        bar.set_position((1000.0 * share) as u64)
+    });
+    bar.finish_and_clear();
+    let summary = result?;
+    print!("{summary}");
+    for (what, path) in [
+        ("log", &options.log),
+        ("plot", &options.plot),
+        ("json", &options.json),
+    ] {
+        if let Some(path) = path {
+            println!("  {what:<10} {}", path.display());
+        }
+    }
+    if summary.failures.is_empty() {
+        Ok(())
+    } else {
+        Err(CommandError::Incomplete)
+    }
+}

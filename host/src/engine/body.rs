@@ -1,0 +1,179 @@
+//! One sheet in the host loop: its handles' paths, its step, and the local model it publishes.
+
+use super::path::HandlePath;
+use super::stats::{EngineStats, StepFault, Stopwatch};
+use physics::fem::dense::Square;
+use physics::fem::{Condensed, Condenser, HandlePose, HandleReport, Sheet};
+use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Wrench};
+
+/// A sheet, the paths of its handles, and how it publishes.
+pub struct SheetBody {
+    name: String,
+    sheet: Sheet,
+    /// None where the scheme renders no published stiffness.
+    condenser: Option<Condenser>,
+    paths: Vec<HandlePath>,
+    devices: Vec<u8>,
+    targets: Vec<HandlePose>,
+    /// Length of a step (s).
+    step: f64,
+    /// Publication period (s).
+    period: f64,
+    model: LocalModel,
+}
+
+/// What a [`SheetBody`] is made of.
+pub struct SheetBodyParts {
+    /// Name of the body.
+    pub name: String,
+    /// The sheet, at rest.
+    pub sheet: Sheet,
+    /// Condenses it, where the scheme wants that.
+    pub condenser: Option<Condenser>,
+    /// The handles' paths, in the sheet's order.
+    pub paths: Vec<HandlePath>,
+    /// The device of each handle.
+    pub devices: Vec<u8>,
+    /// Length of a step (s).
+    pub step: f64,
+    /// Publication period (s).
+    pub period: f64,
+}
+
+impl SheetBody {
+    /// A body at rest, nothing published yet.
+    pub fn new(parts: SheetBodyParts) -> Self {
+        let mut model = LocalModel::empty();
+        model.period = parts.period;
+        model.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
+        for (reference, device) in model.handles.iter_mut().zip(&parts.devices) {
+            reference.device = *device;
+        }
+        Self {
+            name: parts.name,
+            targets: Vec::with_capacity(parts.paths.len()),
+            sheet: parts.sheet,
+            condenser: parts.condenser,
+            paths: parts.paths,
+            devices: parts.devices,
+            step: parts.step,
+            period: parts.period,
+            model,
+        }
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The sheet.
+    pub fn sheet(&self) -> &Sheet {
+        &self.sheet
+    }
+
+    /// Takes one tick's record.
+    pub fn follow(&mut self, record: &TickRecord) {
+        for path in &mut self.paths {
+            path.follow(record);
+        }
+    }
+
+    /// One step towards where the hands were last seen; the model to publish, if it is time to.
+    pub(super) fn step(
+        &mut self,
+        publishes: bool,
+        watch: &impl Stopwatch,
+        stats: &mut EngineStats,
+    ) -> Result<Option<&LocalModel>, StepFault> {
+        self.targets.clear();
+        self.targets.extend(self.paths.iter().map(|path| {
+            let pose = path.pose();
+            HandlePose {
+                position: pose.position,
+                rotation: pose.rotation,
+            }
+        }));
+
+        let start = watch.now_ns();
+        self.sheet.assemble();
+        let assembled = watch.now_ns();
+        let report = self.sheet.solve(self.step, &self.targets)?;
+        let solved = watch.now_ns();
+        stats.assemble.record(assembled.saturating_sub(start));
+        stats.solve.record(solved.saturating_sub(assembled));
+        stats.solved(&report);
+
+        // Before the first record there is no time at which the state could be said to hold.
+        let Some(time_ns) = self.paths.iter().filter_map(HandlePath::time_ns).max() else {
+            return Ok(None);
+        };
+        if !publishes {
+            return Ok(None);
+        }
+        self.condense(stats)?;
+        self.model.sequence += 1;
+        self.model.time_ns = time_ns;
+        for (i, reference) in self
+            .model
+            .handles
+            .iter_mut()
+            .take(self.devices.len())
+            .enumerate()
+        {
+            if let Some(report) = self.sheet.handle_report(i) {
+                *reference = reference_of(reference.device, report);
+            }
+        }
+        stats.publications += 1;
+        stats.condense.record(watch.now_ns().saturating_sub(solved));
+        Ok(Some(&self.model))
+    }
+
+    fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
+        let Some(condenser) = &mut self.condenser else {
+            return Ok(());
+        };
+        let condensed = condenser.condense(&self.sheet, self.period)?;
+        fill_blocks(&mut self.model, condensed);
+        let clips = [condensed.stiffness_clip, condensed.damping_clip];
+        if clips.iter().any(|clip| clip.count > 0) {
+            stats.clipped += 1;
+            stats.worst_clip = clips
+                .iter()
+                .fold(stats.worst_clip, |worst, c| worst.max(c.share));
+        }
+        Ok(())
+    }
+}
+
+/// Copies condensed stiffness and damping into a local model's blocks.
+pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
+    let handles = usize::from(model.handle_count);
+    for i in 0..handles {
+        for j in 0..handles {
+            let block = |matrix: &Square| Mat6::from_fn(|r, c| matrix[(6 * i + r, 6 * j + c)]);
+            model.stiffness[i][j] = block(&condensed.stiffness);
+            model.damping[i][j] = block(&condensed.damping);
+        }
+    }
+}
+
+/// A handle's reference in a local model, from what the last step did there.
+pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
+    HandleReference {
+        device,
+        pose: Pose {
+            position: report.pose.position,
+            rotation: report.pose.rotation,
+        },
+        twist: Twist {
+            linear: report.linear_velocity,
+            angular: report.angular_velocity,
+        },
+        wrench: Wrench {
+            force: report.wrench_on_hand.force,
+            moment: report.wrench_on_hand.moment,
+        },
+    }
+}

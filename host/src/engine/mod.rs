@@ -1,0 +1,70 @@
+//! The host loop's work: stages in their order, ending in a published local model.
+//!
+//! `handles -> assemble -> solve -> condense -> publish`. This is the one place that joins the physics to
+//! the tick. It owns no thread and reads no clock: under the real clock a thread drives it, under virtual
+//! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
+//! hands in; nothing in the state depends on it.
+
+pub mod body;
+pub mod build;
+pub mod pacer;
+pub mod path;
+pub mod plan;
+pub mod stats;
+
+use body::SheetBody;
+use pacer::Due;
+use rt_core::{LocalModel, TickRecord};
+use stats::{EngineStats, Stopwatch};
+
+/// All bodies of a scene, stepped together.
+pub struct Engine {
+    bodies: Vec<SheetBody>,
+    stats: EngineStats,
+}
+
+impl Engine {
+    /// An engine over `bodies`.
+    pub fn new(bodies: Vec<SheetBody>) -> Self {
+        Self {
+            bodies,
+            stats: EngineStats::new(),
+        }
+    }
+
+    /// Takes one tick's record: where the hands were. Records are taken in order, none left out.
+    pub fn follow(&mut self, record: &TickRecord) {
+        for body in &mut self.bodies {
+            body.follow(record);
+        }
+    }
+
+    /// One host step of all bodies; gives `publish` a local model of each if the step is one that
+    /// publishes. A body whose step fails keeps its last good state and publishes nothing: its model ages,
+    /// and the tick fades its force.
+    pub fn step(
+        &mut self,
+        due: Due,
+        watch: &impl Stopwatch,
+        mut publish: impl FnMut(usize, &LocalModel),
+    ) {
+        self.stats.steps += 1;
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            match body.step(due.publishes, watch, &mut self.stats) {
+                Ok(Some(model)) => publish(index, model),
+                Ok(None) => {}
+                Err(fault) => self.stats.fault(index, &fault),
+            }
+        }
+    }
+
+    /// The bodies.
+    pub fn bodies(&self) -> &[SheetBody] {
+        &self.bodies
+    }
+
+    /// What the steps cost and met so far.
+    pub fn stats(&self) -> &EngineStats {
+        &self.stats
+    }
+}

@@ -1,0 +1,96 @@
+//! When the host steps: due times without drift, and what to do when it is late.
+//!
+//! Counted in integer nanoseconds from the rate itself, so that 60 Hz against 1 kHz never drifts. The same
+//! pacer serves the real clock and virtual time.
+
+/// Due times of physics steps and which of them publish.
+#[derive(Clone, Debug)]
+pub struct Pacer {
+    step_rate: f64,
+    steps_per_publication: u64,
+    next: u64,
+    skipped: u64,
+}
+
+/// One step that is due.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Due {
+    /// When (ns).
+    pub time_ns: u64,
+    /// Whether it ends by publishing.
+    pub publishes: bool,
+}
+
+impl Pacer {
+    /// `step_rate` in Hz; every `steps_per_publication`-th step publishes.
+    pub fn new(step_rate: f64, steps_per_publication: u64) -> Self {
+        Self {
+            step_rate,
+            steps_per_publication,
+            next: 1,
+            skipped: 0,
+        }
+    }
+
+    fn time_ns(&self, step: u64) -> u64 {
+        (step as f64 * 1e9 / self.step_rate) as u64
+    }
+
+    /// The next step.
+    pub fn due(&self) -> Due {
+        Due {
+            time_ns: self.time_ns(self.next),
+            publishes: self.next.is_multiple_of(self.steps_per_publication),
+        }
+    }
+
+    /// The step is done at `now_ns`. A host that has fallen behind by a whole publication period leaves
+    /// the missed steps out rather than chase them: the physics then runs slower than the clock, and says
+    /// so in [`Pacer::skipped`].
+    pub fn done(&mut self, now_ns: u64) {
+        self.next += 1;
+        while self.time_ns(self.next + self.steps_per_publication) <= now_ns {
+            self.next += self.steps_per_publication;
+            self.skipped += self.steps_per_publication;
+        }
+    }
+
+    /// Steps left out so far because the host was late.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn due_times_do_not_drift_and_every_nth_publishes() {
+        let mut pacer = Pacer::new(60.0, 2);
+        let mut publications = 0;
+        for step in 1..=60_u64 {
+            let due = pacer.due();
+            assert_eq!(due.time_ns, step * 1_000_000_000 / 60);
+            publications += u64::from(due.publishes);
+            pacer.done(due.time_ns);
+        }
+        assert_eq!((publications, pacer.skipped()), (30, 0));
+    }
+
+    #[test]
+    fn a_late_host_leaves_steps_out_and_counts_them() {
+        let mut pacer = Pacer::new(1000.0, 4);
+        pacer.done(1_000_000);
+        // Two periods late at the second step: caught up by skipping, the rhythm of publications kept.
+        pacer.done(11_000_000);
+        assert_eq!(pacer.skipped(), 8);
+        assert_eq!(
+            pacer.due(),
+            Due {
+                time_ns: 11_000_000,
+                publishes: false
+            }
+        );
+    }
+}

@@ -1,0 +1,110 @@
+//! What host steps cost and met.
+
+use physics::fem::{CondenseError, SolveReport, StepError};
+use runner::latency::LatencyHistogram;
+
+/// Reads a clock for measurement only: nothing in the state may depend on it.
+pub trait Stopwatch {
+    /// Time since some fixed start (ns).
+    fn now_ns(&self) -> u64;
+}
+
+/// A stopwatch on the machine's monotonic clock.
+#[derive(Clone, Copy, Debug)]
+pub struct WallStopwatch(std::time::Instant);
+
+impl WallStopwatch {
+    /// Starts now.
+    pub fn start() -> Self {
+        Self(std::time::Instant::now())
+    }
+}
+
+impl Stopwatch for WallStopwatch {
+    fn now_ns(&self) -> u64 {
+        u64::try_from(self.0.elapsed().as_nanos()).unwrap_or(u64::MAX)
+    }
+}
+
+/// Why a body did not step or publish.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StepFault {
+    /// The time step failed; the last good state is kept.
+    #[error("step: {0}")]
+    Step(#[from] StepError),
+    /// The condensation failed; nothing was published.
+    #[error("condensation: {0}")]
+    Condense(#[from] CondenseError),
+}
+
+/// Counts and times over all bodies.
+#[derive(Clone, Debug)]
+pub struct EngineStats {
+    /// Host steps so far.
+    pub steps: u64,
+    /// Local models made so far.
+    pub publications: u64,
+    /// Times of the stages (ns a step).
+    pub assemble: LatencyHistogram,
+    /// Solving (ns a step).
+    pub solve: LatencyHistogram,
+    /// Condensing and publishing (ns a publication).
+    pub condense: LatencyHistogram,
+    /// Solver iterations a step.
+    pub iterations: LatencyHistogram,
+    /// Steps that stopped at the iteration limit.
+    pub unconverged: u64,
+    /// Largest relative residual of any step.
+    pub worst_residual: f64,
+    /// Publications in which an eigenvalue had to be clipped, and the largest clipped one relative to the
+    /// largest of its matrix.
+    pub clipped: u64,
+    /// See `clipped`.
+    pub worst_clip: f64,
+    /// Steps or publications that failed.
+    pub faults: u64,
+    /// What the first failure said.
+    pub first_fault: Option<String>,
+}
+
+impl EngineStats {
+    /// Nothing yet. Times are told apart up to ten seconds.
+    pub fn new() -> Self {
+        let times = || LatencyHistogram::new(10_000_000_000);
+        Self {
+            steps: 0,
+            publications: 0,
+            assemble: times(),
+            solve: times(),
+            condense: times(),
+            iterations: LatencyHistogram::new(100_000),
+            unconverged: 0,
+            worst_residual: 0.0,
+            clipped: 0,
+            worst_clip: 0.0,
+            faults: 0,
+            first_fault: None,
+        }
+    }
+
+    pub(super) fn solved(&mut self, report: &SolveReport) {
+        self.iterations.record(report.iterations as u64);
+        self.unconverged += u64::from(!report.converged);
+        if report.initial_residual > 0.0 {
+            self.worst_residual = self.worst_residual.max(report.relative_residual());
+        }
+    }
+
+    pub(super) fn fault(&mut self, body: usize, fault: &StepFault) {
+        self.faults += 1;
+        if self.first_fault.is_none() {
+            self.first_fault = Some(format!("body {body}: {fault}"));
+        }
+    }
+}
+
+impl Default for EngineStats {
+    fn default() -> Self {
+        Self::new()
+    }
+}

@@ -1,0 +1,116 @@
+//! CDR, the byte layout of ROS 2 messages: little-endian, every number aligned to its own size,
+//! counted from the end of the four-byte header (XCDR version 1).
+
+/// Marks a message as little-endian XCDR1; the two last bytes are options, always zero here.
+const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
+
+/// Appends numbers to a message.
+pub(super) struct CdrWriter<'a> {
+    bytes: &'a mut Vec<u8>,
+}
+
+impl<'a> CdrWriter<'a> {
+    /// Begins a message in `bytes`, whose former content goes but whose capacity stays.
+    pub(super) fn begin(bytes: &'a mut Vec<u8>) -> Self {
+        bytes.clear();
+        bytes.extend_from_slice(&ENCAPSULATION);
+        Self { bytes }
+    }
+
+    pub(super) fn u8(&mut self, value: u8) {
+        self.put([value]);
+    }
+
+    pub(super) fn u32(&mut self, value: u32) {
+        self.put(value.to_le_bytes());
+    }
+
+    pub(super) fn u64(&mut self, value: u64) {
+        self.put(value.to_le_bytes());
+    }
+
+    pub(super) fn f64(&mut self, value: f64) {
+        self.put(value.to_le_bytes());
+    }
+
+    fn put<const N: usize>(&mut self, number: [u8; N]) {
+        let written = self.bytes.len() - ENCAPSULATION.len();
+        let aligned = written.next_multiple_of(N) + ENCAPSULATION.len();
+        self.bytes.resize(aligned, 0);
+        self.bytes.extend_from_slice(&number);
+    }
+}
+
+/// Takes numbers from a message. Each method gives `None` past the end.
+pub(super) struct CdrReader<'a> {
+    /// The message after its header.
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> CdrReader<'a> {
+    /// Begins a message; `None` if it is not little-endian XCDR1.
+    pub(super) fn begin(message: &'a [u8]) -> Option<Self> {
+        let (header, bytes) = message.split_at_checked(ENCAPSULATION.len())?;
+        (header.starts_with(&ENCAPSULATION[..2])).then_some(Self { bytes, at: 0 })
+    }
+
+    pub(super) fn u8(&mut self) -> Option<u8> {
+        self.take().map(u8::from_le_bytes)
+    }
+
+    pub(super) fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_le_bytes)
+    }
+
+    pub(super) fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_le_bytes)
+    }
+
+    pub(super) fn f64(&mut self) -> Option<f64> {
+        self.take().map(f64::from_le_bytes)
+    }
+
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let from = self.at.next_multiple_of(N);
+        let number = self.bytes.get(from..)?.first_chunk::<N>()?;
+        self.at = from + N;
+        Some(*number)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_aligned_to_their_size_after_the_header() {
+        let mut bytes = vec![9; 3];
+        let mut writer = CdrWriter::begin(&mut bytes);
+        writer.u8(7);
+        writer.f64(1.0);
+        writer.u32(2);
+        writer.u64(3);
+        let expected = [
+            &[0, 1, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0][..],
+            &1.0_f64.to_le_bytes(),
+            &[2, 0, 0, 0, 0, 0, 0, 0],
+            &[3, 0, 0, 0, 0, 0, 0, 0],
+        ]
+        .concat();
+        assert_eq!(bytes, expected);
+
+        let mut reader = CdrReader::begin(&bytes).expect("a header");
+        assert_eq!(reader.u8(), Some(7));
+        assert_eq!(reader.f64(), Some(1.0));
+        assert_eq!(reader.u32(), Some(2));
+        assert_eq!(reader.u64(), Some(3));
+        assert_eq!(reader.u8(), None);
+    }
+
+    #[test]
+    fn a_foreign_header_is_refused() {
+        assert!(CdrReader::begin(&[0, 0, 0, 0, 1]).is_none());
+        assert!(CdrReader::begin(&[0, 1]).is_none());
+    }
+}

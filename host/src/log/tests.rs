@@ -1,0 +1,229 @@
+use std::io::{self, Cursor, Seek, SeekFrom, Write};
+
+use proptest::prelude::*;
+use rt_core::coupling::HostState;
+use rt_core::safety::SafetyState;
+use rt_core::{Telemetry, Vec3};
+
+use super::{Log, LogError, LogHeader, LogWriter, read_log};
+
+fn header() -> LogHeader {
+    LogHeader {
+        facts: [("seed", "7"), ("scene", "sheet"), ("clock", "virtual")]
+            .map(|(key, value)| (key.to_owned(), value.to_owned()))
+            .into(),
+        scene: "name = \"sheet\"\n".to_owned(),
+    }
+}
+
+fn telemetry(tick: u64) -> Telemetry {
+    let x = tick as f64;
+    let mut record = Telemetry::empty();
+    record.tick = tick;
+    record.time_ns = tick * 1_000_000;
+    record.lateness_ns = 3;
+    record.device_count = 2;
+    record.body_count = 1;
+    for (i, device) in record.devices.iter_mut().enumerate() {
+        device.pose.position = Vec3::new(x, 0.25, i as f64);
+        device.wrench.force = Vec3::new(-x, 0.5, 1.0);
+        device.wrench.moment.z = 0.125;
+        device.twist.angular.y = -2.0;
+        device.buttons = 1 + i as u32;
+        device.device_time_ns = tick * 1_000_001;
+        device.fresh = i == 0;
+        device.safety = if i == 0 {
+            SafetyState::Limited
+        } else {
+            SafetyState::DeviceStale
+        };
+    }
+    let body = &mut record.bodies[0];
+    body.sequence = tick / 16;
+    body.epoch = 2;
+    body.age_ns = 17;
+    body.trust = 0.75;
+    body.state = HostState::Fading;
+    record
+}
+
+/// A log of `ticks` ticks with a flush every 50.
+fn log(ticks: u64) -> Vec<u8> {
+    let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
+    for tick in 0..ticks {
+        writer.write(&telemetry(tick)).expect("in memory");
+        if tick % 50 == 49 {
+            writer.flush().expect("in memory");
+        }
+    }
+    writer.finish().expect("in memory").into_inner()
+}
+
+#[test]
+fn what_was_written_is_read_back() {
+    let log = Log::parse(&log(120)).expect("a log");
+    assert!(log.complete);
+    assert_eq!(log.facts, header().facts);
+    assert_eq!(log.scene, header().scene);
+    assert_eq!(log.rows.len(), 120);
+    for (row, tick) in log.rows.iter().zip(0..) {
+        let expected = telemetry(tick);
+        assert_eq!(
+            (row.tick, row.time_ns, row.lateness_ns),
+            (tick, tick * 1_000_000, 3)
+        );
+        assert!(row.devices.iter().eq(expected.devices()));
+        assert!(row.bodies.iter().eq(expected.bodies()));
+    }
+}
+
+#[test]
+fn equal_ticks_give_equal_bytes() {
+    assert_eq!(log(75), log(75));
+}
+
+#[test]
+fn a_log_without_ticks_is_a_log() {
+    assert_eq!(read_log(&log(0)).expect("a log"), []);
+}
+
+#[test]
+fn every_cut_gives_the_ticks_before_it() {
+    let whole = log(60);
+    let rows = read_log(&whole).expect("a log");
+    assert_eq!(rows.len(), 60);
+    let mut left = 60;
+    for end in (mcap::MAGIC.len()..whole.len()).rev().step_by(29) {
+        let cut = Log::parse(&whole[..end]).expect("the beginning of a log");
+        assert!(!cut.complete);
+        assert_eq!(cut.rows, rows[..cut.rows.len()]);
+        // No step takes more than one tick away.
+        assert!(cut.rows.len() == left || cut.rows.len() + 1 == left);
+        left = cut.rows.len();
+    }
+    assert_eq!(left, 0);
+}
+
+#[test]
+fn what_was_flushed_can_be_read_while_the_run_goes_on() {
+    let file = tempfile::NamedTempFile::new().expect("a temporary file");
+    let mut writer = LogWriter::create_file(file.path(), &header()).expect("a file");
+    for tick in 0..10 {
+        writer.write(&telemetry(tick)).expect("room on the disk");
+    }
+    writer.flush().expect("room on the disk");
+    writer.write(&telemetry(10)).expect("room on the disk");
+    let bytes = std::fs::read(file.path()).expect("the file");
+    assert_eq!(read_log(&bytes).expect("a log").len(), 10);
+}
+
+#[test]
+fn other_bytes_are_refused() {
+    for bytes in [
+        &b""[..],
+        b"x",
+        b"time,force\n0,1\n",
+        &[0x89, b'M'],
+        &[0; 100],
+    ] {
+        assert!(
+            matches!(read_log(bytes), Err(LogError::Damaged(_))),
+            "{bytes:?}"
+        );
+    }
+    let mut foreign = mcap::Writer::new(Cursor::new(Vec::new())).expect("in memory");
+    foreign.finish().expect("in memory");
+    let foreign = foreign.into_inner().into_inner();
+    assert!(matches!(read_log(&foreign), Err(LogError::NoTicks)));
+}
+
+#[test]
+fn a_changed_byte_in_a_tick_is_found() {
+    let mut bytes = log(60);
+    let quarter = 0.25_f64.to_le_bytes();
+    let at = bytes
+        .windows(8)
+        .position(|window| window == quarter)
+        .expect("a position");
+    bytes[at] ^= 1;
+    assert!(matches!(
+        read_log(&bytes),
+        Err(LogError::Damaged(mcap::McapError::BadChunkCrc { .. }))
+    ));
+}
+
+/// A disk with room for so many bytes.
+struct FullDisk {
+    room: usize,
+}
+
+impl Write for FullDisk {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if bytes.len() > self.room {
+            return Err(io::ErrorKind::StorageFull.into());
+        }
+        self.room -= bytes.len();
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Seek for FullDisk {
+    fn seek(&mut self, _: SeekFrom) -> io::Result<u64> {
+        Ok(0)
+    }
+}
+
+#[test]
+fn a_full_disk_is_reported_and_later_writes_fail_quietly() {
+    for room in [0, 10, 300, 6000, 20_000] {
+        let mut met = None;
+        match LogWriter::create(FullDisk { room }, &header()) {
+            Err(error) => met = Some(error),
+            Ok(mut writer) => {
+                for tick in 0..100 {
+                    let written = writer.write(&telemetry(tick)).and_then(|()| writer.flush());
+                    met = met.or(written.err());
+                }
+                assert!(writer.finish().is_err());
+            }
+        }
+        match met {
+            Some(LogError::Write { source, .. }) => {
+                assert_eq!(source.kind(), io::ErrorKind::StorageFull);
+            }
+            other => panic!("room {room}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn an_error_names_the_file() {
+    let path = std::path::Path::new("no such folder/run.mcap");
+    let error = LogWriter::create_file(path, &header())
+        .err()
+        .expect("no such folder");
+    assert!(
+        error.to_string().contains("no such folder/run.mcap"),
+        "{error}"
+    );
+}
+
+proptest! {
+    #[test]
+    fn damaged_bytes_never_panic(
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..8),
+        end in any::<prop::sample::Index>(),
+    ) {
+        let mut bytes = log(3);
+        for (at, value) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = value;
+        }
+        let _ = read_log(&bytes);
+        let _ = read_log(&bytes[..end.index(bytes.len())]);
+    }
+}

@@ -1,0 +1,207 @@
+//! One tick as a ROS 2 message: its definition, and the way between it and [`Telemetry`].
+
+use nalgebra::{Quaternion, UnitQuaternion};
+use rt_core::coupling::HostState;
+use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::safety::SafetyState;
+use rt_core::{Pose, Telemetry, Twist, Vec3, Wrench};
+
+use super::cdr::{CdrReader, CdrWriter};
+
+/// Name of the message type.
+pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tick";
+
+/// The message definition, with those that it uses, as tools read it. Poses, twists and wrenches are
+/// the usual ROS types, which tools know how to show; a `torque` is the moment about the handle.
+pub(super) const SCHEMA: &str = "\
+# One pass of the haptic loop. SI units; world axes.
+uint64 tick         # number of the tick, from zero
+uint64 time_ns      # its nominal time
+uint64 lateness_ns  # how late it woke
+palpate_msgs/Device[] devices
+palpate_msgs/Body[] bodies
+================================================================================
+MSG: palpate_msgs/Device
+uint8 NORMAL=0
+uint8 LIMITED=1
+uint8 RECOVERING=2
+uint8 DEVICE_STALE=3
+uint8 NOT_A_NUMBER=4
+geometry_msgs/Pose pose      # of the proxy
+geometry_msgs/Twist twist    # of the proxy
+geometry_msgs/Wrench wrench  # on the hand, as it left for the device
+uint64 device_time_ns        # the device's own clock
+uint32 buttons               # one bit each
+bool fresh                   # whether the device gave a good state this tick
+uint8 safety                 # what the last stage did to the wrench
+================================================================================
+MSG: palpate_msgs/Body
+uint8 WAITING=0
+uint8 LIVE=1
+uint8 FADING=2
+uint8 HELD=3
+uint64 sequence  # of the model in use; zero before the first
+uint64 age_ns    # of that model
+float64 trust    # in it, from zero (safe hold) to one
+uint32 epoch     # of its topology
+uint8 state      # what the coupling was doing
+================================================================================
+MSG: geometry_msgs/Pose
+Point position
+Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+================================================================================
+MSG: geometry_msgs/Twist
+Vector3 linear
+Vector3 angular
+================================================================================
+MSG: geometry_msgs/Wrench
+Vector3 force
+Vector3 torque
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+";
+
+/// One tick, read back from a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TickRow {
+    /// Number of the tick, from zero.
+    pub tick: u64,
+    /// Its nominal time (ns).
+    pub time_ns: u64,
+    /// How late it woke (ns).
+    pub lateness_ns: u64,
+    /// The devices.
+    pub devices: Vec<DeviceTelemetry>,
+    /// The bodies.
+    pub bodies: Vec<BodyTelemetry>,
+}
+
+/// Writes `telemetry` into `bytes`, replacing what was there.
+pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
+    let mut out = CdrWriter::begin(bytes);
+    out.u64(telemetry.tick);
+    out.u64(telemetry.time_ns);
+    out.u64(telemetry.lateness_ns);
+    out.u32(telemetry.devices().count() as u32);
+    for device in telemetry.devices() {
+        encode_device(device, &mut out);
+    }
+    out.u32(telemetry.bodies().count() as u32);
+    for body in telemetry.bodies() {
+        out.u64(body.sequence);
+        out.u64(body.age_ns);
+        out.f64(body.trust);
+        out.u32(body.epoch);
+        out.u8(HOST_STATES
+            .iter()
+            .position(|s| *s == body.state)
+            .map_or(u8::MAX, |i| i as u8));
+    }
+}
+
+fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
+    let mut vector = |v: &Vec3| v.iter().for_each(|x| out.f64(*x));
+    vector(&device.pose.position);
+    device.pose.rotation.coords.iter().for_each(|x| out.f64(*x));
+    let mut vector = |v: &Vec3| v.iter().for_each(|x| out.f64(*x));
+    vector(&device.twist.linear);
+    vector(&device.twist.angular);
+    vector(&device.wrench.force);
+    vector(&device.wrench.moment);
+    out.u64(device.device_time_ns);
+    out.u32(device.buttons);
+    out.u8(u8::from(device.fresh));
+    out.u8(SAFETY_STATES
+        .iter()
+        .position(|s| *s == device.safety)
+        .map_or(u8::MAX, |i| i as u8));
+}
+
+/// Reads a tick back; `None` if the message is short or holds a code without a meaning.
+pub(super) fn decode(message: &[u8]) -> Option<TickRow> {
+    let mut from = CdrReader::begin(message)?;
+    let (tick, time_ns, lateness_ns) = (from.u64()?, from.u64()?, from.u64()?);
+    // A false count ends with the message: nothing is reserved for it.
+    let device_count = from.u32()?;
+    let devices = (0..device_count)
+        .map(|_| decode_device(&mut from))
+        .collect::<Option<_>>()?;
+    let body_count = from.u32()?;
+    let bodies = (0..body_count)
+        .map(|_| decode_body(&mut from))
+        .collect::<Option<_>>()?;
+    Some(TickRow {
+        tick,
+        time_ns,
+        lateness_ns,
+        devices,
+        bodies,
+    })
+}
+
+fn decode_device(from: &mut CdrReader) -> Option<DeviceTelemetry> {
+    let position = decode_vector(from)?;
+    let (x, y, z, w) = (from.f64()?, from.f64()?, from.f64()?, from.f64()?);
+    // As it was logged: normalizing again would change its last bits.
+    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+    Some(DeviceTelemetry {
+        pose: Pose { position, rotation },
+        twist: Twist {
+            linear: decode_vector(from)?,
+            angular: decode_vector(from)?,
+        },
+        wrench: Wrench {
+            force: decode_vector(from)?,
+            moment: decode_vector(from)?,
+        },
+        device_time_ns: from.u64()?,
+        buttons: from.u32()?,
+        fresh: from.u8()? != 0,
+        safety: *SAFETY_STATES.get(usize::from(from.u8()?))?,
+    })
+}
+
+fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
+    Some(BodyTelemetry {
+        sequence: from.u64()?,
+        age_ns: from.u64()?,
+        trust: from.f64()?,
+        epoch: from.u32()?,
+        state: *HOST_STATES.get(usize::from(from.u8()?))?,
+    })
+}
+
+fn decode_vector(from: &mut CdrReader) -> Option<Vec3> {
+    Some(Vec3::new(from.f64()?, from.f64()?, from.f64()?))
+}
+
+/// In the order of the constants in [`SCHEMA`].
+const SAFETY_STATES: [SafetyState; 5] = [
+    SafetyState::Normal,
+    SafetyState::Limited,
+    SafetyState::Recovering,
+    SafetyState::DeviceStale,
+    SafetyState::NotANumber,
+];
+
+/// In the order of the constants in [`SCHEMA`].
+const HOST_STATES: [HostState; 4] = [
+    HostState::Waiting,
+    HostState::Live,
+    HostState::Fading,
+    HostState::Held,
+];

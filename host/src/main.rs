@@ -1,0 +1,7 @@
+//! The program `palpate`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    host::cli::main()
+}

@@ -1,0 +1,242 @@
+//! An axis: its range and its round tick marks, linear or logarithmic.
+
+use std::ops::Range;
+
+use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
+
+use super::reduce::usable;
+
+/// An axis in drawn coordinates: the value itself, or its decimal logarithm.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Axis {
+    pub(super) from: f64,
+    pub(super) to: f64,
+    scale: Scale,
+    /// Where labelled marks lie.
+    ticks: Vec<f64>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    /// Ticks a step apart.
+    Linear { step: f64 },
+    /// Labels are plain numbers, or powers of ten where those would be long.
+    Logarithmic { plain: bool },
+}
+
+impl Axis {
+    /// A linear axis over all of `values`, with a margin (a share of their span) at both ends and about
+    /// `marks` ticks.
+    pub(super) fn linear(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
+        let (mut from, mut to) = range(values).unwrap_or((0.0, 1.0));
+        let pad = if to > from { margin * (to - from) } else { 0.0 };
+        // Far from zero, a span below this could not be told apart in tick labels.
+        let least = 1e-9_f64.max(1e-6 * from.abs().max(to.abs()));
+        let short = if to - from < least {
+            0.5_f64.max(least)
+        } else {
+            0.0
+        };
+        from -= pad.max(short);
+        to += pad.max(short);
+        let step = round_step((to - from) / marks);
+        // Samples end a period before the round time that they are meant to fill.
+        let next = (to / step).ceil() * step;
+        if next - to < 0.005 * (to - from) {
+            to = to.max(next);
+        }
+        let ticks = multiples(step, from, to);
+        Self {
+            from,
+            to,
+            scale: Scale::Linear { step },
+            ticks,
+        }
+    }
+
+    /// A logarithmic axis over those of `values` that are above zero.
+    pub(super) fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
+        let logs = values.filter(|x| *x > 0.0).map(libm::log10);
+        let (from, to) = range(logs).unwrap_or((0.0, 1.0));
+        let pad = (0.05 * (to - from)).max(0.05);
+        let (from, to) = (from - pad, to + pad);
+        let decades = round_step((to - from) / 7.0).max(1.0);
+        let mut ticks = multiples(decades, from, to);
+        if ticks.len() < 3 {
+            let twos_and_fives = (from.floor() as i32..=to.floor() as i32)
+                .flat_map(|decade| [1.0, 2.0, 5.0].map(|x| f64::from(decade) + libm::log10(x)));
+            ticks = twos_and_fives.filter(|x| (from..=to).contains(x)).collect();
+        }
+        let plain = ticks.iter().all(|tick| (-3.001..=4.8).contains(tick));
+        Self {
+            from,
+            to,
+            scale: Scale::Logarithmic { plain },
+            ticks,
+        }
+    }
+
+    /// The drawn coordinate of a value; `None` if it has none.
+    pub(super) fn place(&self, value: f64) -> Option<f64> {
+        let place = match self.scale {
+            Scale::Linear { .. } => value,
+            Scale::Logarithmic { .. } => libm::log10(value),
+        };
+        usable(place).then_some(place)
+    }
+
+    /// The label of a tick.
+    fn label(&self, tick: f64) -> String {
+        let text = match self.scale {
+            Scale::Linear { step } => linear_label(tick, step),
+            Scale::Logarithmic { plain } => log_label(tick, plain),
+        };
+        text.replace('-', "−")
+    }
+}
+
+impl Ranged for Axis {
+    type FormatOption = NoDefaultFormatting;
+    type ValueType = f64;
+
+    fn map(&self, place: &f64, limit: (i32, i32)) -> i32 {
+        let share = (place - self.from) / (self.to - self.from);
+        (f64::from(limit.0) + share * f64::from(limit.1 - limit.0)).round() as i32
+    }
+
+    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
+        // Light lines between the ticks would be noise.
+        if hint.weight().allow_light_points() {
+            Vec::new()
+        } else {
+            self.ticks.clone()
+        }
+    }
+
+    fn range(&self) -> Range<f64> {
+        self.from..self.to
+    }
+}
+
+impl ValueFormatter<f64> for Axis {
+    fn format_ext(&self, tick: &f64) -> String {
+        self.label(*tick)
+    }
+}
+
+fn linear_label(tick: f64, step: f64) -> String {
+    // Adding zero turns -0 into 0.
+    let tick = tick + 0.0;
+    if !(1e-6..1e6).contains(&step) {
+        return format!("{tick:e}");
+    }
+    let decimals = (-libm::log10(step) - 1e-9).ceil().max(0.0) as usize;
+    format!("{tick:.decimals$}")
+}
+
+fn log_label(tick: f64, plain: bool) -> String {
+    let decade = (tick + 1e-9).floor();
+    let factor = libm::exp10(tick - decade).round();
+    if plain {
+        let decimals = (-decade).max(0.0) as usize;
+        return format!("{:.decimals$}", factor * libm::exp10(decade));
+    }
+    let power: String = format!("{decade:.0}").chars().map(superscript).collect();
+    if factor == 1.0 {
+        format!("10{power}")
+    } else {
+        format!("{factor:.0}·10{power}")
+    }
+}
+
+fn superscript(digit: char) -> char {
+    match digit {
+        '-' => '⁻',
+        '0' => '⁰',
+        '1' => '¹',
+        '2' => '²',
+        '3' => '³',
+        other => {
+            let above = other.to_digit(10).and_then(|d| char::from_u32(0x2070 + d));
+            above.unwrap_or(other)
+        }
+    }
+}
+
+/// Smallest and largest of the usable values.
+fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
+    values.filter(|x| usable(*x)).fold(None, |range, x| {
+        let (from, to) = range.unwrap_or((x, x));
+        Some((x.min(from), x.max(to)))
+    })
+}
+
+/// The next of 1, 2, 5, 10, 20, ... (and their parts) at or above `step`.
+fn round_step(step: f64) -> f64 {
+    let power = libm::exp10(libm::log10(step).floor());
+    let factor = [1.0, 2.0, 5.0]
+        .into_iter()
+        .find(|f| f * power >= step * (1.0 - 1e-9));
+    factor.unwrap_or(10.0) * power
+}
+
+fn multiples(step: f64, from: f64, to: f64) -> Vec<f64> {
+    let (first, last) = ((from / step).ceil(), (to / step).floor());
+    // At most some ten by construction; the bound keeps rounding at absurd ranges harmless.
+    let count = (last - first).clamp(-1.0, 50.0) as i32;
+    (0..=count).map(|i| (first + f64::from(i)) * step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels(axis: &Axis) -> Vec<String> {
+        axis.ticks.iter().map(|tick| axis.label(*tick)).collect()
+    }
+
+    #[test]
+    fn ticks_are_round() {
+        let axis = Axis::linear([-3.1, 3.2, f64::NAN].into_iter(), 0.05, 6.0);
+        assert_eq!(labels(&axis), ["−2", "0", "2"]);
+        let axis = Axis::linear([0.0, 5.999].into_iter(), 0.0, 6.0);
+        assert_eq!(labels(&axis), ["0", "1", "2", "3", "4", "5", "6"]);
+        let axis = Axis::linear([0.0, 0.35].into_iter(), 0.0, 6.0);
+        assert_eq!(labels(&axis), ["0.0", "0.1", "0.2", "0.3"]);
+    }
+
+    #[test]
+    fn decades_are_labelled() {
+        let axis = Axis::logarithmic([1e-5, 0.0, -2.0, 2.0].into_iter());
+        assert_eq!(
+            labels(&axis),
+            ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "10⁰"]
+        );
+        let axis = Axis::logarithmic([0.002, 30.0].into_iter());
+        assert_eq!(labels(&axis), ["0.01", "0.1", "1", "10"]);
+        let axis = Axis::logarithmic([20.0, 450.0].into_iter());
+        assert_eq!(labels(&axis), ["20", "50", "100", "200", "500"]);
+    }
+
+    #[test]
+    fn any_values_give_a_range_and_few_ticks() {
+        let cases: [&[f64]; 7] = [
+            &[],
+            &[f64::NAN],
+            &[0.0],
+            &[1e90, -1e90],
+            &[1e15, 1e15 + 0.5],
+            &[f64::INFINITY, 3.0],
+            &[1e-300, 2e-300],
+        ];
+        for values in cases {
+            let linear = Axis::linear(values.iter().copied(), 0.05, 6.0);
+            let log = Axis::logarithmic(values.iter().copied());
+            for axis in [linear, log] {
+                assert!(axis.from < axis.to, "{values:?}: {axis:?}");
+                assert!(axis.ticks.len() < 20, "{values:?}: {axis:?}");
+                assert!(axis.ticks.iter().all(|tick| !axis.label(*tick).is_empty()));
+            }
+        }
+    }
+}

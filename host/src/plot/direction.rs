@@ -1,0 +1,106 @@
+//! The direction along which a device's force and movement are drawn: the one that carries most force.
+
+use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+
+use super::reduce::usable;
+
+/// How close to an axis of the world a direction is drawn as that axis (cosine of 18 degrees).
+const SNAP: f64 = 0.95;
+
+/// A direction in the scene.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Direction {
+    /// Unit vector; its largest component is positive.
+    pub(super) axis: Vector3<f64>,
+    /// How a label calls it: `x`, or its components.
+    pub(super) name: String,
+}
+
+/// The direction of most force; without any force, of most movement; without either, x.
+pub(super) fn main_direction(force: &[[f64; 3]], position: &[[f64; 3]]) -> Direction {
+    let start = first_usable(position);
+    let moved = position.iter().map(|p| Vector3::from(*p) - start);
+    let axis = principal(force.iter().copied().map(Vector3::from))
+        .or_else(|| principal(moved))
+        .unwrap_or_else(Vector3::x);
+    for (i, name) in ["x", "y", "z"].into_iter().enumerate() {
+        if axis[i] > SNAP {
+            let mut snapped = Vector3::zeros();
+            snapped[i] = 1.0;
+            return Direction {
+                axis: snapped,
+                name: name.to_owned(),
+            };
+        }
+    }
+    // Adding zero turns -0 into 0.
+    let [x, y, z]: [f64; 3] = axis.map(|x| (100.0 * x).round() / 100.0 + 0.0).into();
+    let name = format!("({x:.2}, {y:.2}, {z:.2})").replace('-', "−");
+    Direction { axis, name }
+}
+
+/// The first position without a fault, from which displacements count.
+pub(super) fn first_usable(position: &[[f64; 3]]) -> Vector3<f64> {
+    let found = position.iter().find(|p| p.iter().all(|x| usable(*x)));
+    found.map_or_else(Vector3::zeros, |p| Vector3::from(*p))
+}
+
+/// The direction that carries most of the squares of `vectors`; `None` if they are all zero.
+fn principal(vectors: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<Vector3<f64>> {
+    let usable = vectors.filter(|v| v.iter().all(|x| usable(*x)));
+    let scale = usable
+        .clone()
+        .fold(0.0, |largest: f64, v| largest.max(v.amax()));
+    if scale == 0.0 {
+        return None;
+    }
+    let moment = usable.fold(Matrix3::zeros(), |sum: Matrix3<f64>, v| {
+        let v = v / scale;
+        sum + v * v.transpose()
+    });
+    let eigen = SymmetricEigen::try_new(moment, f64::EPSILON, 100)?;
+    let axis = eigen
+        .eigenvectors
+        .column(eigen.eigenvalues.imax())
+        .normalize();
+    Some(if axis[axis.iamax()] < 0.0 {
+        -axis
+    } else {
+        axis
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_near_an_axis_is_drawn_along_it() {
+        let force = [[-3.0, 0.2, 0.1], [-2.0, -0.3, 0.1], [f64::NAN, 90.0, 0.0]];
+        let direction = main_direction(&force, &[]);
+        assert_eq!(
+            (direction.name.as_str(), direction.axis),
+            ("x", Vector3::x())
+        );
+    }
+
+    #[test]
+    fn an_oblique_force_is_drawn_along_itself() {
+        let direction = main_direction(&[[0.0, -2.0, 2.0]], &[]);
+        assert_eq!(direction.axis.x, 0.0);
+        // Rounding of the eigenvector only.
+        assert!((direction.axis.y + direction.axis.z).abs() < 1e-14);
+        assert!(direction.name.contains("0.71"), "{}", direction.name);
+    }
+
+    #[test]
+    fn without_force_the_movement_counts_and_without_either_x() {
+        let zero = [[0.0; 3]; 2];
+        assert_eq!(
+            main_direction(&zero, &[[5.0, 0.0, 0.0], [5.0, 0.0, 1e-3]]).name,
+            "z"
+        );
+        assert_eq!(main_direction(&zero, &zero).name, "x");
+        assert_eq!(main_direction(&[], &[[f64::NAN; 3]]).name, "x");
+    }
+}

@@ -1,0 +1,15 @@
+//! Pictures of runs and of benchmarks, as SVG.
+
+mod axis;
+mod chart;
+mod direction;
+mod page;
+mod reduce;
+mod run;
+
+pub use chart::{Series, line_chart_svg};
+pub use page::Marker;
+pub use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,166 @@
+//! What a run's telemetry adds up to: peaks, work, events, the samples of a plot.
+//!
+//! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
+//! thread.
+
+use rt_core::coupling::HostState;
+use rt_core::safety::SafetyState;
+use rt_core::{Telemetry, Vec3};
+
+/// What one device met in a run. Forces act on the hand, scene axes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DeviceTotals {
+    /// Largest force (N).
+    pub peak_force: f64,
+    /// When (s).
+    pub peak_time: f64,
+    /// Work that the device did on the hand (J): the force of each tick times the motion until the next.
+    pub work: f64,
+    /// Largest distance from where it started (m).
+    pub reach: f64,
+}
+
+/// A stretch of time in which something was not as it should be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Span {
+    /// Start (s).
+    pub from: f64,
+    /// End (s).
+    pub to: f64,
+    /// What it was.
+    pub what: String,
+}
+
+/// One sample for a plot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sample {
+    /// Time (s).
+    pub time: f64,
+    /// Force on the hand (N) and position of the proxy (m), by device.
+    pub devices: Vec<(Vec3, Vec3)>,
+}
+
+/// Adds telemetry up.
+#[derive(Clone, Debug)]
+pub struct Collector {
+    device_names: Vec<String>,
+    body_names: Vec<String>,
+    totals: Vec<DeviceTotals>,
+    /// Position and force at the last tick, and the first position.
+    last: Vec<Option<(Vec3, Vec3, Vec3)>>,
+    open: Vec<Option<(f64, &'static str)>>,
+    spans: Vec<Span>,
+    samples: Option<Vec<Sample>>,
+    ticks: u64,
+    end: f64,
+}
+
+impl Collector {
+    /// For devices and bodies of these names; `keep_samples` for a plot.
+    pub fn new(device_names: Vec<String>, body_names: Vec<String>, keep_samples: bool) -> Self {
+        Self {
+            totals: vec![DeviceTotals::default(); device_names.len()],
+            last: vec![None; device_names.len()],
+            open: vec![None; device_names.len() + body_names.len()],
+            spans: Vec::new(),
+            samples: keep_samples.then(Vec::new),
+            ticks: 0,
+            end: 0.0,
+            device_names,
+            body_names,
+        }
+    }
+
+    /// Takes the record of one tick.
+    pub fn take(&mut self, telemetry: &Telemetry) {
+        let time = telemetry.time_ns as f64 * 1e-9;
+        self.ticks += 1;
+        self.end = time;
+        let devices = telemetry
+            .devices()
+            .zip(&mut self.totals)
+            .zip(&mut self.last);
+        for ((device, totals), last) in devices {
+            let (position, force) = (device.pose.position, device.wrench.force);
+            if force.norm() > totals.peak_force {
+                totals.peak_force = force.norm();
+                totals.peak_time = time;
+            }
+            let start = last.map_or(position, |(_, _, start)| start);
+            if let Some((before, held, _)) = *last {
+                totals.work += held.dot(&(position - before));
+            }
+            totals.reach = totals.reach.max((position - start).norm());
+            *last = Some((position, force, start));
+        }
+        let limited = telemetry.devices().map(|device| match device.safety {
+            SafetyState::Normal | SafetyState::Recovering => None,
+            SafetyState::Limited => Some("force limited"),
+            SafetyState::DeviceStale => Some("device silent"),
+            SafetyState::NotANumber => Some("force not a number"),
+        });
+        let aged = telemetry.bodies().map(|body| match body.state {
+            HostState::Waiting | HostState::Live => None,
+            HostState::Fading => Some("model too old, force fading"),
+            HostState::Held => Some("model too old, safe hold"),
+        });
+        let names = self.device_names.iter().chain(&self.body_names);
+        for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {
+            if open.map(|(_, what)| what) != now {
+                if let Some((from, what)) = open.take() {
+                    push_span(&mut self.spans, from, time, name, what);
+                }
+                *open = now.map(|what| (time, what));
+            }
+        }
+        if let Some(samples) = &mut self.samples {
+            let devices = telemetry
+                .devices()
+                .map(|d| (d.wrench.force, d.pose.position))
+                .collect();
+            samples.push(Sample { time, devices });
+        }
+    }
+
+    /// Ends what is still open and gives everything back.
+    pub fn finish(mut self) -> Collected {
+        let names = self.device_names.iter().chain(&self.body_names);
+        for (open, name) in self.open.iter().zip(names) {
+            if let Some((from, what)) = *open {
+                push_span(&mut self.spans, from, self.end, name, what);
+            }
+        }
+        Collected {
+            totals: self.totals,
+            spans: self.spans,
+            samples: self.samples.unwrap_or_default(),
+            records: self.ticks,
+        }
+    }
+}
+
+/// More spans than this are no longer read by anyone, and a flickering limit would fill the memory.
+const MAX_SPANS: usize = 1000;
+
+fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, what: &str) {
+    if spans.len() < MAX_SPANS {
+        spans.push(Span {
+            from,
+            to,
+            what: format!("{name}: {what}"),
+        });
+    }
+}
+
+/// What a [`Collector`] gathered.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Collected {
+    /// By device.
+    pub totals: Vec<DeviceTotals>,
+    /// Stretches of time in which something was not as it should be, at most a thousand.
+    pub spans: Vec<Span>,
+    /// Every sample, if they were to be kept.
+    pub samples: Vec<Sample>,
+    /// Records taken.
+    pub records: u64,
+}

@@ -1,0 +1,312 @@
+//! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
+
+pub mod collect;
+mod device;
+mod real_clock;
+mod report;
+pub mod setup;
+pub mod summary;
+pub mod virtual_clock;
+
+pub use device::AnyDevice;
+
+use crate::atomic_file::{AtomicFileError, write_atomically};
+use crate::engine::{Engine, body::SheetBody, pacer::Pacer};
+use crate::log::{LogError, LogHeader, LogWriter};
+use crate::plot;
+use crate::scene::{LoadedScene, SceneError};
+use collect::{Collected, Collector};
+use physics::fem::Sheet;
+use rt_core::{Controller, Telemetry};
+use runner::latency::Latencies;
+use runner::link::{HostEnd, TickCounters};
+use runner::thread::{RunnerConfig, SpawnError, TickPanic};
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::PathBuf;
+use summary::RunSummary;
+
+/// Which clock a run follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Clock {
+    /// Time that the run makes up: exact, repeatable, as fast as the machine goes.
+    Virtual,
+    /// The machine's.
+    Real,
+}
+
+/// What a run is asked for beyond its scene.
+#[derive(Clone, Debug)]
+pub struct RunOptions {
+    /// Which clock.
+    pub clock: Clock,
+    /// Length (s), if not the scene's.
+    pub duration: Option<f64>,
+    /// Seed, if not the scene's.
+    pub seed: Option<u64>,
+    /// Where to log, if anywhere.
+    pub log: Option<PathBuf>,
+    /// Where to plot, if anywhere.
+    pub plot: Option<PathBuf>,
+    /// Where to write the summary as JSON, if anywhere.
+    pub json: Option<PathBuf>,
+    /// How the tick's thread runs, under the real clock.
+    pub runner: RunnerConfig,
+}
+
+impl RunOptions {
+    /// A run of the scene as it is, leaving nothing behind.
+    pub fn new(clock: Clock) -> Self {
+        Self {
+            clock,
+            duration: None,
+            seed: None,
+            log: None,
+            plot: None,
+            json: None,
+            runner: RunnerConfig::default(),
+        }
+    }
+}
+
+/// Why a run could not be done.
+#[derive(Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The log cannot be written.
+    #[error(transparent)]
+    Log(#[from] LogError),
+    /// A file cannot be written.
+    #[error(transparent)]
+    File(#[from] AtomicFileError),
+    /// The tick's thread cannot start.
+    #[error(transparent)]
+    Spawn(#[from] SpawnError),
+    /// The tick's thread panicked.
+    #[error(transparent)]
+    Tick(#[from] TickPanic),
+    /// No thread for the host or the log.
+    #[error("the system gave no thread: {0}")]
+    Thread(std::io::Error),
+}
+
+/// Runs a scene and writes what was asked for. `progress` is given the share done, now and then.
+///
+/// # Errors
+/// [`RunError`].
+pub fn run(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    progress: impl FnMut(f64),
+) -> Result<RunSummary, RunError> {
+    let scene = &loaded.scene;
+    let duration = options.duration.unwrap_or(scene.duration);
+    let seed = options.seed.unwrap_or(scene.seed);
+    let prepared = setup::setup(loaded, duration, seed)?;
+    let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
+    let size = (
+        sheets().map(Sheet::triangle_count).sum(),
+        sheets().map(Sheet::vertex_count).sum(),
+    );
+
+    let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
+    let mut sink = Sink {
+        collector: Collector::new(
+            names(&mut scene.devices.iter().map(|d| &d.name)),
+            names(&mut scene.bodies.iter().map(|b| &b.name)),
+            options.plot.is_some(),
+        ),
+        log: match &options.log {
+            Some(path) => Some(LogWriter::create_file(
+                path,
+                &header(loaded, options.clock, seed),
+            )?),
+            None => None,
+        },
+        flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
+        since_flush: 0,
+    };
+
+    let mut parts = match options.clock {
+        Clock::Virtual => {
+            let done = virtual_clock::run(prepared, |telemetry| sink.take(telemetry), progress)?;
+            sink.finish_log()?;
+            Parts {
+                tick: TickSide {
+                    missed: 0,
+                    longest_miss: 0,
+                    locked_bytes: 0,
+                    ticks: done.tick.ticks,
+                    counters: done.tick.end.counters(),
+                    refused_wrenches: done.tick.refused_wrenches,
+                    latencies: done.tick.latencies,
+                    controller: done.tick.controller,
+                    devices: done.tick.devices,
+                },
+                host: Some((done.engine, done.pacer, done.host)),
+                collected: sink.collector.finish(),
+                degradations: Vec::new(),
+                failures: Vec::new(),
+            }
+        }
+        Clock::Real => real(prepared, options.runner, sink, progress)?,
+    };
+    if let Some((engine, ..)) = &parts.host
+        && let Some(fault) = &engine.stats().first_fault
+    {
+        let count = engine.stats().faults;
+        parts
+            .failures
+            .push(format!("{count} host steps failed; the first: {fault}"));
+    }
+    let summary = report::summarize(loaded, options.clock, seed, size, &parts);
+    if let Some(path) = &options.plot {
+        let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
+        write_atomically(path, svg.as_bytes())?;
+    }
+    if let Some(path) = &options.json {
+        // Only maps with keys that are no strings and failing writers make this fail: there are none.
+        let mut json = serde_json::to_string_pretty(&summary).unwrap_or_default();
+        json.push('\n');
+        write_atomically(path, json.as_bytes())?;
+    }
+    Ok(summary)
+}
+
+/// How much data may be lost when the process is killed (s).
+const FLUSH_PERIOD: f64 = 0.5;
+
+/// Where telemetry goes.
+struct Sink {
+    collector: Collector,
+    log: Option<LogWriter<BufWriter<File>>>,
+    flush_every: u64,
+    since_flush: u64,
+}
+
+impl Sink {
+    fn take(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
+        self.collector.take(telemetry);
+        let Some(log) = &mut self.log else {
+            return Ok(());
+        };
+        log.write(telemetry)?;
+        self.since_flush += 1;
+        if self.since_flush >= self.flush_every {
+            self.since_flush = 0;
+            log.flush()?;
+        }
+        Ok(())
+    }
+
+    fn finish_log(&mut self) -> Result<(), LogError> {
+        self.log
+            .take()
+            .map_or(Ok(()), |log| log.finish().map(|_| ()))
+    }
+}
+
+fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
+    let facts = [
+        ("scene", loaded.scene.name.clone()),
+        ("clock", clock_name(clock).into()),
+        ("scheme", setup::scheme(&loaded.scene).name().into()),
+        ("seed", seed.to_string()),
+        ("version", env!("CARGO_PKG_VERSION").into()),
+        ("instructions", instructions()),
+    ];
+    LogHeader {
+        facts: facts
+            .into_iter()
+            .map(|(k, v)| (k.to_owned(), v))
+            .collect::<BTreeMap<_, _>>(),
+        scene: loaded.source.text.clone(),
+    }
+}
+
+fn clock_name(clock: Clock) -> &'static str {
+    match clock {
+        Clock::Virtual => "virtual",
+        Clock::Real => "real",
+    }
+}
+
+/// The instructions that the linear algebra chooses from at run time: bytes are equal where these are.
+fn instructions() -> String {
+    let mut path = std::env::consts::ARCH.to_owned();
+    #[cfg(target_arch = "x86_64")]
+    for (name, found) in [
+        ("avx2", std::arch::is_x86_feature_detected!("avx2")),
+        ("fma", std::arch::is_x86_feature_detected!("fma")),
+        ("avx512f", std::arch::is_x86_feature_detected!("avx512f")),
+    ] {
+        if found {
+            path.push('+');
+            path.push_str(name);
+        }
+    }
+    path
+}
+
+/// The tick's side of a finished run.
+struct TickSide {
+    ticks: u64,
+    missed: u64,
+    longest_miss: u64,
+    locked_bytes: u64,
+    counters: TickCounters,
+    refused_wrenches: u64,
+    latencies: Latencies,
+    controller: Controller,
+    devices: Vec<AnyDevice>,
+}
+
+/// A finished run, whichever its clock.
+struct Parts {
+    tick: TickSide,
+    host: Option<(Engine, Pacer, HostEnd)>,
+    collected: Collected,
+    degradations: Vec<String>,
+    failures: Vec<String>,
+}
+
+fn real(
+    prepared: setup::Setup,
+    config: RunnerConfig,
+    sink: Sink,
+    progress: impl FnMut(f64),
+) -> Result<Parts, RunError> {
+    let done = real_clock::run(prepared, config, sink, progress)?;
+    let mut failures = done.failures;
+    let collected = done.sink.map_or_else(Collected::default, |mut sink| {
+        if let Err(error) = sink.finish_log() {
+            failures.push(error.to_string());
+        }
+        sink.collector.finish()
+    });
+    let report = done.report;
+    Ok(Parts {
+        tick: TickSide {
+            ticks: report.ticks,
+            missed: report.missed_deadlines,
+            longest_miss: report.longest_miss,
+            locked_bytes: report.locked_bytes as u64,
+            counters: report.link,
+            refused_wrenches: report.refused_wrenches,
+            latencies: report.latencies,
+            controller: report.controller,
+            devices: report.devices,
+        },
+        host: done.host,
+        collected,
+        degradations: report
+            .degradations
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
+        failures,
+    })
+}

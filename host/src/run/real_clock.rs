@@ -1,0 +1,166 @@
+//! A run under the real clock: the tick, the host and the log each on a thread of its own.
+//!
+//! The tick's thread is `runner`'s. The host's steps when a step is due, or at once when it is late; the
+//! log's empties its ring fifty times a second. A host that panics leaves the tick running: its force
+//! fades, and the summary says what happened.
+
+use super::setup::Setup;
+use super::{AnyDevice, RunError, Sink};
+use crate::engine::stats::WallStopwatch;
+use crate::engine::{Engine, pacer::Pacer};
+use crate::log::LogError;
+use runner::link::{HostEnd, LogEnd};
+use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
+use std::any::Any;
+use std::sync::Arc;
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How often the log's ring is emptied.
+const LOG_PERIOD: Duration = Duration::from_millis(20);
+/// How often progress is looked at.
+const WATCH_PERIOD: Duration = Duration::from_millis(50);
+/// Longest that the host sleeps before it looks whether the run is over.
+const HOST_NAP: Duration = Duration::from_millis(20);
+
+/// What a real-clock run leaves: the tick's report, or why there is none, and the host's side, or why
+/// there is none.
+pub(super) struct RealRun {
+    /// The tick's report.
+    pub(super) report: TickReport<AnyDevice>,
+    /// Engine, pacer and the host's end of the link; `None` where the host's thread panicked.
+    pub(super) host: Option<(Engine, Pacer, HostEnd)>,
+    /// Where telemetry went; `None` where the log's thread panicked.
+    pub(super) sink: Option<Sink>,
+    /// What ended a part of the run before its time.
+    pub(super) failures: Vec<String>,
+}
+
+/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, on a thread of its
+/// own; what it fails with is reported and the run goes on without a log.
+///
+/// # Errors
+/// [`RunError`] where the loop cannot start or its thread panicked.
+pub(super) fn run(
+    setup: Setup,
+    config: RunnerConfig,
+    sink: Sink,
+    mut progress: impl FnMut(f64),
+) -> Result<RealRun, RunError> {
+    let Setup {
+        tick,
+        host,
+        log,
+        engine,
+        pacer,
+        timing,
+    } = setup;
+    let stop = Arc::new(Stop::new());
+    let config = RunnerConfig {
+        period_ns: timing.period_ns,
+        ticks: Some(timing.ticks),
+        ..config
+    };
+    let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
+    let thread = spawn(config, controller, devices, end, Arc::clone(&stop))?;
+
+    let over = Arc::new(Stop::new());
+    let host_over = Arc::clone(&over);
+    let host = named("palpate-host", move || {
+        host_loop(host, engine, pacer, &host_over)
+    })?;
+    let log_over = Arc::clone(&over);
+    let log = named("palpate-log", move || log_loop(log, sink, &log_over))?;
+
+    while !thread.is_finished() {
+        progress(thread.ticks() as f64 / timing.ticks as f64);
+        std::thread::sleep(WATCH_PERIOD);
+    }
+    let report = thread.join();
+    over.request();
+    let mut failures = Vec::new();
+    let sink = match log.join() {
+        Ok((sink, result)) => {
+            if let Err(error) = result {
+                failures.push(format!("the log ended early: {error}"));
+            }
+            Some(sink)
+        }
+        Err(panic) => {
+            failures.push(format!("the log's thread panicked: {}", message(&*panic)));
+            None
+        }
+    };
+    let host = host.join().map_err(|panic| {
+        failures.push(format!(
+            "the host's thread panicked, and the tick went on without it: {}",
+            message(&*panic)
+        ));
+    });
+    Ok(RealRun {
+        report: report?,
+        host: host.ok(),
+        sink,
+        failures,
+    })
+}
+
+fn named<T: Send + 'static>(
+    name: &str,
+    body: impl FnOnce() -> T + Send + 'static,
+) -> Result<JoinHandle<T>, RunError> {
+    std::thread::Builder::new()
+        .name(name.into())
+        .spawn(body)
+        .map_err(RunError::Thread)
+}
+
+fn host_loop(
+    mut host: HostEnd,
+    mut engine: Engine,
+    mut pacer: Pacer,
+    over: &Stop,
+) -> (Engine, Pacer, HostEnd) {
+    let watch = WallStopwatch::start();
+    let start = Instant::now();
+    while !over.is_requested() {
+        let due = pacer.due();
+        let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
+        if !early.is_zero() {
+            std::thread::sleep(early.min(HOST_NAP));
+            continue;
+        }
+        host.drain(|record| engine.follow(record));
+        engine.step(due, &watch, |body, model| {
+            // A full ring is counted by the link.
+            let _ = host.publish(body, model);
+        });
+        pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
+    }
+    (engine, pacer, host)
+}
+
+fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> (Sink, Result<(), LogError>) {
+    let mut result = Ok(());
+    loop {
+        // Looked at before draining: what was pushed before the end is still drained after it.
+        let last = over.is_requested();
+        log.drain(|telemetry| {
+            if result.is_ok() {
+                result = sink.take(telemetry);
+            }
+        });
+        if last || result.is_err() {
+            return (sink, result);
+        }
+        std::thread::sleep(LOG_PERIOD);
+    }
+}
+
+fn message(panic: &(dyn Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}

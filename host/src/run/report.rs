@@ -1,0 +1,163 @@
+//! From a finished run to its summary and its plot.
+
+use super::collect::Collected;
+use super::summary::{
+    DeviceSummary, Distribution, DroppedSummary, EventSummary, HostSummary, RunSummary, SCHEMA,
+    TickSummary,
+};
+use super::{Clock, Parts, clock_name, setup};
+use crate::engine::stats::EngineStats;
+use crate::plot::{DeviceSeries, Mark, PlotData};
+use crate::scene::LoadedScene;
+
+/// `size`: triangles and vertices of all bodies.
+pub(super) fn summarize(
+    loaded: &LoadedScene,
+    clock: Clock,
+    seed: u64,
+    size: (usize, usize),
+    parts: &Parts,
+) -> RunSummary {
+    let scene = &loaded.scene;
+    let side = &parts.tick;
+    let couplings: Vec<_> = side.controller.coupling_counters().collect();
+    let measured = |h: &runner::latency::LatencyHistogram| {
+        (clock == Clock::Real).then(|| Distribution::from(h.summary()))
+    };
+    let tick = TickSummary {
+        rate: scene.realtime.rate,
+        count: side.ticks,
+        missed_deadlines: side.missed,
+        longest_miss: side.longest_miss,
+        lateness: measured(&side.latencies.lateness),
+        duration: measured(&side.latencies.tick_time),
+        model_age: side
+            .latencies
+            .model_age
+            .iter()
+            .map(|h| h.summary().into())
+            .collect(),
+        locked_bytes: side.locked_bytes,
+        refused_models: couplings
+            .iter()
+            .map(|c| c.not_finite + c.wrong_handles + c.outdated)
+            .sum(),
+        faded: couplings.iter().map(|c| c.faded).sum(),
+    };
+    let elapsed = (side.ticks + side.missed) as f64 / scene.realtime.rate;
+    let devices = scene
+        .devices
+        .iter()
+        .zip(&side.devices)
+        .zip(&parts.collected.totals);
+    let devices = devices
+        .zip(side.controller.safety_counters())
+        .map(|(((spec, device), totals), safety)| DeviceSummary {
+            name: spec.name.clone(),
+            peak_force: totals.peak_force,
+            peak_time: totals.peak_time,
+            work: totals.work,
+            port_work: device.energy().motor_work,
+            reach: totals.reach,
+            limited_ticks: safety.limited,
+            not_a_number_ticks: safety.not_a_number,
+            missed_reads: safety.missed_reads,
+        })
+        .collect();
+    let events = parts
+        .collected
+        .spans
+        .iter()
+        .map(|span| EventSummary {
+            from: span.from,
+            to: span.to,
+            what: span.what.clone(),
+        })
+        .collect();
+    RunSummary {
+        schema: SCHEMA,
+        scene: scene.name.clone(),
+        clock: clock_name(clock),
+        scheme: setup::scheme(scene).name(),
+        seed,
+        tick,
+        host: host_summary(parts, elapsed, size),
+        devices,
+        dropped: DroppedSummary {
+            tick_records: side.counters.refused_records,
+            telemetry: side.counters.refused_telemetry,
+            models: parts
+                .host
+                .as_ref()
+                .map_or(0, |(_, _, end)| end.refused_models()),
+            superseded_models: side.counters.superseded_models,
+            wrenches: side.refused_wrenches,
+        },
+        events,
+        degradations: parts.degradations.clone(),
+        failures: parts.failures.clone(),
+    }
+}
+
+fn host_summary(parts: &Parts, elapsed: f64, (triangles, vertices): (usize, usize)) -> HostSummary {
+    let fresh = EngineStats::new();
+    let (stats, skipped_steps) = match &parts.host {
+        Some((engine, pacer, _)) => (engine.stats(), pacer.skipped()),
+        None => (&fresh, 0),
+    };
+    let iterations = stats.iterations.summary();
+    HostSummary {
+        steps: stats.steps,
+        skipped_steps,
+        step_rate: stats.steps as f64 / elapsed.max(f64::MIN_POSITIVE),
+        publications: stats.publications,
+        triangles,
+        vertices,
+        assemble: stats.assemble.summary().into(),
+        solve: stats.solve.summary().into(),
+        condense: stats.condense.summary().into(),
+        iterations: [iterations.p50, iterations.p99, iterations.max],
+        unconverged_steps: stats.unconverged,
+        worst_residual: stats.worst_residual,
+        clipped: stats.clipped,
+        worst_clip: stats.worst_clip,
+        faults: stats.faults,
+    }
+}
+
+pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData {
+    let scene = &loaded.scene;
+    let series = scene.devices.iter().enumerate().map(|(index, device)| {
+        let of = |pick: fn(&(rt_core::Vec3, rt_core::Vec3)) -> rt_core::Vec3| {
+            let samples = collected.samples.iter();
+            samples
+                .filter_map(|s| s.devices.get(index).map(|d| pick(d).into()))
+                .collect()
+        };
+        DeviceSeries {
+            name: device.name.clone(),
+            force: of(|d| d.0),
+            position: of(|d| d.1),
+        }
+    });
+    PlotData {
+        title: scene.name.clone(),
+        subtitle: format!(
+            "scheme {}, tick {} Hz, host {} Hz",
+            setup::scheme(scene).name(),
+            scene.realtime.rate,
+            scene.host.step_rate
+        ),
+        time: collected.samples.iter().map(|sample| sample.time).collect(),
+        devices: series.collect(),
+        marks: collected
+            .spans
+            .iter()
+            .map(|span| Mark {
+                from: span.from,
+                to: span.to,
+                label: span.what.clone(),
+            })
+            .collect(),
+    }
+}

@@ -1,0 +1,231 @@
+//! From a scene to everything that a run needs, before anything runs.
+
+use super::AnyDevice;
+use crate::engine::pacer::Pacer;
+use crate::engine::{Engine, build};
+use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
+use crate::scene::{LoadedScene, SceneError};
+use rt_core::controller::DeviceConfig;
+use rt_core::coupling::CouplingConfig;
+use rt_core::proxy::Proxy;
+use rt_core::safety::SafetyConfig;
+use rt_core::{Controller, ControllerConfig, Device, Scheme, Vec3};
+use runner::link::{HostEnd, LinkConfig, LogEnd, link};
+use runner::tick_loop::TickLoop;
+use sim::trajectory::Sine;
+use sim::{Arm, Hand, SimDevice, Trajectory, Tremor, Wired, models};
+
+/// Time over which a hand's sinusoids fade in (s).
+const FADE_IN: f64 = 0.5;
+/// Ticks in a row that a device may stay silent before its force is taken away.
+const PATIENCE: u32 = 10;
+
+/// Times of a run, in integer nanoseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// The tick's period.
+    pub period_ns: u64,
+    /// Ticks in the run.
+    pub ticks: u64,
+    /// From reading the hands to the model's arrival, under virtual time.
+    pub latency_ns: u64,
+}
+
+/// Everything that a run needs.
+pub struct Setup {
+    /// The tick with its devices.
+    pub tick: TickLoop<AnyDevice>,
+    /// The host's end of the link.
+    pub host: HostEnd,
+    /// The log's end.
+    pub log: LogEnd,
+    /// The physics.
+    pub engine: Engine,
+    /// When it steps.
+    pub pacer: Pacer,
+    /// Times.
+    pub timing: Timing,
+}
+
+/// What is left of a [`Setup`] after its run.
+pub struct Running {
+    /// The tick with its devices.
+    pub tick: TickLoop<AnyDevice>,
+    /// The host's end of the link.
+    pub host: HostEnd,
+    /// The log's end.
+    pub log: LogEnd,
+    /// The physics.
+    pub engine: Engine,
+    /// When it stepped.
+    pub pacer: Pacer,
+}
+
+/// Builds everything for a run of `duration` (s) with `seed`.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that cannot be built.
+pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
+    let scene = &loaded.scene;
+    let bodies = build::bodies(loaded)?;
+    let period = 1.0 / scene.realtime.rate;
+
+    let mut config = ControllerConfig::default();
+    let mut devices = Vec::new();
+    for index in 0..scene.devices.len() {
+        let origin = handle_origin(loaded, index)?;
+        let device = device(loaded, index, period, seed)?;
+        let proxy = Proxy {
+            motion_scale: scene.devices[index].motion_scale,
+            ..Proxy::at(origin)
+        };
+        let safety = safety(&scene.devices[index], &device, scene, period);
+        // The scene's consistency was checked: there are no more devices than the loop serves.
+        let _ = config.devices.push(DeviceConfig { proxy, safety });
+        devices.push(device);
+    }
+    for _ in &scene.bodies {
+        let _ = config.bodies.push(coupling(scene, period));
+    }
+
+    let (end, host, log) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
+    Ok(Setup {
+        tick: TickLoop::new(Controller::new(&config), devices, end),
+        host,
+        log,
+        engine: Engine::new(bodies),
+        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
+        timing: Timing {
+            period_ns: (1e9 * period).round() as u64,
+            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
+            latency_ns: (scene.host.latency * 1e9).round() as u64,
+        },
+    })
+}
+
+/// The force scheme that a scene names.
+pub fn scheme(scene: &Scene) -> Scheme {
+    match scene.realtime.scheme {
+        SchemeName::Hold => Scheme::Hold,
+        SchemeName::Thesis => Scheme::Thesis {
+            stiffness: scene.realtime.thesis_stiffness,
+            damping: scene.realtime.thesis_damping,
+        },
+        SchemeName::Linear => Scheme::Linear,
+    }
+}
+
+fn coupling(scene: &Scene, period: f64) -> CouplingConfig {
+    CouplingConfig {
+        scheme: scheme(scene),
+        period,
+        blend: scene.realtime.blend,
+        age_limit: scene.realtime.age_limit,
+        decay: scene.realtime.decay,
+        recovery: scene.realtime.recovery,
+        hold_damping: scene.realtime.hold_damping,
+    }
+}
+
+fn safety(spec: &spec::Device, device: &AnyDevice, scene: &Scene, period: f64) -> SafetyConfig {
+    let capabilities = device.capabilities();
+    SafetyConfig {
+        max_force: spec
+            .max_force
+            .unwrap_or(f64::INFINITY)
+            .min(capabilities.max_force),
+        max_moment: capabilities.max_moment,
+        patience: PATIENCE,
+        recovery: scene.realtime.recovery,
+        period,
+    }
+}
+
+/// The device's origin lies where its handle is at rest; a device that holds none stays at the world's.
+fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Vec3, SceneError> {
+    let name = &loaded.scene.devices[device].name;
+    for (body, spec) in loaded.scene.bodies.iter().enumerate() {
+        if let Some(handle) = spec
+            .handles
+            .iter()
+            .position(|handle| handle.device == *name)
+        {
+            return Ok(build::handle_origins(loaded, body)?[handle]);
+        }
+    }
+    Ok(Vec3::zeros())
+}
+
+fn device(
+    loaded: &LoadedScene,
+    index: usize,
+    period: f64,
+    seed: u64,
+) -> Result<AnyDevice, SceneError> {
+    let spec = &loaded.scene.devices[index];
+    let field = format!("device[{index}]");
+    let refuse =
+        |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
+    let model = match spec.model {
+        DeviceName::Falcon => models::FALCON,
+        DeviceName::Touch => models::TOUCH,
+        DeviceName::PhantomPremium => models::PHANTOM_PREMIUM,
+        DeviceName::Omega3 => models::OMEGA3,
+    };
+    let arm = Arm {
+        mass: spec.hand.mass,
+        damping: spec.hand.damping,
+        stiffness: spec.hand.stiffness,
+    };
+    let mut hand = Hand::new(trajectory(loaded, index)?).with_arm(arm);
+    if spec.hand.tremor > 0.0 {
+        // Each hand trembles on its own: the seed's numbers are told apart by the device's.
+        let own = seed.wrapping_mul(4).wrapping_add(index as u64);
+        hand = hand.with_tremor(Tremor::new(spec.hand.tremor, own).map_err(|e| refuse(&e))?);
+    }
+    let device = SimDevice::new(model, Some(hand), period).map_err(|e| refuse(&e))?;
+    Ok(if spec.wire {
+        AnyDevice::Wired(Box::new(Wired::new(device)))
+    } else {
+        AnyDevice::Bare(Box::new(device))
+    })
+}
+
+fn trajectory(loaded: &LoadedScene, index: usize) -> Result<Trajectory, SceneError> {
+    let hand = &loaded.scene.devices[index].hand;
+    let mut parts = Vec::new();
+    let refuse = |part: &str, e: &dyn std::fmt::Display| {
+        let field = format!("device[{index}].hand.{part}");
+        loaded
+            .source
+            .error(&field, e.to_string(), "a trajectory that a hand can follow")
+    };
+    if !hand.waypoints.is_empty() {
+        let points: Vec<_> = hand
+            .waypoints
+            .iter()
+            .map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)))
+            .collect();
+        parts.push(Trajectory::new_waypoints(&points).map_err(|e| refuse("waypoints", &e))?);
+    }
+    if !hand.sines.is_empty() {
+        let sines: Vec<_> = hand
+            .sines
+            .iter()
+            .map(|s| Sine {
+                amplitude: Vec3::from(s.amplitude),
+                frequency: s.frequency,
+                phase: s.phase,
+            })
+            .collect();
+        parts.push(Trajectory::new_sines(&sines, FADE_IN).map_err(|e| refuse("sines", &e))?);
+    }
+    if let Some(Some(samples)) = loaded.recordings.get(index) {
+        let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
+        parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
+    }
+    Ok(Trajectory::new_sum(parts))
+}

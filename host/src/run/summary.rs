@@ -1,0 +1,327 @@
+//! What a run ends with, for people and (as JSON) for programs.
+
+use serde::Serialize;
+use std::fmt;
+
+/// Version of the JSON that `--json` writes. A field that changes its meaning changes this.
+pub const SCHEMA: &str = "palpate.run/1";
+
+/// A distribution of times.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Distribution {
+    /// Values counted.
+    pub count: u64,
+    /// Smallest.
+    pub min: f64,
+    /// Half of the values lie at or below it.
+    pub p50: f64,
+    /// 99 % do.
+    pub p99: f64,
+    /// 99.9 % do.
+    pub p99_9: f64,
+    /// Largest.
+    pub max: f64,
+    /// Values beyond the histogram's bound.
+    pub overflow: u64,
+}
+
+impl From<runner::latency::Summary> for Distribution {
+    /// From nanoseconds to seconds.
+    fn from(s: runner::latency::Summary) -> Self {
+        let seconds = |ns: u64| ns as f64 * 1e-9;
+        Self {
+            count: s.count,
+            min: seconds(s.min),
+            p50: seconds(s.p50),
+            p99: seconds(s.p99),
+            p99_9: seconds(s.p99_9),
+            max: seconds(s.max),
+            overflow: s.overflow,
+        }
+    }
+}
+
+/// Everything that a run has to say. Times in seconds.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunSummary {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Name of the scene.
+    pub scene: String,
+    /// `virtual` or `real`.
+    pub clock: &'static str,
+    /// The force scheme.
+    pub scheme: &'static str,
+    /// The seed.
+    pub seed: u64,
+    /// The realtime loop.
+    pub tick: TickSummary,
+    /// The host.
+    pub host: HostSummary,
+    /// By device.
+    pub devices: Vec<DeviceSummary>,
+    /// Messages that did not arrive.
+    pub dropped: DroppedSummary,
+    /// Stretches of time in which something was not as it should be.
+    pub events: Vec<EventSummary>,
+    /// What the system did not grant, and what that costs.
+    pub degradations: Vec<String>,
+    /// What ended a part of the run before its time.
+    pub failures: Vec<String>,
+}
+
+/// The realtime loop.
+#[derive(Clone, Debug, Serialize)]
+pub struct TickSummary {
+    /// Ticks a second (Hz).
+    pub rate: f64,
+    /// Ticks done.
+    pub count: u64,
+    /// Deadlines missed, skipped and survived.
+    pub missed_deadlines: u64,
+    /// Most deadlines missed in a row.
+    pub longest_miss: u64,
+    /// How late it woke; nothing under the virtual clock.
+    pub lateness: Option<Distribution>,
+    /// How long a tick took; nothing under the virtual clock.
+    pub duration: Option<Distribution>,
+    /// Age of the local model in use, by body.
+    pub model_age: Vec<Distribution>,
+    /// Memory locked (bytes).
+    pub locked_bytes: u64,
+    /// Models that were refused: not finite, wrong handles, outdated.
+    pub refused_models: u64,
+    /// Times that the newest model grew too old.
+    pub faded: u64,
+}
+
+/// The host.
+#[derive(Clone, Debug, Serialize)]
+pub struct HostSummary {
+    /// Steps done.
+    pub steps: u64,
+    /// Steps left out because the host was late.
+    pub skipped_steps: u64,
+    /// Steps a second over the run (Hz), on the run's own clock.
+    pub step_rate: f64,
+    /// Local models published.
+    pub publications: u64,
+    /// Triangles and vertices over all bodies.
+    pub triangles: usize,
+    /// See `triangles`.
+    pub vertices: usize,
+    /// Computing time of the stages, as measured; it does not enter the state.
+    pub assemble: Distribution,
+    /// See `assemble`.
+    pub solve: Distribution,
+    /// See `assemble`; a publication.
+    pub condense: Distribution,
+    /// Solver iterations: median, 99th percentile, most.
+    pub iterations: [u64; 3],
+    /// Steps that stopped at the iteration limit.
+    pub unconverged_steps: u64,
+    /// Largest relative residual of any step.
+    pub worst_residual: f64,
+    /// Publications with a clipped eigenvalue, and the worst, relative to the matrix's largest.
+    pub clipped: u64,
+    /// See `clipped`.
+    pub worst_clip: f64,
+    /// Steps or publications that failed.
+    pub faults: u64,
+}
+
+/// One device.
+#[derive(Clone, Debug, Serialize)]
+pub struct DeviceSummary {
+    /// Name in the scene.
+    pub name: String,
+    /// Largest force on the hand (N), and when (s).
+    pub peak_force: f64,
+    /// See `peak_force`.
+    pub peak_time: f64,
+    /// Work done on the hand (J), from telemetry: held force times motion.
+    pub work: f64,
+    /// The same at the motor port of a simulated device, integrated between ticks (J).
+    pub port_work: f64,
+    /// Largest distance from its start (m).
+    pub reach: f64,
+    /// Ticks with the force limited.
+    pub limited_ticks: u64,
+    /// Ticks with a force that was not a number.
+    pub not_a_number_ticks: u64,
+    /// Ticks without a good state.
+    pub missed_reads: u64,
+}
+
+/// Messages that did not arrive.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct DroppedSummary {
+    /// Tick records that found the host's ring full.
+    pub tick_records: u64,
+    /// Telemetry that found the log's ring full.
+    pub telemetry: u64,
+    /// Models that found the tick's ring full.
+    pub models: u64,
+    /// Models that arrived together with a newer one and were passed over.
+    pub superseded_models: u64,
+    /// Wrenches that a device did not take.
+    pub wrenches: u64,
+}
+
+/// One event.
+#[derive(Clone, Debug, Serialize)]
+pub struct EventSummary {
+    /// Start (s).
+    pub from: f64,
+    /// End (s).
+    pub to: f64,
+    /// What it was.
+    pub what: String,
+}
+
+impl fmt::Display for RunSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let t = &self.tick;
+        writeln!(
+            f,
+            "{}: {} clock, scheme {}, seed {}",
+            self.scene, self.clock, self.scheme, self.seed
+        )?;
+        writeln!(
+            f,
+            "  ticks      {} at {} Hz, {} missed deadlines (longest run {})",
+            t.count, t.rate, t.missed_deadlines, t.longest_miss
+        )?;
+        if let Some(lateness) = &t.lateness {
+            writeln!(f, "  woke late  {}", Times(lateness))?;
+        }
+        if let Some(duration) = &t.duration {
+            writeln!(f, "  tick took  {}", Times(duration))?;
+        }
+        for age in &t.model_age {
+            writeln!(f, "  model age  {}", Times(age))?;
+        }
+        let h = &self.host;
+        writeln!(
+            f,
+            "  host       {} steps ({:.0} Hz), {} skipped, {} models published; {} triangles",
+            h.steps, h.step_rate, h.skipped_steps, h.publications, h.triangles
+        )?;
+        writeln!(
+            f,
+            "  stages     assemble {}, solve {} ({} iterations, at most {}), condense {} (medians)",
+            Time(h.assemble.p50),
+            Time(h.solve.p50),
+            h.iterations[0],
+            h.iterations[2],
+            Time(h.condense.p50)
+        )?;
+        if h.unconverged_steps > 0 {
+            writeln!(
+                f,
+                "  !          {} steps stopped at the iteration limit, residual up to {:.1e}",
+                h.unconverged_steps, h.worst_residual
+            )?;
+        }
+        if h.clipped > 0 {
+            writeln!(
+                f,
+                "  !          {} publications were clipped to semidefinite, by up to {:.1e} of the largest eigenvalue",
+                h.clipped, h.worst_clip
+            )?;
+        }
+        for d in &self.devices {
+            write!(
+                f,
+                "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ, reach {:.1} mm",
+                d.name,
+                d.peak_force,
+                d.peak_time,
+                d.work * 1e3,
+                d.reach * 1e3
+            )?;
+            if d.limited_ticks > 0 {
+                write!(f, ", limited in {} ticks", d.limited_ticks)?;
+            }
+            if d.missed_reads > 0 {
+                write!(f, ", {} reads missed", d.missed_reads)?;
+            }
+            if d.not_a_number_ticks > 0 {
+                write!(f, ", not a number in {} ticks", d.not_a_number_ticks)?;
+            }
+            writeln!(f)?;
+        }
+        let d = &self.dropped;
+        writeln!(
+            f,
+            "  dropped    {} tick records, {} telemetry, {} models, {} wrenches; {} models superseded, {} refused",
+            d.tick_records,
+            d.telemetry,
+            d.models,
+            d.wrenches,
+            d.superseded_models,
+            t.refused_models
+        )?;
+        const SHOWN: usize = 8;
+        for event in self.events.iter().take(SHOWN) {
+            writeln!(
+                f,
+                "  event      {:.3} to {:.3} s: {}",
+                event.from, event.to, event.what
+            )?;
+        }
+        if self.events.len() > SHOWN {
+            writeln!(
+                f,
+                "  event      and {} more (see --json)",
+                self.events.len() - SHOWN
+            )?;
+        }
+        for what in &self.degradations {
+            writeln!(f, "  note       {what}")?;
+        }
+        for what in &self.failures {
+            writeln!(f, "  FAILED     {what}")?;
+        }
+        Ok(())
+    }
+}
+
+/// A time with a readable unit.
+struct Time(f64);
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let s = self.0;
+        if s < 1e-6 {
+            write!(f, "{:.0} ns", s * 1e9)
+        } else if s < 1e-3 {
+            write!(f, "{:.1} us", s * 1e6)
+        } else if s < 1.0 {
+            write!(f, "{:.2} ms", s * 1e3)
+        } else {
+            write!(f, "{s:.2} s")
+        }
+    }
+}
+
+/// A distribution in one line.
+struct Times<'a>(&'a Distribution);
+
+impl fmt::Display for Times<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let d = self.0;
+        write!(
+            f,
+            "median {}, 99 % {}, 99.9 % {}, most {}",
+            Time(d.p50),
+            Time(d.p99),
+            Time(d.p99_9),
+            Time(d.max)
+        )?;
+        if d.overflow > 0 {
+            write!(f, " ({} beyond the histogram)", d.overflow)?;
+        }
+        Ok(())
+    }
+}

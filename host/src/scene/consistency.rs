@@ -1,0 +1,218 @@
+//! What no single field can tell: whether the parts of a scene fit together.
+
+use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, Scene};
+use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
+
+/// Most cells of a generated sheet, in all.
+const MOST_CELLS: u64 = 1_000_000;
+/// Longest name, in characters.
+const LONGEST_NAME: usize = 64;
+/// How far a ratio of rates may be from a whole number.
+const WHOLE: f64 = 1e-9;
+
+/// A field at odds with the rest of its scene.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Conflict {
+    pub(super) field: String,
+    pub(super) found: String,
+    pub(super) allowed: String,
+}
+
+type Check = Result<(), Conflict>;
+
+/// Fails with a conflict at `field` unless `holds`.
+fn require(
+    holds: bool,
+    field: &str,
+    found: impl Into<String>,
+    allowed: impl Into<String>,
+) -> Check {
+    if holds {
+        return Ok(());
+    }
+    Err(Conflict {
+        field: field.to_owned(),
+        found: found.into(),
+        allowed: allowed.into(),
+    })
+}
+
+/// Checks a scene; stops at the first conflict.
+pub(super) fn check(scene: &Scene) -> Check {
+    name("name", &scene.name)?;
+    rates(&scene.realtime, &scene.host)?;
+    count("body", scene.bodies.len(), MAX_BODIES)?;
+    count("device", scene.devices.len(), MAX_DEVICES)?;
+    names("body", scene.bodies.iter().map(|body| &body.name))?;
+    names("device", scene.devices.iter().map(|device| &device.name))?;
+    for (index, body) in scene.bodies.iter().enumerate() {
+        check_body(&format!("body[{index}]"), body)?;
+    }
+    check_holding(scene)?;
+    for (index, device) in scene.devices.iter().enumerate() {
+        check_hand(&format!("device[{index}].hand"), &device.hand)?;
+    }
+    Ok(())
+}
+
+fn rates(realtime: &Realtime, host: &Host) -> Check {
+    let (step, publish) = (host.step_rate, host.publish_rate);
+    require(
+        step <= realtime.rate,
+        "host.step_rate",
+        format!("{step:?}"),
+        format!("at most loop.rate, {:?}", realtime.rate),
+    )?;
+    let ratio = step / publish;
+    require(
+        ratio >= 1.0 - WHOLE && (ratio - ratio.round()).abs() <= WHOLE * ratio,
+        "host.publish_rate",
+        format!("{publish:?}"),
+        format!("host.step_rate, {step:?}, divided by a whole number"),
+    )
+}
+
+fn count(field: &str, found: usize, most: usize) -> Check {
+    require(
+        (1..=most).contains(&found),
+        field,
+        found.to_string(),
+        format!("1 to {most} of them"),
+    )
+}
+
+fn name(field: &str, name: &str) -> Check {
+    let fits = !name.trim().is_empty()
+        && name.chars().count() <= LONGEST_NAME
+        && !name.chars().any(char::is_control);
+    require(
+        fits,
+        field,
+        format!("{name:?}"),
+        format!("a name of 1 to {LONGEST_NAME} characters"),
+    )
+}
+
+/// Names of a list's members: each fit to print, no two alike.
+fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
+    let mut seen: Vec<&str> = Vec::new();
+    for (index, member) in members.enumerate() {
+        let field = format!("{list}[{index}].name");
+        name(&field, member)?;
+        let first = seen
+            .iter()
+            .position(|other| other == member)
+            .unwrap_or(index);
+        let allowed = format!("another name than that of {list}[{first}]");
+        require(first == index, &field, format!("{member:?}"), allowed)?;
+        seen.push(member);
+    }
+    Ok(())
+}
+
+fn check_body(at: &str, body: &Body) -> Check {
+    match &body.mesh {
+        MeshSource::Sheet { cells, .. } => {
+            let total = cells.iter().map(|&n| u64::from(n)).product::<u64>();
+            let found = format!("{} x {} = {total}", cells[0], cells[1]);
+            let allowed = format!("up to {MOST_CELLS} cells in all");
+            require(
+                total <= MOST_CELLS,
+                &format!("{at}.mesh.sheet.cells"),
+                found,
+                allowed,
+            )?;
+        }
+        MeshSource::File(file) => file_name(&format!("{at}.mesh.file"), file)?,
+    }
+    for (index, region) in body.regions.iter().enumerate() {
+        check_where(
+            &format!("{at}.region[{index}]"),
+            region.group.as_ref(),
+            region.in_box,
+        )?;
+    }
+    count(&format!("{at}.handle"), body.handles.len(), MAX_HANDLES)?;
+    names(
+        &format!("{at}.handle"),
+        body.handles.iter().map(|handle| &handle.name),
+    )?;
+    for (index, handle) in body.handles.iter().enumerate() {
+        check_where(
+            &format!("{at}.handle[{index}]"),
+            handle.group.as_ref(),
+            handle.in_box,
+        )?;
+    }
+    Ok(())
+}
+
+/// A part of a mesh: by group or by box.
+fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
+    let allowed = "exactly one of them";
+    match (group, in_box) {
+        (None, None) => require(false, at, "neither `group` nor `box`", allowed),
+        (Some(_), Some(_)) => require(false, at, "both `group` and `box`", allowed),
+        (Some(group), None) => name(&format!("{at}.group"), group),
+        (None, Some([low, high])) => {
+            for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
+                let found = format!("{axis} from {low:?} to {high:?}");
+                let allowed = "the lowest corner first, then the highest";
+                require(low <= high, &format!("{at}.box"), found, allowed)?;
+            }
+            Ok(())
+        }
+    }
+}
+
+fn file_name(field: &str, file: &str) -> Check {
+    let fits = !file.trim().is_empty() && !file.chars().any(char::is_control);
+    require(fits, field, format!("{file:?}"), "the name of a file")
+}
+
+/// Which device holds which handle.
+fn check_holding(scene: &Scene) -> Check {
+    let mut taken: Vec<(&str, String)> = Vec::new();
+    for (index, body) in scene.bodies.iter().enumerate() {
+        for (number, handle) in body.handles.iter().enumerate() {
+            let at = format!("body[{index}].handle[{number}]");
+            let field = format!("{at}.device");
+            let found = format!("{:?}", handle.device);
+            let exists = scene
+                .devices
+                .iter()
+                .any(|device| device.name == handle.device);
+            require(exists, &field, found.as_str(), device_names(&scene.devices))?;
+            if let Some((_, other)) = taken.iter().find(|(device, _)| *device == handle.device) {
+                let allowed = format!("a device that holds nothing else; this one holds {other}");
+                require(false, &field, found, allowed)?;
+            }
+            taken.push((&handle.device, at));
+        }
+    }
+    Ok(())
+}
+
+fn device_names(devices: &[Device]) -> String {
+    let names: Vec<_> = devices
+        .iter()
+        .map(|device| format!("{:?}", device.name))
+        .collect();
+    names.join(", ")
+}
+
+fn check_hand(at: &str, hand: &Hand) -> Check {
+    let mut last = None;
+    for (index, row) in hand.waypoints.iter().enumerate() {
+        let (field, time) = (format!("{at}.waypoints[{index}]"), row[0]);
+        let found = format!("time {time:?}");
+        match last {
+            None => require(time >= 0.0, &field, found, "a time not below 0")?,
+            Some(last) => require(time > last, &field, found, format!("a time after {last:?}"))?,
+        }
+        last = Some(time);
+    }
+    hand.recording
+        .iter()
+        .try_for_each(|file| file_name(&format!("{at}.recording"), file))
+}

@@ -1,0 +1,106 @@
+//! Recorded motions of a hand, as CSV: a header `time,x,y,z`, then one row a sample (s, m from the start).
+//!
+//! Lines that begin with `#` and empty lines are passed over. Numbers need no quotes, so a line is simply
+//! split at its commas; crate `csv` loses count of lines where there are comments.
+
+use super::error::{Place, SceneError};
+use super::source::quoted;
+
+/// Names of the columns, in this order.
+const COLUMNS: [&str; 4] = ["time", "x", "y", "z"];
+
+/// Longest recording (s), as in `sim`.
+const LONGEST: f64 = 3600.0;
+
+/// Time (s) and position (m).
+pub type Sample = (f64, [f64; 3]);
+
+/// Reads a recording: rows of time (s) and position (m), with times that increase.
+///
+/// The first time may be any.
+///
+/// `name` is what messages call the file. No more is kept than the text has lines.
+///
+/// # Errors
+///
+/// Says which line and column is wrong, what was found there and what is allowed.
+pub fn parse(text: &str, name: &str) -> Result<Vec<Sample>, SceneError> {
+    let mut samples = Vec::new();
+    let mut has_header = false;
+    for (index, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+        if line.trim().is_empty() || line.trim_start().starts_with('#') {
+            continue;
+        }
+        let at = Location {
+            name,
+            line: index + 1,
+        };
+        if has_header {
+            samples.push(at.sample(line, samples.last())?);
+        } else {
+            at.header(line)?;
+            has_header = true;
+        }
+    }
+    let last = Location {
+        name,
+        line: text.lines().count().max(1),
+    };
+    let found = format!("{} rows", samples.len());
+    let [first, .., end] = &samples[..] else {
+        return Err(last.wrong("", &found, "the header time,x,y,z and at least two rows"));
+    };
+    let lasts = end.0 - first.0;
+    if lasts > LONGEST {
+        let allowed = format!("a recording of at most {LONGEST:?} s");
+        return Err(last.wrong("time", &format!("one of {lasts:?} s"), allowed));
+    }
+    Ok(samples)
+}
+
+/// A line of a recording.
+#[derive(Clone, Copy)]
+struct Location<'a> {
+    name: &'a str,
+    line: usize,
+}
+
+impl Location<'_> {
+    fn wrong(self, column: &str, found: &str, allowed: impl Into<String>) -> SceneError {
+        let place = Place {
+            file: self.name.to_owned(),
+            line: self.line,
+            field: column.to_owned(),
+        };
+        SceneError::Value {
+            place,
+            found: quoted(found),
+            allowed: allowed.into(),
+        }
+    }
+
+    fn header(self, line: &str) -> Result<(), SceneError> {
+        if line.split(',').map(str::trim).eq(COLUMNS) {
+            return Ok(());
+        }
+        Err(self.wrong("", line, "the header time,x,y,z"))
+    }
+
+    fn sample(self, line: &str, last: Option<&Sample>) -> Result<Sample, SceneError> {
+        let columns = line.split(',').count();
+        if columns != COLUMNS.len() {
+            return Err(self.wrong("", &format!("{columns} columns"), "4 columns: time,x,y,z"));
+        }
+        let mut row = [0.0; COLUMNS.len()];
+        for ((value, text), column) in row.iter_mut().zip(line.split(',')).zip(COLUMNS) {
+            let number = text.trim().parse().ok().filter(|v: &f64| v.is_finite());
+            *value = number.ok_or_else(|| self.wrong(column, text, "a finite number"))?;
+        }
+        let [time, x, y, z] = row;
+        if let Some((last, _)) = last.filter(|(last, _)| time <= *last) {
+            let allowed = format!("a time after {last:?}");
+            return Err(self.wrong("time", &format!("{time:?}"), allowed));
+        }
+        Ok((time, [x, y, z]))
+    }
+}

@@ -1,0 +1,3 @@
+//! Experiments whose figures the book quotes. Each can be run again with `palpate bench`.
+
+pub mod extrapolation;

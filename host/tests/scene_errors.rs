@@ -1,0 +1,404 @@
+//! Wrong scenes: the exact line that a person reads, for each kind of mistake.
+
+use host::scene::Scene;
+
+/// A small scene that is right; each case changes one piece of it.
+const BASE: &str = r#"name = "base"
+duration = 1.0
+gravity = [0, 0, -9.81]
+
+[loop]
+rate = 1000
+
+[host]
+step_rate = 250.0
+publish_rate = 125.0
+
+[[body]]
+name = "sheet"
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+
+[body.material]
+young = 1e6
+poisson = 0.3
+thickness = 0.001
+density = 1000
+
+[[body.region]]
+box = [[0, 0, 0], [1, 1, 1]]
+young = 2e6
+
+[[body.handle]]
+name = "a"
+group = "left"
+device = "left"
+
+[[body.handle]]
+name = "b"
+group = "right"
+device = "right"
+
+[[device]]
+name = "left"
+model = "falcon"
+hand = {}
+
+[[device]]
+name = "right"
+model = "touch"
+
+[device.hand]
+waypoints = [
+    [0.5, 0, 0, 0],
+    [1.5, 0.01, 0, 0],
+]
+sines = [{ amplitude = [0.001, 0, 0], frequency = 2 }]
+"#;
+
+fn error(text: &str) -> String {
+    match Scene::parse(text, "x.toml") {
+        Ok(_) => "no error".to_owned(),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// Cases of three lines: a piece of the base, what stands there instead, the error that follows. `¶` is
+/// the end of a line of the scene.
+fn check(cases: &str) {
+    let lines: Vec<String> = cases
+        .trim()
+        .lines()
+        .map(|line| line.replace('¶', "\n"))
+        .collect();
+    let mut wrong = Vec::new();
+    for case in lines.chunks(3) {
+        let [piece, instead, expected] = case else {
+            panic!("{case:?} is no case");
+        };
+        let instead = instead.trim_start_matches("  ->").trim_start_matches(' ');
+        let expected = expected.trim();
+        let places = BASE.matches(piece).count();
+        assert_eq!(places, 1, "{piece:?} is not one place of the base");
+        let found = error(&BASE.replace(piece, instead));
+        if found != expected {
+            wrong.push(format!(
+                "{piece:?} -> {instead:?}\n  is  {found}\n  not {expected}"
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn depth_is_bounded() {
+    let found = error(&format!("{}a = {}", BASE, "[".repeat(100_000)));
+    assert!(found.starts_with("x.toml:51: not valid TOML: "), "{found}");
+}
+
+#[test]
+fn the_base_is_right() {
+    assert_eq!(error(BASE), "no error");
+}
+
+#[test]
+fn values_out_of_range() {
+    check(
+        r"
+young = 1e6
+  -> young = -5
+  x.toml:17: body[0].material.young: found -5, allowed: a number above 0
+young = 2e6
+  -> young = 0
+  x.toml:24: body[0].region[0].young: found 0, allowed: a number above 0
+young = 1e6
+  -> young = inf
+  x.toml:17: body[0].material.young: found inf, allowed: a number above 0
+poisson = 0.3
+  -> poisson = 0.5
+  x.toml:18: body[0].material.poisson: found 0.5, allowed: a number above -1 and below 0.5
+duration = 1.0
+  -> duration = nan
+  x.toml:2: duration: found nan, allowed: a number above 0 and up to 86400 (s)
+duration = 1.0
+  -> duration = 1e9
+  x.toml:2: duration: found 1e9, allowed: a number above 0 and up to 86400 (s)
+-9.81]
+  -> -inf]
+  x.toml:3: gravity[2]: found -inf, allowed: a finite number
+rate = 1000
+  -> rate = 20e3
+  x.toml:6: loop.rate: found 20e3, allowed: a number from 100 to 10000 (Hz)
+step_rate = 250.0
+  -> step_rate = 0
+  x.toml:9: host.step_rate: found 0, allowed: a number from 0.1 to 1000 (Hz)
+[host]
+  -> [host]¶latency = 2
+  x.toml:9: host.latency: found 2, allowed: a number from 0 to 1 (s)
+[host]
+  -> [host]¶max_iterations = 0
+  x.toml:9: host.max_iterations: found 0, allowed: a whole number from 1 to 100000
+[host]
+  -> [host]¶tolerance = 1.0
+  x.toml:9: host.tolerance: found 1.0, allowed: a number between 0 and 1
+[loop]
+  -> [loop]¶blend = 1.5
+  x.toml:6: loop.blend: found 1.5, allowed: a number from 0 to 1
+[loop]
+  -> [loop]¶hold_damping = -1
+  x.toml:6: loop.hold_damping: found -1, allowed: a number not below 0
+cells = [4, 2]
+  -> cells = [4, -2]
+  x.toml:14: body[0].mesh.sheet.cells[1]: found -2, allowed: a whole number from 1 to 10000
+hand = {}
+  -> max_force = 0¶hand = {}
+  x.toml:39: device[0].max_force: found 0, allowed: a number above 0
+frequency = 2
+  -> frequency = 8
+  x.toml:50: device[1].hand.sines[0].frequency: found 8, allowed: a number above 0 and up to 5 (Hz)
+frequency = 2
+  -> frequency = 2, phase = nan
+  x.toml:50: device[1].hand.sines[0].phase: found nan, allowed: a finite number
+[1.5, 0.01, 0, 0]
+  -> [1.5, nan, 0, 0]
+  x.toml:48: device[1].hand.waypoints[1][1]: found nan, allowed: a finite number
+[1, 1, 1]]
+  -> [1, inf, 1]]
+  x.toml:23: body[0].region[0].box[1][1]: found inf, allowed: a finite number
+hand = {}
+  -> hand.mass = 1e999
+  x.toml:39: device[0].hand.mass: found 1e999, allowed: a number that is not so large
+hand = {}
+  -> hand.mass = -99999999999999999999
+  x.toml:39: device[0].hand.mass: found -99999999999999999999, allowed: a number above 0
+",
+    );
+}
+
+#[test]
+fn wrong_types() {
+    check(
+        r#"
+young = 1e6
+  -> young = "soft"
+  x.toml:17: body[0].material.young: found "soft", allowed: a number above 0
+young = 1e6
+  -> young = "a, expected b"
+  x.toml:17: body[0].material.young: found "a, expected b", allowed: a number above 0
+young = 1e6
+  -> young = { a = 1 }
+  x.toml:17: body[0].material.young: found { a = 1 }, allowed: a number above 0
+name = "base"
+  -> name = 3
+  x.toml:1: name: found 3, allowed: a string
+duration = 1.0
+  -> duration = 1¶seed = -1
+  x.toml:3: seed: found -1, allowed: a whole number, 0 or above
+-9.81]
+  -> -9.81, 1]
+  x.toml:3: gravity: found [0, 0, -9.81, 1], allowed: a list of 3
+[1, 1, 1]]
+  -> [1, 1]]
+  x.toml:23: body[0].region[0].box[1]: found [1, 1], allowed: a list of 3
+[0.5, 0, 0, 0]
+  -> [0.5, 0, 0]
+  x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4
+model = "touch"
+  -> model = 3
+  x.toml:43: device[1].model: found 3, allowed: a name in quotes
+model = "touch"
+  -> model = "tuch"
+  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`
+[loop]
+  -> [loop]¶scheme = "Hold"
+  x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`
+hand = {}
+  -> hand = {}¶wire = 1
+  x.toml:40: device[0].wire: found 1, allowed: true or false
+hand = {}
+  -> hand = [1]
+  x.toml:39: device[0].hand: found [1], allowed: a table
+hand = {}
+  -> hand.waypoints = 1
+  x.toml:39: device[0].hand.waypoints: found 1, allowed: a list
+sines = [{
+  -> sines = [[1], {
+  x.toml:50: device[1].hand.sines[0]: found [1], allowed: a table
+[loop]
+  -> loop = 3¶[lop]
+  x.toml:5: loop: found 3, allowed: a table
+[[body]]
+  -> [body]
+  x.toml:12: body: found [body], allowed: a list of tables, each [[...]] or {...}
+"#,
+    );
+}
+
+#[test]
+fn wrong_mesh_sources() {
+    check(
+        r#"
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh = 3
+  x.toml:14: body[0].mesh: found 3, allowed: a table
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh = {}
+  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet` and `file`
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh = "file"
+  x.toml:14: body[0].mesh: found "file", allowed: a table
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.file = 3
+  x.toml:14: body[0].mesh.file: found 3, allowed: a string
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.file = ''
+  x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.cube = 3
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet` or `file`
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.sheet = 3
+  x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.sheet = [0.2, 0.1, [4, 2]]
+  x.toml:14: body[0].mesh.sheet: found [0.2, 0.1, [4, 2]], allowed: a table
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.sheet = { length = 0.2, width = 0.1 }
+  x.toml:14: body[0].mesh.sheet: missing field `cells`
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.sheet = { length = 0.2, depth = 0.1 }
+  x.toml:14: body[0].mesh.sheet.depth: unknown field, allowed: `length`, `width`, `cells`
+cells = [4, 2] }
+  -> cells = [4, 2] }¶mesh.file = 'x'
+  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet` and `file`
+cells = [4, 2]
+  -> cells = [4000, 2000]
+  x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
+"#,
+    );
+}
+
+#[test]
+fn names_of_fields() {
+    check(
+        r#"
+young = 1e6
+  ->
+  x.toml:16: body[0].material: missing field `young`
+young = 1e6
+  -> yong = 1e6
+  x.toml:17: body[0].material.yong: unknown field, allowed: `young`, `poisson`, `thickness`, `density`
+young = 1e6
+  -> "yo\nung" = 1
+  x.toml:17: body[0].material.yo...: unknown field, allowed: `young`, `poisson`, `thickness`, `density`
+name = "base"
+  ->
+  x.toml:1: missing field `name`
+[loop]
+  -> [lop]
+  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `gravity`, `body`, `device`
+[body.material]
+  -> [body.metal]
+  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `material`, `region`, `damping`, `bending`, `handle`
+hand = {}
+  ->
+  x.toml:36: device[0]: missing field `hand`
+hand = {}
+  -> hand.weight = 2
+  x.toml:39: device[0].hand.weight: unknown field, allowed: `mass`, `stiffness`, `damping`, `tremor`, `waypoints`, `sines`, `recording`
+"#,
+    );
+}
+
+#[test]
+fn not_toml() {
+    check(
+        r#"
+name = "base"
+  -> name = "base
+  x.toml:1: not valid TOML: invalid basic string, expected `"`
+[host]
+  -> [host
+  x.toml:8: not valid TOML: unclosed table, expected `]`
+[host]
+  -> [loop]
+  x.toml:8: not valid TOML: duplicate key
+young = 1e6
+  -> young
+  x.toml:17: not valid TOML: key with no value, expected `=`
+young = 1e6
+  -> young = 1e6¶young = 2
+  x.toml:18: not valid TOML: duplicate key
+young = 1e6
+  -> young = 1,5
+  x.toml:17: not valid TOML: unexpected key or value, expected newline, `#`
+[[device]]¶name = "left"
+  -> [device]¶name = "left"
+  x.toml:41: not valid TOML: duplicate key
+"#,
+    );
+}
+
+#[test]
+fn parts_that_do_not_fit() {
+    check(
+        r#"
+publish_rate = 125.0
+  -> publish_rate = 60.0
+  x.toml:10: host.publish_rate: found 60.0, allowed: host.step_rate, 250.0, divided by a whole number
+publish_rate = 125.0
+  -> publish_rate = 500.0
+  x.toml:10: host.publish_rate: found 500.0, allowed: host.step_rate, 250.0, divided by a whole number
+step_rate = 250.0
+  -> step_rate = 60.0
+  x.toml:10: host.publish_rate: found 125.0, allowed: host.step_rate, 60.0, divided by a whole number
+rate = 1000
+  -> rate = 200
+  x.toml:9: host.step_rate: found 250.0, allowed: at most loop.rate, 200.0
+name = "base"
+  -> name = " "
+  x.toml:1: name: found " ", allowed: a name of 1 to 64 characters
+name = "right"
+  -> name = "left"
+  x.toml:42: device[1].name: found "left", allowed: another name than that of device[0]
+name = "b"
+  -> name = "a"
+  x.toml:32: body[0].handle[1].name: found "a", allowed: another name than that of body[0].handle[0]
+name = "b"
+  -> name = "b\u0007"
+  x.toml:32: body[0].handle[1].name: found "b\u{7}", allowed: a name of 1 to 64 characters
+device = "right"
+  -> device = "left"
+  x.toml:34: body[0].handle[1].device: found "left", allowed: a device that holds nothing else; this one holds body[0].handle[0]
+device = "right"
+  -> device = "rihgt"
+  x.toml:34: body[0].handle[1].device: found "rihgt", allowed: "left", "right"
+group = "right"
+  ->
+  x.toml:31: body[0].handle[1]: found neither `group` nor `box`, allowed: exactly one of them
+group = "right"
+  -> group = ""
+  x.toml:33: body[0].handle[1].group: found "", allowed: a name of 1 to 64 characters
+group = "right"
+  -> group = "right"¶box = [[0,0,0],[1,1,1]]
+  x.toml:31: body[0].handle[1]: found both `group` and `box`, allowed: exactly one of them
+box = [[0, 0, 0], [1, 1, 1]]
+  ->
+  x.toml:22: body[0].region[0]: found neither `group` nor `box`, allowed: exactly one of them
+[1, 1, 1]]
+  -> [1, -1, 1]]
+  x.toml:23: body[0].region[0].box: found y from 0.0 to -1.0, allowed: the lowest corner first, then the highest
+[1.5, 0.01
+  -> [0.5, 0.01
+  x.toml:48: device[1].hand.waypoints[1]: found time 0.5, allowed: a time after 0.5
+[0.5, 0, 0, 0]
+  -> [-0.5, 0, 0, 0]
+  x.toml:47: device[1].hand.waypoints[0]: found time -0.5, allowed: a time not below 0
+hand = {}
+  -> hand.recording = ''
+  x.toml:39: device[0].hand.recording: found "", allowed: the name of a file
+[[device]]¶name = "right"¶model = "touch"¶
+  -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
+  x.toml:36: device: found 5, allowed: 1 to 4 of them
+"#,
+    );
+}

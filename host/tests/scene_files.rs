@@ -1,0 +1,184 @@
+//! Scene files on disk: those shipped with the program, and files that are missing or wrong.
+
+use host::scene::{LoadedScene, Scene, recording};
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
+
+fn error(loaded: Result<LoadedScene, impl Error>) -> String {
+    loaded.map_or_else(|error| error.to_string(), |_| "no error".to_owned())
+}
+
+#[test]
+fn every_shipped_scene_loads() -> Outcome {
+    let mut names = Vec::new();
+    for entry in fs::read_dir(SCENES)? {
+        let path = entry?.path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "toml")
+        {
+            names.push(Scene::load(&path)?.scene.name);
+        }
+    }
+    names.sort();
+    assert_eq!(names, ["cloth", "stretch"]);
+    Ok(())
+}
+
+#[test]
+fn the_default_scene_is_built_in() -> Outcome {
+    let built_in = Scene::embedded_default()?;
+    assert_eq!(built_in.scene.name, "stretch");
+    assert!(built_in.meshes.iter().all(Option::is_none));
+    assert!(built_in.recordings.iter().all(Option::is_none));
+    let path = Path::new(SCENES).join("stretch.toml");
+    assert_eq!(built_in.source.text, fs::read_to_string(path)?);
+    Ok(())
+}
+
+#[test]
+fn a_scene_brings_the_files_that_it_names() -> Outcome {
+    let cloth = Scene::load(&Path::new(SCENES).join("cloth.toml"))?;
+    let mesh = cloth.meshes[0]
+        .as_ref()
+        .ok_or("the cloth has a mesh file")?;
+    assert!(mesh.text.starts_with("$MeshFormat"));
+    for recording in &cloth.recordings {
+        let recording = recording.as_ref().ok_or("both hands have a recording")?;
+        assert!(recording.len() > 100);
+    }
+    Ok(())
+}
+
+#[test]
+fn a_file_that_cannot_be_read_is_named_with_the_field_that_names_it() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let text = fs::read_to_string(Path::new(SCENES).join("cloth.toml"))?;
+    let path = folder.path().join("cloth.toml");
+    let at = |file: &str| folder.path().join(file).display().to_string();
+    let missing = "No such file or directory (os error 2)";
+
+    let expected = format!("{}: cannot read this scene: {missing}", at("cloth.toml"));
+    assert_eq!(error(Scene::load(&path)), expected);
+
+    fs::write(&path, &text)?;
+    let line = |piece: &str| {
+        1 + text
+            .lines()
+            .take_while(|line| !line.contains(piece))
+            .count()
+    };
+    let expected = format!(
+        "{}:{}: body[0].mesh.file: cannot read {}: {missing}",
+        at("cloth.toml"),
+        line("mesh = {"),
+        at("meshes/cloth_notched.msh"),
+    );
+    assert_eq!(error(Scene::load(&path)), expected);
+
+    fs::create_dir(folder.path().join("meshes"))?;
+    fs::write(folder.path().join("meshes/cloth_notched.msh"), "")?;
+    let expected = format!(
+        "{}:{}: device[0].hand.recording: cannot read {}: {missing}",
+        at("cloth.toml"),
+        line("recording = \"hands/pull_left.csv\""),
+        at("hands/pull_left.csv"),
+    );
+    assert_eq!(error(Scene::load(&path)), expected);
+
+    fs::create_dir(folder.path().join("hands"))?;
+    fs::write(
+        folder.path().join("hands/pull_left.csv"),
+        "time,x,y,z\n0,0,0,0\n1,0,o,0\n",
+    )?;
+    let expected = format!(
+        "{}:3: y: found o, allowed: a finite number",
+        at("hands/pull_left.csv"),
+    );
+    assert_eq!(error(Scene::load(&path)), expected);
+    Ok(())
+}
+
+#[test]
+fn errors_found_later_can_be_placed_too() -> Outcome {
+    let stretch = Scene::embedded_default()?;
+    let line = 1 + stretch
+        .source
+        .text
+        .lines()
+        .take_while(|l| *l != "group = \"left\"")
+        .count();
+    let error = stretch
+        .source
+        .error("body[0].handle[0].group", "left", "a group of the mesh");
+    assert_eq!(
+        error.to_string(),
+        format!(
+            "stretch.toml (built in):{line}: body[0].handle[0].group: found left, allowed: a group of the mesh"
+        ),
+    );
+    Ok(())
+}
+
+#[test]
+fn a_recording_is_read() -> Outcome {
+    let text = "# a comment\n\n time, x ,y,z\r\n0.5,1,2,3\n# another\n0.75, 4e-3, -5, .5\n";
+    let samples = recording::parse(text, "a.csv")?;
+    assert_eq!(
+        samples,
+        [(0.5, [1.0, 2.0, 3.0]), (0.75, [0.004, -5.0, 0.5])]
+    );
+    Ok(())
+}
+
+#[test]
+fn wrong_recordings() {
+    let cases = [
+        (
+            "",
+            "1: found 0 rows, allowed: the header time,x,y,z and at least two rows",
+        ),
+        (
+            "time,x,y,z\n0,0,0,0\n",
+            "2: found 1 rows, allowed: the header time,x,y,z and at least two rows",
+        ),
+        (
+            "0,0,0,0\n",
+            "1: found 0,0,0,0, allowed: the header time,x,y,z",
+        ),
+        (
+            "#\ntime,y,x,z\n",
+            "2: found time,y,x,z, allowed: the header time,x,y,z",
+        ),
+        (
+            "time,x,y,z\n0,0,0\n",
+            "2: found 3 columns, allowed: 4 columns: time,x,y,z",
+        ),
+        (
+            "time,x,y,z\n0,0,0,nan\n",
+            "2: z: found nan, allowed: a finite number",
+        ),
+        (
+            "time,x,y,z\n0,,0,0\n",
+            "2: x: found nothing, allowed: a finite number",
+        ),
+        (
+            "time,x,y,z\n1,0,0,0\n\n1,0,0,0\n",
+            "4: time: found 1.0, allowed: a time after 1.0",
+        ),
+        (
+            "time,x,y,z\n0,0,0,0\n3601,0,0,0\n",
+            "3: time: found one of 3601.0 s, allowed: a recording of at most 3600.0 s",
+        ),
+    ];
+    for (text, expected) in cases {
+        let found =
+            recording::parse(text, "a.csv").map_or_else(|e| e.to_string(), |_| String::new());
+        assert_eq!(found, format!("a.csv:{expected}"));
+    }
+}

@@ -1,0 +1,302 @@
+//! A real device over USB HID, by way of the kernel's hidraw.
+//!
+//! - **Reading** drains the kernel's queue to its newest report each tick: the queue holds 64 and drops
+//!   the newest when full, so a report left behind is a force that lags.
+//! - **Writing** is done by a thread of the device's own (`writer`): the kernel makes a writer wait for
+//!   the device, up to five seconds.
+//! - The two use a file each, since one handle cannot be in two threads. The kernel queues reports for the
+//!   writer's as well, up to 64, which nobody reads.
+//!
+//! On the hot path: `poll` and `read` until empty, one copy into a ring, one wake-up. No allocation, but
+//! for one in the tick in which the device disappears (hidapi's errors are text).
+
+mod reading;
+mod writer;
+
+use hidapi::{HidApi, HidDevice as RawDevice};
+use reading::{Command, command, let_go};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use std::collections::BTreeMap;
+use std::ffi::CString;
+use std::fmt;
+use writer::Writer;
+
+pub use reading::{DeviceClock, QUEUE, Reports};
+
+/// Error number for a device that went away without one (ENODEV).
+const NO_DEVICE: i32 = 19;
+
+/// Which device to open.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct HidSelector {
+    /// Vendor of the USB device.
+    pub vid: u16,
+    /// Product of the USB device.
+    pub pid: u16,
+    /// Serial number, to tell two of the same kind apart.
+    pub serial: Option<String>,
+}
+
+impl fmt::Display for HidSelector {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04x}:{:04x}", self.vid, self.pid)?;
+        match &self.serial {
+            Some(serial) => write!(f, " with serial number {serial:?}"),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why a device could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum HidError {
+    /// The system does not list HID devices.
+    #[error("the HID devices of this system cannot be listed: {0}")]
+    System(#[source] hidapi::HidError),
+    /// No such device.
+    #[error(
+        "no HID device {selector} is connected ({found}). Check its cable and power, and `lsusb` for its \
+         numbers; in a container or virtual machine, that hidraw devices are passed on"
+    )]
+    NotFound {
+        /// What was looked for.
+        selector: HidSelector,
+        /// What was found of the same kind.
+        found: String,
+    },
+    /// More than one.
+    #[error(
+        "{count} HID devices {selector} are connected; name one by its serial number ({serials})"
+    )]
+    Several {
+        /// What was looked for.
+        selector: HidSelector,
+        /// How many there are.
+        count: usize,
+        /// Their serial numbers.
+        serials: String,
+    },
+    /// There, but not to be opened.
+    #[error(
+        "the HID device {selector} is there as {path} but cannot be opened: {source}. Let your account use \
+         it with a udev rule: KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{:04x}\", \
+         ATTRS{{idProduct}}==\"{:04x}\", MODE=\"0660\", TAG+=\"uaccess\"; then plug it in again",
+        selector.vid, selector.pid
+    )]
+    Open {
+        /// What was looked for.
+        selector: HidSelector,
+        /// Its place in the file system.
+        path: String,
+        /// What the system said.
+        source: hidapi::HidError,
+    },
+    /// The system gave no thread to write from.
+    #[error("the system gave no thread to write to the HID device {selector} from: {source}")]
+    Thread {
+        /// What was looked for.
+        selector: HidSelector,
+        /// What the system said.
+        source: std::io::Error,
+    },
+}
+
+/// An open device. Dropping it tells the device to let go and waits until that is written, five seconds at
+/// worst.
+#[derive(Debug)]
+pub struct HidDevice {
+    reader: RawDevice,
+    writer: Writer<Command>,
+    reports: Reports,
+    capabilities: Capabilities,
+    /// The system's error number since the device went away.
+    gone: Option<i32>,
+    commands: u16,
+}
+
+impl HidDevice {
+    /// Opens the one device that `selector` names; `capabilities` say what it can do.
+    ///
+    /// # Errors
+    /// [`HidError`], which names the device and what to check.
+    pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
+        let api = HidApi::new().map_err(HidError::System)?;
+        let path = find(&api, selector)?;
+        let open = || {
+            api.open_path(&path).map_err(|source| HidError::Open {
+                selector: selector.clone(),
+                path: path.to_string_lossy().into_owned(),
+                source,
+            })
+        };
+        let (reader, output) = (open()?, open()?);
+        let write = move |report: &Command| {
+            output
+                .write(report)
+                .map(drop)
+                .map_err(|error| errno(&error))
+        };
+        let writer = Writer::start(write, let_go()).map_err(|source| HidError::Thread {
+            selector: selector.clone(),
+            source,
+        })?;
+        Ok(Self {
+            reader,
+            writer,
+            reports: Reports::new(),
+            capabilities,
+            gone: None,
+            commands: 0,
+        })
+    }
+
+    /// What the reports brought so far besides states.
+    pub fn reports(&self) -> &Reports {
+        &self.reports
+    }
+}
+
+impl Device for HidDevice {
+    fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
+    fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
+        if let Some(number) = self.gone {
+            return Err(DeviceError::Disconnected(number));
+        }
+        let reader = &self.reader;
+        let result = self.reports.newest(self.capabilities.sensed, |buffer| {
+            reader
+                .read_timeout(buffer, 0)
+                .map_err(|error| DeviceError::Disconnected(errno(&error)))
+        });
+        if let Err(DeviceError::Disconnected(number)) = result {
+            // Asking again would fail again, and each failure allocates.
+            self.gone = Some(number);
+        }
+        result
+    }
+
+    fn write(&mut self, _now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        if let Some(number) = self.gone {
+            return Err(DeviceError::Disconnected(number));
+        }
+        self.commands = self.commands.wrapping_add(1);
+        self.writer.hand_on(command(wrench, self.commands))
+    }
+}
+
+/// Where the one device is that `selector` names.
+fn find(api: &HidApi, selector: &HidSelector) -> Result<CString, HidError> {
+    // A device is listed once for each of its usages; its path is the same.
+    let alike: BTreeMap<CString, String> = api
+        .device_list()
+        .filter(|device| (device.vendor_id(), device.product_id()) == (selector.vid, selector.pid))
+        .map(|device| {
+            (
+                device.path().to_owned(),
+                device.serial_number().unwrap_or_default().to_owned(),
+            )
+        })
+        .collect();
+    let wanted = |serial: &String| {
+        selector
+            .serial
+            .as_ref()
+            .is_none_or(|wanted| wanted == serial)
+    };
+    let matching: Vec<_> = alike.iter().filter(|(_, serial)| wanted(serial)).collect();
+    let serials = |of: &[(&CString, &String)]| {
+        let each: Vec<_> = of.iter().map(|(_, serial)| format!("{serial:?}")).collect();
+        each.join(", ")
+    };
+    match matching.as_slice() {
+        [(path, _)] => Ok((*path).clone()),
+        [] if alike.is_empty() => Err(HidError::NotFound {
+            selector: selector.clone(),
+            found: "nor any other of its kind".into(),
+        }),
+        [] => Err(HidError::NotFound {
+            selector: selector.clone(),
+            found: format!(
+                "others of its kind have the serial numbers {}",
+                serials(&alike.iter().collect::<Vec<_>>())
+            ),
+        }),
+        several => Err(HidError::Several {
+            selector: selector.clone(),
+            count: several.len(),
+            serials: serials(several),
+        }),
+    }
+}
+
+/// The system's error number in a hidapi error; a device that is gone where it has none.
+fn errno(error: &hidapi::HidError) -> i32 {
+    match error {
+        hidapi::HidError::IoError { error } => error.raw_os_error().unwrap_or(NO_DEVICE),
+        _ => NO_DEVICE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Freedom;
+
+    #[test]
+    fn a_device_that_is_not_there_is_named_with_what_to_check() {
+        // Vendor 0 is nobody's.
+        let selector = HidSelector {
+            vid: 0,
+            pid: 0x0bad,
+            serial: Some("left".into()),
+        };
+        let capabilities = Capabilities {
+            sensed: Freedom::Three,
+            actuated: Freedom::Three,
+            max_force: 1.0,
+            max_moment: 0.0,
+            workspace_radius: 0.1,
+            position_step: 1e-5,
+        };
+        match HidDevice::open(&selector, capabilities) {
+            Ok(_) => panic!("no such device exists"),
+            Err(error @ HidError::NotFound { .. }) => {
+                let text = error.to_string();
+                assert!(
+                    text.contains("0000:0bad") && text.contains("\"left\""),
+                    "{text}"
+                );
+                assert!(text.contains("lsusb"), "{text}");
+            }
+            // A system without sysfs lists nothing at all.
+            Err(error) => assert!(matches!(error, HidError::System(_)), "{error}"),
+        }
+    }
+
+    #[test]
+    fn a_device_that_may_not_be_opened_comes_with_its_udev_rule() {
+        let error = HidError::Open {
+            selector: HidSelector {
+                vid: 0x1209,
+                pid: 0xc0de,
+                serial: None,
+            },
+            path: "/dev/hidraw3".into(),
+            source: hidapi::HidError::IoError {
+                error: std::io::ErrorKind::PermissionDenied.into(),
+            },
+        };
+        let text = error.to_string();
+        for part in [
+            "1209:c0de",
+            "/dev/hidraw3",
+            "ATTRS{idVendor}==\"1209\"",
+            "permission denied",
+        ] {
+            assert!(text.contains(part), "{part} in {text}");
+        }
+    }
+}

@@ -1,0 +1,362 @@
+//! From a queue of reports to the newest state, and from a wrench to the report for it.
+//!
+//! No HID here: the bytes come from a closure, so that byte arrays can stand in for a device. Never
+//! allocates; reads at most [`QUEUE`] reports a tick, so a device that floods cannot hold the tick.
+
+use firmware_proto::report::{
+    self, ReportError, StateReport, WrenchReport, WrenchSi, flags, status,
+};
+use rt_core::{DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
+
+/// Most reports read in one tick: as many as the kernel queues.
+pub const QUEUE: usize = 64;
+
+/// A device's own clock, counted on from its counter of 32 bits, which wraps every 71 minutes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DeviceClock {
+    last: Option<u32>,
+    time_us: u64,
+}
+
+impl DeviceClock {
+    /// Takes the counter of the next report (us); returns the time (ns). It starts at the first counter
+    /// and never goes back: a counter that jumps back (the device was restarted) counts on from there.
+    ///
+    /// ```
+    /// let mut clock = runner::hid::DeviceClock::default();
+    /// assert_eq!(clock.advance(u32::MAX - 499), (u64::from(u32::MAX) - 499) * 1000);
+    /// assert_eq!(clock.advance(500), (u64::from(u32::MAX) + 501) * 1000); // wrapped, 1 ms later
+    /// ```
+    pub fn advance(&mut self, counter_us: u32) -> u64 {
+        self.time_us += match self.last {
+            None => u64::from(counter_us),
+            Some(last) => {
+                let step = counter_us.wrapping_sub(last);
+                // More than half the range ahead is behind.
+                if step <= u32::MAX / 2 {
+                    u64::from(step)
+                } else {
+                    0
+                }
+            }
+        };
+        self.last = Some(counter_us);
+        self.time_us * 1000
+    }
+}
+
+/// What a device's reports brought. Counts only grow.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Reports {
+    clock: DeviceClock,
+    /// Sequence number of the last good report.
+    last: Option<u16>,
+    /// Good reports.
+    pub good: u64,
+    /// Good reports passed over, because a newer one came in the same tick.
+    pub superseded: u64,
+    /// Reports that were sent but never came (gaps in their sequence), those that came corrupt included.
+    pub lost: u64,
+    /// Reports that could not be used.
+    pub corrupt: u64,
+    /// What the device said of itself last; see [`status`](firmware_proto::report::status).
+    pub status: u8,
+}
+
+impl Reports {
+    /// Nothing read yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Reads until `next` has no more (it fills the buffer and says how long the report is; zero for
+    /// none), and returns the newest good state.
+    ///
+    /// A device that has not found its reference has no position that could be trusted: its states count
+    /// as none.
+    pub(super) fn newest(
+        &mut self,
+        sensed: Freedom,
+        mut next: impl FnMut(&mut [u8]) -> Result<usize, DeviceError>,
+    ) -> Result<DeviceState, DeviceError> {
+        // A byte more than a report has, so that one that is too long shows.
+        let mut buffer = [0_u8; report::LENGTH + 1];
+        let mut newest: Option<StateReport> = None;
+        let mut fault: Option<ReportError> = None;
+        for _ in 0..QUEUE {
+            let length = match next(&mut buffer) {
+                Ok(0) => break,
+                Ok(length) => length,
+                // What came before it went away is still good; the next read tells.
+                Err(_) if newest.is_some() => break,
+                Err(error) => return Err(error),
+            };
+            match StateReport::decode(buffer.get(..length).unwrap_or(&buffer)) {
+                Ok(report) => {
+                    self.superseded += u64::from(newest.is_some());
+                    self.take(&report);
+                    newest = Some(report);
+                }
+                Err(error) => {
+                    self.corrupt += 1;
+                    fault = Some(error);
+                }
+            }
+        }
+        match (newest, fault) {
+            (Some(report), _) => {
+                let device_time_ns = self.clock.advance(report.time_us);
+                if report.status & status::CALIBRATED == 0 {
+                    return Err(DeviceError::NoReport);
+                }
+                Ok(state(&report, sensed, device_time_ns))
+            }
+            (None, Some(fault)) => Err(DeviceError::Corrupt(fault)),
+            (None, None) => Err(DeviceError::NoReport),
+        }
+    }
+
+    fn take(&mut self, report: &StateReport) {
+        self.good += 1;
+        self.status = report.status;
+        if let Some(last) = self.last {
+            let step = report.sequence.wrapping_sub(last);
+            // More than half the range ahead is a device that was restarted, not a loss.
+            if step <= u16::MAX / 2 {
+                self.lost += u64::from(step.saturating_sub(1));
+            }
+        }
+        self.last = Some(report.sequence);
+    }
+}
+
+/// What the loop reads of a report.
+fn state(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
+    let si = report.to_si();
+    let mut pose = Pose::at(Vec3::from(si.position));
+    let mut twist = Twist {
+        linear: Vec3::from(si.velocity),
+        angular: Vec3::zeros(),
+    };
+    if sensed == Freedom::Six {
+        let [w, x, y, z] = si.orientation;
+        let rotation = pose.rotation.as_mut_unchecked();
+        (rotation.w, rotation.i, rotation.j, rotation.k) = (w, x, y, z);
+        // Off by one per cent at most, which the report's check sees to.
+        pose.rotation.renormalize();
+        twist.angular = Vec3::from(si.angular_velocity);
+    }
+    DeviceState {
+        pose,
+        twist,
+        buttons: u32::from(report.buttons),
+        device_time_ns,
+    }
+}
+
+/// A report to write, with the report number 0 before it that unnumbered reports have.
+pub(super) type Command = [u8; report::LENGTH + 1];
+
+/// The report that asks for `wrench` (device axes).
+pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
+    let si = WrenchSi {
+        force: wrench.force.into(),
+        moment: wrench.moment.into(),
+    };
+    numbered(&WrenchReport::from_si(sequence, &si, flags::ENABLE))
+}
+
+/// The report that asks the device to let go.
+pub(super) fn let_go() -> Command {
+    numbered(&WrenchReport {
+        sequence: 0,
+        force: [0; 3],
+        moment: [0; 3],
+        flags: 0,
+    })
+}
+
+fn numbered(report: &WrenchReport) -> Command {
+    let mut command = [0; report::LENGTH + 1];
+    for (byte, from) in command.iter_mut().skip(1).zip(report.encode()) {
+        *byte = from;
+    }
+    command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::VecDeque;
+
+    fn sent(sequence: u16, time_us: u32) -> StateReport {
+        StateReport {
+            sequence,
+            time_us,
+            // 10 mm, -20 mm, 0.1 um.
+            position: [100_000, -200_000, 1],
+            // A quarter turn about z: cosine and sine of 45 degrees.
+            orientation: [23170, 0, 0, 23170],
+            velocity: [50_000, 0, -1],
+            angular_velocity: [0, 0, 1500],
+            buttons: 0b101,
+            status: status::CALIBRATED | status::POWERED,
+        }
+    }
+
+    /// Hands out byte strings as the kernel's queue does.
+    fn queue(
+        mut waiting: VecDeque<Vec<u8>>,
+    ) -> impl FnMut(&mut [u8]) -> Result<usize, DeviceError> {
+        move |buffer| {
+            let Some(bytes) = waiting.pop_front() else {
+                return Ok(0);
+            };
+            let length = bytes.len().min(buffer.len());
+            buffer[..length].copy_from_slice(&bytes[..length]);
+            Ok(length)
+        }
+    }
+
+    fn bytes(reports: &[StateReport]) -> VecDeque<Vec<u8>> {
+        reports
+            .iter()
+            .map(|report| report.encode().to_vec())
+            .collect()
+    }
+
+    #[test]
+    fn a_report_becomes_a_state_in_si() {
+        let mut reports = Reports::new();
+        let state = reports
+            .newest(Freedom::Six, queue(bytes(&[sent(7, 1234)])))
+            .expect("good");
+        assert_eq!(state.pose.position, Vec3::new(0.01, -0.02, 1e-7));
+        assert_eq!(state.twist.linear, Vec3::new(0.05, 0.0, -1e-6));
+        assert_eq!(state.twist.angular, Vec3::new(0.0, 0.0, 1.5));
+        // The quaternion's integers are equal, so the angle is exact but for rounding.
+        let axis = state.pose.rotation.scaled_axis();
+        let quarter = std::f64::consts::FRAC_PI_2;
+        assert!(
+            (axis - Vec3::new(0.0, 0.0, quarter)).norm() < 1e-15,
+            "{axis}"
+        );
+        assert_eq!((state.buttons, state.device_time_ns), (0b101, 1_234_000));
+        assert_eq!(reports.status, status::CALIBRATED | status::POWERED);
+        // A device that senses no rotation reports the identity, whatever it sends.
+        let state = reports
+            .newest(Freedom::Three, queue(bytes(&[sent(8, 2234)])))
+            .expect("good");
+        assert_eq!(
+            (state.pose.rotation, state.twist.angular),
+            (Pose::identity().rotation, Vec3::zeros())
+        );
+    }
+
+    #[test]
+    fn the_newest_of_many_is_taken_and_gaps_are_counted() {
+        let mut reports = Reports::new();
+        let many = [sent(65534, 1000), sent(65535, 2000), sent(2, 5000)];
+        let state = reports
+            .newest(Freedom::Three, queue(bytes(&many)))
+            .expect("good");
+        assert_eq!(state.device_time_ns, 5_000_000);
+        // Numbers 0 and 1 never came.
+        assert_eq!((reports.good, reports.superseded, reports.lost), (3, 2, 2));
+        let none = reports.newest(Freedom::Three, queue(VecDeque::new()));
+        assert_eq!(none, Err(DeviceError::NoReport));
+    }
+
+    #[test]
+    fn corrupt_reports_are_told_unless_a_good_one_came_too() {
+        let mut broken = sent(1, 1000).encode().to_vec();
+        broken[20] ^= 4;
+        let mut long = sent(1, 1000).encode().to_vec();
+        long.push(0);
+        let mut reports = Reports::new();
+        let result = reports.newest(Freedom::Three, queue([broken.clone()].into()));
+        assert!(
+            matches!(result, Err(DeviceError::Corrupt(ReportError::Crc { .. }))),
+            "{result:?}"
+        );
+        let result = reports.newest(Freedom::Three, queue([long].into()));
+        assert_eq!(
+            result,
+            Err(DeviceError::Corrupt(ReportError::Length { found: 65 }))
+        );
+        let mixed = [sent(1, 1000).encode().to_vec(), broken].into();
+        assert!(reports.newest(Freedom::Three, queue(mixed)).is_ok());
+        assert_eq!((reports.good, reports.corrupt), (1, 3));
+    }
+
+    #[test]
+    fn a_device_without_its_reference_has_no_state() {
+        let lost = StateReport {
+            status: status::POWERED,
+            ..sent(1, 1000)
+        };
+        let mut reports = Reports::new();
+        let result = reports.newest(Freedom::Three, queue(bytes(&[lost])));
+        assert_eq!(
+            (result, reports.status),
+            (Err(DeviceError::NoReport), status::POWERED)
+        );
+    }
+
+    #[test]
+    fn a_flood_is_read_a_queue_at_a_time() {
+        let mut asked = 0;
+        let flood = |buffer: &mut [u8]| {
+            asked += 1;
+            buffer[..report::LENGTH].copy_from_slice(&sent(1, 1000).encode());
+            Ok(report::LENGTH)
+        };
+        assert!(Reports::new().newest(Freedom::Three, flood).is_ok());
+        assert_eq!(asked, QUEUE);
+    }
+
+    #[test]
+    fn a_device_that_goes_away_is_told_after_its_last_report() {
+        let mut reads = [Ok(()), Err(DeviceError::Disconnected(19))]
+            .into_iter()
+            .cycle();
+        let mut next = |buffer: &mut [u8]| {
+            reads.next().unwrap_or(Ok(()))?;
+            buffer[..report::LENGTH].copy_from_slice(&sent(1, 1000).encode());
+            Ok(report::LENGTH)
+        };
+        let mut reports = Reports::new();
+        assert!(reports.newest(Freedom::Three, &mut next).is_ok());
+        let mut gone = |_: &mut [u8]| Err(DeviceError::Disconnected(19));
+        let result = reports.newest(Freedom::Three, &mut gone);
+        assert_eq!(result, Err(DeviceError::Disconnected(19)));
+    }
+
+    #[test]
+    fn device_time_counts_on_over_wraps_and_restarts() {
+        let mut clock = DeviceClock::default();
+        assert_eq!(clock.advance(4_294_000_000), 4_294_000_000_000);
+        assert_eq!(clock.advance(32_704), 4_295_000_000_000);
+        assert_eq!(clock.advance(33_704), 4_295_001_000_000);
+        // Back by little, as a device does that was restarted: on from there.
+        assert_eq!(clock.advance(100), 4_295_001_000_000);
+        assert_eq!(clock.advance(1_100), 4_295_002_000_000);
+    }
+
+    #[test]
+    fn a_wrench_is_sent_after_its_report_number() {
+        let wrench = Wrench {
+            force: Vec3::new(1.5, -0.25, 0.0),
+            moment: Vec3::new(0.0, 0.0, 0.01),
+        };
+        let bytes = command(&wrench, 9);
+        let sent = WrenchReport::decode(&bytes[1..]).expect("what is encoded is decoded");
+        assert_eq!((bytes[0], sent.sequence, sent.flags), (0, 9, flags::ENABLE));
+        assert_eq!(
+            (sent.force, sent.moment),
+            ([1_500_000, -250_000, 0], [0, 0, 10_000])
+        );
+        let sent = WrenchReport::decode(&let_go()[1..]).expect("what is encoded is decoded");
+        assert_eq!((sent.force, sent.moment, sent.flags), ([0; 3], [0; 3], 0));
+    }
+}

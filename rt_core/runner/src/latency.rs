@@ -1,0 +1,229 @@
+//! Histograms of times: how late the tick woke, how long it took, how old the local models were.
+//!
+//! Memory and bounds are fixed when a histogram is made, and every page of it is written then. Recording
+//! on the hot path is an index and an increment: it never allocates, resizes or fails. What lies beyond
+//! the bound is counted apart and still enters count, mean and maximum, so nothing vanishes.
+
+use hdrhistogram::Histogram;
+
+/// Significant digits that a histogram keeps: a value is known to one part in a thousand.
+const DIGITS: u8 = 3;
+
+/// A histogram of times in ns.
+///
+/// ```
+/// use runner::latency::LatencyHistogram;
+///
+/// let mut lateness = LatencyHistogram::new(1_000_000);
+/// for ns in 1..=1000 {
+///     lateness.record(ns);
+/// }
+/// lateness.record(2_000_000); // beyond the bound
+/// let summary = lateness.summary();
+/// assert_eq!((summary.count, summary.overflow), (1001, 1));
+/// assert_eq!((summary.min, summary.max), (1, 2_000_000));
+/// assert_eq!(summary.p50, 501);
+/// ```
+#[derive(Clone, Debug)]
+pub struct LatencyHistogram {
+    counts: Histogram<u64>,
+    bound: u64,
+    overflow: u64,
+    min: u64,
+    max: u64,
+    /// Sum of all values: 584 years of nanoseconds before it saturates.
+    sum: u64,
+}
+
+/// What a histogram saw. Times in ns; all zero where nothing was recorded.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Values recorded, those beyond the bound among them.
+    pub count: u64,
+    /// Values beyond the bound.
+    pub overflow: u64,
+    /// Smallest value, exact (ns).
+    pub min: u64,
+    /// Half of the values lie at or below it (ns, to one part in a thousand, as the next three).
+    pub p50: u64,
+    /// 90 % of them do (ns).
+    pub p90: u64,
+    /// 99 % of them do (ns).
+    pub p99: u64,
+    /// 99.9 % of them do (ns).
+    pub p99_9: u64,
+    /// Largest value, exact, also beyond the bound (ns).
+    pub max: u64,
+    /// Mean (ns).
+    pub mean: f64,
+}
+
+impl LatencyHistogram {
+    /// For values up to `bound_ns`, ten at least. This allocates (about 170 KB for a bound of one second).
+    pub fn new(bound_ns: u64) -> Self {
+        let bound = bound_ns.max(10);
+        let Ok(mut counts) = Histogram::new_with_bounds(1, bound, DIGITS) else {
+            unreachable!(
+                "a lower bound of 1, an upper of 10 or more and 3 digits are always possible"
+            )
+        };
+        // Fresh memory is mapped on first use; writing it here keeps that out of the tick.
+        counts.clear();
+        Self {
+            counts,
+            bound,
+            overflow: 0,
+            min: u64::MAX,
+            max: 0,
+            sum: 0,
+        }
+    }
+
+    /// Counts one value (ns). Never allocates.
+    pub fn record(&mut self, ns: u64) {
+        if ns > self.bound || self.counts.record(ns).is_err() {
+            self.overflow += 1;
+        }
+        self.min = self.min.min(ns);
+        self.max = self.max.max(ns);
+        self.sum = self.sum.saturating_add(ns);
+    }
+
+    /// Values recorded, those beyond the bound among them.
+    pub fn count(&self) -> u64 {
+        self.counts.len() + self.overflow
+    }
+
+    /// Values beyond the bound.
+    pub fn overflow(&self) -> u64 {
+        self.overflow
+    }
+
+    /// The largest value it can tell from others (ns).
+    pub fn bound_ns(&self) -> u64 {
+        self.bound
+    }
+
+    /// The value at or below which a share `quantile` (from zero to one) of all values lies (ns). Where
+    /// that falls among the values beyond the bound, the largest value. Zero where nothing was recorded.
+    pub fn value_at(&self, quantile: f64) -> u64 {
+        let count = self.count();
+        if count == 0 {
+            return 0;
+        }
+        // By rank, so that values beyond the bound keep their place above all others.
+        let rank = ((quantile * count as f64).ceil() as u64).clamp(1, count);
+        let within = self.counts.len();
+        if rank > within {
+            return self.max;
+        }
+        // Half a rank below: rounding must not push it to the next value.
+        let value = self
+            .counts
+            .value_at_quantile((rank as f64 - 0.5) / within as f64);
+        value.clamp(self.min, self.max)
+    }
+
+    /// Everything at a glance.
+    pub fn summary(&self) -> Summary {
+        let count = self.count();
+        if count == 0 {
+            return Summary::default();
+        }
+        Summary {
+            count,
+            overflow: self.overflow,
+            min: self.min,
+            p50: self.value_at(0.5),
+            p90: self.value_at(0.9),
+            p99: self.value_at(0.99),
+            p99_9: self.value_at(0.999),
+            max: self.max,
+            mean: self.sum as f64 / count as f64,
+        }
+    }
+
+    /// How often values fell where, lowest first: upper edge of the interval (ns) and count, for the
+    /// intervals that hold any. Values beyond the bound are not among them.
+    pub fn intervals(&self) -> impl Iterator<Item = (u64, u64)> {
+        self.counts
+            .iter_recorded()
+            .map(|step| (step.value_iterated_to(), step.count_at_value()))
+    }
+}
+
+/// The histograms of one run.
+#[derive(Clone, Debug)]
+pub struct Latencies {
+    /// How late each tick woke (ns after its deadline).
+    pub lateness: LatencyHistogram,
+    /// How long each tick took, from waking to the last write (ns).
+    pub tick_time: LatencyHistogram,
+    /// By body: how old the local model in use was at each tick (ns). Nothing before the first model.
+    pub model_age: Vec<LatencyHistogram>,
+}
+
+impl Latencies {
+    /// Bound of lateness and tick time (ns): a second.
+    pub const TICK_BOUND_NS: u64 = 1_000_000_000;
+    /// Bound of model ages (ns): ten seconds.
+    pub const AGE_BOUND_NS: u64 = 10_000_000_000;
+
+    /// Empty, for a run with `bodies` connected bodies.
+    pub fn new(bodies: usize) -> Self {
+        Self {
+            lateness: LatencyHistogram::new(Self::TICK_BOUND_NS),
+            tick_time: LatencyHistogram::new(Self::TICK_BOUND_NS),
+            model_age: (0..bodies)
+                .map(|_| LatencyHistogram::new(Self::AGE_BOUND_NS))
+                .collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_record_is_counted_once_within_or_beyond() {
+        let mut histogram = LatencyHistogram::new(1_000);
+        for ns in 0..3_000 {
+            histogram.record(ns);
+        }
+        assert_eq!(histogram.count(), 3_000);
+        // 0 to 1000 are within.
+        assert_eq!(histogram.overflow(), 1_999);
+        let within: u64 = histogram.intervals().map(|(_, count)| count).sum();
+        assert_eq!(within + histogram.overflow(), histogram.count());
+        let summary = histogram.summary();
+        assert_eq!((summary.min, summary.max), (0, 2_999));
+        assert_eq!(summary.mean, 1_499.5);
+        // A third lies within; above it only the largest value is known.
+        assert_eq!((summary.p50, histogram.value_at(0.25)), (2_999, 749));
+    }
+
+    #[test]
+    fn percentiles_of_a_ramp_are_known_to_three_digits() {
+        let mut histogram = LatencyHistogram::new(Latencies::TICK_BOUND_NS);
+        for us in 1..=10_000 {
+            histogram.record(us * 1_000);
+        }
+        for (quantile, exact) in [
+            (0.5, 5e6),
+            (0.9, 9e6),
+            (0.99, 9.9e6),
+            (0.999, 9.99e6),
+            (1.0, 1e7),
+        ] {
+            let value = histogram.value_at(quantile) as f64;
+            assert!((value / exact - 1.0).abs() < 1e-3, "{quantile}: {value}");
+        }
+    }
+
+    #[test]
+    fn nothing_recorded_is_all_zero() {
+        assert_eq!(LatencyHistogram::new(0).summary(), Summary::default());
+        assert_eq!(LatencyHistogram::new(0).bound_ns(), 10);
+    }
+}

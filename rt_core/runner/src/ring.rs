@@ -1,0 +1,141 @@
+//! One ring: a fixed number of slots between one writer and one reader, mapped before use.
+//!
+//! Wait-free in both directions (`rtrb`). A fresh ring's memory is only reserved by the system; every slot
+//! is written once when the ring is made, so that no push ever waits for a page.
+
+use crate::memory::MemoryRange;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+/// Most slots a ring is given, whatever was asked for: five seconds at 12 kHz.
+pub const MOST_SLOTS: usize = 1 << 16;
+
+/// The slots that cover `stall` seconds at `rate` (Hz), and one for the record that is being read. At
+/// least two, at most [`MOST_SLOTS`].
+///
+/// ```
+/// assert_eq!(runner::ring::slots_for(1000.0, 5.0), 5001);
+/// assert_eq!(runner::ring::slots_for(f64::NAN, 5.0), 2);
+/// ```
+pub fn slots_for(rate: f64, stall: f64) -> usize {
+    // Not a number and negative numbers convert to zero, infinity to the largest number.
+    ((rate * stall).ceil() as usize)
+        .saturating_add(1)
+        .clamp(2, MOST_SLOTS)
+}
+
+/// A ring of `slots` records, every slot written once with `filler`; with the memory that it occupies.
+pub(crate) fn prefaulted<T: Copy>(
+    slots: usize,
+    filler: T,
+) -> (Producer<T>, Consumer<T>, [MemoryRange; 2]) {
+    let (mut producer, mut consumer) = RingBuffer::new(slots);
+    let mut memory = [
+        MemoryRange::of(producer.buffer()),
+        MemoryRange::of::<[T]>(&[]),
+    ];
+    if let Ok(chunk) = producer.write_chunk_uninit(slots) {
+        chunk.fill_from_iter(std::iter::repeat_n(filler, slots));
+    }
+    if let Ok(chunk) = consumer.read_chunk(slots) {
+        // A ring that was never used before is filled from its first slot on: one slice holds it all.
+        memory[1] = MemoryRange::of(chunk.as_slices().0);
+        chunk.commit_all();
+    }
+    (producer, consumer, memory)
+}
+
+/// Gives `see` every record that waits now, oldest first; returns how many. Slots are freed in batches, so
+/// that a slow reader leaves room while it works through a long backlog.
+pub(crate) fn drain<T>(ring: &mut Consumer<T>, mut see: impl FnMut(&T)) -> usize {
+    const BATCH: usize = 64;
+    let waiting = ring.slots();
+    let mut left = waiting;
+    while left > 0 {
+        let Ok(chunk) = ring.read_chunk(left.min(BATCH)) else {
+            break;
+        };
+        let (first, second) = chunk.as_slices();
+        for record in first.iter().chain(second) {
+            see(record);
+        }
+        left -= chunk.len();
+        chunk.commit_all();
+    }
+    waiting - left
+}
+
+/// The newest of a ring's records and how many came with it, all of them let go; `None` where none waits.
+/// Takes the same time however many there are.
+pub(crate) fn take_newest<T: Copy, R>(
+    ring: &mut Consumer<T>,
+    see: impl FnOnce(&T, u64) -> R,
+) -> Option<R> {
+    let waiting = ring.slots();
+    let chunk = ring.read_chunk(waiting).ok()?;
+    let (first, second) = chunk.as_slices();
+    let result = see(second.last().or(first.last())?, waiting as u64);
+    chunk.commit_all();
+    Some(result)
+}
+
+/// Finds gaps in a sequence of numbers that should count up by one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sequence {
+    /// The number that should come next.
+    next: u64,
+    lost: u64,
+}
+
+impl Sequence {
+    /// A sequence whose first number should be `first`.
+    pub(crate) fn from(first: u64) -> Self {
+        Self {
+            next: first,
+            lost: 0,
+        }
+    }
+
+    /// Takes the last number of `count` that came together. Those missing before it are counted as lost.
+    pub(crate) fn see(&mut self, number: u64, count: u64) {
+        let passed = number.wrapping_add(1).saturating_sub(self.next);
+        self.lost += passed.saturating_sub(count);
+        self.next = number.wrapping_add(1);
+    }
+
+    pub(crate) fn lost(&self) -> u64 {
+        self.lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_prefaulted_ring_is_empty_and_takes_exactly_its_slots() {
+        let (mut producer, mut consumer, memory) = prefaulted(5, 0_u64);
+        assert!(consumer.is_empty());
+        assert_eq!(memory[1].bytes(), 5 * 8);
+        for k in 0..5 {
+            assert!(producer.push(k).is_ok());
+        }
+        assert!(producer.push(5).is_err());
+        assert_eq!(consumer.pop(), Ok(0));
+    }
+
+    #[test]
+    fn a_gap_is_counted_once() {
+        let mut sequence = Sequence::from(0);
+        for number in [0, 1, 4, 5] {
+            sequence.see(number, 1);
+        }
+        assert_eq!(sequence.lost(), 2);
+        // Numbers 6 to 9, of which three came.
+        sequence.see(9, 3);
+        assert_eq!(sequence.lost(), 3);
+        // A writer that starts again is no loss.
+        sequence.see(0, 1);
+        sequence.see(1, 1);
+        assert_eq!(sequence.lost(), 3);
+    }
+}

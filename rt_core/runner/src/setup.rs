@@ -1,0 +1,76 @@
+//! What the tick's thread asks of the system before its first tick, and what it got.
+
+use crate::degradation::Degradation;
+use crate::memory::{LockedMemory, MemoryRange, STACK_AHEAD, touch_stack};
+use crate::schedule::{KeepAwake, pin, realtime, sharpen_timers};
+use crate::thread::RunnerConfig;
+use crate::tick_loop::TickLoop;
+
+/// What the thread got from the system.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Setup {
+    pub(crate) degradations: Vec<Degradation>,
+    pub(crate) core: Option<usize>,
+    pub(crate) locked_bytes: usize,
+}
+
+/// Asks for everything in `config`, from the thread that will tick. What is returned and what is locked
+/// must be held until the last tick.
+pub(crate) fn set_up<D>(
+    config: &RunnerConfig,
+    tick_loop: &TickLoop<D>,
+    locked: &mut LockedMemory,
+) -> (Setup, Option<KeepAwake>) {
+    let mut setup = Setup::default();
+    sharpen_timers();
+    match pin(config.core) {
+        Ok(core) => setup.core = core,
+        Err(degradation) => setup.degradations.push(degradation),
+    }
+    if let Some(Err(degradation)) = config.priority.map(realtime) {
+        setup.degradations.push(degradation);
+    }
+    let mut awake = None;
+    if config.keep_awake {
+        match KeepAwake::hold() {
+            Ok(held) => awake = Some(held),
+            Err(degradation) => setup.degradations.push(degradation),
+        }
+    }
+    if config.lock_memory {
+        setup.degradations.extend(lock_all(tick_loop, locked));
+        setup.locked_bytes = locked.bytes();
+    } else {
+        touch_stack();
+    }
+    (setup, awake)
+}
+
+/// Locks what the tick uses, what it needs most first.
+fn lock_all<D>(tick_loop: &TickLoop<D>, locked: &mut LockedMemory) -> Option<Degradation> {
+    let mut refusal = locked.lock_stack().err();
+    let own = [
+        MemoryRange::of(tick_loop),
+        MemoryRange::of(tick_loop.devices.as_slice()),
+    ];
+    let ranges = own.iter().chain(tick_loop.end.memory());
+    let mut wanted = STACK_AHEAD;
+    for range in ranges {
+        wanted += range.bytes();
+        // One that is refused leaves room for smaller ones.
+        let refused = locked.lock(*range).err();
+        refusal = refusal.or(refused);
+    }
+    refusal.map(|error| Degradation {
+        what: format!(
+            "only {} of {wanted} bytes of the tick's memory are locked",
+            locked.bytes()
+        ),
+        why: error.to_string(),
+        cost: "under memory pressure a tick may wait milliseconds for a page",
+        remedy: format!(
+            "allow {} MiB with `memlock` in /etc/security/limits.d, or LimitMEMLOCK in the service",
+            wanted.div_ceil(1 << 20) + 1
+        ),
+    })
+}

@@ -1,0 +1,351 @@
+//! The thread that ticks.
+//!
+//! [`spawn`] starts it, sets it up (core, priority, memory) and returns once that is done, so that what it
+//! has to do without is known before the first tick. Then, once a deadline: sleep, measure the lateness,
+//! tick, measure the time it took. It ends after a given number of ticks, when asked to, or by a panic;
+//! in each case every device is first commanded no force.
+//!
+//! The host may come and go: the loop ticks on without it (the force fades to the safe hold) until it is
+//! asked to stop. Dropping the [`TickThread`] asks.
+//!
+//! On the hot path (`run`): the clock, the sleep and the devices' own calls, nothing else.
+
+use crate::clock::{now_ns, sleep_until};
+use crate::degradation::Degradation;
+use crate::latency::Latencies;
+use crate::link::{TickCounters, TickEnd};
+use crate::memory::LockedMemory;
+use crate::pace::Pace;
+use crate::schedule::{CoreChoice, DEFAULT_PRIORITY};
+use crate::setup::{Setup, set_up};
+use crate::tick_loop::TickLoop;
+use rt_core::{Controller, Device, Wrench};
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
+
+/// How the thread runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunnerConfig {
+    /// From one deadline to the next (ns).
+    pub period_ns: u64,
+    /// How many ticks to do; `None`: until asked to stop. Deadlines that are missed are not among them.
+    pub ticks: Option<u64>,
+    /// Which core to run on.
+    pub core: CoreChoice,
+    /// Priority under SCHED_FIFO (1 to 99); `None`: stay under the ordinary scheduler.
+    pub priority: Option<u8>,
+    /// Whether to lock the loop's memory. It is touched ahead in any case.
+    pub lock_memory: bool,
+    /// Whether to keep the processor out of its deeper sleep states.
+    pub keep_awake: bool,
+}
+
+impl Default for RunnerConfig {
+    /// 1 kHz until asked to stop, with everything that the system gives.
+    fn default() -> Self {
+        Self {
+            period_ns: 1_000_000,
+            ticks: None,
+            core: CoreChoice::Last,
+            priority: Some(DEFAULT_PRIORITY),
+            lock_memory: true,
+            keep_awake: true,
+        }
+    }
+}
+
+/// Asks a loop to end after the tick it is in.
+#[derive(Debug, Default)]
+pub struct Stop(AtomicBool);
+
+impl Stop {
+    /// Not asked yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Asks. There is no way back.
+    pub fn request(&self) {
+        // Relaxed here and below: the flag carries nothing but itself.
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether somebody has asked.
+    pub fn is_requested(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Why the thread could not be started.
+#[derive(Debug, thiserror::Error)]
+pub enum SpawnError {
+    /// A loop without a period.
+    #[error("the period of the tick is 0 ns; it must be 1 ns or more (1000000 for 1 kHz)")]
+    NoPeriod,
+    /// Not the devices that the controller was made for.
+    #[error("the controller is made for {expected} devices and was given {found}")]
+    Devices {
+        /// What the controller was made for.
+        expected: usize,
+        /// What was given.
+        found: usize,
+    },
+    /// The system gave no thread.
+    #[error("the system gave no thread to tick in: {0}")]
+    Thread(#[from] std::io::Error),
+    /// The thread ended before its first tick.
+    #[error("the thread ended while it was being set up")]
+    Setup,
+}
+
+/// A panic inside the tick. Every device was commanded no force before the thread ended.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the loop panicked after {ticks} ticks: {message}")]
+pub struct TickPanic {
+    /// What the panic said.
+    pub message: String,
+    /// Ticks done before.
+    pub ticks: u64,
+}
+
+/// What a run leaves.
+#[derive(Debug)]
+pub struct TickReport<D> {
+    /// The devices, back.
+    pub devices: Vec<D>,
+    /// The controller, with its counters.
+    pub controller: Controller,
+    /// How late, how long, how old.
+    pub latencies: Latencies,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Deadlines that passed while a tick was late or long. With `ticks` they add up to `slots`.
+    pub missed_deadlines: u64,
+    /// Most deadlines missed in one go.
+    pub longest_miss: u64,
+    /// Deadlines between start and end.
+    pub slots: u64,
+    /// What the rings refused and lost.
+    pub link: TickCounters,
+    /// Wrenches that a device did not take.
+    pub refused_wrenches: u64,
+    /// What the run did without.
+    pub degradations: Vec<Degradation>,
+    /// The core that the tick was pinned to.
+    pub core: Option<usize>,
+    /// Memory held in place (bytes).
+    pub locked_bytes: usize,
+}
+
+type Outcome<D> = Result<Box<TickReport<D>>, TickPanic>;
+
+/// A running loop. Dropping it ends the loop and waits for that.
+#[derive(Debug)]
+pub struct TickThread<D> {
+    handle: Option<JoinHandle<Outcome<D>>>,
+    stop: Arc<Stop>,
+    ticks: Arc<AtomicU64>,
+    setup: Setup,
+}
+
+/// Starts a loop over `devices` (in the controller's order). Returns when the thread is set up, about one
+/// period before its first deadline. `stop` ends it from outside.
+///
+/// # Errors
+/// [`SpawnError`] where it cannot run. What it merely has to do without is in
+/// [`TickThread::degradations`].
+pub fn spawn<D: Device + Send + 'static>(
+    config: RunnerConfig,
+    controller: Controller,
+    devices: Vec<D>,
+    end: TickEnd,
+    stop: Arc<Stop>,
+) -> Result<TickThread<D>, SpawnError> {
+    if config.period_ns == 0 {
+        return Err(SpawnError::NoPeriod);
+    }
+    let expected = controller.safety_counters().count();
+    if devices.len() != expected {
+        return Err(SpawnError::Devices {
+            expected,
+            found: devices.len(),
+        });
+    }
+    // On the heap: a controller with its local models takes some hundred KB.
+    let tick_loop = Box::new(TickLoop::new(controller, devices, end));
+    let ticks = Arc::new(AtomicU64::new(0));
+    let (tell, told) = sync_channel(1);
+    let theirs = (Arc::clone(&stop), Arc::clone(&ticks));
+    let handle = std::thread::Builder::new()
+        .name("palpate-tick".into())
+        .spawn(move || body(config, tick_loop, &theirs.0, &theirs.1, &tell))?;
+    let setup = told.recv().map_err(|_| SpawnError::Setup)?;
+    Ok(TickThread {
+        handle: Some(handle),
+        stop,
+        ticks,
+        setup,
+    })
+}
+
+impl<D> TickThread<D> {
+    /// Ticks done so far. Cheap enough to ask at any rate; the loop does not notice.
+    pub fn ticks(&self) -> u64 {
+        self.ticks.load(Ordering::Relaxed)
+    }
+
+    /// What the run does without.
+    pub fn degradations(&self) -> &[Degradation] {
+        &self.setup.degradations
+    }
+
+    /// The core that the tick is pinned to.
+    pub fn core(&self) -> Option<usize> {
+        self.setup.core
+    }
+
+    /// Memory held in place for it (bytes).
+    pub fn locked_bytes(&self) -> usize {
+        self.setup.locked_bytes
+    }
+
+    /// Whether the loop has ended, so that joining does not wait.
+    pub fn is_finished(&self) -> bool {
+        self.handle.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Asks the loop to end after the tick it is in.
+    pub fn stop(&self) {
+        self.stop.request();
+    }
+
+    /// Waits for the end of the loop, without asking for it.
+    ///
+    /// # Errors
+    /// [`TickPanic`] where the loop ended by a panic (a device's, say).
+    pub fn join(mut self) -> Result<TickReport<D>, TickPanic> {
+        let ended = self.handle.take().map(JoinHandle::join);
+        match ended {
+            Some(Ok(outcome)) => outcome.map(|report| *report),
+            Some(Err(payload)) => Err(self.panic(payload.as_ref())),
+            None => Err(self.panic(&"the thread had been joined before")),
+        }
+    }
+
+    fn panic(&self, payload: &(dyn Any + Send)) -> TickPanic {
+        TickPanic {
+            message: message(payload),
+            ticks: self.ticks(),
+        }
+    }
+}
+
+impl<D> Drop for TickThread<D> {
+    fn drop(&mut self) {
+        if let Some(handle) = self.handle.take() {
+            self.stop.request();
+            // Nobody is left to be told of a panic; the panic hook has spoken.
+            let _ = handle.join();
+        }
+    }
+}
+
+/// The thread from beginning to end.
+fn body<D: Device>(
+    config: RunnerConfig,
+    mut tick_loop: Box<TickLoop<D>>,
+    stop: &Stop,
+    ticks: &AtomicU64,
+    tell: &SyncSender<Setup>,
+) -> Outcome<D> {
+    let mut locked = LockedMemory::new();
+    let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
+    // Whoever started the thread is waiting for this; if they are not, the run is still theirs to end.
+    let _ = tell.send(setup.clone());
+
+    // The first deadline is a whole period ahead, so that the first tick is as well rested as the others.
+    let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
+    let ran = catch_unwind(AssertUnwindSafe(|| {
+        run(&mut tick_loop, &mut pace, config.ticks, stop, ticks);
+    }));
+    let now = pace.nominal_ns();
+    let released = release_each(&mut tick_loop, now);
+    drop(awake);
+    drop(locked);
+    if let Err(payload) = ran.and(released) {
+        return Err(TickPanic {
+            message: message(payload.as_ref()),
+            ticks: tick_loop.ticks,
+        });
+    }
+    let done = *tick_loop;
+    Ok(Box::new(TickReport {
+        link: done.end.counters(),
+        devices: done.devices,
+        controller: done.controller,
+        latencies: done.latencies,
+        ticks: done.ticks,
+        missed_deadlines: pace.missed(),
+        longest_miss: pace.longest_miss(),
+        slots: pace.slots(),
+        refused_wrenches: done.refused_wrenches,
+        degradations: setup.degradations,
+        core: setup.core,
+        locked_bytes: setup.locked_bytes,
+    }))
+}
+
+/// The loop itself: the hot path.
+fn run<D: Device>(
+    tick_loop: &mut TickLoop<D>,
+    pace: &mut Pace,
+    length: Option<u64>,
+    stop: &Stop,
+    ticks: &AtomicU64,
+) {
+    while !stop.is_requested() && length.is_none_or(|length| tick_loop.ticks < length) {
+        let deadline = pace.deadline_ns();
+        let woke = sleep_until(deadline);
+        tick_loop.tick(pace.nominal_ns(), woke.saturating_sub(deadline));
+        let ended = now_ns();
+        tick_loop
+            .latencies
+            .tick_time
+            .record(ended.saturating_sub(woke));
+        ticks.store(tick_loop.ticks, Ordering::Relaxed);
+        pace.advance(ended);
+    }
+}
+
+/// Commands no force on every device, twice. Each by itself: one that panics must not keep the others
+/// from it.
+fn release_each<D: Device>(
+    tick_loop: &mut TickLoop<D>,
+    now_ns: u64,
+) -> Result<(), Box<dyn Any + Send>> {
+    let mut result = Ok(());
+    for _ in 0..2 {
+        for device in &mut tick_loop.devices {
+            let zero = Wrench::zero();
+            let written = catch_unwind(AssertUnwindSafe(|| {
+                // A device that refuses holds its last wrench until its own watchdog drops it.
+                let _ = device.write(now_ns, &zero);
+            }));
+            result = result.and(written);
+        }
+    }
+    result
+}
+
+/// What a panic said.
+fn message(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().copied();
+    let owned = || payload.downcast_ref::<String>().map(String::as_str);
+    text.or_else(owned)
+        .unwrap_or("a panic without a message")
+        .to_owned()
+}

@@ -1,0 +1,246 @@
+//! The rings: order, refusals, gaps, the newest of many, peers that leave, and how much they hold.
+
+use rt_core::{LocalModel, MAX_BODIES, Telemetry};
+use runner::link::{HostEnd, LinkConfig, LogEnd, RingFull, TickEnd, link};
+use runner::ring::slots_for;
+
+/// Room for five records and three models.
+fn small() -> (TickEnd, HostEnd, LogEnd) {
+    let rates = LinkConfig {
+        bodies: 2,
+        stall: 1.0,
+        ..LinkConfig::new(4.0, 2.0)
+    };
+    assert_eq!((slots_for(4.0, 1.0), slots_for(2.0, 1.0)), (5, 3));
+    link(&rates)
+}
+
+fn telemetry(tick: u64) -> Telemetry {
+    Telemetry {
+        tick,
+        time_ns: tick * 1_000_000,
+        ..Telemetry::empty()
+    }
+}
+
+fn model(sequence: u64) -> LocalModel {
+    LocalModel {
+        sequence,
+        ..LocalModel::empty()
+    }
+}
+
+#[test]
+fn records_arrive_in_order_on_both_sides() {
+    let (mut tick, mut host, mut log) = small();
+    for k in 0..5 {
+        tick.push(&telemetry(k));
+    }
+    let mut seen = Vec::new();
+    assert_eq!(
+        host.drain(|record| seen.push((record.tick, record.time_ns))),
+        5
+    );
+    assert_eq!(seen, (0..5).map(|k| (k, k * 1_000_000)).collect::<Vec<_>>());
+    let mut logged = Vec::new();
+    assert_eq!(log.drain(|record| logged.push(record.tick)), 5);
+    assert_eq!(logged, [0, 1, 2, 3, 4]);
+    assert_eq!((host.lost_records(), log.lost_records()), (0, 0));
+    assert_eq!(host.drain(|_| panic!("the ring is empty")), 0);
+    assert!(host.newest().is_none());
+}
+
+#[test]
+fn a_full_ring_refuses_and_both_ends_count() {
+    let (mut tick, mut host, mut log) = small();
+    for k in 0..8 {
+        tick.push(&telemetry(k));
+    }
+    assert_eq!(
+        (
+            tick.counters().refused_records,
+            tick.counters().refused_telemetry
+        ),
+        (3, 3)
+    );
+    // What was there first stays; the gap shows with the next that gets in.
+    assert_eq!(host.newest().map(|record| record.tick), Some(4));
+    assert_eq!(host.lost_records(), 0);
+    tick.push(&telemetry(8));
+    assert_eq!(host.drain(|record| assert_eq!(record.tick, 8)), 1);
+    assert_eq!(host.lost_records(), 3);
+    // The log has not been read meanwhile, so the ninth was refused there as well.
+    assert_eq!(tick.counters().refused_telemetry, 4);
+    assert_eq!(log.drain(|_| ()), 5);
+    tick.push(&telemetry(9));
+    assert_eq!(log.drain(|_| ()), 1);
+    assert_eq!(log.lost_records(), 4);
+}
+
+#[test]
+fn one_take_gives_the_newest_model_of_each_body() {
+    let (mut tick, mut host, _log) = small();
+    for sequence in 1..=3 {
+        assert_eq!(host.publish(0, &model(sequence)), Ok(()));
+    }
+    assert_eq!(host.publish(1, &model(1)), Ok(()));
+    let mut taken = Vec::new();
+    tick.take_models(|body, model| taken.push((body, model.sequence)));
+    assert_eq!(taken, [(0, 3), (1, 1)]);
+    assert_eq!(
+        (
+            tick.counters().superseded_models,
+            tick.counters().lost_models
+        ),
+        (2, 0)
+    );
+    tick.take_models(|_, _| panic!("all have been let go"));
+    // Past the end of the ring's memory and round again, the newest is still the newest.
+    for sequence in 4..=20 {
+        assert_eq!(host.publish(0, &model(sequence)), Ok(()));
+        if sequence % 3 == 0 || sequence == 20 {
+            let mut newest = 0;
+            tick.take_models(|_, model| newest = model.sequence);
+            assert_eq!(newest, sequence);
+        }
+    }
+    assert_eq!(tick.counters().lost_models, 0);
+}
+
+#[test]
+fn a_refused_model_is_named_counted_and_missed() {
+    let (mut tick, mut host, _log) = small();
+    for sequence in 1..=3 {
+        assert_eq!(host.publish(0, &model(sequence)), Ok(()));
+    }
+    for sequence in 4..=5 {
+        assert_eq!(
+            host.publish(0, &model(sequence)),
+            Err(RingFull {
+                body: 0,
+                capacity: 3
+            })
+        );
+    }
+    assert_eq!(
+        host.publish(7, &model(1)),
+        Err(RingFull {
+            body: 7,
+            capacity: 0
+        })
+    );
+    assert_eq!(host.refused_models(), 3);
+    tick.take_models(|_, _| ());
+    assert_eq!(host.publish(0, &model(6)), Ok(()));
+    tick.take_models(|_, model| assert_eq!(model.sequence, 6));
+    assert_eq!(
+        (
+            tick.counters().lost_models,
+            tick.counters().superseded_models
+        ),
+        (2, 2)
+    );
+}
+
+#[test]
+fn each_end_sees_that_the_other_is_gone() {
+    let (mut tick, host, log) = small();
+    assert!(!tick.host_is_gone() && !tick.log_is_gone());
+    drop(log);
+    drop(host);
+    assert!(tick.host_is_gone() && tick.log_is_gone());
+    // Nobody misses what is left now.
+    for k in 0..20 {
+        tick.push(&telemetry(k));
+    }
+    assert_eq!(
+        tick.counters().refused_records + tick.counters().refused_telemetry,
+        0
+    );
+
+    let (mut tick, mut host, mut log) = small();
+    tick.push(&telemetry(0));
+    assert!(!host.tick_is_gone() && !log.tick_is_gone());
+    drop(tick);
+    assert!(host.tick_is_gone() && log.tick_is_gone());
+    // What was left is still there.
+    assert_eq!((host.drain(|_| ()), log.drain(|_| ())), (1, 1));
+}
+
+#[test]
+fn five_seconds_of_stall_fit() {
+    let (mut tick, mut host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
+    for k in 0..5000 {
+        tick.push(&telemetry(k));
+    }
+    for sequence in 1..=300 {
+        assert_eq!(host.publish(0, &model(sequence)), Ok(()));
+    }
+    let counters = tick.counters();
+    assert_eq!(
+        (counters.refused_records, counters.refused_telemetry),
+        (0, 0)
+    );
+    let mut next = 0;
+    let read = host.drain(|record| {
+        assert_eq!(record.tick, next);
+        next += 1;
+    });
+    assert_eq!((read, log.drain(|_| ())), (5000, 5000));
+    let mut taken = 0;
+    tick.take_models(|_, model| taken = model.sequence);
+    assert_eq!((taken, tick.counters().superseded_models), (300, 299));
+    let bytes: usize = tick
+        .memory()
+        .iter()
+        .map(runner::memory::MemoryRange::bytes)
+        .sum();
+    let records = 5001 * (size_of::<Telemetry>() + size_of::<rt_core::TickRecord>());
+    assert!(bytes >= records + 301 * size_of::<LocalModel>());
+}
+
+#[test]
+fn senseless_sizes_give_small_rings_and_no_panic() {
+    for rate in [f64::NAN, -1.0, 0.0] {
+        let (mut tick, mut host, _log) = link(&LinkConfig {
+            bodies: 99,
+            ..LinkConfig::new(rate, rate)
+        });
+        assert_eq!(tick.bodies(), MAX_BODIES);
+        tick.push(&telemetry(0));
+        assert_eq!(host.drain(|_| ()), 1);
+    }
+    assert_eq!(slots_for(f64::INFINITY, 5.0), runner::ring::MOST_SLOTS);
+}
+
+#[test]
+fn records_cross_threads_whole_and_in_order() {
+    const RECORDS: u64 = 20_000;
+    let (mut tick, mut host, log) = small();
+    drop(log);
+    let writer = std::thread::spawn(move || {
+        for k in 0..RECORDS {
+            tick.push(&telemetry(k));
+        }
+        tick.counters().refused_records
+    });
+    let (mut seen, mut last) = (0, None);
+    loop {
+        let over = host.tick_is_gone();
+        host.drain(|record| {
+            assert!(last.is_none_or(|last| record.tick > last));
+            assert_eq!(record.time_ns, record.tick * 1_000_000);
+            last = Some(record.tick);
+            seen += 1;
+        });
+        if over {
+            break;
+        }
+        std::thread::yield_now();
+    }
+    let refused = writer.join().expect("the writer does not panic");
+    assert_eq!(seen + refused, RECORDS);
+    // Those refused after the last that arrived leave no gap behind them.
+    let tail = last.map_or(RECORDS, |last| RECORDS - 1 - last);
+    assert_eq!(host.lost_records(), refused - tail);
+}

@@ -1,0 +1,238 @@
+//! The thread under the real clock. What is asserted are counts and order, never how long anything took.
+
+mod common;
+
+use common::{Puppet, Trick, controller, pushing};
+use rt_core::Wrench;
+use runner::link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
+use runner::thread::SpawnError;
+use runner::{CoreChoice, RunnerConfig, Stop, spawn};
+use std::sync::Arc;
+
+fn ends() -> (TickEnd, HostEnd, LogEnd) {
+    link(&LinkConfig::new(1000.0, 60.0))
+}
+
+/// Without the things that a test machine may or may not give.
+fn modest(ticks: u64) -> RunnerConfig {
+    RunnerConfig {
+        ticks: Some(ticks),
+        core: CoreChoice::Anywhere,
+        priority: None,
+        lock_memory: false,
+        keep_awake: false,
+        ..RunnerConfig::default()
+    }
+}
+
+#[test]
+fn a_run_adds_up_and_ends_without_force() {
+    let (tick, mut host, mut log) = ends();
+    host.publish(0, &pushing(1, 0)).expect("the ring is empty");
+    let puppet = Puppet::new(Trick::None);
+    let last = Arc::clone(&puppet.last);
+    let run = spawn(
+        modest(300),
+        controller(1),
+        vec![puppet],
+        tick,
+        Arc::new(Stop::new()),
+    )
+    .expect("it can run");
+    assert!(run.degradations().is_empty());
+    let report = run.join().expect("nothing panics");
+
+    assert_eq!(report.ticks, 300);
+    assert_eq!(report.ticks + report.missed_deadlines, report.slots);
+    let times = &report.latencies;
+    assert_eq!(
+        (times.lateness.count(), times.tick_time.count()),
+        (300, 300)
+    );
+    // The model was there before the first tick.
+    assert_eq!(times.model_age.len(), 1);
+    assert_eq!(times.model_age[0].count(), 300);
+    assert_eq!(
+        (report.refused_wrenches, report.controller.stray_models()),
+        (0, 0)
+    );
+
+    // The force was there, and is gone.
+    let puppet = &report.devices[0];
+    assert_eq!((puppet.reads, puppet.writes), (300, 302));
+    assert_eq!(*last.lock().expect("nothing panics"), Some(Wrench::zero()));
+    let mut pushed = false;
+    let mut times_ns = Vec::new();
+    log.drain(|record| {
+        pushed |= record.devices[0].wrench.force.x > 0.5;
+        assert_eq!(record.tick as usize, times_ns.len());
+        times_ns.push(record.time_ns);
+    });
+    assert!(pushed);
+    // Nominal times: on the grid, in order, and those that the device was given.
+    assert_eq!(times_ns, puppet.times_ns);
+    assert_eq!(times_ns[0], 0);
+    assert!(times_ns.windows(2).all(|pair| pair[1] > pair[0]));
+    assert!(times_ns.iter().all(|time| time % 1_000_000 == 0));
+    assert_eq!(host.drain(|_| ()), 300);
+    assert!(host.tick_is_gone() && log.tick_is_gone());
+}
+
+#[test]
+fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
+    let (tick, _host, _log) = ends();
+    let puppet = Puppet::new(Trick::Spin(20, 5_500_000));
+    let run = spawn(
+        modest(60),
+        controller(1),
+        vec![puppet],
+        tick,
+        Arc::new(Stop::new()),
+    )
+    .expect("it can run");
+    let report = run.join().expect("nothing panics");
+    assert_eq!(report.ticks, 60);
+    // 5.5 ms from a point after the deadline on are five whole periods at least.
+    assert!(report.longest_miss >= 5, "{}", report.longest_miss);
+    assert!(report.missed_deadlines >= report.longest_miss);
+    assert_eq!(report.ticks + report.missed_deadlines, report.slots);
+    assert!(report.latencies.tick_time.summary().max >= 5_500_000);
+    // The devices' time has gone on by the deadlines that were skipped.
+    let times = &report.devices[0].times_ns;
+    assert!(times[20] - times[19] >= 6_000_000);
+    // The last tick's own misses come after it.
+    assert!(times[59] <= (report.slots - 1) * 1_000_000);
+}
+
+#[test]
+fn a_panic_in_a_device_comes_back_as_an_error_and_leaves_no_force() {
+    let (tick, host, _log) = ends();
+    let broken = Puppet::new(Trick::Panic(10));
+    let whole = Puppet::new(Trick::None);
+    let last = [Arc::clone(&broken.last), Arc::clone(&whole.last)];
+    let run = spawn(
+        modest(1000),
+        controller(2),
+        vec![broken, whole],
+        tick,
+        Arc::new(Stop::new()),
+    )
+    .expect("it can run");
+    let panic = run.join().expect_err("the device panics");
+    assert_eq!(
+        (panic.message.as_str(), panic.ticks),
+        ("the cable was cut", 9)
+    );
+    assert!(panic.to_string().contains("after 9 ticks"));
+    for last in last {
+        assert_eq!(
+            *last.lock().expect("not while writing"),
+            Some(Wrench::zero())
+        );
+    }
+    assert!(host.tick_is_gone());
+}
+
+#[test]
+fn a_loop_without_end_ends_when_asked_or_dropped() {
+    let endless = RunnerConfig {
+        ticks: None,
+        ..modest(0)
+    };
+    let (tick, host, log) = ends();
+    // The host dies; the tick goes on.
+    drop((host, log));
+    let stop = Arc::new(Stop::new());
+    let run = spawn(
+        endless,
+        controller(1),
+        vec![Puppet::new(Trick::None)],
+        tick,
+        Arc::clone(&stop),
+    )
+    .expect("it can run");
+    while run.ticks() < 20 {
+        std::thread::yield_now();
+    }
+    assert!(!run.is_finished());
+    stop.request();
+    let report = run.join().expect("nothing panics");
+    assert!(report.ticks >= 20);
+    assert_eq!(report.link.refused_records, 0);
+
+    let (tick, host, _log) = ends();
+    let run = spawn(
+        endless,
+        controller(0),
+        Vec::<Puppet>::new(),
+        tick,
+        Arc::new(Stop::new()),
+    )
+    .expect("it can run");
+    drop(run);
+    assert!(host.tick_is_gone());
+}
+
+#[test]
+fn what_cannot_run_says_so() {
+    let stop = Arc::new(Stop::new());
+    let config = RunnerConfig {
+        period_ns: 0,
+        ..modest(1)
+    };
+    let refused = spawn(
+        config,
+        controller(0),
+        Vec::<Puppet>::new(),
+        ends().0,
+        Arc::clone(&stop),
+    );
+    assert!(matches!(refused, Err(SpawnError::NoPeriod)));
+    let refused = spawn(
+        modest(1),
+        controller(2),
+        vec![Puppet::new(Trick::None)],
+        ends().0,
+        stop,
+    );
+    assert!(matches!(
+        refused,
+        Err(SpawnError::Devices {
+            expected: 2,
+            found: 1
+        })
+    ));
+}
+
+#[test]
+fn what_the_system_refuses_is_named_once_and_the_run_goes_on() {
+    let (tick, _host, _log) = ends();
+    let config = RunnerConfig {
+        ticks: Some(20),
+        ..RunnerConfig::default()
+    };
+    let run = spawn(
+        config,
+        controller(1),
+        vec![Puppet::new(Trick::None)],
+        tick,
+        Arc::new(Stop::new()),
+    )
+    .expect("it can run");
+    let named = run.degradations().to_vec();
+    // At most one each for core, priority, sleep states and memory.
+    assert!(named.len() <= 4);
+    assert_eq!(
+        run.core().is_some(),
+        !named.iter().any(|d| d.what.contains("pinned"))
+    );
+    for degradation in &named {
+        let line = degradation.to_string();
+        assert!(!line.contains('\n') && line.len() > 40, "{line}");
+        println!("{line}");
+    }
+    println!("{} bytes locked", run.locked_bytes());
+    let report = run.join().expect("nothing panics");
+    assert_eq!(report.ticks, 20);
+    assert_eq!(report.degradations, named);
+}

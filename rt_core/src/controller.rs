@@ -1,0 +1,198 @@
+//! The controller: one tick, in order.
+//!
+//! `read -> proxy -> coupling with the local model -> safety -> write`. All devices are read, then the
+//! wrenches are computed, then all devices are written, so that two hands on one body are felt at the same
+//! instant. [`Controller::tick`] is the law; [`cycle`] puts the device calls around it.
+
+use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
+use crate::device::{Device, DeviceError, DeviceState};
+use crate::geometry::{Pose, Twist, Wrench};
+use crate::local_model::{LocalModel, ModelFault};
+use crate::proxy::Proxy;
+use crate::record::Telemetry;
+use crate::safety::{Limiter, SafetyConfig, SafetyCounters};
+use crate::{MAX_BODIES, MAX_DEVICES};
+
+/// One device as the controller knows it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceConfig {
+    /// Where it stands in the scene.
+    pub proxy: Proxy,
+    /// What may leave for it.
+    pub safety: SafetyConfig,
+}
+
+/// What a controller is made of.
+#[derive(Clone, Debug, Default)]
+pub struct ControllerConfig {
+    /// The devices, in the order in which they are read and written.
+    pub devices: heapless::Vec<DeviceConfig, MAX_DEVICES>,
+    /// One coupling for each connected body.
+    pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
+}
+
+#[derive(Clone, Debug)]
+struct Channel {
+    proxy: Proxy,
+    limiter: Limiter,
+    state: DeviceState,
+}
+
+/// The controller's whole state.
+#[derive(Clone, Debug)]
+pub struct Controller {
+    channels: heapless::Vec<Channel, MAX_DEVICES>,
+    couplings: heapless::Vec<Coupling, MAX_BODIES>,
+    /// Model sent to a body that does not exist.
+    stray_models: u64,
+    tick: u64,
+}
+
+/// A device's reading in one tick: its state, or why there is none.
+pub type Reading = Result<DeviceState, DeviceError>;
+
+impl Controller {
+    /// A controller at rest, before its first model.
+    pub fn new(config: &ControllerConfig) -> Self {
+        let channels = config.devices.iter().map(|device| Channel {
+            proxy: device.proxy,
+            limiter: Limiter::new(device.safety),
+            state: DeviceState::resting(),
+        });
+        Self {
+            channels: channels.collect(),
+            couplings: config
+                .bodies
+                .iter()
+                .map(|body| Coupling::new(*body))
+                .collect(),
+            stray_models: 0,
+            tick: 0,
+        }
+    }
+
+    /// Hands over the newest local model of a body; the next tick takes it into use.
+    ///
+    /// # Errors
+    /// The [`ModelFault`] for which it was refused; refusals are counted.
+    pub fn accept(&mut self, body: usize, model: &LocalModel) -> Result<(), ModelFault> {
+        if let Some(coupling) = self.couplings.get_mut(body) {
+            coupling.accept(model)
+        } else {
+            self.stray_models += 1;
+            Err(ModelFault::Handles)
+        }
+    }
+
+    /// One tick of the law: from the devices' readings to the wrench for each (device axes), by device
+    /// index, and the record of it.
+    pub fn tick(
+        &mut self,
+        now_ns: u64,
+        readings: &[Reading; MAX_DEVICES],
+    ) -> ([Wrench; MAX_DEVICES], Telemetry) {
+        let mut telemetry = Telemetry::empty();
+        telemetry.tick = self.tick;
+        telemetry.time_ns = now_ns;
+        telemetry.device_count = self.channels.len() as u8;
+        telemetry.body_count = self.couplings.len() as u8;
+
+        let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
+        let mut fresh = [false; MAX_DEVICES];
+        let each = self
+            .channels
+            .iter_mut()
+            .zip(readings)
+            .zip(&mut proxies)
+            .zip(&mut fresh);
+        for (((channel, reading), proxy), fresh) in each {
+            if let Ok(state) = reading
+                && state.is_finite()
+            {
+                channel.state = *state;
+                *fresh = true;
+            }
+            *proxy = channel.proxy.to_scene(&channel.state);
+        }
+
+        let mut on_proxies = [Wrench::zero(); MAX_DEVICES];
+        for (coupling, record) in self.couplings.iter_mut().zip(&mut telemetry.bodies) {
+            let wrenches = coupling.tick(now_ns, &proxies);
+            for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
+                if let Some(sum) = on_proxies.get_mut(usize::from(handle.device)) {
+                    *sum = sum.plus(wrench);
+                }
+            }
+            record.sequence = coupling.model().sequence;
+            record.epoch = coupling.model().epoch;
+            record.age_ns = coupling.age_ns(now_ns);
+            record.trust = coupling.trust();
+            record.state = coupling.state();
+        }
+
+        let mut commands = [Wrench::zero(); MAX_DEVICES];
+        let inputs = self
+            .channels
+            .iter_mut()
+            .zip(&proxies)
+            .zip(&fresh)
+            .zip(&on_proxies);
+        for ((((channel, proxy), fresh), wrench), (command, record)) in
+            inputs.zip(commands.iter_mut().zip(&mut telemetry.devices))
+        {
+            *command = channel
+                .limiter
+                .pass(&channel.proxy.to_device(wrench), *fresh);
+            record.pose = proxy.0;
+            record.twist = proxy.1;
+            record.wrench = Wrench {
+                force: channel.proxy.rotation * command.force,
+                moment: channel.proxy.rotation * command.moment,
+            };
+            record.buttons = channel.state.buttons;
+            record.device_time_ns = channel.state.device_time_ns;
+            record.fresh = *fresh;
+            record.safety = channel.limiter.state();
+        }
+        self.tick = self.tick.wrapping_add(1);
+        (commands, telemetry)
+    }
+
+    /// What each body's coupling met so far.
+    pub fn coupling_counters(&self) -> impl Iterator<Item = CouplingCounters> {
+        self.couplings.iter().map(Coupling::counters)
+    }
+
+    /// What each device's last stage met so far.
+    pub fn safety_counters(&self) -> impl Iterator<Item = SafetyCounters> {
+        self.channels
+            .iter()
+            .map(|channel| channel.limiter.counters())
+    }
+
+    /// How many models came for a body that does not exist.
+    pub fn stray_models(&self) -> u64 {
+        self.stray_models
+    }
+}
+
+/// One whole tick with its devices: read all, compute, write all. Returns the record of it and how many
+/// devices did not take their wrench.
+pub fn cycle<D: Device>(
+    controller: &mut Controller,
+    devices: &mut [D],
+    now_ns: u64,
+) -> (Telemetry, u32) {
+    let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
+    for (device, reading) in devices.iter_mut().zip(&mut readings) {
+        *reading = device.read(now_ns);
+    }
+    let (commands, telemetry) = controller.tick(now_ns, &readings);
+    let mut refused = 0;
+    for (device, command) in devices.iter_mut().zip(&commands) {
+        if device.write(now_ns, command).is_err() {
+            refused += 1;
+        }
+    }
+    (telemetry, refused)
+}

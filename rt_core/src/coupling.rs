@@ -1,0 +1,246 @@
+//! The coupling: from the newest local model of a body to a wrench on each hand that never jumps.
+//!
+//! **Change of model.** The old model is re-expressed at the new one's reference, with its reference
+//! wrench chosen so that at the present poses and velocities it renders exactly what it rendered before;
+//! then wrench, stiffness and damping pass linearly to the new ones over half a publication period (the
+//! blend of the multirate study), two ticks at least. A model that arrives during a blend starts from the
+//! blended one.
+//!
+//! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
+//! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
+//! first model the hold is all there is, so a run starts without a jump as well.
+
+use crate::MAX_HANDLES;
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use crate::local_model::{LocalModel, ModelFault};
+use crate::scheme::Scheme;
+
+/// How a coupling blends and ages. Times in seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CouplingConfig {
+    /// Which force is rendered between publications.
+    pub scheme: Scheme,
+    /// The tick's period (s).
+    pub period: f64,
+    /// Share of a publication period over which a new model takes over.
+    pub blend: f64,
+    /// Age beyond which a model is no longer trusted (s).
+    pub age_limit: f64,
+    /// How long the force takes to fade once the model is too old (s).
+    pub decay: f64,
+    /// How long it takes to come back (s).
+    pub recovery: f64,
+    /// Damping of the safe hold (N s/m).
+    pub hold_damping: f64,
+}
+
+/// What the coupling is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum HostState {
+    /// No model has come yet.
+    Waiting,
+    /// The model is young enough; the force is (or is coming back to) the model's.
+    Live,
+    /// The model is too old and the force is fading.
+    Fading,
+    /// The model is too old and only the safe hold is left.
+    Held,
+}
+
+/// Counts of what a coupling met. They only grow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CouplingCounters {
+    /// Models taken into use.
+    pub accepted: u64,
+    /// Models refused because a number was not finite.
+    pub not_finite: u64,
+    /// Models refused because their handles make no sense here.
+    pub wrong_handles: u64,
+    /// Models refused because they were not newer than the one in use.
+    pub outdated: u64,
+    /// Times that the model grew too old.
+    pub faded: u64,
+}
+
+/// The force side of one connected body.
+#[derive(Clone, Debug)]
+pub struct Coupling {
+    config: CouplingConfig,
+    /// What was rendered before the newest model, re-expressed at its reference.
+    from: LocalModel,
+    /// The newest model, as the scheme reads it.
+    to: LocalModel,
+    pending: Option<LocalModel>,
+    /// Share of `to` in the blend, and by how much it grows a tick.
+    share: f64,
+    share_step: f64,
+    /// Trust in the model, from zero (safe hold) to one.
+    trust: f64,
+    state: HostState,
+    counters: CouplingCounters,
+}
+
+impl Coupling {
+    /// A coupling that has seen no model yet.
+    pub fn new(config: CouplingConfig) -> Self {
+        Self {
+            config,
+            from: LocalModel::empty(),
+            to: LocalModel::empty(),
+            pending: None,
+            share: 1.0,
+            share_step: 0.0,
+            trust: 0.0,
+            state: HostState::Waiting,
+            counters: CouplingCounters::default(),
+        }
+    }
+
+    /// Hands over a model, which the next tick takes into use if it is sound.
+    ///
+    /// # Errors
+    /// The [`ModelFault`] for which it was refused; refusals are counted.
+    pub fn accept(&mut self, model: &LocalModel) -> Result<(), ModelFault> {
+        let current = self.pending.as_ref().unwrap_or(&self.to);
+        let seen_one = current.handle_count > 0;
+        let checked = model.check().and_then(|()| {
+            let newer = model.time_ns > current.time_ns && model.epoch >= current.epoch;
+            if seen_one && !newer {
+                Err(ModelFault::Outdated)
+            } else {
+                Ok(())
+            }
+        });
+        match checked {
+            Ok(()) => self.pending = Some(*model),
+            Err(ModelFault::NotFinite) => self.counters.not_finite += 1,
+            Err(ModelFault::Handles) => self.counters.wrong_handles += 1,
+            Err(ModelFault::Outdated) => self.counters.outdated += 1,
+        }
+        checked
+    }
+
+    /// One tick: the wrench on each of the body's hands, in the model's order of handles.
+    /// `devices` are the proxies' poses and twists, by device index.
+    pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        if let Some(model) = self.pending.take() {
+            self.switch_to(&model, devices);
+        }
+        let mut wrenches = self.rendered(devices);
+        self.share = (self.share + self.share_step).min(1.0);
+        self.grow_old(now_ns);
+        let trust = smooth_step(self.trust);
+        for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
+            let velocity = devices
+                .get(usize::from(handle.device))
+                .map_or(Vec3::zeros(), |(_, t)| t.linear);
+            let hold = velocity * (-self.config.hold_damping * (1.0 - trust));
+            *wrench = wrench.scaled(trust);
+            wrench.force += hold;
+        }
+        wrenches
+    }
+
+    /// The newest model in use, as the scheme reads it; without handles before the first.
+    pub fn model(&self) -> &LocalModel {
+        &self.to
+    }
+
+    /// Age of the model in use (ns).
+    pub fn age_ns(&self, now_ns: u64) -> u64 {
+        now_ns.saturating_sub(self.to.time_ns)
+    }
+
+    /// Trust in the model, from zero (safe hold) to one.
+    pub fn trust(&self) -> f64 {
+        self.trust
+    }
+
+    /// What the coupling is doing.
+    pub fn state(&self) -> HostState {
+        self.state
+    }
+
+    /// What it met so far.
+    pub fn counters(&self) -> CouplingCounters {
+        self.counters
+    }
+
+    fn switch_to(&mut self, model: &LocalModel, devices: &[(Pose, Twist)]) {
+        let mut shaped = *model;
+        self.config.scheme.shape(&mut shaped);
+        let before = self.rendered(devices);
+        let same_handles = self.to.handle_count == shaped.handle_count
+            && self
+                .to
+                .handles()
+                .zip(shaped.handles())
+                .all(|(a, b)| a.device == b.device);
+        let mut from = if same_handles {
+            let mut blended = self.from;
+            blended.mix(&self.to, self.share);
+            blended
+        } else {
+            shaped
+        };
+        // Same references as the new model, and the wrench that makes the present force the same.
+        from.handle_count = shaped.handle_count;
+        from.handles = shaped.handles;
+        let response = from.response(&from.deviations(devices));
+        for (handle, fall) in from.handles.iter_mut().zip(&response) {
+            let old = self
+                .to
+                .handles()
+                .zip(&before)
+                .find(|(old, _)| old.device == handle.device);
+            let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
+            handle.wrench = Wrench::from_stacked(&(force.stacked() + fall));
+        }
+        self.from = from;
+        self.to = shaped;
+        let ticks = libm::ceil(self.config.blend * shaped.period / self.config.period).max(2.0);
+        self.share_step = 1.0 / ticks;
+        self.share = 0.0;
+        self.counters.accepted += 1;
+    }
+
+    fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        let deviations = self.to.deviations(devices);
+        let mut wrenches = self.to.wrenches(&deviations);
+        if self.share < 1.0 {
+            for (wrench, old) in wrenches.iter_mut().zip(&self.from.wrenches(&deviations)) {
+                *wrench = old
+                    .scaled(1.0 - self.share)
+                    .plus(&wrench.scaled(self.share));
+            }
+        }
+        wrenches
+    }
+
+    fn grow_old(&mut self, now_ns: u64) {
+        if self.to.handle_count == 0 {
+            return;
+        }
+        let fresh = self.age_ns(now_ns) as f64 <= self.config.age_limit * 1e9;
+        let was_live = self.state == HostState::Live;
+        let step = if fresh {
+            self.config.period / self.config.recovery
+        } else {
+            -self.config.period / self.config.decay
+        };
+        self.trust = (self.trust + step).clamp(0.0, 1.0);
+        self.state = match (fresh, self.trust > 0.0) {
+            (true, _) => HostState::Live,
+            (false, true) => HostState::Fading,
+            (false, false) => HostState::Held,
+        };
+        if was_live && !fresh {
+            self.counters.faded += 1;
+        }
+    }
+}
+
+/// `3 s^2 - 2 s^3`: no corner at either end.
+fn smooth_step(s: f64) -> f64 {
+    s * s * (3.0 - 2.0 * s)
+}

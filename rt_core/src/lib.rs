@@ -1,0 +1,41 @@
+//! All that runs inside the haptic tick: the control law.
+//!
+//! Principles, which the tests hold this crate to:
+//!
+//! - A tick is a **pure function** of the device states, the newest local models and the controller's own
+//!   state. The same code runs under the real clock and under virtual time.
+//! - It never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
+//!   histograms live beside it, in the crate `runner`.
+//! - It never panics: no indexing, no unwrapping, no arithmetic that can overflow.
+//! - It knows neither scenes nor meshes. What the physics has to say arrives as a [`LocalModel`].
+//! - Units are SI. World axes are the scene's; a device's own axes end in its [`proxy::Proxy`].
+//!
+//! Read [`controller`] first: it is the order of a tick. Then [`local_model`] (what the host publishes),
+//! [`coupling`] (how it becomes a force) and [`safety`] (what may leave for the device).
+#![no_std]
+#![forbid(unsafe_code)]
+
+pub mod controller;
+pub mod coupling;
+pub mod device;
+pub mod geometry;
+pub mod local_model;
+pub mod proxy;
+pub mod record;
+pub mod safety;
+pub mod scheme;
+pub mod velocity;
+
+pub use controller::{Controller, ControllerConfig, cycle};
+pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};
+pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
+pub use local_model::{HandleReference, LocalModel};
+pub use record::{Telemetry, TickRecord};
+pub use scheme::Scheme;
+
+/// Most devices that one loop serves (two people with two hands each).
+pub const MAX_DEVICES: usize = 4;
+/// Most handles on one connected body.
+pub const MAX_HANDLES: usize = 4;
+/// Most connected bodies that are felt at the same time.
+pub const MAX_BODIES: usize = 4;

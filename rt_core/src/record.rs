@@ -1,0 +1,146 @@
+//! What a tick leaves behind: a short record for the host, a full one for the log.
+
+use crate::coupling::HostState;
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use crate::safety::SafetyState;
+use crate::{MAX_BODIES, MAX_DEVICES};
+
+/// What the host learns of a tick: where the hands are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TickRecord {
+    /// Number of the tick, from zero.
+    pub tick: u64,
+    /// Its nominal time (ns).
+    pub time_ns: u64,
+    /// How many of `proxies` are in use.
+    pub device_count: u8,
+    /// Poses and twists of the proxies (scene, world axes), by device.
+    pub proxies: [(Pose, Twist); MAX_DEVICES],
+    /// Buttons, by device, one bit each.
+    pub buttons: [u32; MAX_DEVICES],
+}
+
+impl TickRecord {
+    /// A record without devices.
+    pub fn empty() -> Self {
+        Self {
+            tick: 0,
+            time_ns: 0,
+            device_count: 0,
+            proxies: [(Pose::identity(), Twist::zero()); MAX_DEVICES],
+            buttons: [0; MAX_DEVICES],
+        }
+    }
+}
+
+/// One device in a [`Telemetry`] record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceTelemetry {
+    /// Pose of the proxy (scene).
+    pub pose: Pose,
+    /// Twist of the proxy (scene).
+    pub twist: Twist,
+    /// Wrench on the hand that left for the device (scene axes are the device's, rotated by its proxy).
+    pub wrench: Wrench,
+    /// Buttons, one bit each.
+    pub buttons: u32,
+    /// The device's own clock (ns).
+    pub device_time_ns: u64,
+    /// Whether the device gave a good state this tick.
+    pub fresh: bool,
+    /// What the last stage did.
+    pub safety: SafetyState,
+}
+
+/// One body in a [`Telemetry`] record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyTelemetry {
+    /// Sequence number of the model in use; zero before the first.
+    pub sequence: u64,
+    /// Its topology epoch.
+    pub epoch: u32,
+    /// Its age (ns).
+    pub age_ns: u64,
+    /// Trust in it, from zero (safe hold) to one.
+    pub trust: f64,
+    /// What the coupling was doing.
+    pub state: HostState,
+}
+
+/// Everything about one tick that the log keeps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Telemetry {
+    /// Number of the tick, from zero.
+    pub tick: u64,
+    /// Its nominal time (ns).
+    pub time_ns: u64,
+    /// How late it woke (ns); zero under virtual time.
+    pub lateness_ns: u64,
+    /// How many of `devices` are in use.
+    pub device_count: u8,
+    /// The devices, the first `device_count` in use.
+    pub devices: [DeviceTelemetry; MAX_DEVICES],
+    /// How many of `bodies` are in use.
+    pub body_count: u8,
+    /// The bodies, the first `body_count` in use.
+    pub bodies: [BodyTelemetry; MAX_BODIES],
+}
+
+impl Telemetry {
+    /// A record without devices or bodies.
+    pub fn empty() -> Self {
+        let device = DeviceTelemetry {
+            pose: Pose::at(Vec3::zeros()),
+            twist: Twist::zero(),
+            wrench: Wrench::zero(),
+            buttons: 0,
+            device_time_ns: 0,
+            fresh: false,
+            safety: SafetyState::Normal,
+        };
+        let body = BodyTelemetry {
+            sequence: 0,
+            epoch: 0,
+            age_ns: 0,
+            trust: 0.0,
+            state: HostState::Waiting,
+        };
+        Self {
+            tick: 0,
+            time_ns: 0,
+            lateness_ns: 0,
+            device_count: 0,
+            devices: [device; MAX_DEVICES],
+            body_count: 0,
+            bodies: [body; MAX_BODIES],
+        }
+    }
+
+    /// The devices in use.
+    pub fn devices(&self) -> impl Iterator<Item = &DeviceTelemetry> {
+        self.devices.iter().take(usize::from(self.device_count))
+    }
+
+    /// The bodies in use.
+    pub fn bodies(&self) -> impl Iterator<Item = &BodyTelemetry> {
+        self.bodies.iter().take(usize::from(self.body_count))
+    }
+
+    /// The part that the host needs.
+    pub fn tick_record(&self) -> TickRecord {
+        let mut record = TickRecord::empty();
+        record.tick = self.tick;
+        record.time_ns = self.time_ns;
+        record.device_count = self.device_count;
+        for ((device, proxy), buttons) in self
+            .devices
+            .iter()
+            .zip(&mut record.proxies)
+            .zip(&mut record.buttons)
+        {
+            *proxy = (device.pose, device.twist);
+            *buttons = device.buttons;
+        }
+        record
+    }
+}

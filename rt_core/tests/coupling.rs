@@ -1,0 +1,296 @@
+//! The coupling: what each scheme renders, that a change of model never makes the force jump, and that
+//! the force fades and returns smoothly when models stop coming.
+
+use nalgebra::UnitQuaternion;
+use proptest::prelude::*;
+use rt_core::coupling::{Coupling, CouplingConfig, HostState};
+use rt_core::local_model::ModelFault;
+use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, Scheme, Twist, Vec3, Wrench};
+
+const MS: u64 = 1_000_000;
+
+fn config(scheme: Scheme) -> CouplingConfig {
+    CouplingConfig {
+        scheme,
+        period: 1e-3,
+        blend: 0.5,
+        age_limit: 0.05,
+        decay: 0.2,
+        recovery: 0.1,
+        hold_damping: 2.0,
+    }
+}
+
+/// Two handles on a spring of `k` N/m along x and a damper of `b` N s/m, held apart with `pull` N.
+fn spring(sequence: u64, time_ns: u64, k: f64, b: f64, pull: f64) -> LocalModel {
+    let mut model = LocalModel::empty();
+    model.sequence = sequence;
+    model.time_ns = time_ns;
+    model.period = 0.016;
+    model.handle_count = 2;
+    for (i, handle) in model.handles.iter_mut().take(2).enumerate() {
+        let side = if i == 0 { -1.0 } else { 1.0 };
+        handle.device = i as u8;
+        handle.pose = Pose::at(Vec3::new(0.1 * side, 0.0, 0.0));
+        handle.wrench.force = Vec3::new(-side * pull, 0.0, 0.0);
+    }
+    for i in 0..2 {
+        for j in 0..2 {
+            let sign = if i == j { 1.0 } else { -1.0 };
+            model.stiffness[i][j][(0, 0)] = sign * k;
+            model.damping[i][j][(0, 0)] = sign * b;
+        }
+    }
+    model
+}
+
+fn hands(left: Vec3, right: Vec3, velocity: f64) -> [(Pose, Twist); 2] {
+    let twist = |v: f64| Twist {
+        linear: Vec3::new(v, 0.0, 0.0),
+        angular: Vec3::zeros(),
+    };
+    [
+        (Pose::at(left), twist(-velocity)),
+        (Pose::at(right), twist(velocity)),
+    ]
+}
+
+/// Ticks until the model is fully trusted and blended in, published once every 20 ms; returns the time
+/// after.
+fn settle(coupling: &mut Coupling, model: &LocalModel, at: &[(Pose, Twist)]) -> u64 {
+    let mut now = model.time_ns;
+    let mut newer = *model;
+    for tick in 0..200 {
+        now += MS;
+        if tick % 20 == 0 {
+            newer.time_ns = now;
+            coupling.accept(&newer).unwrap();
+        }
+        coupling.tick(now, at);
+    }
+    now
+}
+
+#[test]
+fn linear_renders_the_spring_between_two_hands() {
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let rest = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
+    let now = settle(&mut coupling, &spring(1, 0, 300.0, 2.0, 1.5), &rest);
+    let apart = hands(Vec3::new(-0.11, 0.0, 0.0), Vec3::new(0.13, 0.0, 0.0), 0.05);
+    let wrenches = coupling.tick(now + MS, &apart);
+    // 1.5 N, 40 mm of stretch at 300 N/m, 0.1 m/s of opening at 2 N s/m. Rounding only.
+    let expected = 1.5 + 300.0 * 0.04 + 2.0 * 0.1;
+    assert!(
+        (wrenches[0].force.x - expected).abs() < 1e-12,
+        "{}",
+        wrenches[0].force.x
+    );
+    assert!(
+        (wrenches[1].force.x + expected).abs() < 1e-12,
+        "{}",
+        wrenches[1].force.x
+    );
+    // Hands that move together feel no change at all.
+    let together = hands(Vec3::new(-0.08, 0.0, 0.0), Vec3::new(0.12, 0.0, 0.0), 0.0);
+    let wrenches = coupling.tick(now + 2 * MS, &together);
+    assert!((wrenches[0].force.x - 1.5).abs() < 1e-12);
+}
+
+#[test]
+fn hold_holds_and_thesis_adds_its_own_spring_and_damper() {
+    let rest = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
+    let apart = hands(Vec3::new(-0.11, 0.0, 0.0), Vec3::new(0.13, 0.0, 0.0), 0.05);
+    let mut hold = Coupling::new(config(Scheme::Hold));
+    let now = settle(&mut hold, &spring(1, 0, 300.0, 2.0, 1.5), &rest);
+    assert!((hold.tick(now + MS, &apart)[0].force.x - 1.5).abs() < 1e-12);
+
+    let mut thesis = Coupling::new(config(Scheme::Thesis {
+        stiffness: 100.0,
+        damping: 3.0,
+    }));
+    let now = settle(&mut thesis, &spring(1, 0, 300.0, 2.0, 1.5), &rest);
+    let w = thesis.tick(now + MS, &apart);
+    // Equation 4.5 as meant: held + k (x_handle - x_proxy) - k_v v, each hand for itself.
+    assert!((w[0].force.x - (1.5 + 100.0 * 0.01 + 3.0 * 0.05)).abs() < 1e-12);
+    assert!((w[1].force.x - (-1.5 - 100.0 * 0.03 - 3.0 * 0.05)).abs() < 1e-12);
+}
+
+#[test]
+fn a_rotated_handle_answers_in_its_own_moment() {
+    let mut model = LocalModel::empty();
+    model.sequence = 1;
+    model.period = 0.01;
+    model.handle_count = 1;
+    model.stiffness[0][0] = Mat6::from_diagonal_element(0.5);
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let at = [(Pose::identity(), Twist::zero())];
+    let now = settle(&mut coupling, &model, &at);
+    let turn = Vec3::new(0.1, -0.2, 0.05);
+    let pose = Pose {
+        rotation: UnitQuaternion::from_scaled_axis(turn),
+        ..Pose::identity()
+    };
+    let w = coupling.tick(now + MS, &[(pose, Twist::zero())]);
+    assert!((w[0].moment + turn * 0.5).norm() < 1e-12, "{}", w[0].moment);
+}
+
+#[test]
+fn models_that_make_no_sense_are_refused_and_counted() {
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let good = spring(1, 10 * MS, 300.0, 2.0, 1.0);
+    let mut nan = good;
+    nan.stiffness[0][1][(2, 2)] = f64::NAN;
+    assert_eq!(coupling.accept(&nan), Err(ModelFault::NotFinite));
+    let mut crowd = good;
+    crowd.handle_count = MAX_HANDLES as u8 + 1;
+    assert_eq!(coupling.accept(&crowd), Err(ModelFault::Handles));
+    assert_eq!(coupling.accept(&good), Ok(()));
+    assert_eq!(coupling.accept(&good), Err(ModelFault::Outdated));
+    let counters = coupling.counters();
+    assert_eq!(
+        (
+            counters.not_finite,
+            counters.wrong_handles,
+            counters.outdated
+        ),
+        (1, 1, 1)
+    );
+}
+
+#[test]
+fn force_fades_without_a_jump_and_comes_back_the_same_way() {
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
+    let mut now = settle(&mut coupling, &spring(1, 0, 300.0, 0.0, 2.0), &at);
+    let mut last = 2.0;
+    let mut seen = [false; 4];
+    for k in 0..1000 {
+        now += MS;
+        if k >= 500 {
+            let mut model = spring(500, now, 300.0, 0.0, 2.0);
+            model.sequence += k;
+            coupling.accept(&model).unwrap();
+        }
+        let force = coupling.tick(now, &at)[0].force.x;
+        // The steepest part of a smooth step is 1.5 times the even slope: 2 N x 1.5 / (0.1 s / 1 ms).
+        assert!(
+            (force - last).abs() <= 2.0 * 1.5 / 100.0 + 1e-12,
+            "tick {k}: {last} -> {force}"
+        );
+        last = force;
+        seen[match coupling.state() {
+            HostState::Waiting => 0,
+            HostState::Live => 1,
+            HostState::Fading => 2,
+            HostState::Held => 3,
+        }] = true;
+        if k == 400 {
+            assert_eq!((force, coupling.state()), (0.0, HostState::Held));
+        }
+    }
+    assert!((last - 2.0).abs() < 1e-12);
+    assert_eq!(seen, [false, true, true, true]);
+    assert_eq!(coupling.counters().faded, 1);
+}
+
+fn vector(scale: f64) -> impl Strategy<Value = Vec3> {
+    [-1.0..1.0, -1.0..1.0, -1.0..1.0].prop_map(move |v: [f64; 3]| Vec3::from(v) * scale)
+}
+
+fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
+    (
+        vector(0.1),
+        vector(0.5),
+        vector(0.2),
+        vector(1.0),
+        vector(3.0),
+        vector(0.1),
+    )
+        .prop_map(
+            move |(position, turn, linear, angular, force, moment)| HandleReference {
+                device,
+                pose: Pose {
+                    position,
+                    rotation: UnitQuaternion::from_scaled_axis(turn),
+                },
+                twist: Twist { linear, angular },
+                wrench: Wrench { force, moment },
+            },
+        )
+}
+
+/// Any two-handle model whatsoever: the blend may not rely on symmetry or size.
+fn any_model() -> impl Strategy<Value = LocalModel> {
+    (
+        handle(0),
+        handle(1),
+        proptest::collection::vec(-1.0..1.0, 288),
+        0.001..0.05,
+    )
+        .prop_map(|(a, b, numbers, period)| {
+            let mut model = LocalModel::empty();
+            model.handle_count = 2;
+            model.period = period;
+            model.handles[0] = a;
+            model.handles[1] = b;
+            for i in 0..2 {
+                for j in 0..2 {
+                    let at = (2 * i + j) * 72;
+                    model.stiffness[i][j] = Mat6::from_row_slice(&numbers[at..at + 36]) * 300.0;
+                    model.damping[i][j] = Mat6::from_row_slice(&numbers[at + 36..at + 72]) * 3.0;
+                }
+            }
+            model
+        })
+}
+
+proptest! {
+    /// At the tick that takes a new model, even in the middle of a blend, the force at unchanged hands is
+    /// the one rendered before; when the blend is over it is the new model's.
+    #[test]
+    fn a_change_of_model_never_makes_the_force_jump(
+        models in proptest::collection::vec(any_model(), 2..5),
+        left in vector(0.1), right in vector(0.1), turn in vector(0.5),
+        wait in 0_u64..12,
+        scheme in prop_oneof![
+            Just(Scheme::Hold), Just(Scheme::Linear),
+            Just(Scheme::Thesis { stiffness: 400.0, damping: 5.0 }),
+        ],
+    ) {
+        let mut coupling = Coupling::new(config(scheme));
+        let mut at = hands(left, right, 0.1);
+        at[1].0.rotation = UnitQuaternion::from_scaled_axis(turn);
+        let mut now = settle(&mut coupling, &models[0], &at);
+        for (k, model) in models.iter().enumerate().skip(1) {
+            let before = coupling.tick(now, &at);
+            // One blending step may follow before the model comes: bring it up to date by probing a copy.
+            let expected = coupling.clone().tick(now, &at);
+            let mut model = *model;
+            model.sequence = 1000 + k as u64;
+            model.time_ns = now + k as u64;
+            coupling.accept(&model).unwrap();
+            let after = coupling.tick(now, &at);
+            for ((expected, after), before) in expected.iter().zip(&after).zip(&before) {
+                // Forces of order 100 N, sums of some tens of terms.
+                prop_assert!((expected.stacked() - after.stacked()).amax() < 1e-9);
+                prop_assert!(before.is_finite());
+            }
+            for _ in 0..wait {
+                now += MS;
+                coupling.tick(now, &at);
+            }
+        }
+        // Half of the longest period, 25 ms, and the age limit is 50: fully blended, still trusted.
+        for _ in 0..26 {
+            now += MS;
+            coupling.tick(now, &at);
+        }
+        let mut newest = *models.last().unwrap();
+        scheme.shape(&mut newest);
+        let expected = newest.wrenches(&newest.deviations(&at));
+        let rendered = coupling.tick(now, &at);
+        for (a, b) in expected.iter().zip(&rendered).take(2) {
+            prop_assert!((a.stacked() - b.stacked()).amax() < 1e-9);
+        }
+    }
+}

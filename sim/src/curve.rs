@@ -1,0 +1,52 @@
+//! The two curves that the rest is joined by: the minimum-jerk step and the cubic Hermite segment.
+
+use rt_core::Vec3;
+
+/// The minimum-jerk step (Flash & Hogan 1985) at `s` from zero to one: its value and its slope.
+/// Value, slope and curvature are those of a constant at both ends; the largest slope is 1.875.
+pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
+    let s = s.clamp(0.0, 1.0);
+    let rest = 1.0 - s;
+    (
+        s * s * s * (10.0 - 15.0 * s + 6.0 * s * s),
+        30.0 * s * s * rest * rest,
+    )
+}
+
+/// One end of a Hermite segment: position (m) and velocity (m/s).
+pub(crate) type Knot = (Vec3, Vec3);
+
+/// The cubic that meets both ends' positions and velocities, `duration` (s) apart, at share `s` of the
+/// way: position and velocity.
+pub(crate) fn hermite(from: &Knot, to: &Knot, duration: f64, s: f64) -> Knot {
+    let rest = 1.0 - s;
+    let way = to.0 - from.0;
+    let position = from.0
+        + way * (s * s * (3.0 - 2.0 * s))
+        + (from.1 * rest - to.1 * s) * (duration * s * rest);
+    let velocity = way * (6.0 * s * rest / duration)
+        + from.1 * (rest * (1.0 - 3.0 * s))
+        + to.1 * (s * (3.0 * s - 2.0));
+    (position, velocity)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_is_reproduced() {
+        let cubic = |t: f64| {
+            let p = Vec3::new(1.0 + t - 2.0 * t * t + 0.5 * t * t * t, t, t * t);
+            let v = Vec3::new(1.0 - 4.0 * t + 1.5 * t * t, 1.0, 2.0 * t);
+            (p, v)
+        };
+        for k in 0..=10 {
+            let s = f64::from(k) / 10.0;
+            let (p, v) = hermite(&cubic(0.3), &cubic(0.8), 0.5, s);
+            let (p_true, v_true) = cubic(0.3 + 0.5 * s);
+            // Rounding of a dozen operations on numbers of order one.
+            assert!((p - p_true).norm() < 1e-14 && (v - v_true).norm() < 1e-13);
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! A simulated haptic device, with the hand that holds it.
+//!
+//! [`SimDevice`] is a [`Device`] like any other: between two calls it moves on under the last wrench written
+//! (held, as a real device holds it), and a read gives what its encoders would show. It moves exactly up to
+//! the time of the call in substeps of a fixed length, the last one shorter where the two do not divide;
+//! times are whole nanoseconds and never drift.
+//!
+//! What is modelled: moving mass, viscous damping, Coulomb friction, encoder counts, the motors' largest
+//! force, the arm of [`crate::hand`]. What is not: rotation, end stops, motor dynamics, backlash, inertia
+//! that changes with the pose, gravity (devices compensate it).
+
+use crate::dynamics::{Arm, Dynamics, EnergyAccount};
+use crate::encoder::Encoder;
+use crate::hand::{Aim, Hand};
+use crate::models::DeviceModel;
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
+
+/// Length of a substep unless told otherwise (ns): 20 in a millisecond.
+pub const SUBSTEP_NS: u64 = 50_000;
+/// The longest time that one call moves on by (ns). Work in a call is bounded; of a longer gap the excess
+/// is stood still through, and counted.
+pub const LONGEST_MOVE_NS: u64 = 100_000_000;
+
+/// Why there is no such simulated device.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum SimError {
+    /// A number of the model must be finite and above zero.
+    #[error("the device model's {field} must be finite and above zero, not {found}")]
+    NotPositive {
+        /// Which.
+        field: &'static str,
+        /// What was given.
+        found: f64,
+    },
+    /// A number of the model must be finite and at least zero.
+    #[error("the device model's {field} must be finite and at least zero, not {found}")]
+    Negative {
+        /// Which.
+        field: &'static str,
+        /// What was given.
+        found: f64,
+    },
+    /// The arm has a number that is negative or not finite.
+    #[error("the arm's mass, damping and stiffness must be finite and at least zero: {found:?}")]
+    Arm {
+        /// The arm.
+        found: Arm,
+    },
+    /// The tick's period makes no sense.
+    #[error("the tick's period must be from 1e-5 to 0.1 s, not {found} s")]
+    Period {
+        /// What was given (s).
+        found: f64,
+    },
+    /// The substep is too short to bound the work in a call, or longer than a tick may be.
+    #[error("a substep must be from 100 to 100000000 ns, not {found} ns")]
+    Substep {
+        /// What was given (ns).
+        found: u64,
+    },
+    /// The start is not finite.
+    #[error("the device's start position must be finite")]
+    Start,
+}
+
+/// A simulated three-degree-of-freedom device, held by a hand or by nobody.
+#[derive(Clone, Debug)]
+pub struct SimDevice {
+    model: DeviceModel,
+    dynamics: Dynamics,
+    start: Vec3,
+    aim: Option<Aim>,
+    substep_ns: u64,
+    /// The force that the motors hold (N).
+    force: Vec3,
+    /// Time of the first call and of the last (ns); none before the first.
+    clock: Option<(u64, u64)>,
+    /// How long it has moved (ns).
+    moved_ns: u64,
+    frozen_ns: u64,
+    refused_wrenches: u64,
+    encoder: Encoder,
+}
+
+impl SimDevice {
+    /// A device at rest at its origin, in a hand or free, for a tick of `period_s` (which the velocity
+    /// estimate needs).
+    ///
+    /// # Errors
+    /// [`SimError`] where a number of the model, the arm or the period makes no sense.
+    pub fn new(model: DeviceModel, hand: Option<Hand>, period_s: f64) -> Result<Self, SimError> {
+        for (field, found) in [
+            ("mass", model.mass),
+            ("position step", model.position_step),
+            ("largest force", model.max_force),
+            ("workspace radius", model.workspace_radius),
+        ] {
+            if !(found.is_finite() && found > 0.0) {
+                return Err(SimError::NotPositive { field, found });
+            }
+        }
+        for (field, found) in [("damping", model.damping), ("friction", model.friction)] {
+            if !(found.is_finite() && found >= 0.0) {
+                return Err(SimError::Negative { field, found });
+            }
+        }
+        if !(1e-5..=0.1).contains(&period_s) {
+            return Err(SimError::Period { found: period_s });
+        }
+        let arm = hand.as_ref().map_or(Arm::NONE, |hand| hand.arm);
+        if !arm.is_sound() {
+            return Err(SimError::Arm { found: arm });
+        }
+        let start = Vec3::zeros();
+        Ok(Self {
+            model,
+            dynamics: Dynamics::new(model.mass, model.damping, model.friction, arm, start),
+            start,
+            aim: hand.map(Aim::new),
+            substep_ns: SUBSTEP_NS,
+            force: Vec3::zeros(),
+            clock: None,
+            moved_ns: 0,
+            frozen_ns: 0,
+            refused_wrenches: 0,
+            encoder: Encoder::new(model.position_step, period_s, LONGEST_MOVE_NS),
+        })
+    }
+
+    /// The same, starting at rest at `position` (m, device axes). To be called before the first read.
+    ///
+    /// # Errors
+    /// [`SimError::Start`] where the position is not finite.
+    pub fn starting_at(mut self, position: Vec3) -> Result<Self, SimError> {
+        if !position.iter().all(|x| x.is_finite()) {
+            return Err(SimError::Start);
+        }
+        let arm = self.aim.as_ref().map_or(Arm::NONE, Aim::arm);
+        let DeviceModel {
+            mass,
+            damping,
+            friction,
+            ..
+        } = self.model;
+        self.dynamics = Dynamics::new(mass, damping, friction, arm, position);
+        self.start = position;
+        Ok(self)
+    }
+
+    /// The same, with substeps of another length (ns).
+    ///
+    /// # Errors
+    /// [`SimError::Substep`] where it is outside 100 ns to 0.1 s.
+    pub fn with_substep_ns(self, substep_ns: u64) -> Result<Self, SimError> {
+        if !(100..=LONGEST_MOVE_NS).contains(&substep_ns) {
+            return Err(SimError::Substep { found: substep_ns });
+        }
+        Ok(Self { substep_ns, ..self })
+    }
+
+    /// The model that it was made from.
+    pub fn model(&self) -> &DeviceModel {
+        &self.model
+    }
+
+    /// Where the end effector truly is (m), as no encoder sees it.
+    pub fn position(&self) -> Vec3 {
+        self.dynamics.position()
+    }
+
+    /// How fast it truly moves (m/s).
+    pub fn velocity(&self) -> Vec3 {
+        self.dynamics.velocity()
+    }
+
+    /// The force that the motors hold (N): the last one written, shortened to the device's largest.
+    pub fn force(&self) -> Vec3 {
+        self.force
+    }
+
+    /// Where the energy came from and went.
+    pub fn energy(&self) -> &EnergyAccount {
+        self.dynamics.energy()
+    }
+
+    /// How long it stood still because calls came too far apart (ns).
+    pub fn frozen_ns(&self) -> u64 {
+        self.frozen_ns
+    }
+
+    /// How many wrenches it replaced by zero because they were not finite.
+    pub fn refused_wrenches(&self) -> u64 {
+        self.refused_wrenches
+    }
+
+    /// Moves on to `now_ns`. A time that lies before the last one changes nothing.
+    fn advance(&mut self, now_ns: u64) {
+        let (first, last) = self.clock.unwrap_or((now_ns, now_ns));
+        let gap = now_ns.saturating_sub(last);
+        self.clock = Some((first, last + gap));
+        let mut left = gap.min(LONGEST_MOVE_NS);
+        self.frozen_ns += gap - left;
+        while left > 0 {
+            let step = left.min(self.substep_ns);
+            left -= step;
+            self.moved_ns += step;
+            let wanted = self
+                .aim
+                .as_mut()
+                .map_or(self.start, |aim| self.start + aim.at(self.moved_ns));
+            self.dynamics.step(step as f64 * 1e-9, &self.force, &wanted);
+        }
+    }
+}
+
+impl Device for SimDevice {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities {
+            sensed: Freedom::Three,
+            actuated: Freedom::Three,
+            max_force: self.model.max_force,
+            max_moment: 0.0,
+            workspace_radius: self.model.workspace_radius,
+            position_step: self.model.position_step,
+        }
+    }
+
+    /// Never fails. The device's clock starts at the first call.
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        self.advance(now_ns);
+        self.encoder
+            .sample(self.moved_ns, &self.dynamics.position());
+        Ok(DeviceState {
+            pose: Pose::at(self.encoder.position()),
+            twist: Twist {
+                linear: self.encoder.velocity(),
+                angular: Vec3::zeros(),
+            },
+            buttons: 0,
+            device_time_ns: self.clock.map_or(0, |(first, last)| last - first),
+        })
+    }
+
+    /// Never fails. A force beyond the largest keeps its direction; one that is not finite becomes zero.
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        self.advance(now_ns);
+        let length = wrench.force.norm();
+        self.force = if !length.is_finite() {
+            self.refused_wrenches += 1;
+            Vec3::zeros()
+        } else if length > self.model.max_force {
+            wrench.force * (self.model.max_force / length)
+        } else {
+            wrench.force
+        };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

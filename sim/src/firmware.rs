@@ -1,0 +1,284 @@
+//! A device behind its real wire: every state and every wrench goes through the 64 bytes of its report.
+//!
+//! So the firmware protocol is on the simulated path too, with what it costs: a position within 0.05 µm a
+//! coordinate, a velocity within 0.5 µm/s, a force within 0.5 µN, a moment within 0.5 µN m, a rotation within
+//! 0.07 mrad, an angular velocity within 0.5 mrad/s (half a unit of the report each), the device's clock in
+//! whole microseconds, sixteen buttons.
+
+use firmware_proto::report::{
+    LENGTH, ReportError, StateReport, StateSi, WrenchReport, WrenchSi, flags, status,
+};
+use nalgebra::{Quaternion, UnitQuaternion};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Twist, Vec3, Wrench};
+
+/// A device behind the bytes of its reports.
+#[derive(Clone, Debug)]
+pub struct Wired<D> {
+    device: D,
+    clock: DeviceClock,
+    states: u16,
+    wrenches: u16,
+}
+
+impl<D: Device> Wired<D> {
+    /// Puts `device` behind its wire.
+    pub fn new(device: D) -> Self {
+        Self {
+            device,
+            clock: DeviceClock::default(),
+            states: 0,
+            wrenches: 0,
+        }
+    }
+
+    /// The device behind the wire.
+    pub fn device(&self) -> &D {
+        &self.device
+    }
+
+    /// Takes the device off the wire.
+    pub fn into_device(self) -> D {
+        self.device
+    }
+}
+
+impl<D: Device> Device for Wired<D> {
+    fn capabilities(&self) -> Capabilities {
+        self.device.capabilities()
+    }
+
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        let state = self.device.read(now_ns)?;
+        let bytes = state_bytes(&state, self.states);
+        self.states = self.states.wrapping_add(1);
+        state_from_bytes(&bytes, &mut self.clock).map_err(DeviceError::Corrupt)
+    }
+
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        let bytes = wrench_bytes(wrench, self.wrenches);
+        self.wrenches = self.wrenches.wrapping_add(1);
+        let wrench = wrench_from_bytes(&bytes).map_err(DeviceError::Corrupt)?;
+        self.device.write(now_ns, &wrench)
+    }
+}
+
+/// What a device sends for `state`. Numbers beyond the report's range end at its ends, one that is not a
+/// number becomes zero, and buttons beyond the sixteenth are not sent.
+pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
+    let q = &state.pose.rotation;
+    let si = StateSi {
+        position: state.pose.position.into(),
+        orientation: [q.w, q.i, q.j, q.k],
+        velocity: state.twist.linear.into(),
+        angular_velocity: state.twist.angular.into(),
+    };
+    let time_us = (state.device_time_ns / 1000) as u32;
+    let status = status::CALIBRATED | status::POWERED;
+    StateReport::from_si(sequence, time_us, &si, state.buttons as u16, status).encode()
+}
+
+/// The state that a device sent. `clock` counts its time on.
+///
+/// # Errors
+/// The [`ReportError`] for which the bytes are no state; `clock` is then left as it was.
+pub fn state_from_bytes(bytes: &[u8], clock: &mut DeviceClock) -> Result<DeviceState, ReportError> {
+    let report = StateReport::decode(bytes)?;
+    let si = report.to_si();
+    let [w, i, j, k] = si.orientation;
+    Ok(DeviceState {
+        pose: Pose {
+            position: Vec3::from(si.position),
+            rotation: UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),
+        },
+        twist: Twist {
+            linear: Vec3::from(si.velocity),
+            angular: Vec3::from(si.angular_velocity),
+        },
+        buttons: u32::from(report.buttons),
+        device_time_ns: clock.count_on(report.time_us) * 1000,
+    })
+}
+
+/// What is sent to a device for `wrench`. Numbers beyond the report's range end at its ends, and one that
+/// is not a number becomes zero.
+pub fn wrench_bytes(wrench: &Wrench, sequence: u16) -> [u8; LENGTH] {
+    let si = WrenchSi {
+        force: wrench.force.into(),
+        moment: wrench.moment.into(),
+    };
+    WrenchReport::from_si(sequence, &si, flags::ENABLE).encode()
+}
+
+/// The wrench that a device was sent; zero where the report does not enable it.
+///
+/// # Errors
+/// The [`ReportError`] for which the bytes are no wrench.
+pub fn wrench_from_bytes(bytes: &[u8]) -> Result<Wrench, ReportError> {
+    let report = WrenchReport::decode(bytes)?;
+    if report.flags & flags::ENABLE == 0 {
+        return Ok(Wrench::zero());
+    }
+    let si = report.to_si();
+    Ok(Wrench {
+        force: Vec3::from(si.force),
+        moment: Vec3::from(si.moment),
+    })
+}
+
+/// A device's clock, counted on from its wrapping counter of microseconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceClock {
+    time_us: Option<u64>,
+}
+
+impl DeviceClock {
+    /// Takes the next reading of the counter; returns the time (µs), which starts at the first reading. Two
+    /// readings are taken to be less than half a turn (35 minutes) apart, in either order.
+    pub fn count_on(&mut self, counter_us: u32) -> u64 {
+        let time = self.time_us.map_or(u64::from(counter_us), |last| {
+            let step = counter_us.wrapping_sub(last as u32) as i32;
+            last.saturating_add_signed(i64::from(step))
+        });
+        self.time_us = Some(time);
+        time
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Hand, SimDevice, Trajectory, Tremor, models};
+    use proptest::prelude::*;
+    use rt_core::Freedom;
+
+    /// Reads as it is told and keeps what it is written.
+    #[derive(Debug)]
+    struct Told {
+        state: DeviceState,
+        written: Wrench,
+    }
+
+    impl Device for Told {
+        fn capabilities(&self) -> Capabilities {
+            Capabilities {
+                sensed: Freedom::Six,
+                actuated: Freedom::Six,
+                max_force: 10.0,
+                max_moment: 1.0,
+                workspace_radius: 0.1,
+                position_step: 1e-5,
+            }
+        }
+        fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+            Ok(DeviceState {
+                device_time_ns: now_ns,
+                ..self.state
+            })
+        }
+        fn write(&mut self, _: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+            self.written = *wrench;
+            Ok(())
+        }
+    }
+
+    fn wired(state: DeviceState) -> Wired<Told> {
+        Wired::new(Told {
+            state,
+            written: Wrench::zero(),
+        })
+    }
+
+    #[test]
+    fn the_clock_counts_on_where_the_counter_wraps() {
+        let mut device = wired(DeviceState::resting());
+        let turn_ns = (1_u64 << 32) * 1000;
+        for now in (0..20).map(|k| k * turn_ns / 3 + 123_456) {
+            let time = device.read(now).unwrap().device_time_ns;
+            // Whole microseconds, rounded down.
+            assert_eq!(time, now / 1000 * 1000);
+        }
+        // A reading that comes late goes back, not round, and not below zero.
+        let mut clock = DeviceClock::default();
+        assert_eq!(
+            [5, 3, u32::MAX, 1].map(|us| clock.count_on(us)),
+            [5, 3, 0, 1]
+        );
+    }
+
+    #[test]
+    fn an_unrotated_device_stays_exactly_unrotated() {
+        let state = wired(DeviceState::resting()).read(0).unwrap();
+        assert_eq!(state, DeviceState::resting());
+    }
+
+    #[test]
+    fn a_simulated_device_is_the_same_behind_its_wire_but_for_the_report() {
+        let tremor = Tremor::new(1e-4, 9).unwrap();
+        let hand = Hand::new(Trajectory::still()).with_tremor(tremor);
+        let mut bare = SimDevice::new(models::TOUCH, Some(hand), 1e-3).unwrap();
+        let mut wired = Wired::new(bare.clone());
+        for tick in 0..1000 {
+            let now = tick * 1_000_000;
+            let (a, b) = (bare.read(now).unwrap(), wired.read(now).unwrap());
+            // Half of 0.1 µm and of 1 µm/s; rounding of numbers far below one.
+            assert!((a.pose.position - b.pose.position).amax() <= 0.5e-7 * (1.0 + 1e-9));
+            assert!((a.twist.linear - b.twist.linear).amax() <= 0.5e-6 * (1.0 + 1e-9));
+            assert_eq!(a.device_time_ns, b.device_time_ns);
+            // A force of whole micronewtons passes exactly, so both go on alike.
+            let wrench = Wrench {
+                force: Vec3::new(0.5, -1.25, 0.0),
+                moment: Vec3::zeros(),
+            };
+            bare.write(now, &wrench).unwrap();
+            wired.write(now, &wrench).unwrap();
+            assert_eq!(bare.position(), wired.device().position());
+        }
+    }
+
+    #[test]
+    fn a_wrench_that_is_not_enabled_is_none() {
+        let si = WrenchSi {
+            force: [1.0; 3],
+            moment: [1.0; 3],
+        };
+        let bytes = WrenchReport::from_si(0, &si, 0).encode();
+        assert_eq!(wrench_from_bytes(&bytes), Ok(Wrench::zero()));
+        assert!(wrench_from_bytes(bytes.get(1..).unwrap()).is_err());
+    }
+
+    fn vector(most: f64) -> impl Strategy<Value = Vec3> {
+        let x = move || -most..most;
+        (x(), x(), x()).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+    }
+
+    proptest! {
+        #[test]
+        fn the_wire_costs_half_a_unit_of_the_report(
+            position in vector(0.5), turn in vector(1.8), linear in vector(5.0),
+            angular in vector(30.0), force in vector(40.0), moment in vector(2.0),
+            buttons in 0..1_u32 << 16,
+        ) {
+            let state = DeviceState {
+                pose: Pose { position, rotation: UnitQuaternion::from_scaled_axis(turn) },
+                twist: Twist { linear, angular },
+                buttons,
+                device_time_ns: 0,
+            };
+            let mut device = wired(state);
+            let seen = device.read(0).unwrap();
+            // Half of 0.1 µm, 1 µm/s, 1 mrad/s and 1 µN, and a little for rounding at 1e8 units.
+            let within = |a: &Vec3, b: &Vec3, unit: f64| (a - b).amax() <= 0.5 * unit * (1.0 + 1e-6);
+            prop_assert!(within(&seen.pose.position, &position, 1e-7));
+            prop_assert!(within(&seen.twist.linear, &linear, 1e-6));
+            prop_assert!(within(&seen.twist.angular, &angular, 1e-3));
+            // Four numbers off by half of 1 / 32767 each: a quaternion off by 1 / 32767, which is half of
+            // the angle; normalizing moves it by no more.
+            prop_assert!(seen.pose.rotation.angle_to(&state.pose.rotation) <= 2.0 / 32767.0 * 1.01);
+            prop_assert_eq!(seen.buttons, buttons);
+            device.write(0, &Wrench { force, moment }).unwrap();
+            let felt = device.device().written;
+            prop_assert!(within(&felt.force, &force, 1e-6));
+            prop_assert!(within(&felt.moment, &moment, 1e-6));
+        }
+    }
+}

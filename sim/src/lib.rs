@@ -1,0 +1,31 @@
+//! What stands in for the world: simulated devices, the hands that hold them, and clocks.
+//!
+//! Everything here is pure computation: no threads, files, wall clocks or printing, and two runs from the
+//! same inputs give the same bits on every platform (sine, exponential and tangent come from `libm`; what
+//! else is used is exactly rounded). Nothing allocates once it is built, because a simulated device also
+//! runs inside the real-time tick.
+//!
+//! Read [`device`] first: a hand ([`hand`]) that wants to be somewhere ([`trajectory`], [`tremor`]) holds a
+//! device ([`models`]); their motion and its energy are integrated between ticks ([`dynamics`]). [`firmware`]
+//! puts a device behind the bytes of its real wire; [`clock`] says when periodic events are due.
+#![forbid(unsafe_code)]
+
+pub mod clock;
+mod curve;
+pub mod device;
+pub mod dynamics;
+mod encoder;
+pub mod firmware;
+pub mod hand;
+pub mod models;
+pub mod trajectory;
+pub mod tremor;
+
+pub use clock::{Periodic, Ticks};
+pub use device::{SimDevice, SimError};
+pub use dynamics::{Arm, EnergyAccount};
+pub use firmware::Wired;
+pub use hand::Hand;
+pub use models::DeviceModel;
+pub use trajectory::{Sine, Trajectory, TrajectoryError};
+pub use tremor::{Tremor, TremorError};

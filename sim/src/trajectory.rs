@@ -1,0 +1,267 @@
+//! Where a hand wants to be, as a function of time: displacement (m) from where it starts.
+//!
+//! Three kinds, and sums of them. [`waypoints`]: reaches joined by minimum-jerk segments. [`sines`]: slow
+//! rhythmic motion. [`recorded`]: a person's motion, band-limited to what a hand does on purpose. All are
+//! zero at time zero, so that a hand never starts with a stretched arm; all are functions of time alone, so
+//! that a run can be repeated, and looking one up neither allocates nor searches longer than a bisection.
+
+pub mod recorded;
+pub mod sines;
+pub mod waypoints;
+
+use crate::curve::Knot;
+use recorded::Recorded;
+use rt_core::Vec3;
+pub use sines::Sine;
+use sines::Sines;
+use waypoints::Waypoints;
+
+/// Highest frequency of voluntary motion that a trajectory may carry (Hz).
+pub const BAND_HZ: f64 = 5.0;
+
+/// Why something is not a trajectory. An index counts the samples, waypoints or sinusoids from zero.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TrajectoryError {
+    /// A number is infinite or not a number.
+    #[error("entry {index} holds a number that is not finite")]
+    NotFinite {
+        /// Which entry.
+        index: usize,
+    },
+    /// A time does not come after the one before it.
+    #[error("entry {index} is at {found} s, which is not after {before} s")]
+    TimesNotIncreasing {
+        /// Which entry.
+        index: usize,
+        /// The time before it (s).
+        before: f64,
+        /// Its time (s).
+        found: f64,
+    },
+    /// The first time lies before the start of the run.
+    #[error("the first entry is at {found} s; a trajectory starts at 0 s or later")]
+    BeforeStart {
+        /// The time (s).
+        found: f64,
+    },
+    /// There are too few entries to make a trajectory.
+    #[error("{found} entries are too few: at least {needed} are needed")]
+    TooFew {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        needed: usize,
+    },
+    /// A frequency is not above zero and at most [`BAND_HZ`].
+    #[error(
+        "entry {index} has a frequency of {found} Hz; hands move above 0 and up to {BAND_HZ} Hz"
+    )]
+    Frequency {
+        /// Which entry.
+        index: usize,
+        /// Its frequency (Hz).
+        found: f64,
+    },
+    /// The time in which a motion fades in is not above zero.
+    #[error("a motion cannot fade in over {found} s; give a time above 0 s")]
+    Fade {
+        /// The time given (s).
+        found: f64,
+    },
+    /// A recording is longer than is kept in memory.
+    #[error("the recording lasts {found} s; at most {limit} s are taken")]
+    TooLong {
+        /// How long it lasts (s).
+        found: f64,
+        /// The limit (s).
+        limit: f64,
+    },
+}
+
+#[derive(Clone, Debug)]
+enum Part {
+    Waypoints(Waypoints),
+    Sines(Sines),
+    Recorded(Recorded),
+}
+
+/// A displacement as a function of time.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectory {
+    parts: Vec<Part>,
+}
+
+impl Trajectory {
+    /// Stays where it starts.
+    pub fn still() -> Self {
+        Self::default()
+    }
+
+    /// Visits `(time, position)` (s, m) one after the other along minimum-jerk segments, at rest at each;
+    /// held before the first and after the last. Only differences from the first position count.
+    ///
+    /// # Errors
+    /// None given, a number not finite, times not increasing, or a first time below zero.
+    pub fn new_waypoints(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
+        Ok(Self {
+            parts: vec![Part::Waypoints(Waypoints::new(waypoints)?)],
+        })
+    }
+
+    /// A sum of sinusoids that fades in along a minimum-jerk step over `fade` (s).
+    ///
+    /// # Errors
+    /// A number not finite, a frequency outside the hand's band, or a fade that is not above zero.
+    pub fn new_sines(sines: &[Sine], fade: f64) -> Result<Self, TrajectoryError> {
+        Ok(Self {
+            parts: vec![Part::Sines(Sines::new(sines, fade)?)],
+        })
+    }
+
+    /// A recorded motion, `(time, position)` (s, m), band-limited as [`recorded`] says. It starts at the
+    /// first sample, whatever its time, and is held after the last.
+    ///
+    /// # Errors
+    /// Fewer than two samples, a number not finite, times not increasing, or a recording beyond
+    /// [`recorded::MAX_DURATION`].
+    pub fn new_recorded(samples: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
+        Ok(Self {
+            parts: vec![Part::Recorded(Recorded::new(samples)?)],
+        })
+    }
+
+    /// The sum of several.
+    pub fn new_sum(trajectories: impl IntoIterator<Item = Self>) -> Self {
+        Self {
+            parts: trajectories.into_iter().flat_map(|t| t.parts).collect(),
+        }
+    }
+
+    /// Displacement (m) and velocity (m/s) at `time` (s).
+    pub fn at(&self, time: f64) -> (Vec3, Vec3) {
+        let mut sum: Knot = (Vec3::zeros(), Vec3::zeros());
+        for part in &self.parts {
+            let (position, velocity) = match part {
+                Part::Waypoints(part) => part.at(time),
+                Part::Sines(part) => part.at(time),
+                Part::Recorded(part) => part.at(time),
+            };
+            sum.0 += position;
+            sum.1 += velocity;
+        }
+        sum
+    }
+}
+
+/// Checks a list of timed positions: all finite, each time after the one before.
+fn check_timed(entries: &[(f64, Vec3)], needed: usize) -> Result<(), TrajectoryError> {
+    if entries.len() < needed {
+        return Err(TrajectoryError::TooFew {
+            found: entries.len(),
+            needed,
+        });
+    }
+    let mut before = f64::NEG_INFINITY;
+    for (index, (time, position)) in entries.iter().enumerate() {
+        if !(time.is_finite() && position.iter().all(|x| x.is_finite())) {
+            return Err(TrajectoryError::NotFinite { index });
+        }
+        if *time <= before {
+            return Err(TrajectoryError::TimesNotIncreasing {
+                index,
+                before,
+                found: *time,
+            });
+        }
+        before = *time;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sum_adds_displacements_and_velocities() {
+        let reach =
+            Trajectory::new_waypoints(&[(0.0, Vec3::zeros()), (1.0, Vec3::new(0.02, 0.0, 0.0))])
+                .unwrap();
+        let sway = Sine {
+            amplitude: Vec3::new(0.0, 0.003, 0.0),
+            frequency: 1.5,
+            phase: 0.4,
+        };
+        let sway = Trajectory::new_sines(&[sway], 0.5).unwrap();
+        let sum = Trajectory::new_sum([reach.clone(), sway.clone(), Trajectory::still()]);
+        for k in 0..40 {
+            let t = f64::from(k) * 0.05;
+            let (a, b, c) = (reach.at(t), sway.at(t), sum.at(t));
+            assert_eq!(c, (a.0 + b.0, a.1 + b.1));
+        }
+    }
+
+    #[test]
+    fn bad_input_is_told_with_its_index() {
+        let at = |t: f64| (t, Vec3::zeros());
+        let nan = (1.0, Vec3::new(f64::NAN, 0.0, 0.0));
+        let cases = [
+            (
+                Trajectory::new_waypoints(&[]).unwrap_err(),
+                TrajectoryError::TooFew {
+                    found: 0,
+                    needed: 1,
+                },
+            ),
+            (
+                Trajectory::new_recorded(&[at(0.0)]).unwrap_err(),
+                TrajectoryError::TooFew {
+                    found: 1,
+                    needed: 2,
+                },
+            ),
+            (
+                Trajectory::new_recorded(&[at(0.0), nan]).unwrap_err(),
+                TrajectoryError::NotFinite { index: 1 },
+            ),
+            (
+                Trajectory::new_waypoints(&[at(0.0), at(1.0), at(1.0)]).unwrap_err(),
+                TrajectoryError::TimesNotIncreasing {
+                    index: 2,
+                    before: 1.0,
+                    found: 1.0,
+                },
+            ),
+            (
+                Trajectory::new_waypoints(&[at(-0.5), at(1.0)]).unwrap_err(),
+                TrajectoryError::BeforeStart { found: -0.5 },
+            ),
+            (
+                Trajectory::new_recorded(&[at(0.0), at(1e300)]).unwrap_err(),
+                TrajectoryError::TooLong {
+                    found: 1e300,
+                    limit: recorded::MAX_DURATION,
+                },
+            ),
+        ];
+        for (found, expected) in cases {
+            assert_eq!(found, expected);
+        }
+        let sine = |frequency| Sine {
+            amplitude: Vec3::zeros(),
+            frequency,
+            phase: 0.0,
+        };
+        assert_eq!(
+            Trajectory::new_sines(&[sine(5.0), sine(5.1)], 1.0).unwrap_err(),
+            TrajectoryError::Frequency {
+                index: 1,
+                found: 5.1
+            }
+        );
+        assert_eq!(
+            Trajectory::new_sines(&[sine(1.0)], 0.0).unwrap_err(),
+            TrajectoryError::Fade { found: 0.0 }
+        );
+    }
+}

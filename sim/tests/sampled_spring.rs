@@ -1,0 +1,82 @@
+//! The simulated device against theory: where a sampled virtual spring becomes active.
+//!
+//! A mass `M` with damping `b`, pulled to its origin by a spring `K` that is sampled every `T` and held in
+//! between, is stable only for `K < 2 b / T` (Colgate & Schenkel 1997; exact to `b T / M`). Friction and
+//! encoder counts are taken away, for which the condition does not hold.
+
+use rt_core::{Device, Vec3, Wrench};
+use sim::{DeviceModel, SimDevice, models};
+
+/// Whether the swing about the spring's rest grows over 20 s.
+fn grows(share_of_limit: f64) -> bool {
+    let model = DeviceModel {
+        friction: 0.0,
+        position_step: 1e-12,
+        max_force: 1e9,
+        ..models::FALCON
+    };
+    let period = 1e-3;
+    let stiffness = share_of_limit * 2.0 * model.damping / period;
+    let start = Vec3::new(0.01, 0.0, 0.0);
+    let mut device = SimDevice::new(model, None, period)
+        .unwrap()
+        .starting_at(start)
+        .unwrap();
+    for tick in 0..20_000 {
+        let now = tick * 1_000_000;
+        let state = device.read(now).unwrap();
+        let force = state.pose.position * -stiffness;
+        device
+            .write(
+                now,
+                &Wrench {
+                    force,
+                    moment: Vec3::zeros(),
+                },
+            )
+            .unwrap();
+    }
+    let swing = 0.5 * stiffness * device.position().norm_squared() + device.energy().kinetic;
+    swing > 0.5 * stiffness * start.norm_squared()
+}
+
+#[test]
+fn a_sampled_spring_is_active_beyond_twice_the_damping_over_the_period() {
+    // b T / M is 0.3 % here, and 1 % of the damping left over changes the swing by
+    // exp(0.01 * 0.5 / 0.15 * 20) = 2 in 20 s: at 2 % to both sides the answer is clear.
+    assert!(!grows(0.98));
+    assert!(grows(1.02));
+}
+
+#[test]
+fn what_a_sampled_spring_makes_shows_at_the_port() {
+    let work = |share: f64| {
+        let model = DeviceModel {
+            friction: 0.0,
+            position_step: 1e-12,
+            ..models::FALCON
+        };
+        let stiffness = share * 2.0 * model.damping / 1e-3;
+        let start = Vec3::new(1e-3, 0.0, 0.0);
+        let mut device = SimDevice::new(model, None, 1e-3)
+            .unwrap()
+            .starting_at(start)
+            .unwrap();
+        let spring = |x: Vec3| 0.5 * stiffness * x.norm_squared();
+        for tick in 0..10_000 {
+            let now = tick * 1_000_000;
+            let position = device.read(now).unwrap().pose.position;
+            let wrench = Wrench {
+                force: position * -stiffness,
+                moment: Vec3::zeros(),
+            };
+            device.write(now, &wrench).unwrap();
+        }
+        // A true spring could have given no more than what it was stretched by at first, less what it
+        // holds now.
+        device.energy().motor_work - (spring(start) - spring(device.position()))
+    };
+    // The sampled one gives K T / 2 of negative damping, at any stiffness: it is the device's damping that
+    // keeps the whole passive.
+    assert!(work(0.5) > 0.0 && work(1.1) > work(0.5));
+}

@@ -1,0 +1,95 @@
+//! The host may fail: the tick goes on, the force fades, the run ends in order.
+
+use host::engine::pacer::Due;
+use host::engine::stats::WallStopwatch;
+use rt_core::coupling::HostState;
+use runner::thread::{RunnerConfig, Stop, spawn};
+use std::sync::Arc;
+
+/// Virtual time: the host goes silent at its 250th step and speaks again half a second later.
+#[test]
+fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
+    let setup = palpate_tests::default_setup(3.0);
+    let (mut tick, mut host, mut engine) = (setup.tick, setup.host, setup.engine);
+    let watch = WallStopwatch::start();
+    let mut last: Option<[f64; 3]> = None;
+    let mut largest_step: f64 = 0.0;
+    let mut states = Vec::new();
+    let mut held_force: f64 = 0.0;
+    for k in 0..3000_u64 {
+        if k % 4 == 0 {
+            host.drain(|record| engine.follow(record));
+            let silent = (1500..2000).contains(&k);
+            let due = Due {
+                time_ns: 0,
+                publishes: true,
+            };
+            engine.step(due, &watch, |body, model| {
+                if !silent {
+                    host.publish(body, model).expect("the tick takes models");
+                }
+            });
+        }
+        let telemetry = tick.tick(k * setup.timing.period_ns, 0);
+        let device = &telemetry.devices[0];
+        let state = telemetry.bodies[0].state;
+        if states.last() != Some(&state) {
+            states.push(state);
+        }
+        if state == HostState::Held {
+            // Only the safe hold is left: 2 N s/m of the hand's velocity.
+            let expected = 2.0 * device.twist.linear.norm();
+            held_force = held_force.max((device.wrench.force.norm() - expected).abs());
+        }
+        let force: [f64; 3] = device.wrench.force.into();
+        if let Some(last) = last {
+            let step = force
+                .iter()
+                .zip(last)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            largest_step = largest_step.max(step);
+        }
+        last = Some(force);
+    }
+    use HostState::{Fading, Held, Live, Waiting};
+    assert_eq!(states, [Waiting, Live, Fading, Held, Live]);
+    assert!(held_force < 1e-12, "{held_force}");
+    // One encoder count moves the linear model by K delta + B delta g / T: 180 N/m and 2 N s/m of the
+    // sheet and 2 N s/m of the hold make 0.07 N with both hands; fading adds 1.5 x 2 N / 200 ticks.
+    assert!(largest_step < 0.12, "the force stepped by {largest_step} N");
+}
+
+/// Real time: the host's thread panics at once, with its end of the rings in its hands.
+#[test]
+fn a_panicking_host_leaves_the_tick_running() {
+    let setup = palpate_tests::default_setup(0.3);
+    let config = RunnerConfig {
+        period_ns: setup.timing.period_ns,
+        ticks: Some(300),
+        ..RunnerConfig::default()
+    };
+    let tick = setup.tick;
+    let thread = spawn(
+        config,
+        tick.controller,
+        tick.devices,
+        tick.end,
+        Arc::new(Stop::new()),
+    )
+    .expect("the loop starts");
+    let host = setup.host;
+    let panicked = std::thread::Builder::new()
+        .name("a host that fails".into())
+        .spawn(move || {
+            let _held = host;
+            panic!("on purpose");
+        })
+        .expect("a thread")
+        .join();
+    assert!(panicked.is_err());
+    let report = thread.join().expect("the loop ends in order");
+    assert_eq!(report.ticks, 300);
+    assert_eq!(report.ticks + report.missed_deadlines, report.slots);
+}

@@ -1,0 +1,164 @@
+//! The tick allocates nothing: 100,000 ticks of the built-in scene, on a thread of their own under an
+//! allocator that counts what that thread asks for. The host's steady step is held to the same.
+#![allow(unsafe_code)]
+
+use host::engine::pacer::Due;
+use host::engine::stats::WallStopwatch;
+use rt_core::LocalModel;
+use runner::link::HostEnd;
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Counts allocations and frees of threads that asked to be watched.
+struct Counting;
+
+thread_local! {
+    static WATCHED: Cell<bool> = const { Cell::new(false) };
+    static COUNT: Cell<u64> = const { Cell::new(0) };
+}
+
+fn note() {
+    // A thread that is being torn down has no flag any more, and is not watched.
+    if WATCHED.try_with(Cell::get).unwrap_or(false) {
+        let _ = COUNT.try_with(|count| count.set(count.get() + 1));
+    }
+}
+
+// SAFETY: every call is handed on to the system's allocator unchanged; counting touches only
+// thread-local cells that need no allocation themselves.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        note();
+        // SAFETY: the caller's contract is the system allocator's.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        note();
+        // SAFETY: as above.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        note();
+        // SAFETY: as above.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often `body` allocated or freed.
+fn count(body: impl FnOnce()) -> u64 {
+    COUNT.set(0);
+    WATCHED.set(true);
+    body();
+    WATCHED.set(false);
+    COUNT.get()
+}
+
+#[test]
+fn the_counter_counts() {
+    let found = count(|| drop(std::hint::black_box(Box::new([0_u8; 64]))));
+    assert_eq!(found, 2, "one allocation and its release");
+}
+
+/// Publishes ever newer models while the tick runs, and reads what the tick leaves.
+fn host_beside(mut host: HostEnd, mut model: LocalModel, over: &AtomicBool) -> u64 {
+    let mut now = 0;
+    let mut published = 0;
+    while !over.load(Ordering::Relaxed) {
+        host.drain(|record| now = record.time_ns);
+        if now > model.time_ns {
+            model.sequence += 1;
+            model.time_ns = now;
+            published += u64::from(host.publish(0, &model).is_ok());
+        }
+        std::thread::yield_now();
+    }
+    published
+}
+
+#[test]
+fn a_hundred_thousand_ticks_allocate_nothing() {
+    const TICKS: u64 = 100_000;
+    let setup = palpate_tests::default_setup(1.0);
+    let (mut tick, host, mut log, mut engine) = (setup.tick, setup.host, setup.log, setup.engine);
+    let period = setup.timing.period_ns;
+
+    // A real model of the scene's sheet, published again and again with new times.
+    let mut model = LocalModel::empty();
+    let first = tick.tick(0, 0);
+    engine.follow(&first.tick_record());
+    let due = Due {
+        time_ns: 0,
+        publishes: true,
+    };
+    engine.step(due, &WallStopwatch::start(), |_, published| {
+        model = *published
+    });
+    assert_eq!(model.handle_count, 2);
+
+    let over = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let beside = scope.spawn(|| host_beside(host, model, &over));
+        let ticking = scope.spawn(|| {
+            let found = count(|| {
+                for k in 1..=TICKS {
+                    tick.tick(k * period, 0);
+                }
+            });
+            (found, tick)
+        });
+        let drained = scope.spawn(|| {
+            let mut records = 0;
+            while !over.load(Ordering::Relaxed) {
+                records += log.drain(|_| {});
+                std::thread::yield_now();
+            }
+            records
+        });
+        let (found, tick) = ticking.join().expect("the tick does not panic");
+        over.store(true, Ordering::Relaxed);
+        let published = beside.join().expect("the host does not panic");
+        let records = drained.join().expect("the log does not panic");
+        assert_eq!(found, 0, "allocations on the tick's thread");
+        assert_eq!(tick.ticks, TICKS + 1);
+        // The ticks had models to work with and left records, so the paths that matter were taken.
+        let accepted: u64 = tick
+            .controller
+            .coupling_counters()
+            .map(|c| c.accepted)
+            .sum();
+        assert!(
+            accepted > 0 && published >= accepted,
+            "{accepted} of {published}"
+        );
+        assert!(records > 0);
+    });
+}
+
+#[test]
+fn a_steady_host_step_allocates_nothing() {
+    let setup = palpate_tests::default_setup(1.0);
+    let (mut tick, mut engine) = (setup.tick, setup.engine);
+    let watch = WallStopwatch::start();
+    let due = Due {
+        time_ns: 0,
+        publishes: true,
+    };
+    let mut published = 0;
+    let mut run = |ticks: std::ops::Range<u64>| {
+        for k in ticks {
+            let telemetry = tick.tick(k * setup.timing.period_ns, 0);
+            engine.follow(&telemetry.tick_record());
+            if k % 4 == 0 {
+                engine.step(due, &watch, |_, _| published += 1);
+            }
+        }
+    };
+    run(0..100);
+    let found = count(|| run(100..500));
+    assert_eq!(found, 0, "allocations in 100 host steps");
+    assert_eq!(published, 125);
+}
