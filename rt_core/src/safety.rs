@@ -2,17 +2,21 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets zero.
+//! - A moment for a device that actuates none is left out: that is no fault and is not counted.
 //! - A wrench beyond the device's limits is scaled to them, its direction kept.
 //!
 //! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a
 //! counter and this way back. The slew limit that some devices need belongs inside the energy account
 //! (alone it injects energy), so it is not here.
 
+use crate::device::Freedom;
 use crate::geometry::{Vec3, Wrench};
 
 /// Limits of what may leave for a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyConfig {
+    /// Degrees of freedom that the device actuates.
+    pub actuated: Freedom,
     /// Largest force (N).
     pub max_force: f64,
     /// Largest moment (N m).
@@ -96,6 +100,9 @@ impl Limiter {
         }
         self.state = SafetyState::Normal;
         let mut passed = *wrench;
+        if self.config.actuated == Freedom::Three {
+            passed.moment = Vec3::zeros();
+        }
         if self.authority < 1.0 {
             self.authority = (self.authority + self.config.period / self.config.recovery).min(1.0);
             self.state = SafetyState::Recovering;
@@ -150,6 +157,7 @@ mod tests {
 
     fn config() -> SafetyConfig {
         SafetyConfig {
+            actuated: Freedom::Six,
             max_force: 8.0,
             max_moment: 0.2,
             patience: 3,
@@ -182,6 +190,23 @@ mod tests {
         assert_eq!(limiter.pass(&push(2.0), true), push(2.0));
         assert_eq!(limiter.state(), SafetyState::Normal);
         assert_eq!(limiter.counters().not_a_number, 1);
+    }
+
+    #[test]
+    fn a_device_without_moments_is_not_limited_for_want_of_them() {
+        let mut limiter = Limiter::new(SafetyConfig {
+            actuated: Freedom::Three,
+            ..config()
+        });
+        let wrench = Wrench {
+            moment: Vec3::new(0.0, 5.0, 0.0),
+            ..push(2.0)
+        };
+        assert_eq!(limiter.pass(&wrench, true), push(2.0));
+        assert_eq!(
+            (limiter.state(), limiter.counters().limited),
+            (SafetyState::Normal, 0)
+        );
     }
 
     #[test]

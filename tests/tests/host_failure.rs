@@ -2,7 +2,7 @@
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
-use rt_core::coupling::HostState;
+use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use runner::thread::{RunnerConfig, Stop, spawn};
 use std::sync::Arc;
 
@@ -14,7 +14,7 @@ fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
     let watch = WallStopwatch::start();
     let mut last: Option<[f64; 3]> = None;
     let mut largest_step: f64 = 0.0;
-    let mut states = Vec::new();
+    let mut states: Vec<HostState> = Vec::new();
     let mut held_force: f64 = 0.0;
     for k in 0..3000_u64 {
         if k % 4 == 0 {
@@ -36,7 +36,7 @@ fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
         if states.last() != Some(&state) {
             states.push(state);
         }
-        if state == HostState::Held {
+        if state == Held {
             // Only the safe hold is left: 2 N s/m of the hand's velocity.
             let expected = 2.0 * device.twist.linear.norm();
             held_force = held_force.max((device.wrench.force.norm() - expected).abs());
@@ -53,7 +53,6 @@ fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
         }
         last = Some(force);
     }
-    use HostState::{Fading, Held, Live, Waiting};
     assert_eq!(states, [Waiting, Live, Fading, Held, Live]);
     assert!(held_force < 1e-12, "{held_force}");
     // One encoder count moves the linear model by K delta + B delta g / T: 180 N/m and 2 N s/m of the

@@ -61,6 +61,14 @@ fn print_tables(found: &Extrapolation) {
         "peak force {:.2} N pulling apart, {:.2} N moving together; thesis: k = {:.0} N/m, k_v = {:.2} N s/m",
         found.peak[0], found.peak[1], found.thesis_gains[0], found.thesis_gains[1]
     );
+    let resisted = found.rigid_stiffness.iter();
+    let resisted: Vec<_> = resisted
+        .map(|(rate, k)| format!("{k:.1} at {rate} Hz"))
+        .collect();
+    println!(
+        "published stiffness against hands that move together (N/m): {}",
+        resisted.join(", ")
+    );
     for blend in BLENDS {
         let over = if blend > 0.0 {
             "half a period (the default)"

@@ -80,7 +80,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         bar.set_style(style);
     }
     let result = crate::run::run(&loaded, &options, |share| {
-        bar.set_position((1000.0 * share) as u64)
+        bar.set_position((1000.0 * share) as u64);
     });
     bar.finish_and_clear();
     let summary = result?;

@@ -133,6 +133,7 @@ fn coupling(scene: &Scene, period: f64) -> CouplingConfig {
 fn safety(spec: &spec::Device, device: &AnyDevice, scene: &Scene, period: f64) -> SafetyConfig {
     let capabilities = device.capabilities();
     SafetyConfig {
+        actuated: capabilities.actuated,
         max_force: spec
             .max_force
             .unwrap_or(f64::INFINITY)

@@ -179,6 +179,9 @@ pub struct EventSummary {
     pub what: String,
 }
 
+/// Events that are printed; `--json` has them all.
+const SHOWN_EVENTS: usize = 8;
+
 impl fmt::Display for RunSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let t = &self.tick;
@@ -262,19 +265,18 @@ impl fmt::Display for RunSummary {
             d.superseded_models,
             t.refused_models
         )?;
-        const SHOWN: usize = 8;
-        for event in self.events.iter().take(SHOWN) {
+        for event in self.events.iter().take(SHOWN_EVENTS) {
             writeln!(
                 f,
                 "  event      {:.3} to {:.3} s: {}",
                 event.from, event.to, event.what
             )?;
         }
-        if self.events.len() > SHOWN {
+        if self.events.len() > SHOWN_EVENTS {
             writeln!(
                 f,
                 "  event      and {} more (see --json)",
-                self.events.len() - SHOWN
+                self.events.len() - SHOWN_EVENTS
             )?;
         }
         for what in &self.degradations {

@@ -107,6 +107,9 @@ pub struct Extrapolation {
     pub peak: [f64; 2],
     /// Spring and damper of the scheme `thesis` (N/m, N s/m): the sheet's own at 60 Hz.
     pub thesis_gains: [f64; 2],
+    /// For each rate (Hz), `|sum_j K_ij|` along x (N/m): how much the published stiffness resists hands that
+    /// move together. Zero in the static limit.
+    pub rigid_stiffness: Vec<(f64, f64)>,
     /// Largest share that clipping to semidefinite took, of the largest eigenvalue.
     pub worst_clip: f64,
     /// All cells.
@@ -152,6 +155,7 @@ pub fn run(
         schema: "palpate.extrapolation/1",
         peak: [0.0; 2],
         thesis_gains: gains,
+        rigid_stiffness: Vec::new(),
         worst_clip: 0.0,
         cells: Vec::new(),
     };
@@ -184,6 +188,7 @@ pub fn run(
         let race = race(&loaded, motion, duration, rates, &mut rivals, report)?;
         found.peak[half] = race.peak;
         found.worst_clip = found.worst_clip.max(race.worst_clip);
+        found.rigid_stiffness = rates.iter().copied().zip(race.rigid_stiffness).collect();
         found.cells.extend(rivals.into_iter().map(|rival| Cell {
             motion,
             rate: rates[rival.rate],
@@ -213,6 +218,7 @@ fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
 struct Race {
     peak: f64,
     worst_clip: f64,
+    rigid_stiffness: Vec<f64>,
     samples: f64,
 }
 
@@ -237,6 +243,7 @@ fn race(
     let mut race = Race {
         peak: 0.0,
         worst_clip: 0.0,
+        rigid_stiffness: vec![0.0; rates.len()],
         samples: 0.0,
     };
     for step in 1..=steps {
@@ -268,6 +275,8 @@ fn race(
             published[index] = due;
             let condensed = condenser.condense(&sheet, 1.0 / rate)?;
             race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.share);
+            let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
+            race.rigid_stiffness[index] = row.sum::<f64>().abs();
             fill_blocks(&mut model, condensed);
             model.period = 1.0 / rate;
             for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
