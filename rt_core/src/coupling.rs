@@ -194,7 +194,13 @@ impl Coupling {
                 .zip(&before)
                 .find(|(old, _)| old.device == handle.device);
             let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
-            handle.wrench = Wrench::from_stacked(&(force.stacked() + fall));
+            let wrench = Wrench::from_stacked(&(force.stacked() + fall));
+            // A force that overflowed must not live on from blend to blend, long after its cause.
+            handle.wrench = if wrench.is_finite() {
+                wrench
+            } else {
+                Wrench::zero()
+            };
         }
         self.from = from;
         self.to = shaped;

@@ -35,6 +35,14 @@
         clippy::unwrap_used,
     )
 )]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::disallowed_macros,
+        clippy::disallowed_methods,
+        clippy::disallowed_types
+    )
+)]
 
 pub mod controller;
 pub mod coupling;

@@ -1,5 +1,7 @@
 //! The coupling: what each scheme renders, that a change of model never makes the force jump, and that
 //! the force fades and returns smoothly when models stop coming.
+// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+#![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
@@ -293,4 +295,34 @@ proptest! {
             prop_assert!((a.stacked() - b.stacked()).amax() < 1e-9);
         }
     }
+}
+
+#[test]
+fn a_force_that_overflowed_is_gone_with_its_cause() {
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let mut model = spring(1, 0, 300.0, 2.0, 1.5);
+    let near = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
+    let far = hands(Vec3::new(-f64::MAX, 0.0, 0.0), Vec3::zeros(), 0.0);
+    // A model every fourth tick: each comes before the blend to the one before it has ended.
+    let mut now = 0;
+    let mut tick = |coupling: &mut Coupling, at: &[(Pose, Twist)]| {
+        if now % (4 * MS) == 0 {
+            model.time_ns = now + MS;
+            coupling.accept(&model).unwrap();
+        }
+        now += MS;
+        coupling.tick(now, at)[0]
+    };
+    for _ in 0..20 {
+        tick(&mut coupling, &near);
+    }
+    assert!(!tick(&mut coupling, &far).is_finite());
+    for _ in 0..4 {
+        tick(&mut coupling, &far);
+    }
+    // The next model brings numbers again, at the latest.
+    for _ in 0..4 {
+        tick(&mut coupling, &near);
+    }
+    assert!(tick(&mut coupling, &near).is_finite());
 }

@@ -1,5 +1,6 @@
 //! What the end-to-end tests and benchmarks share.
 
+pub mod counting;
 pub mod law;
 
 use host::run::setup::{Setup, setup};

@@ -1,61 +1,15 @@
 //! The tick allocates nothing: 100,000 ticks of the built-in scene, on a thread of their own under an
 //! allocator that counts what that thread asks for. The host's steady step is held to the same.
-#![allow(unsafe_code)]
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
+use palpate_tests::counting::{Counting, count};
 use rt_core::LocalModel;
 use runner::link::HostEnd;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Counts allocations and frees of threads that asked to be watched.
-struct Counting;
-
-thread_local! {
-    static WATCHED: Cell<bool> = const { Cell::new(false) };
-    static COUNT: Cell<u64> = const { Cell::new(0) };
-}
-
-fn note() {
-    // A thread that is being torn down has no flag any more, and is not watched.
-    if WATCHED.try_with(Cell::get).unwrap_or(false) {
-        let _ = COUNT.try_with(|count| count.set(count.get() + 1));
-    }
-}
-
-// SAFETY: every call is handed on to the system's allocator unchanged; counting touches only
-// thread-local cells that need no allocation themselves.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
-        // SAFETY: the caller's contract is the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        note();
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        note();
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
-
-/// How often `body` allocated or freed.
-fn count(body: impl FnOnce()) -> u64 {
-    COUNT.set(0);
-    WATCHED.set(true);
-    body();
-    WATCHED.set(false);
-    COUNT.get()
-}
 
 #[test]
 fn the_counter_counts() {
