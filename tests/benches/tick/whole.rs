@@ -11,6 +11,9 @@ use runner::link::{HostEnd, LogEnd};
 use runner::tick_loop::TickLoop;
 use std::time::Instant;
 
+/// Times (s) of all ticks, or of one part of each.
+type Pass = fn(&Recording) -> Vec<f64>;
+
 /// How often each pass is repeated.
 const PASSES: usize = 3;
 
@@ -104,7 +107,7 @@ fn pass_devices(run: &Recording) -> Vec<f64> {
 /// Measures and prints the table.
 pub(crate) fn print() {
     let run = record();
-    let passes: [(&str, fn(&Recording) -> Vec<f64>); 4] = [
+    let passes: [(&str, Pass); 4] = [
         ("whole tick", pass_whole),
         ("from recorded readings", pass_recorded),
         ("law alone", pass_law),
