@@ -90,6 +90,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..devices {
         let safety = SafetyConfig {
+            actuated: Freedom::Six,
             max_force: 8.0,
             max_moment: 0.0,
             patience: 3,
