@@ -4,9 +4,9 @@
 //! record over and to take it out again, without the way between two cores. Records are read where they
 //! lie; taking a model into use is part of the tick's benchmark.
 //!
-//! A **table** adds that way: one thread pushes a tick's record, another sees it and publishes a model, and
-//! the first waits until it has the model. Both spin. It needs two free cores, and its upper percentiles
-//! show what else runs on them.
+//! A **line** adds that way: one thread pushes a tick's record, another sees it and publishes a model,
+//! and the first waits until it has copied the model out. Both spin. It needs two free cores, and its
+//! upper percentiles show what else runs on them.
 
 mod common;
 
@@ -147,6 +147,7 @@ fn between_threads() {
             }
         });
         let mut telemetry = Telemetry::empty();
+        let mut newest = LocalModel::empty();
         let mut times = Vec::new();
         let begin = Instant::now();
         while telemetry.tick < ROUNDS && begin.elapsed() < LONGEST {
@@ -155,10 +156,14 @@ fn between_threads() {
             tick.push(&telemetry);
             let mut back = false;
             while !back {
-                tick.take_models(|_, model| back = model.time_ns == telemetry.time_ns);
+                tick.take_models(|_, model| {
+                    newest = *black_box(model);
+                    back = newest.time_ns == telemetry.time_ns;
+                });
                 std::hint::spin_loop();
             }
             times.push(start.elapsed().as_secs_f64());
+            black_box(&newest);
             telemetry.tick += 1;
         }
         drop(tick);

@@ -1,11 +1,13 @@
 //! The table of times with residuals and force errors.
 
 use crate::common::{Spread, timed};
-use crate::stretch::{BEGIN, CELLS, DAMPING, MATERIAL, PULL, PULLS_PER_SECOND, TREMOR, stretched};
-use crate::{BENDING, STEPS, budget, product};
+use crate::stretch::{
+    BEGIN, BENDING, CELLS, Case, DAMPING, MATERIAL, PULL, PULLS_PER_SECOND, STEPS, TREMOR, case,
+};
+use crate::{budget, product};
 use divan::black_box;
 use physics::Vec3;
-use physics::fem::{Budget, HandlePose, Sheet, SolveReport};
+use physics::fem::{Budget, HandlePose, Material, Sheet, SolveReport};
 
 /// Measured steps.
 const COUNT: usize = 100;
@@ -58,8 +60,8 @@ fn product_time(sheet: &Sheet) -> f64 {
 
 /// Runs all rows over the same motion; gives them, the largest force (N), and the time of a product (s).
 fn run(bending: f64, dt: f64) -> (Vec<Row>, f64, f64) {
-    let (mut tight, hands) = stretched(bending, dt);
-    tight.set_budget(budget(1e-12, ENDLESS)).expect("a budget");
+    let Case { sheet, hands, .. } = case(bending, dt);
+    let mut tight = with_budget(sheet, budget(1e-12, ENDLESS));
     let settings = [
         ("25 iterations", budget(0.0, 25)),
         ("residual 1e-3", budget(1e-3, ENDLESS)),
@@ -109,41 +111,33 @@ fn with_budget(sheet: &Sheet, budget: Budget) -> Sheet {
 /// Measures and prints the table.
 pub(crate) fn print() {
     let [nx, ny] = CELLS;
+    let Material {
+        young,
+        poisson,
+        thickness,
+        density,
+    } = MATERIAL;
     println!(
-        "One host step (assemble and solve), a sheet of {nx} x {ny} cells, {} triangles, two hands.",
-        2 * nx * ny
-    );
-    println!(
-        "E {:.0} MPa, nu {}, {:.0} mm, {:.0} kg/m^3, Rayleigh mass {} /s and stiffness {} s, no gravity. Each hand",
-        MATERIAL.young * 1e-6,
-        MATERIAL.poisson,
-        MATERIAL.thickness * 1e3,
-        MATERIAL.density,
+        "One host step (assemble and solve): a sheet of {nx} x {ny} cells, {} triangles, and two hands.
+E {:.0} MPa, nu {poisson}, {:.0} mm, {density:.0} kg/m^3, Rayleigh damping {} /s by mass and {} s by stiffness,
+no gravity. Each hand pulls {:.0} mm at {PULLS_PER_SECOND} Hz, with {} mm of tremor; {COUNT} steps.
+
+Conjugate gradients from last step's velocity, 3 x 3 block Jacobi. ms: thread CPU time, median (10th
+to 90th percentile). Residual: share of the guess's, median. Force error: the largest against a
+solution to 1e-12, as a share of the largest force; of one step from the reference's state, and over
+the whole run of the setting's own steps. Products: share of the time in matrix products, estimated
+from the time of one alone.
+
+For reference only: SOFA v26.06, 1,404 triangles, 25 iterations, not converged, no bending: 0.85 ms a
+step on a machine where one product of its calibration kernel takes 29.45 us.
+",
+        2 * nx * ny,
+        young * 1e-6,
+        thickness * 1e3,
         DAMPING[0],
         DAMPING[1],
-    );
-    println!(
-        "pulls {:.0} mm at {PULLS_PER_SECOND} Hz with {} mm of tremor; {COUNT} steps. Thread CPU time: median (10th to 90th",
         PULL * 1e3,
         TREMOR * 1e3,
-    );
-    println!(
-        "percentile). Conjugate gradients from last step's velocity, 3 x 3 block Jacobi. The residual is a"
-    );
-    println!(
-        "share of the guess's; median. Forces against a solution to 1e-12: largest error, as a share of"
-    );
-    println!(
-        "the largest force; one step from the reference's state, and over the whole run of the setting's"
-    );
-    println!(
-        "own steps. Products: share of the time in matrix products, estimated from one alone.\n"
-    );
-    println!(
-        "For reference only: SOFA v26.06, 1,404 triangles, 25 iterations, not converged, no bending:"
-    );
-    println!(
-        "0.85 ms a step on a machine where one product of its calibration kernel takes 29.45 us.\n"
     );
     println!(
         "| dt | bending | stop | ms | iterations | residual | force error, step | over the run | products |"
@@ -155,12 +149,12 @@ pub(crate) fn print() {
         for bending in BENDING {
             let (rows, largest, one) = run(bending, dt);
             let mut step_time = f64::NAN;
-            let mut products = f64::NAN;
+            let mut last_iterations = f64::NAN;
             for row in rows {
                 let time = Spread::of(row.times);
                 let iterations = Spread::of(row.iterations).median;
                 step_time = time.median;
-                products = iterations;
+                last_iterations = iterations;
                 println!(
                     "| {:.0} ms | {} | {} | {:.2} | {iterations} | {:.0e} | {:.0e} | {:.0e} | {:.0} % |",
                     dt * 1e3,
@@ -175,11 +169,12 @@ pub(crate) fn print() {
             }
             if bending > 0.0 {
                 notes.push(format!(
-                    "dt {:.0} ms: one product {:.1} us without bending's blocks, {:.1} us with: they are {:.0} % of a step to 1e-6",
+                    "dt {:.0} ms: largest force {largest:.1} N. One product takes {:.1} us without bending's
+blocks and {:.1} us with: they are {:.0} % of a step to 1e-6.",
                     dt * 1e3,
                     without * 1e6,
                     one * 1e6,
-                    100.0 * products * (one - without) / step_time,
+                    100.0 * last_iterations * (one - without) / step_time,
                 ));
             }
             without = one;

@@ -18,12 +18,10 @@ use common::tables_wanted;
 use divan::{Bencher, black_box};
 use physics::Vec3;
 use physics::fem::{Budget, Condenser, Sheet};
-use stretch::{BEGIN, stretched};
+use stretch::{BEGIN, BENDING, Case, STEPS, case};
 
-/// The plate's bending stiffness, times this; without bending the matrix has fewer blocks.
-pub(crate) const BENDING: [f64; 2] = [0.0, 1.0];
-/// Step lengths (s).
-pub(crate) const STEPS: [f64; 2] = [0.01, 0.001];
+/// Sheets, as divan names them.
+const SHEETS: [&str; 2] = ["membrane", "with bending"];
 
 fn main() {
     if tables_wanted() {
@@ -48,8 +46,13 @@ pub(crate) fn product(sheet: &Sheet, x: &[Vec3], y: &mut [Vec3]) {
     }
 }
 
-fn step(bencher: Bencher, dt: f64, bending: f64, budget: Budget) {
-    let (mut sheet, hands) = stretched(bending, dt);
+fn named(sheet: &str, dt: f64) -> &'static Case {
+    case(BENDING[usize::from(sheet == SHEETS[1])], dt)
+}
+
+fn step(bencher: Bencher, dt: f64, name: &str, budget: Budget) {
+    let Case { sheet, hands, .. } = named(name, dt);
+    let mut sheet = sheet.clone();
     sheet.set_budget(budget).expect("a budget");
     let poses = hands.at(BEGIN + dt);
     bencher
@@ -57,43 +60,43 @@ fn step(bencher: Bencher, dt: f64, bending: f64, budget: Budget) {
         .bench_local_refs(|sheet| sheet.step(dt, black_box(&poses)));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn step_10ms_cg_25(bencher: Bencher, bending: f64) {
-    step(bencher, STEPS[0], bending, budget(0.0, 25));
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn step_10ms_cg_25(bencher: Bencher, name: &str) {
+    step(bencher, STEPS[0], name, budget(0.0, 25));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn step_10ms_to_1e_6(bencher: Bencher, bending: f64) {
-    step(bencher, STEPS[0], bending, budget(1e-6, 10_000));
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn step_10ms_to_1e_6(bencher: Bencher, name: &str) {
+    step(bencher, STEPS[0], name, budget(1e-6, 10_000));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn step_1ms_cg_25(bencher: Bencher, bending: f64) {
-    step(bencher, STEPS[1], bending, budget(0.0, 25));
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn step_1ms_cg_25(bencher: Bencher, name: &str) {
+    step(bencher, STEPS[1], name, budget(0.0, 25));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn step_1ms_to_1e_6(bencher: Bencher, bending: f64) {
-    step(bencher, STEPS[1], bending, budget(1e-6, 10_000));
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn step_1ms_to_1e_6(bencher: Bencher, name: &str) {
+    step(bencher, STEPS[1], name, budget(1e-6, 10_000));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn assemble(bencher: Bencher, bending: f64) {
-    let (mut sheet, _) = stretched(bending, STEPS[0]);
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn assemble(bencher: Bencher, name: &str) {
+    let mut sheet = named(name, STEPS[0]).sheet.clone();
     bencher.bench_local(|| black_box(&mut sheet).assemble());
 }
 
-#[divan::bench(args = BENDING, sample_count = 500, max_time = 1)]
-fn one_product(bencher: Bencher, bending: f64) {
-    let (sheet, _) = stretched(bending, STEPS[0]);
+#[divan::bench(args = SHEETS, sample_count = 500, max_time = 0.7)]
+fn one_product(bencher: Bencher, name: &str) {
+    let sheet = &named(name, STEPS[0]).sheet;
     let x: Vec<Vec3> = sheet.velocities().collect();
     let mut y = vec![Vec3::zeros(); x.len()];
-    bencher.bench_local(|| product(black_box(&sheet), black_box(&x), black_box(&mut y)));
+    bencher.bench_local(|| product(black_box(sheet), black_box(&x), black_box(&mut y)));
 }
 
-#[divan::bench(args = BENDING, sample_count = 200, max_time = 1)]
-fn condense_six_columns(bencher: Bencher, bending: f64) {
-    let (sheet, _) = stretched(bending, STEPS[0]);
-    let mut condenser = Condenser::new(&sheet).expect("it can be condensed");
-    bencher.bench_local(|| condenser.condense(black_box(&sheet), STEPS[0]).is_ok());
+#[divan::bench(args = SHEETS, sample_count = 200, max_time = 0.7)]
+fn condense_six_columns(bencher: Bencher, name: &str) {
+    let sheet = &named(name, STEPS[0]).sheet;
+    let mut condenser = Condenser::new(sheet).expect("it can be condensed");
+    bencher.bench_local(|| condenser.condense(black_box(sheet), STEPS[0]).is_ok());
 }

@@ -5,7 +5,12 @@ use physics::fem::{Freedom, HandlePose, HandleSpec, Material, Sheet, SheetConfig
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use sim::Tremor;
+use std::sync::LazyLock;
 
+/// Without and with the plate's bending stiffness; without, the matrix has fewer blocks.
+pub(crate) const BENDING: [f64; 2] = [0.0, 1.0];
+/// Step lengths (s).
+pub(crate) const STEPS: [f64; 2] = [0.01, 0.001];
 /// Cells along the sheet and across it; two triangles each.
 pub(crate) const CELLS: [u32; 2] = [27, 26];
 /// Side of a cell (m).
@@ -56,11 +61,29 @@ fn handle(mesh: &TriMesh, group: &str) -> HandleSpec {
     }
 }
 
-/// The sheet at [`BEGIN`], after steps of `dt` (s) that settled it, and its hands. `bending` multiplies
-/// the plate's rigidity.
-pub(crate) fn stretched(bending: f64, dt: f64) -> (Sheet, Hands) {
+/// A sheet at [`BEGIN`], and its hands.
+pub(crate) struct Case {
+    bending: f64,
+    dt: f64,
+    pub(crate) sheet: Sheet,
+    pub(crate) hands: Hands,
+}
+
+static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
+    let all = BENDING.into_iter().flat_map(|b| STEPS.map(|dt| (b, dt)));
+    all.map(|(bending, dt)| stretched(bending, dt)).collect()
+});
+
+/// The case of one of [`BENDING`] and one of [`STEPS`].
+pub(crate) fn case(bending: f64, dt: f64) -> &'static Case {
+    let found = CASES.iter().find(|c| c.bending == bending && c.dt == dt);
+    found.expect("one of the cases")
+}
+
+/// Stretches a sheet, by steps of `dt` (s) in the end.
+fn stretched(bending: f64, dt: f64) -> Case {
     const SETTLING_STEPS: usize = 20;
-    const FIRST: f64 = 0.01;
+    const FIRST: f64 = 0.02;
     let [length, width] = CELLS.map(|cells| CELL * f64::from(cells));
     let mesh = sheet(length, width, CELLS[0], CELLS[1], Pattern::Alternating)
         .expect("the sheet can be made");
@@ -89,5 +112,10 @@ pub(crate) fn stretched(bending: f64, dt: f64) -> (Sheet, Hands) {
             .step(dt, &hands.at(BEGIN - dt * k as f64))
             .expect("it steps");
     }
-    (sheet, hands)
+    Case {
+        bending,
+        dt,
+        sheet,
+        hands,
+    }
 }

@@ -137,18 +137,18 @@ fn ticks(bencher: Bencher, scheme_name: &str, handles: usize, publication: f64) 
     bencher.bench_local(tick);
 }
 
-#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000)]
+#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000, sample_size = 16)]
 fn law_between_models<const N: usize>(bencher: Bencher, scheme: &str) {
     ticks(bencher, scheme, N, 0.004);
 }
 
 /// A model that is published once in years takes as long to take over.
-#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000)]
+#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000, sample_size = 16)]
 fn law_in_a_blend<const N: usize>(bencher: Bencher, scheme: &str) {
     ticks(bencher, scheme, N, 1e9);
 }
 
-#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000)]
+#[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000, sample_size = 16)]
 fn law_taking_a_model<const N: usize>(bencher: Bencher, name: &str) {
     let mut law = law(scheme(name), N);
     let mut model = model(N, 0.004);
