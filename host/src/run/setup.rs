@@ -68,8 +68,36 @@ pub struct Running {
 pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
     let bodies = build::bodies(loaded)?;
+    let (config, devices) = controls(loaded, seed)?;
+    let (end, host, log) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
     let period = 1.0 / scene.realtime.rate;
+    Ok(Setup {
+        tick: TickLoop::new(Controller::new(&config), devices, end),
+        host,
+        log,
+        engine: Engine::new(bodies),
+        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
+        timing: Timing {
+            period_ns: (1e9 * period).round() as u64,
+            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
+            latency_ns: (scene.host.latency * 1e9).round() as u64,
+        },
+    })
+}
 
+/// The tick's side of a scene alone: what its controller is made of, and its devices.
+///
+/// # Errors
+/// As [`setup`].
+pub fn controls(
+    loaded: &LoadedScene,
+    seed: u64,
+) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
+    let scene = &loaded.scene;
+    let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut devices = Vec::new();
     for index in 0..scene.devices.len() {
@@ -88,22 +116,7 @@ pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, Sc
         let _ = config.bodies.push(coupling(scene, period));
     }
 
-    let (end, host, log) = link(&LinkConfig {
-        bodies: scene.bodies.len(),
-        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-    });
-    Ok(Setup {
-        tick: TickLoop::new(Controller::new(&config), devices, end),
-        host,
-        log,
-        engine: Engine::new(bodies),
-        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
-        timing: Timing {
-            period_ns: (1e9 * period).round() as u64,
-            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
-            latency_ns: (scene.host.latency * 1e9).round() as u64,
-        },
-    })
+    Ok((config, devices))
 }
 
 /// The force scheme that a scene names.
