@@ -3,6 +3,7 @@
 use super::{CommandError, SceneArgument, load};
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
+use physics::fem::cholesky::Kernels;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -20,6 +21,10 @@ pub(super) struct RunArguments {
     /// Fixes every random choice, in place of the scene's seed
     #[arg(long)]
     seed: Option<u64>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those that give the same bytes
+    /// on every machine
+    #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
+    instructions: InstructionsName,
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -34,7 +39,7 @@ pub(super) struct RunArguments {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["clock", "duration", "seed", "log", "plot"]
+        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
     )]
     replay: Option<PathBuf>,
     /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
@@ -49,6 +54,7 @@ impl Default for RunArguments {
             clock: ClockName::Virtual,
             duration: None,
             seed: None,
+            instructions: InstructionsName::Auto,
             log: None,
             plot: None,
             json: None,
@@ -62,6 +68,12 @@ impl Default for RunArguments {
 enum ClockName {
     Virtual,
     Real,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum InstructionsName {
+    Auto,
+    Portable,
 }
 
 /// A positive, finite number of seconds, a day at most.
@@ -87,6 +99,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         json: arguments.json.clone(),
+        instructions: match arguments.instructions {
+            InstructionsName::Auto => Kernels::Fastest,
+            InstructionsName::Portable => Kernels::Portable,
+        },
         ..RunOptions::new(match arguments.clock {
             ClockName::Virtual => Clock::Virtual,
             ClockName::Real => Clock::Real,

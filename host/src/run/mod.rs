@@ -19,6 +19,7 @@ use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
 use physics::fem::Sheet;
+use physics::fem::cholesky::Kernels;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{HostEnd, TickCounters};
@@ -53,6 +54,8 @@ pub struct RunOptions {
     pub plot: Option<PathBuf>,
     /// Where to write the summary as JSON, if anywhere.
     pub json: Option<PathBuf>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those of every machine.
+    pub instructions: Kernels,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
 }
@@ -67,6 +70,7 @@ impl RunOptions {
             log: None,
             plot: None,
             json: None,
+            instructions: Kernels::default(),
             runner: RunnerConfig::default(),
         }
     }
@@ -125,7 +129,7 @@ pub fn run(
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    let prepared = setup::setup(loaded, duration, seed)?;
+    let prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
     let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
     let size = (
         sheets().map(Sheet::triangle_count).sum(),
@@ -141,7 +145,7 @@ pub fn run(
     let log = match &options.log {
         Some(path) => Some(LogWriter::create_file(
             path,
-            &header(loaded, options.clock, seed),
+            &header(loaded, options, seed),
         )?),
         None => None,
     };
@@ -202,14 +206,14 @@ pub fn run(
     Ok(summary)
 }
 
-fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
+fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
     let facts = [
         ("scene", loaded.scene.name.clone()),
-        ("clock", clock_name(clock).into()),
+        ("clock", clock_name(options.clock).into()),
         ("scheme", setup::scheme(&loaded.scene).name().into()),
         ("seed", seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").into()),
-        ("instructions", instructions()),
+        ("instructions", instructions(options.instructions)),
     ];
     LogHeader {
         facts: facts
@@ -228,9 +232,13 @@ fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// The instructions that the linear algebra chooses from at run time: bytes are equal where these are.
-fn instructions() -> String {
+/// The instructions that the linear algebra uses: with the same program, bytes are equal where these are.
+fn instructions(kernels: Kernels) -> String {
     let mut path = std::env::consts::ARCH.to_owned();
+    if kernels == Kernels::Portable {
+        path.push_str(" portable");
+        return path;
+    }
     #[cfg(target_arch = "x86_64")]
     for (name, found) in [
         ("avx2", std::arch::is_x86_feature_detected!("avx2")),

@@ -5,6 +5,7 @@ use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
+use physics::fem::cholesky::Kernels;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
@@ -66,8 +67,21 @@ pub struct Running {
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
+    setup_with(loaded, duration, seed, Kernels::default())
+}
+
+/// The same, with a choice of the linear algebra's code.
+///
+/// # Errors
+/// As [`setup`].
+pub fn setup_with(
+    loaded: &LoadedScene,
+    duration: f64,
+    seed: u64,
+    kernels: Kernels,
+) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
-    let bodies = build::bodies(loaded)?;
+    let bodies = build::bodies(loaded, kernels)?;
     let (config, devices) = controls(loaded, seed)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
