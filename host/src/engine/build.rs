@@ -9,6 +9,7 @@ use super::plan;
 use crate::scene::spec::{self, MeshSource, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
+use physics::fem::cholesky::Kernels;
 use physics::fem::{Condenser, Freedom, HandleSpec, Material, Sheet, SheetConfig};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{Group, TriMesh, gmsh};
@@ -17,13 +18,13 @@ use rt_core::Pose;
 /// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
 const ABSOLUTE_TOLERANCE: f64 = 1e-8;
 
-/// Builds every body of a scene, at rest.
+/// Builds every body of a scene, at rest, with `kernels` for its linear algebra.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn bodies(loaded: &LoadedScene) -> Result<Vec<SheetBody>, SceneError> {
+pub fn bodies(loaded: &LoadedScene, kernels: Kernels) -> Result<Vec<SheetBody>, SceneError> {
     (0..loaded.scene.bodies.len())
-        .map(|index| body(loaded, index))
+        .map(|index| body(loaded, index, kernels))
         .collect()
 }
 
@@ -78,12 +79,15 @@ fn refuse(loaded: &LoadedScene, index: usize, what: &str) -> SceneError {
     )
 }
 
-fn body(loaded: &LoadedScene, index: usize) -> Result<SheetBody, SceneError> {
+fn body(loaded: &LoadedScene, index: usize, kernels: Kernels) -> Result<SheetBody, SceneError> {
     let scene = &loaded.scene;
     let body = &scene.bodies[index];
     let (sheet, handles) = sheet(loaded, index)?;
     let condenser = if plan::condenses(scene) {
-        Some(Condenser::new(&sheet).map_err(|e| refuse(loaded, index, &e.to_string()))?)
+        Some(
+            Condenser::with_kernels(&sheet, kernels)
+                .map_err(|e| refuse(loaded, index, &e.to_string()))?,
+        )
     } else {
         None
     };

@@ -5,6 +5,7 @@ use super::error::SceneError;
 use super::recording::{self, Sample};
 use super::source::Source;
 use super::spec::{MeshSource, Scene};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -27,6 +28,8 @@ pub struct LoadedScene {
     pub meshes: Vec<Option<MeshFile>>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
+    /// The text of each file that the scene names, by the name that it calls it: what a log keeps.
+    pub files: BTreeMap<String, String>,
 }
 
 /// A mesh file, not parsed.
@@ -63,10 +66,29 @@ impl Scene {
             Ok(text) => text,
             Err(source) => return Err(SceneError::Read { file: name, source }),
         };
-        load(
-            Source { name, text },
-            path.parent().unwrap_or(Path::new("")),
-        )
+        let folder = path.parent().unwrap_or(Path::new(""));
+        load(Source { name, text }, folder, read)
+    }
+
+    /// Reads a scene's text with the texts of the files that it names, as a log keeps them. Messages call
+    /// it `name`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::load`].
+    pub fn load_texts(
+        name: &str,
+        text: &str,
+        files: &BTreeMap<String, String>,
+    ) -> Result<LoadedScene, SceneError> {
+        let source = Source {
+            name: name.to_owned(),
+            text: text.to_owned(),
+        };
+        load(source, Path::new(""), |path| {
+            let file = path.to_str().and_then(|name| files.get(name)).cloned();
+            file.ok_or_else(|| io::ErrorKind::NotFound.into())
+        })
     }
 
     /// The scene that the program carries with it; it names no files.
@@ -81,6 +103,7 @@ impl Scene {
                 text: DEFAULT.to_owned(),
             },
             Path::new(""),
+            read,
         )
     }
 }
@@ -95,16 +118,36 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
+/// `read` gives the text of a file in `folder`.
+fn load(
+    source: Source,
+    folder: &Path,
+    read: impl Fn(&Path) -> io::Result<String>,
+) -> Result<LoadedScene, SceneError> {
     let scene = parse(&source)?;
+    let mut files = BTreeMap::new();
+    // What `field` names, under the name that the scene calls it.
+    let mut named = |file: &str, field: &str| {
+        let path = folder.join(file);
+        match read(&path) {
+            Ok(text) => {
+                files.insert(file.to_owned(), text.clone());
+                Ok((path, text))
+            }
+            Err(error) => Err(SceneError::File {
+                place: source.place(field),
+                path,
+                source: error,
+            }),
+        }
+    };
 
     let mut meshes = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         meshes.push(match &body.mesh {
             MeshSource::Sheet { .. } => None,
             MeshSource::File(file) => {
-                let path = folder.join(file);
-                let text = read_named(&source, &format!("body[{index}].mesh.file"), &path)?;
+                let (path, text) = named(file, &format!("body[{index}].mesh.file"))?;
                 Some(MeshFile { path, text })
             }
         });
@@ -115,8 +158,7 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
         recordings.push(match &device.hand.recording {
             None => None,
             Some(file) => {
-                let path = folder.join(file);
-                let text = read_named(&source, &format!("device[{index}].hand.recording"), &path)?;
+                let (path, text) = named(file, &format!("device[{index}].hand.recording"))?;
                 Some(recording::parse(&text, &path.display().to_string())?)
             }
         });
@@ -126,15 +168,7 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
         source,
         meshes,
         recordings,
-    })
-}
-
-/// Reads a file that `field` names.
-fn read_named(source: &Source, field: &str, path: &Path) -> Result<String, SceneError> {
-    read(path).map_err(|error| SceneError::File {
-        place: source.place(field),
-        path: path.to_owned(),
-        source: error,
+        files,
     })
 }
 
