@@ -1,8 +1,9 @@
 //! `palpate run`: a scene from beginning to end.
 
-use super::{CommandError, SceneArgument, load};
+use super::{CommandError, SceneArgument, load, signals};
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
+use runner::CallPolicy;
 use std::path::PathBuf;
 
 /// Arguments of `palpate run`.
@@ -28,6 +29,21 @@ pub(super) struct RunArguments {
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
+    /// not make; or one of the two
+    #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
+          default_missing_value = "all")]
+    strict: Option<Strict>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Strict {
+    /// End the run, without force, at the first system call that the tick may not make
+    Syscalls,
+    /// Do not start unless core, priority, locked memory and a wakeful processor are granted
+    Privileges,
+    /// Both
+    All,
 }
 
 impl Default for RunArguments {
@@ -40,6 +56,7 @@ impl Default for RunArguments {
             log: None,
             plot: None,
             json: None,
+            strict: None,
         }
     }
 }
@@ -63,7 +80,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
-    let options = RunOptions {
+    let mut options = RunOptions {
         duration: arguments.duration,
         seed: arguments.seed,
         log: arguments.log.clone(),
@@ -73,6 +90,18 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             ClockName::Virtual => Clock::Virtual,
             ClockName::Real => Clock::Real,
         })
+    };
+    options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
+    // Scenes have simulated devices only.
+    let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
+    options.runner.calls = watched.then_some(CallPolicy::Simulated);
+    if arguments.strict.is_some() && arguments.clock == ClockName::Virtual {
+        return Err(CommandError::StrictWithoutRealClock);
+    }
+    // Virtual time commands no device: there a signal may end the program as it always does.
+    let signal = match options.clock {
+        Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
+        Clock::Virtual => None,
     };
     // Drawn only where a person looks: on a terminal.
     let bar = ProgressBar::new(1000);
@@ -94,9 +123,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             println!("  {what:<10} {}", path.display());
         }
     }
-    if summary.failures.is_empty() {
-        Ok(())
-    } else {
-        Err(CommandError::Incomplete)
+    if !summary.failures.is_empty() {
+        return Err(CommandError::Incomplete);
+    }
+    match signal.and_then(|signal| signal.number()) {
+        Some(number) if summary.tick.stopped => Err(CommandError::Signal(number)),
+        _ => Ok(()),
     }
 }

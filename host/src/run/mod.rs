@@ -20,11 +20,12 @@ use physics::fem::Sheet;
 use rt_core::{Controller, Telemetry};
 use runner::latency::Latencies;
 use runner::link::{HostEnd, TickCounters};
-use runner::thread::{RunnerConfig, SpawnError, TickPanic};
+use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::PathBuf;
+use std::sync::Arc;
 use summary::RunSummary;
 
 /// Which clock a run follows.
@@ -53,6 +54,8 @@ pub struct RunOptions {
     pub json: Option<PathBuf>,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
+    /// Ends a run under the real clock before its time, in order.
+    pub stop: Arc<Stop>,
 }
 
 impl RunOptions {
@@ -66,6 +69,7 @@ impl RunOptions {
             plot: None,
             json: None,
             runner: RunnerConfig::default(),
+            stop: Arc::default(),
         }
     }
 }
@@ -138,6 +142,8 @@ pub fn run(
                 tick: TickSide {
                     missed: 0,
                     longest_miss: 0,
+                    slots: done.tick.ticks,
+                    stopped: false,
                     locked_bytes: 0,
                     ticks: done.tick.ticks,
                     counters: done.tick.end.counters(),
@@ -152,7 +158,7 @@ pub fn run(
                 failures: Vec::new(),
             }
         }
-        Clock::Real => real(prepared, options.runner, sink, progress)?,
+        Clock::Real => real(prepared, options, sink, progress)?,
     };
     if let Some((engine, ..)) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
@@ -256,6 +262,9 @@ struct TickSide {
     ticks: u64,
     missed: u64,
     longest_miss: u64,
+    slots: u64,
+    /// Whether it ended early because it was asked to.
+    stopped: bool,
     locked_bytes: u64,
     counters: TickCounters,
     refused_wrenches: u64,
@@ -275,11 +284,13 @@ struct Parts {
 
 fn real(
     prepared: setup::Setup,
-    config: RunnerConfig,
+    options: &RunOptions,
     sink: Sink,
     progress: impl FnMut(f64),
 ) -> Result<Parts, RunError> {
-    let done = real_clock::run(prepared, config, sink, progress)?;
+    let planned = prepared.timing.ticks;
+    let stop = Arc::clone(&options.stop);
+    let done = real_clock::run(prepared, options.runner, stop, sink, progress)?;
     let mut failures = done.failures;
     let collected = done.sink.map_or_else(Collected::default, |mut sink| {
         if let Err(error) = sink.finish_log() {
@@ -288,11 +299,19 @@ fn real(
         sink.collector.finish()
     });
     let report = done.report;
+    if let Some(call) = report.forbidden_call {
+        failures.push(format!(
+            "the tick made a system call that it may not make, and the loop ended after {} ticks: {call}",
+            report.ticks
+        ));
+    }
     Ok(Parts {
         tick: TickSide {
             ticks: report.ticks,
             missed: report.missed_deadlines,
             longest_miss: report.longest_miss,
+            slots: report.slots,
+            stopped: report.ticks < planned && options.stop.is_requested(),
             locked_bytes: report.locked_bytes as u64,
             counters: report.link,
             refused_wrenches: report.refused_wrenches,

@@ -36,7 +36,7 @@ pub(super) struct RealRun {
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, on a thread of its
+/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in order, on a thread of its
 /// own; what it fails with is reported and the run goes on without a log.
 ///
 /// # Errors
@@ -44,6 +44,7 @@ pub(super) struct RealRun {
 pub(super) fn run(
     setup: Setup,
     config: RunnerConfig,
+    stop: Arc<Stop>,
     sink: Sink,
     mut progress: impl FnMut(f64),
 ) -> Result<RealRun, RunError> {
@@ -55,14 +56,13 @@ pub(super) fn run(
         pacer,
         timing,
     } = setup;
-    let stop = Arc::new(Stop::new());
     let config = RunnerConfig {
         period_ns: timing.period_ns,
         ticks: Some(timing.ticks),
         ..config
     };
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
-    let thread = spawn(config, controller, devices, end, Arc::clone(&stop))?;
+    let thread = spawn(config, controller, devices, end, stop)?;
 
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);

@@ -22,6 +22,8 @@ pub mod hid;
 pub mod latency;
 pub mod link;
 pub mod memory;
+#[cfg(feature = "mutations")]
+mod mutation;
 pub mod pace;
 pub mod ring;
 pub mod schedule;
