@@ -1,11 +1,13 @@
 //! The command line: one file a command.
 //!
-//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong.
+//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong; 128 and the
+//! number of a signal (130 for Ctrl-C): asked to end before its time, and ended in order.
 
 mod bench;
 mod plan;
 mod replay;
 mod run;
+mod signals;
 
 use crate::scene::{LoadedScene, Scene, SceneError};
 use clap::{Parser, Subcommand};
@@ -60,6 +62,15 @@ enum CommandError {
     },
     #[error("the replay differs from the log")]
     Different,
+    #[error("ended by signal {0}, in order")]
+    Signal(u8),
+    #[error(
+        "--strict is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
+         allowed --clock real"
+    )]
+    StrictWithoutRealClock,
+    #[error("the system gave no signals: {0}")]
+    Signals(std::io::Error),
     #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
 }
@@ -67,7 +78,10 @@ enum CommandError {
 impl CommandError {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Scene(_) | Self::Run(crate::run::RunError::Scene(_)) => 2,
+            Self::Scene(_)
+            | Self::Run(crate::run::RunError::Scene(_))
+            | Self::StrictWithoutRealClock => 2,
+            Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }
     }

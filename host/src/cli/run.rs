@@ -1,9 +1,10 @@
 //! `palpate run`: a scene from beginning to end.
 
-use super::{CommandError, SceneArgument, load};
+use super::{CommandError, SceneArgument, load, signals};
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use physics::fem::cholesky::Kernels;
+use runner::CallPolicy;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -45,6 +46,21 @@ pub(super) struct RunArguments {
     /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
     #[arg(long, hide = true)]
     report_progress: bool,
+    /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
+    /// not make; or one of the two
+    #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
+          default_missing_value = "all")]
+    strict: Option<Strict>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Strict {
+    /// End the run, without force, at the first system call that the tick may not make
+    Syscalls,
+    /// Do not start unless core, priority, locked memory and a wakeful processor are granted
+    Privileges,
+    /// Both
+    All,
 }
 
 impl Default for RunArguments {
@@ -60,6 +76,7 @@ impl Default for RunArguments {
             json: None,
             replay: None,
             report_progress: false,
+            strict: None,
         }
     }
 }
@@ -93,7 +110,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         return super::replay::run(path, scene.as_deref(), json.as_deref());
     }
     let loaded = load(arguments.scene.scene.as_deref())?;
-    let options = RunOptions {
+    let mut options = RunOptions {
         duration: arguments.duration,
         seed: arguments.seed,
         log: arguments.log.clone(),
@@ -107,6 +124,18 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             ClockName::Virtual => Clock::Virtual,
             ClockName::Real => Clock::Real,
         })
+    };
+    options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
+    // Scenes have simulated devices only.
+    let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
+    options.runner.calls = watched.then_some(CallPolicy::Simulated);
+    if arguments.strict.is_some() && arguments.clock == ClockName::Virtual {
+        return Err(CommandError::StrictWithoutRealClock);
+    }
+    // Virtual time commands no device: there a signal may end the program as it always does.
+    let signal = match options.clock {
+        Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
+        Clock::Virtual => None,
     };
     // Drawn only where a person looks: on a terminal.
     let bar = ProgressBar::new(1000);
@@ -133,9 +162,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             println!("  {what:<10} {}", path.display());
         }
     }
-    if summary.failures.is_empty() {
-        Ok(())
-    } else {
-        Err(CommandError::Incomplete)
+    if !summary.failures.is_empty() {
+        return Err(CommandError::Incomplete);
+    }
+    match signal.and_then(|signal| signal.number()) {
+        Some(number) if summary.tick.stopped => Err(CommandError::Signal(number)),
+        _ => Ok(()),
     }
 }

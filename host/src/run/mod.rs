@@ -23,10 +23,11 @@ use physics::fem::cholesky::Kernels;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{HostEnd, TickCounters};
-use runner::thread::{RunnerConfig, SpawnError, TickPanic};
+use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use sink::Sink;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use summary::RunSummary;
 
@@ -58,6 +59,8 @@ pub struct RunOptions {
     pub instructions: Kernels,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
+    /// Ends a run under the real clock before its time, in order.
+    pub stop: Arc<Stop>,
 }
 
 impl RunOptions {
@@ -72,6 +75,7 @@ impl RunOptions {
             json: None,
             instructions: Kernels::default(),
             runner: RunnerConfig::default(),
+            stop: Arc::default(),
         }
     }
 }
@@ -165,6 +169,8 @@ pub fn run(
                 tick: TickSide {
                     missed: 0,
                     longest_miss: 0,
+                    slots: done.tick.ticks,
+                    stopped: false,
                     locked_bytes: 0,
                     ticks: done.tick.ticks,
                     counters: done.tick.end.counters(),
@@ -179,7 +185,7 @@ pub fn run(
                 failures: failure.iter().map(log_ended).collect(),
             }
         }
-        Clock::Real => real(prepared, options.runner, sink, progress)?,
+        Clock::Real => real(prepared, options, sink, progress)?,
     };
     if let Some((engine, ..)) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
@@ -258,6 +264,9 @@ struct TickSide {
     ticks: u64,
     missed: u64,
     longest_miss: u64,
+    slots: u64,
+    /// Whether it ended early because it was asked to.
+    stopped: bool,
     locked_bytes: u64,
     counters: TickCounters,
     refused_wrenches: u64,
@@ -294,11 +303,13 @@ struct Parts {
 
 fn real(
     prepared: setup::Setup,
-    config: RunnerConfig,
+    options: &RunOptions,
     sink: Sink,
     progress: impl FnMut(u64),
 ) -> Result<Parts, RunError> {
-    let done = real_clock::run(prepared, config, sink, progress)?;
+    let planned = prepared.timing.ticks;
+    let stop = Arc::clone(&options.stop);
+    let done = real_clock::run(prepared, options.runner, stop, sink, progress)?;
     let mut failures = done.failures;
     let collected = done.sink.map_or_else(Collected::default, |sink| {
         let (collected, failure) = sink.finish();
@@ -306,11 +317,19 @@ fn real(
         collected
     });
     let report = done.report;
+    if let Some(call) = report.forbidden_call {
+        failures.push(format!(
+            "the tick made a system call that it may not make, and the loop ended after {} ticks: {call}",
+            report.ticks
+        ));
+    }
     Ok(Parts {
         tick: TickSide {
             ticks: report.ticks,
             missed: report.missed_deadlines,
             longest_miss: report.longest_miss,
+            slots: report.slots,
+            stopped: report.ticks < planned && options.stop.is_requested(),
             locked_bytes: report.locked_bytes as u64,
             counters: report.link,
             refused_wrenches: report.refused_wrenches,

@@ -36,14 +36,15 @@ pub(super) struct RealRun {
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model
-/// before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
+/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in
+/// order, and each model before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
 ///
 /// # Errors
 /// [`RunError`] where the loop cannot start or its thread panicked.
 pub(super) fn run(
     setup: Setup,
     config: RunnerConfig,
+    stop: Arc<Stop>,
     sink: Sink,
     mut progress: impl FnMut(u64),
 ) -> Result<RealRun, RunError> {
@@ -55,14 +56,13 @@ pub(super) fn run(
         pacer,
         timing,
     } = setup;
-    let stop = Arc::new(Stop::new());
     let config = RunnerConfig {
         period_ns: timing.period_ns,
         ticks: Some(timing.ticks),
         ..config
     };
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
-    let thread = spawn(config, controller, devices, end, Arc::clone(&stop))?;
+    let thread = spawn(config, controller, devices, end, stop)?;
 
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);

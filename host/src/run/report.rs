@@ -29,6 +29,9 @@ pub(super) fn summarize(
         count: side.ticks,
         missed_deadlines: side.missed,
         longest_miss: side.longest_miss,
+        slots: side.slots,
+        records: parts.collected.records,
+        stopped: side.stopped,
         lateness: measured(&side.latencies.lateness),
         duration: measured(&side.latencies.tick_time),
         model_age: side

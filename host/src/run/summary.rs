@@ -81,6 +81,12 @@ pub struct TickSummary {
     pub missed_deadlines: u64,
     /// Most deadlines missed in a row.
     pub longest_miss: u64,
+    /// Deadlines from the first to the last: those met and those missed.
+    pub slots: u64,
+    /// Ticks whose telemetry arrived; with `dropped.telemetry` they add up to the ticks.
+    pub records: u64,
+    /// Whether the run ended early because it was asked to (a signal).
+    pub stopped: bool,
     /// How late it woke; nothing under the virtual clock.
     pub lateness: Option<Distribution>,
     /// How long a tick took; nothing under the virtual clock.
@@ -197,6 +203,9 @@ impl fmt::Display for RunSummary {
             "  ticks      {} at {} Hz, {} missed deadlines (longest run {})",
             t.count, t.rate, t.missed_deadlines, t.longest_miss
         )?;
+        if t.stopped {
+            writeln!(f, "  stopped    before its end, because it was asked to")?;
+        }
         if let Some(lateness) = &t.lateness {
             writeln!(f, "  woke late  {}", Times(lateness))?;
         }
