@@ -56,7 +56,7 @@ enum CommandError {
     #[error("{}: {source}", path.display())]
     Replay {
         path: PathBuf,
-        source: replay::ReplayFileError,
+        source: Box<replay::ReplayFileError>,
     },
     #[error("the replay differs from the log")]
     Different,
