@@ -49,7 +49,8 @@ fn each_choice_repeats_its_bytes_and_they_differ_from_each_other_by_rounding()
         assert!((k - other).amax() < 1e-12 * a.stiffness[0][0].amax());
     }
     // From there on each run goes its own way: a hand that is one rounding off may be read one encoder
-    // count off. A count of 38 um and the 180 N/m that the sheet has at most make 0.007 N.
+    // count off. A count of 38 um moves the force by some 0.05 N: stiffness, and damping of the velocity
+    // that the count seems to be.
     let apart = fastest
         .rows
         .iter()
@@ -57,6 +58,6 @@ fn each_choice_repeats_its_bytes_and_they_differ_from_each_other_by_rounding()
         .map(|(a, b)| (a.devices[0].wrench.force - b.devices[0].wrench.force).norm());
     let most = apart.fold(0.0, f64::max);
     println!("forces differ by at most {most:e} N");
-    assert!(most < 0.05, "{most}");
+    assert!(most < 0.1, "{most}");
     Ok(())
 }

@@ -58,7 +58,7 @@ enum CommandError {
     #[error("{}: {source}", path.display())]
     Replay {
         path: PathBuf,
-        source: replay::ReplayFileError,
+        source: Box<replay::ReplayFileError>,
     },
     #[error("the replay differs from the log")]
     Different,

@@ -29,7 +29,7 @@ pub(super) fn run(
 ) -> Result<(), CommandError> {
     let refused = |source| CommandError::Replay {
         path: path.to_owned(),
-        source,
+        source: Box::new(source),
     };
     let log = read(path).map_err(refused)?;
     let loaded = match scene {

@@ -104,7 +104,7 @@ impl Parser {
             match attachment(data) {
                 // The first: a file that the scene calls so does not take its place.
                 Some((SCENE_NAME, text)) if self.log.scene.is_empty() => {
-                    text.clone_into(&mut self.log.scene)
+                    text.clone_into(&mut self.log.scene);
                 }
                 Some((name, text)) => {
                     self.log.files.insert(name.to_owned(), text.to_owned());

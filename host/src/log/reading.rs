@@ -71,6 +71,9 @@ impl From<&Reading> for LoggedReading {
 impl LoggedReading {
     /// As a device gives it. The law asks whether there is a state, never why there is none: every report
     /// that could not be used comes back as none at all.
+    ///
+    /// # Errors
+    /// Where there was none.
     pub fn reading(&self) -> Reading {
         self.0.map_err(|fault| match fault {
             ReadFault::Disconnected(number) => DeviceError::Disconnected(number),

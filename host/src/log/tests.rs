@@ -120,7 +120,7 @@ fn a_model_is_read_back_as_it_was_published_and_takes_room_for_what_is_in_use() 
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     let mut negative_zero = model(3, false);
     negative_zero.damping[1][0][(4, 4)] = -0.0;
-    let models = [model(1, false), model(2, true), negative_zero];
+    let models = vec![model(1, false), model(2, true), negative_zero];
     for (body, model) in (0..).zip(&models) {
         writer.write_model(body, model).expect("in memory");
     }

@@ -10,7 +10,7 @@ mod compare;
 pub use compare::{Difference, Field, Part, Value};
 
 use super::setup::controls;
-use crate::log::{Log, ModelRow, TickRow};
+use crate::log::{Log, LoggedReading, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use rt_core::{Controller, Device};
 use runner::link::{LinkConfig, link};
@@ -106,7 +106,7 @@ pub fn replay(
     let (config, devices) = controls(loaded, scene.seed)?;
     let devices = devices.iter().enumerate().map(|(index, device)| {
         let readings = log.rows.iter().filter_map(|row| row.readings.get(index));
-        let readings = readings.map(|logged| logged.reading()).collect();
+        let readings = readings.map(LoggedReading::reading).collect();
         ReplayDevice::new(device.capabilities(), readings)
     });
     // One model a body and one record wait at a time.
