@@ -2,6 +2,7 @@
 
 use super::GmshError;
 use super::sections::{Block, Element, Node, PhysicalName, Sections};
+use crate::mesh::check::{Culprit, check_distinct};
 use crate::mesh::{Group, MeshError, TriMesh};
 use std::collections::BTreeMap;
 
@@ -32,10 +33,12 @@ pub(super) fn mesh(sections: &Sections) -> Result<TriMesh, GmshError> {
         .map(|nodes| nodes.map(|node| vertices[node]))
         .collect();
 
-    let mut mesh = TriMesh::new(positions, corners).map_err(|source| {
-        let line = line_at_fault(&source, sections, &vertices);
-        GmshError::Mesh { line, source }
-    })?;
+    let refused = |source: MeshError| GmshError::Mesh {
+        line: line_at_fault(&source, sections, &vertices),
+        source,
+    };
+    let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
+    check_distinct(&mesh.positions).map_err(refused)?;
     mesh.vertex_groups = vertex_groups(sections, &places, &vertices, mesh.positions.len())?;
     mesh.triangle_groups = triangle_groups(sections);
     Ok(mesh)
@@ -81,44 +84,17 @@ fn nodes_of(element: &Element, places: &BTreeMap<u64, usize>) -> Result<[usize; 
 
 /// The line of the vertex or triangle that an error is about.
 fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
-    let triangle = |index: u32| {
-        triangles(&sections.blocks)
+    let line = match error.culprit() {
+        Culprit::Vertex(index) => {
+            let mut nodes = sections.nodes.iter().zip(vertices);
+            nodes
+                .find(|&(_, &vertex)| vertex == index)
+                .map(|(node, _)| node.line)
+        }
+        Culprit::Triangle(index) => triangles(&sections.blocks)
             .nth(index as usize)
-            .map(|e| e.line)
-    };
-    let vertex = |index: u32| {
-        let mut nodes = sections.nodes.iter().zip(vertices);
-        nodes
-            .find(|&(_, &vertex)| vertex == index)
-            .map(|(node, _)| node.line)
-    };
-    let line = match *error {
-        MeshError::Coordinate { vertex: index, .. } | MeshError::Unused { vertex: index } => {
-            vertex(index)
-        }
-        MeshError::Index {
-            triangle: index, ..
-        }
-        | MeshError::RepeatedVertex {
-            triangle: index, ..
-        }
-        | MeshError::Flat {
-            triangle: index, ..
-        }
-        | MeshError::Tiny {
-            triangle: index, ..
-        }
-        | MeshError::Duplicate {
-            triangle: index, ..
-        }
-        | MeshError::CrowdedEdge {
-            triangles: [_, _, index],
-            ..
-        } => triangle(index),
-        MeshError::Empty
-        | MeshError::TooMany { .. }
-        | MeshError::GroupMember { .. }
-        | MeshError::GroupName { .. } => None,
+            .map(|element| element.line),
+        Culprit::Mesh => None,
     };
     line.unwrap_or(sections.last_line)
 }

@@ -16,9 +16,9 @@
 //! memory is taken in proportion to the text, never to a number in it.
 
 mod assemble;
-mod lines;
 mod sections;
 
+use super::lines::Unexpected;
 use super::{MeshError, TriMesh};
 use thiserror::Error;
 
@@ -100,6 +100,16 @@ pub enum GmshError {
         /// What is wrong with it.
         source: MeshError,
     },
+}
+
+impl From<Unexpected> for GmshError {
+    fn from(error: Unexpected) -> Self {
+        Self::Syntax {
+            line: error.line,
+            expected: error.expected,
+            found: error.found,
+        }
+    }
 }
 
 /// Reads a mesh from the text of an MSH 4.1 ASCII file. Coordinates are taken as metres.

@@ -1,8 +1,9 @@
 //! The sections of an MSH 4.1 file as they stand, each checked for itself.
 
-use super::lines::{Fields, Lines, shortened};
 use super::{GmshError, MAX_GROUPS};
 use crate::Vec3;
+use crate::mesh::lines::{Fields, Lines};
+use crate::mesh::text::shortened;
 use std::collections::BTreeMap;
 
 /// What the file says, before one section is compared with another.
@@ -75,7 +76,9 @@ pub(super) fn read(text: &str) -> Result<Sections, GmshError> {
     while let Some(fields) = lines.next() {
         let section = fields.rest();
         if !section.starts_with('$') || section.starts_with("$End") {
-            return Err(fields.unexpected("the start of a section, such as $Nodes"));
+            return Err(fields
+                .unexpected("the start of a section, such as $Nodes")
+                .into());
         }
         let known = [
             "$MeshFormat",
@@ -120,7 +123,7 @@ pub(super) fn check_format(text: &str) -> Result<(), GmshError> {
 
 fn format(lines: &mut Lines) -> Result<(), GmshError> {
     version(lines)?;
-    lines.marker("$EndMeshFormat")
+    Ok(lines.marker("$EndMeshFormat")?)
 }
 
 fn version(lines: &mut Lines) -> Result<(), GmshError> {
@@ -134,7 +137,11 @@ fn version(lines: &mut Lines) -> Result<(), GmshError> {
     let kind = match fields.number("0 for ASCII or 1 for binary")? {
         0_u8 => "ASCII",
         1 => "binary",
-        _ => return Err(before.unexpected("a version and 0 for ASCII or 1 for binary")),
+        _ => {
+            return Err(before
+                .unexpected("a version and 0 for ASCII or 1 for binary")
+                .into());
+        }
     };
     if number == 4.1 && kind == "ASCII" {
         return Ok(());
@@ -157,7 +164,9 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
     let count: usize = fields.number("the number of physical names")?;
     fields.end()?;
     if count > MAX_GROUPS {
-        return Err(head.unexpected(&format!("at most {MAX_GROUPS} physical names")));
+        return Err(head
+            .unexpected(&format!("at most {MAX_GROUPS} physical names"))
+            .into());
     }
     let mut names: Vec<PhysicalName> = Vec::new();
     for _ in 0..count {
@@ -170,7 +179,7 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
             .strip_prefix('"')
             .and_then(|rest| rest.strip_suffix('"'));
         let Some(name) = name.filter(|name| !name.trim().is_empty()) else {
-            return Err(fields.unexpected("a name in double quotes"));
+            return Err(fields.unexpected("a name in double quotes").into());
         };
         if let Some(earlier) = names
             .iter()
@@ -300,7 +309,7 @@ fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
         };
         if dim != expected_dim {
             let expected = format!("dimension {expected_dim} for elements of type {code}");
-            return Err(start.unexpected(&expected));
+            return Err(start.unexpected(&expected).into());
         }
         let mut elements = room(in_block, text);
         for _ in 0..in_block {
@@ -359,7 +368,7 @@ fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
     let before = *fields;
     match fields.number("a dimension from 0 to 3")? {
         dim @ 0..=3 => Ok(dim),
-        _ => Err(before.unexpected("a dimension from 0 to 3")),
+        _ => Err(before.unexpected("a dimension from 0 to 3").into()),
     }
 }
 
