@@ -22,8 +22,8 @@ use document::{Document, Piece, Role};
 
 /// The most bytes that a file's compressed arrays unpack to, over the file's own length.
 ///
-/// zlib packs up to a thousand times. A regular grid, which packs best among meshes, stays below twenty
-/// (its arrays together).
+/// zlib packs up to a thousand times. What VTK writes of a regular grid, whose coordinates and numbers
+/// repeat more than those of other meshes, is packed six times.
 pub const MAX_RATIO: usize = 32;
 /// What compressed arrays may unpack to in any case (bytes): a small file may be mostly repetition.
 pub const MIN_UNPACKED: usize = 1 << 20;

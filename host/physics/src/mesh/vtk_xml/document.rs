@@ -1,7 +1,7 @@
 //! The tags of a VTU or VTP file: which arrays there are, and where. No number of an array is read here.
 
 use crate::mesh::file::{MeshFileError, Place};
-use crate::mesh::text::{line_of, quoted_bytes};
+use crate::mesh::text::{line_of, quoted};
 use crate::mesh::vtk_array::Scalar;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -101,7 +101,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
     let (mut line, mut counted) = (1, 0);
     let mut root: Option<(bool, Encoding)> = None;
     let mut piece: Option<Piece> = None;
-    let mut path: Vec<Vec<u8>> = Vec::new();
+    let mut path: Vec<String> = Vec::new();
     loop {
         let event = reader.read_event();
         let at = usize::try_from(reader.buffer_position())
@@ -126,7 +126,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             Err(error) => {
                 let place = usize::try_from(reader.error_position()).unwrap_or(usize::MAX);
                 let place = Place::Line(line_of(file, place));
-                let found = quoted_bytes(error.to_string().as_bytes());
+                let found = quoted(&error.to_string());
                 return Err(MeshFileError::syntax(place, "well-formed XML", found));
             }
         };
@@ -140,17 +140,17 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             line,
             start: &start,
         };
-        let parent = path.last().map_or(&b""[..], Vec::as_slice);
+        let parent = path.last().map_or("", String::as_str);
         match (start.local_name().as_ref(), &mut root, &mut piece) {
-            (b"VTKFile", None, _) if path.is_empty() => root = Some(tag.root()?),
-            (b"Piece", Some(_), None) => piece = Some(tag.piece()?),
-            (b"Piece", Some(_), Some(_)) => {
+            ("VTKFile", None, _) if path.is_empty() => root = Some(tag.root()?),
+            ("Piece", Some(_), None) => piece = Some(tag.piece()?),
+            ("Piece", Some(_), Some(_)) => {
                 return Err(wrong(
                     "one Piece (merge them first)",
                     "a second one".to_owned(),
                 ));
             }
-            (b"DataArray", Some((is_grid, _)), Some(piece)) => {
+            ("DataArray", Some((is_grid, _)), Some(piece)) => {
                 if let Some(role) = tag.role(parent, *is_grid)? {
                     let array = tag.array(role, file, at)?;
                     if piece.arrays.len() >= MAX_ARRAYS
@@ -162,14 +162,14 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
                     piece.arrays.push(array);
                 }
             }
-            (b"AppendedData", Some((_, encoding)), _) => {
+            ("AppendedData", Some((_, encoding)), _) => {
                 encoding.appended = Some(tag.appended(file, at)?);
                 // What follows may be raw bytes, which are no XML.
                 break;
             }
             (_, Some(_), _) => {}
             (name, None, _) => {
-                return Err(wrong("a VTKFile", format!("a tag {}", quoted_bytes(name))));
+                return Err(wrong("a VTKFile", format!("a tag {}", quoted(name))));
             }
         }
         path.push(start.local_name().as_ref().to_owned());
@@ -191,13 +191,11 @@ impl<'a> Tag<'a, '_> {
         let mut attributes = self.start.attributes();
         for attribute in attributes.with_checks(false) {
             let attribute = attribute.map_err(|error| {
-                let found = quoted_bytes(error.to_string().as_bytes());
+                let found = quoted(&error.to_string());
                 self.wrong("well-formed attributes", found)
             })?;
-            if attribute.key.as_ref() == name.as_bytes() {
-                let value = std::str::from_utf8(&attribute.value);
-                let wrong = |_| self.wrong(name, quoted_bytes(&attribute.value));
-                return Ok(Some(value.map_err(wrong)?.to_owned()));
+            if attribute.key.as_ref() == name {
+                return Ok(Some(attribute.value.into_owned()));
             }
         }
         Ok(None)
@@ -217,8 +215,7 @@ impl<'a> Tag<'a, '_> {
         };
         chosen.map(|(_, choice)| *choice).ok_or_else(|| {
             let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
-            let found =
-                value.map_or_else(|| "none".to_owned(), |value| quoted_bytes(value.as_bytes()));
+            let found = value.map_or_else(|| "none".to_owned(), |value| quoted(&value));
             self.wrong(&format!("{name} to be {}", words.join(" or ")), found)
         })
     }
@@ -230,7 +227,7 @@ impl<'a> Tag<'a, '_> {
         };
         let number = value.trim().parse().map_err(|_| {
             let expected = format!("{name} to be a whole number");
-            self.wrong(&expected, quoted_bytes(value.as_bytes()))
+            self.wrong(&expected, quoted(&value))
         })?;
         Ok(Some(number))
     }
@@ -283,11 +280,11 @@ impl<'a> Tag<'a, '_> {
     }
 
     /// What a `DataArray` within `parent` is for, if a mesh needs it.
-    fn role(&self, parent: &[u8], is_grid: bool) -> Result<Option<Role>, MeshFileError> {
-        if parent == b"Points" {
+    fn role(&self, parent: &str, is_grid: bool) -> Result<Option<Role>, MeshFileError> {
+        if parent == "Points" {
             return Ok(Some(Role::Points));
         }
-        if parent != if is_grid { &b"Cells"[..] } else { b"Polys" } {
+        if parent != if is_grid { "Cells" } else { "Polys" } {
             return Ok(None);
         }
         Ok(match self.attribute("Name")?.as_deref() {
