@@ -34,8 +34,8 @@ pub struct LoadedScene {
 pub struct MeshFile {
     /// Where it was found.
     pub path: PathBuf,
-    /// What it says.
-    pub text: String,
+    /// What it holds. Which format that is, and whether it is text, shows once it is parsed.
+    pub bytes: Vec<u8>,
 }
 
 impl Scene {
@@ -104,8 +104,9 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
             MeshSource::Sheet { .. } => None,
             MeshSource::File(file) => {
                 let path = folder.join(file);
-                let text = read_named(&source, &format!("body[{index}].mesh.file"), &path)?;
-                Some(MeshFile { path, text })
+                let field = format!("body[{index}].mesh.file");
+                let bytes = read_bytes(&path).map_err(|e| unreadable(&source, &field, &path, e))?;
+                Some(MeshFile { path, bytes })
             }
         });
     }
@@ -116,7 +117,8 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
             None => None,
             Some(file) => {
                 let path = folder.join(file);
-                let text = read_named(&source, &format!("device[{index}].hand.recording"), &path)?;
+                let field = format!("device[{index}].hand.recording");
+                let text = read(&path).map_err(|e| unreadable(&source, &field, &path, e))?;
                 Some(recording::parse(&text, &path.display().to_string())?)
             }
         });
@@ -129,26 +131,38 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
     })
 }
 
-/// Reads a file that `field` names.
-fn read_named(source: &Source, field: &str, path: &Path) -> Result<String, SceneError> {
-    read(path).map_err(|error| SceneError::File {
+/// The file that `field` names cannot be read.
+fn unreadable(source: &Source, field: &str, path: &Path, error: io::Error) -> SceneError {
+    SceneError::File {
         place: source.place(field),
         path: path.to_owned(),
         source: error,
-    })
+    }
 }
 
 /// Reads a text file, unless it is unreasonably large.
 fn read(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
+    // As the standard library words it where it reads text itself.
+    let no_text = |_| {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "stream did not contain valid UTF-8",
+        )
+    };
+    String::from_utf8(read_bytes(path)?).map_err(no_text)
+}
+
+/// Reads a file, unless it is unreasonably large.
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     File::open(path)?
         .take(LARGEST + 1)
-        .read_to_string(&mut text)?;
-    if text.len() as u64 > LARGEST {
+        .read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST {
         return Err(io::Error::other(format!(
             "larger than {} MiB",
             LARGEST >> 20
         )));
     }
-    Ok(text)
+    Ok(bytes)
 }

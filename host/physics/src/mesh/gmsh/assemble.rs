@@ -39,8 +39,9 @@ pub(super) fn mesh(sections: &Sections) -> Result<TriMesh, GmshError> {
     };
     let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
     check_distinct(&mesh.positions).map_err(refused)?;
-    mesh.vertex_groups = vertex_groups(sections, &places, &vertices, mesh.positions.len())?;
-    mesh.triangle_groups = triangle_groups(sections);
+    let groups = groups(sections);
+    mesh.vertex_groups = vertex_groups(sections, &groups, &places, &vertices)?;
+    mesh.triangle_groups = triangle_groups(sections, &groups);
     Ok(mesh)
 }
 
@@ -99,76 +100,98 @@ fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> us
     line.unwrap_or(sections.last_line)
 }
 
-/// Whether a block's elements belong to a physical group called `name`.
-fn belongs(block: &Block, name: &str, sections: &Sections) -> bool {
-    let Some(entity) = sections.entities.get(&(block.dim, block.entity)) else {
-        return false;
-    };
-    let named = |p: &PhysicalName| p.dim == block.dim && p.name == name && entity.in_group(p.tag);
-    sections.names.iter().any(named)
+/// The blocks of one group, as indices into the file's blocks.
+struct Members<'a> {
+    name: &'a str,
+    blocks: Vec<usize>,
 }
 
-/// The names of physical groups, each once, in the file's order.
-fn names(sections: &Sections) -> Vec<&str> {
-    let mut names: Vec<&str> = Vec::new();
-    for PhysicalName { name, .. } in &sections.names {
-        if !names.contains(&name.as_str()) {
-            names.push(name);
+/// The groups by name, in the file's order, each with its blocks. Found in one pass over the blocks, so
+/// that many small blocks in many groups cost no more time than they take room in the file.
+fn groups(sections: &Sections) -> Vec<Members<'_>> {
+    let mut groups: Vec<Members> = Vec::new();
+    let mut by_tag: BTreeMap<(u8, u32), usize> = BTreeMap::new();
+    for PhysicalName { dim, tag, name, .. } in &sections.names {
+        let known = groups.iter().position(|group| group.name == name);
+        let index = known.unwrap_or(groups.len());
+        if known.is_none() {
+            let blocks = Vec::new();
+            groups.push(Members { name, blocks });
+        }
+        by_tag.insert((*dim, *tag), index);
+    }
+    for (number, block) in sections.blocks.iter().enumerate() {
+        let entity = sections.entities.get(&(block.dim, block.entity));
+        for tag in entity.into_iter().flat_map(|entity| &entity.physical) {
+            let index = by_tag.get(&(block.dim, *tag));
+            let group = index.and_then(|&index| groups.get_mut(index));
+            if let Some(group) = group.filter(|group| group.blocks.last() != Some(&number)) {
+                group.blocks.push(number);
+            }
         }
     }
-    names
+    groups
 }
 
 fn vertex_groups(
     sections: &Sections,
+    groups: &[Members],
     places: &BTreeMap<u64, usize>,
     vertices: &[u32],
-    count: usize,
 ) -> Result<Vec<Group>, GmshError> {
     // Lines and points have to name existing nodes whether or not they are in a group.
     for element in sections.blocks.iter().flat_map(|block| &block.elements) {
         nodes_of(element, places)?;
     }
-    let mut groups = Vec::new();
-    for name in names(sections) {
-        let mut member = vec![false; count];
-        let blocks = sections
-            .blocks
-            .iter()
-            .filter(|block| belongs(block, name, sections));
+    let mut found = Vec::new();
+    for group in groups {
+        let mut members = Vec::new();
+        let blocks = group.blocks.iter().filter_map(|&k| sections.blocks.get(k));
         for element in blocks.flat_map(|block| &block.elements) {
             for node in nodes_of(element, places)? {
-                if let Some(member) = member.get_mut(vertices[node] as usize) {
-                    *member = true;
-                }
+                members.extend(vertices.get(node).filter(|&&vertex| vertex != UNUSED));
             }
         }
-        push_group(&mut groups, name, &member);
+        push_group(&mut found, group.name, members);
     }
-    Ok(groups)
+    Ok(found)
 }
 
-fn triangle_groups(sections: &Sections) -> Vec<Group> {
-    let mut groups = Vec::new();
-    for name in names(sections) {
-        let blocks = sections.blocks.iter().filter(|block| block.dim == 2);
-        let member: Vec<bool> = blocks
-            .flat_map(|block| {
-                std::iter::repeat_n(belongs(block, name, sections), block.elements.len())
-            })
-            .collect();
-        push_group(&mut groups, name, &member);
-    }
-    groups
-}
-
-/// Adds the group of those indices at which `member` is true, unless there are none.
-fn push_group(groups: &mut Vec<Group>, name: &str, member: &[bool]) {
-    let members: Vec<u32> = (0_u32..)
-        .zip(member)
-        .filter(|&(_, &is)| is)
-        .map(|(index, _)| index)
+fn triangle_groups(sections: &Sections, groups: &[Members]) -> Vec<Group> {
+    // Where the triangles of each block start.
+    let starts: Vec<u32> = sections
+        .blocks
+        .iter()
+        .scan(0, |next, block| {
+            let start = *next;
+            *next += if block.dim == 2 {
+                block.elements.len() as u32
+            } else {
+                0
+            };
+            Some(start)
+        })
         .collect();
+    let mut found = Vec::new();
+    for group in groups {
+        let mut members = Vec::new();
+        for &number in &group.blocks {
+            if let (Some(block), Some(&start)) = (sections.blocks.get(number), starts.get(number))
+                && block.dim == 2
+            {
+                members.extend((start..).take(block.elements.len()));
+            }
+        }
+        push_group(&mut found, group.name, members);
+    }
+    found
+}
+
+/// Adds the group of these members, unless there are none.
+fn push_group(groups: &mut Vec<Group>, name: &str, mut members: Vec<u32>) {
+    members.sort_unstable();
+    members.dedup();
+    members.shrink_to_fit();
     if !members.is_empty() {
         groups.push(Group {
             name: name.to_owned(),

@@ -23,7 +23,10 @@ use super::{MeshError, TriMesh};
 use thiserror::Error;
 
 /// The most named physical groups that a file may have.
-pub const MAX_GROUPS: usize = 256;
+pub const MAX_GROUPS: usize = super::file::MAX_GROUPS;
+/// The most physical groups that one entity may be in. With it the room for groups is bounded by that for
+/// elements.
+pub const MAX_TAGS: usize = 16;
 
 /// Why a text is no mesh. Lines are counted from one; every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -1,6 +1,6 @@
 //! The sections of an MSH 4.1 file as they stand, each checked for itself.
 
-use super::{GmshError, MAX_GROUPS};
+use super::{GmshError, MAX_GROUPS, MAX_TAGS};
 use crate::Vec3;
 use crate::mesh::lines::{Fields, Lines};
 use crate::mesh::text::shortened;
@@ -28,8 +28,8 @@ pub(super) struct PhysicalName {
 
 /// A point, curve, surface or volume of the model.
 pub(super) struct Entity {
-    /// Its physical groups, without their signs, ascending.
-    physical: Vec<u32>,
+    /// Its physical groups, without their signs.
+    pub(super) physical: Vec<u32>,
     line: usize,
 }
 
@@ -51,13 +51,6 @@ pub(super) struct Block {
 pub(super) struct Element {
     pub(super) nodes: [u64; 3],
     pub(super) line: usize,
-}
-
-impl Entity {
-    /// Whether the entity belongs to the physical group `tag` of its dimension.
-    pub(super) fn in_group(&self, tag: u32) -> bool {
-        self.physical.binary_search(&tag).is_ok()
-    }
 }
 
 /// Room for as many items as a file claims to hold, but no more than its text can hold: a node takes at
@@ -221,13 +214,17 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
             for _ in 0..if dim == 0 { 3 } else { 6 } {
                 fields.word("an entity's coordinate")?;
             }
+            let before = fields;
             let tags: usize = fields.number("a number of physical tags")?;
+            if tags > MAX_TAGS {
+                let expected = format!("at most {MAX_TAGS} physical tags of one entity");
+                return Err(before.unexpected(&expected).into());
+            }
             let mut physical = Vec::new();
             for _ in 0..tags {
                 physical.push(fields.number::<i32>("a physical tag")?.unsigned_abs());
             }
-            // Sorted for `in_group`. What bounds the entity follows and does not matter here.
-            physical.sort_unstable();
+            // What bounds the entity follows and does not matter here.
             if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
                 let what = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
@@ -329,6 +326,9 @@ fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
         }
         total_found += elements.len();
         elements.shrink_to_fit();
+        if elements.is_empty() {
+            continue;
+        }
         blocks.push(Block {
             dim,
             entity,
