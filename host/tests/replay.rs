@@ -75,7 +75,7 @@ fn a_log_needs_no_other_file() -> Outcome {
     assert!(
         log.files
             .values()
-            .any(|text| text.starts_with("$MeshFormat"))
+            .any(|bytes| bytes.starts_with(b"$MeshFormat"))
     );
     let report = replayed(&log)?;
     assert!(report.is_exact(), "{}", first(&report));

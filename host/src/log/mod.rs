@@ -49,7 +49,7 @@ pub struct LogHeader {
     /// The text of the scene file.
     pub scene: String,
     /// The files that the scene names, by the names that it calls them.
-    pub files: BTreeMap<String, String>,
+    pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// Why a log could not be written or read.
@@ -222,18 +222,18 @@ fn begin<W: Write + Seek>(
         metadata: header.facts.clone(),
     };
     writer.write_metadata(&metadata)?;
-    let scene = (SCENE_NAME, "application/toml", &header.scene);
+    let scene = (SCENE_NAME, "application/toml", header.scene.as_bytes());
     let files = header
         .files
         .iter()
-        .map(|(name, text)| (name.as_str(), "text/plain", text));
-    for (name, media_type, text) in std::iter::once(scene).chain(files) {
+        .map(|(name, bytes)| (name.as_str(), "application/octet-stream", bytes.as_slice()));
+    for (name, media_type, bytes) in std::iter::once(scene).chain(files) {
         writer.attach(&Attachment {
             log_time: 0,
             create_time: 0,
             name: name.to_owned(),
             media_type: media_type.to_owned(),
-            data: text.as_bytes().into(),
+            data: bytes.into(),
         })?;
     }
     writer.flush()?;

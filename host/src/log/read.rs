@@ -17,7 +17,7 @@ pub struct Log {
     /// The text of its scene file.
     pub scene: String,
     /// The files that the scene names, by the names that it calls them.
-    pub files: BTreeMap<String, String>,
+    pub files: BTreeMap<String, Vec<u8>>,
     /// The ticks, in the order of the file.
     pub rows: Vec<TickRow>,
     /// The local models, in the order of the file.
@@ -104,10 +104,11 @@ impl Parser {
             match attachment(data) {
                 // The first: a file that the scene calls so does not take its place.
                 Some((SCENE_NAME, text)) if self.log.scene.is_empty() => {
-                    text.clone_into(&mut self.log.scene);
+                    // A scene that is no text is none; running it again says so.
+                    self.log.scene = String::from_utf8_lossy(text).into_owned();
                 }
-                Some((name, text)) => {
-                    self.log.files.insert(name.to_owned(), text.to_owned());
+                Some((name, bytes)) => {
+                    self.log.files.insert(name.to_owned(), bytes.to_vec());
                 }
                 None => {}
             }
@@ -173,7 +174,7 @@ impl Parser {
 
 /// Name and text of an attachment record. (By hand: the parser of the mcap crate panics on a record that
 /// is too short.)
-fn attachment(record: &[u8]) -> Option<(&str, &str)> {
+fn attachment(record: &[u8]) -> Option<(&str, &[u8])> {
     // Two times; then name, media type and content, each after its length.
     let (_, rest) = record.split_at_checked(16)?;
     let (length, rest) = rest.split_first_chunk()?;
@@ -182,8 +183,5 @@ fn attachment(record: &[u8]) -> Option<(&str, &str)> {
     let (_, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
     let (length, rest) = rest.split_first_chunk()?;
     let (content, _) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
-    Some((
-        std::str::from_utf8(name).ok()?,
-        std::str::from_utf8(content).ok()?,
-    ))
+    Some((std::str::from_utf8(name).ok()?, content))
 }

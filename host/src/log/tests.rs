@@ -13,7 +13,7 @@ fn header() -> LogHeader {
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
             .into(),
         scene: "name = \"sheet\"\n".to_owned(),
-        files: [("meshes/sheet.msh".to_owned(), "$MeshFormat\n".to_owned())].into(),
+        files: [("meshes/sheet.msh".to_owned(), b"$MeshFormat\n".to_vec())].into(),
     }
 }
 

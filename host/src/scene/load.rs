@@ -28,8 +28,8 @@ pub struct LoadedScene {
     pub meshes: Vec<Option<MeshFile>>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
-    /// The text of each file that the scene names, by the name that it calls it: what a log keeps.
-    pub files: BTreeMap<String, String>,
+    /// What each file that the scene names holds, by the name that it calls it: what a log keeps.
+    pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// A mesh file, not parsed.
@@ -37,8 +37,8 @@ pub struct LoadedScene {
 pub struct MeshFile {
     /// Where it was found.
     pub path: PathBuf,
-    /// What it says.
-    pub text: String,
+    /// What it holds. Which format that is, and whether it is text, shows once it is parsed.
+    pub bytes: Vec<u8>,
 }
 
 impl Scene {
@@ -67,10 +67,10 @@ impl Scene {
             Err(source) => return Err(SceneError::Read { file: name, source }),
         };
         let folder = path.parent().unwrap_or(Path::new(""));
-        load(Source { name, text }, folder, read)
+        load(Source { name, text }, folder, read_bytes)
     }
 
-    /// Reads a scene's text with the texts of the files that it names, as a log keeps them. Messages call
+    /// Reads a scene's text with what the files that it names hold, as a log keeps them. Messages call
     /// it `name`.
     ///
     /// # Errors
@@ -79,7 +79,7 @@ impl Scene {
     pub fn load_texts(
         name: &str,
         text: &str,
-        files: &BTreeMap<String, String>,
+        files: &BTreeMap<String, Vec<u8>>,
     ) -> Result<LoadedScene, SceneError> {
         let source = Source {
             name: name.to_owned(),
@@ -103,7 +103,7 @@ impl Scene {
                 text: DEFAULT.to_owned(),
             },
             Path::new(""),
-            read,
+            read_bytes,
         )
     }
 }
@@ -118,11 +118,11 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// `read` gives the text of a file in `folder`.
+/// `read` gives what a file in `folder` holds.
 fn load(
     source: Source,
     folder: &Path,
-    read: impl Fn(&Path) -> io::Result<String>,
+    read: impl Fn(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<LoadedScene, SceneError> {
     let scene = parse(&source)?;
     let mut files = BTreeMap::new();
@@ -130,9 +130,9 @@ fn load(
     let mut named = |file: &str, field: &str| {
         let path = folder.join(file);
         match read(&path) {
-            Ok(text) => {
-                files.insert(file.to_owned(), text.clone());
-                Ok((path, text))
+            Ok(bytes) => {
+                files.insert(file.to_owned(), bytes.clone());
+                Ok((path, bytes))
             }
             Err(error) => Err(SceneError::File {
                 place: source.place(field),
@@ -147,8 +147,8 @@ fn load(
         meshes.push(match &body.mesh {
             MeshSource::Sheet { .. } => None,
             MeshSource::File(file) => {
-                let (path, text) = named(file, &format!("body[{index}].mesh.file"))?;
-                Some(MeshFile { path, text })
+                let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
+                Some(MeshFile { path, bytes })
             }
         });
     }
@@ -158,7 +158,13 @@ fn load(
         recordings.push(match &device.hand.recording {
             None => None,
             Some(file) => {
-                let (path, text) = named(file, &format!("device[{index}].hand.recording"))?;
+                let field = format!("device[{index}].hand.recording");
+                let (path, bytes) = named(file, &field)?;
+                let text = text_of(bytes).map_err(|error| SceneError::File {
+                    place: source.place(&field),
+                    path: path.clone(),
+                    source: error,
+                })?;
                 Some(recording::parse(&text, &path.display().to_string())?)
             }
         });
@@ -174,15 +180,31 @@ fn load(
 
 /// Reads a text file, unless it is unreasonably large.
 fn read(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
+    text_of(read_bytes(path)?)
+}
+
+/// A file's bytes as text.
+fn text_of(bytes: Vec<u8>) -> io::Result<String> {
+    // As the standard library words it where it reads text itself.
+    String::from_utf8(bytes).map_err(|_| {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "stream did not contain valid UTF-8",
+        )
+    })
+}
+
+/// Reads a file, unless it is unreasonably large.
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     File::open(path)?
         .take(LARGEST + 1)
-        .read_to_string(&mut text)?;
-    if text.len() as u64 > LARGEST {
+        .read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST {
         return Err(io::Error::other(format!(
             "larger than {} MiB",
             LARGEST >> 20
         )));
     }
-    Ok(text)
+    Ok(bytes)
 }
