@@ -1,6 +1,7 @@
 //! `palpate run`: a scene from beginning to end.
 
 use super::{CommandError, SceneArgument, load, signals};
+use crate::engine::faults::HostFault;
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
 use physics::fem::cholesky::Kernels;
@@ -46,6 +47,10 @@ pub(super) struct RunArguments {
     /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
     #[arg(long, hide = true)]
     report_progress: bool,
+    /// Make the host fail on purpose, to see what the hand feels: stall@1.5+0.5 stalls it at 1.5 s for 0.5 s;
+    /// nan@T+D and topology@T+D publish bad models; panic@T ends it. May be given several times
+    #[arg(long, value_name = "FAULT", conflicts_with = "replay")]
+    fault: Vec<HostFault>,
     /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
     /// not make; or one of the two
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
@@ -76,6 +81,7 @@ impl Default for RunArguments {
             json: None,
             replay: None,
             report_progress: false,
+            fault: Vec::new(),
             strict: None,
         }
     }
@@ -116,6 +122,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         json: arguments.json.clone(),
+        faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
             InstructionsName::Auto => Kernels::Fastest,
             InstructionsName::Portable => Kernels::Portable,

@@ -13,7 +13,8 @@ pub mod virtual_clock;
 pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::engine::{Engine, body::SheetBody, pacer::Pacer};
+use crate::engine::body::SheetBody;
+use crate::engine::faults::{Faults, HostFault};
 use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
@@ -22,9 +23,11 @@ use physics::fem::Sheet;
 use physics::fem::cholesky::Kernels;
 use rt_core::Controller;
 use runner::latency::Latencies;
-use runner::link::{HostEnd, TickCounters};
+use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
+use setup::HostSide;
 use sink::Sink;
+use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -59,6 +62,8 @@ pub struct RunOptions {
     pub instructions: Kernels,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
+    /// What the host does wrong on purpose.
+    pub faults: Vec<HostFault>,
     /// Ends a run under the real clock before its time, in order.
     pub stop: Arc<Stop>,
 }
@@ -75,6 +80,7 @@ impl RunOptions {
             json: None,
             instructions: Kernels::default(),
             runner: RunnerConfig::default(),
+            faults: Vec::new(),
             stop: Arc::default(),
         }
     }
@@ -133,7 +139,11 @@ pub fn run(
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    let prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
+    let mut prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
+    prepared
+        .engine
+        .set_faults(Faults::new(options.faults.clone()));
+    let prepared = prepared;
     let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
     let size = (
         sheets().map(Sheet::triangle_count).sum(),
@@ -179,15 +189,19 @@ pub fn run(
                     controller: done.tick.controller,
                     devices: done.tick.devices,
                 },
-                host: Some((done.engine, done.pacer, done.host)),
+                host: done.host,
                 collected,
                 degradations: Vec::new(),
-                failures: failure.iter().map(log_ended).collect(),
+                failures: failure
+                    .iter()
+                    .map(log_ended)
+                    .chain(done.panicked.as_deref().map(host_panicked))
+                    .collect(),
             }
         }
         Clock::Real => real(prepared, options, sink, progress)?,
     };
-    if let Some((engine, ..)) = &parts.host
+    if let Some(HostSide { engine, .. }) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
     {
         let count = engine.stats().faults;
@@ -198,7 +212,7 @@ pub fn run(
     if options.log.is_some() {
         parts.degradations.extend(not_replayable(&parts));
     }
-    let summary = report::summarize(loaded, options.clock, seed, size, &parts);
+    let summary = report::summarize(loaded, options, seed, size, &parts);
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
         write_atomically(path, svg.as_bytes())?;
@@ -275,6 +289,19 @@ struct TickSide {
     devices: Vec<AnyDevice>,
 }
 
+fn host_panicked(message: &str) -> String {
+    format!("the host panicked, and the tick went on without it: {message}")
+}
+
+/// What a panic said.
+fn message(panic: &(dyn Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}
+
 fn log_ended(error: &LogError) -> String {
     format!("the log ended early: {error}")
 }
@@ -283,7 +310,7 @@ fn log_ended(error: &LogError) -> String {
 fn not_replayable(parts: &Parts) -> Option<String> {
     let ticks = parts.tick.counters.refused_telemetry;
     let host = parts.host.as_ref();
-    let models = host.map_or(0, |(_, _, end)| end.refused_copies());
+    let models = host.map_or(0, |host| host.end.refused_copies());
     (ticks + models > 0).then(|| {
         format!(
             "the log cannot be replayed: {ticks} ticks and {models} models found its ring full and \
@@ -295,7 +322,7 @@ fn not_replayable(parts: &Parts) -> Option<String> {
 /// A finished run, whichever its clock.
 struct Parts {
     tick: TickSide,
-    host: Option<(Engine, Pacer, HostEnd)>,
+    host: Option<HostSide>,
     collected: Collected,
     degradations: Vec<String>,
     failures: Vec<String>,

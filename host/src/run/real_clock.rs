@@ -4,14 +4,13 @@
 //! log's empties its ring fifty times a second. A host that panics leaves the tick running: its force
 //! fades, and the summary says what happened.
 
-use super::setup::Setup;
+use super::setup::{HostSide, Setup};
 use super::sink::Sink;
-use super::{AnyDevice, RunError};
+use super::{AnyDevice, RunError, host_panicked, message};
 use crate::engine::stats::WallStopwatch;
 use crate::engine::{Engine, pacer::Pacer};
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
-use std::any::Any;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,8 +27,8 @@ const HOST_NAP: Duration = Duration::from_millis(20);
 pub(super) struct RealRun {
     /// The tick's report.
     pub(super) report: TickReport<AnyDevice>,
-    /// Engine, pacer and the host's end of the link; `None` where the host's thread panicked.
-    pub(super) host: Option<(Engine, Pacer, HostEnd)>,
+    /// The host's side; `None` where the host's thread panicked.
+    pub(super) host: Option<HostSide>,
     /// Where telemetry went; `None` where the log's thread panicked.
     pub(super) sink: Option<Sink>,
     /// What ended a part of the run before its time.
@@ -87,10 +86,7 @@ pub(super) fn run(
         }
     };
     let host = host.join().map_err(|panic| {
-        failures.push(format!(
-            "the host's thread panicked, and the tick went on without it: {}",
-            message(&*panic)
-        ));
+        failures.push(host_panicked(message(&*panic)));
     });
     Ok(RealRun {
         report: report?,
@@ -110,12 +106,7 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(
-    mut host: HostEnd,
-    mut engine: Engine,
-    mut pacer: Pacer,
-    over: &Stop,
-) -> (Engine, Pacer, HostEnd) {
+fn host_loop(mut host: HostEnd, mut engine: Engine, mut pacer: Pacer, over: &Stop) -> HostSide {
     let watch = WallStopwatch::start();
     let start = Instant::now();
     while !over.is_requested() {
@@ -125,6 +116,10 @@ fn host_loop(
             std::thread::sleep(early.min(HOST_NAP));
             continue;
         }
+        let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        if let Some(until_ns) = engine.stall(now_ns) {
+            std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
+        }
         host.drain(|record| engine.follow(record));
         engine.step(due, &watch, |body, model| {
             // A full ring is counted by the link.
@@ -132,7 +127,11 @@ fn host_loop(
         });
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
     }
-    (engine, pacer, host)
+    HostSide {
+        engine,
+        pacer,
+        end: host,
+    }
 }
 
 fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> Sink {
@@ -145,12 +144,4 @@ fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> Sink {
         }
         std::thread::sleep(LOG_PERIOD);
     }
-}
-
-fn message(panic: &(dyn Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
 }

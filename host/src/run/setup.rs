@@ -48,18 +48,26 @@ pub struct Setup {
     pub timing: Timing,
 }
 
+/// The host's side of a run.
+pub struct HostSide {
+    /// The physics.
+    pub engine: Engine,
+    /// When it steps.
+    pub pacer: Pacer,
+    /// The host's end of the link.
+    pub end: HostEnd,
+}
+
 /// What is left of a [`Setup`] after its run.
 pub struct Running {
     /// The tick with its devices.
     pub tick: TickLoop<AnyDevice>,
-    /// The host's end of the link.
-    pub host: HostEnd,
     /// The log's end.
     pub log: LogEnd,
-    /// The physics.
-    pub engine: Engine,
-    /// When it stepped.
-    pub pacer: Pacer,
+    /// The host's side; `None` where it panicked.
+    pub host: Option<HostSide>,
+    /// What the panic said.
+    pub panicked: Option<String>,
 }
 
 /// Builds everything for a run of `duration` (s) with `seed`.

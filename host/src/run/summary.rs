@@ -64,6 +64,8 @@ pub struct RunSummary {
     pub dropped: DroppedSummary,
     /// Stretches of time in which something was not as it should be.
     pub events: Vec<EventSummary>,
+    /// Models that were refused, by body and reason.
+    pub refusals: Vec<String>,
     /// What the system did not grant, and what that costs.
     pub degradations: Vec<String>,
     /// What ended a part of the run before its time.
@@ -289,6 +291,9 @@ impl fmt::Display for RunSummary {
                 "  event      and {} more (see --json)",
                 self.events.len() - SHOWN_EVENTS
             )?;
+        }
+        for what in &self.refusals {
+            writeln!(f, "  refused    {what}")?;
         }
         for what in &self.degradations {
             writeln!(f, "  note       {what}")?;
