@@ -96,6 +96,7 @@ impl Controller {
         telemetry.time_ns = now_ns;
         telemetry.device_count = self.channels.len() as u8;
         telemetry.body_count = self.couplings.len() as u8;
+        telemetry.readings = *readings;
 
         let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
         let mut fresh = [false; MAX_DEVICES];

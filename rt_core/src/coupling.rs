@@ -107,6 +107,9 @@ impl Coupling {
             let newer = model.time_ns > current.time_ns && model.epoch >= current.epoch;
             if seen_one && !newer {
                 Err(ModelFault::Outdated)
+            } else if seen_one && model.epoch == current.epoch && !same_handles(model, current) {
+                // Only a change of topology may give a body other handles.
+                Err(ModelFault::Handles)
             } else {
                 Ok(())
             }
@@ -170,13 +173,8 @@ impl Coupling {
         let mut shaped = *model;
         self.config.scheme.shape(&mut shaped);
         let before = self.rendered(devices);
-        let same_handles = self.to.handle_count == shaped.handle_count
-            && self
-                .to
-                .handles()
-                .zip(shaped.handles())
-                .all(|(a, b)| a.device == b.device);
-        let mut from = if same_handles {
+
+        let mut from = if same_handles(&self.to, &shaped) {
             let mut blended = self.from;
             blended.mix(&self.to, self.share);
             blended
@@ -244,6 +242,14 @@ impl Coupling {
             count_one(&mut self.counters.faded);
         }
     }
+}
+
+/// Whether two models have the same handles, in the same hands.
+fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
+    a.handle_count == b.handle_count
+        && a.handles()
+            .zip(b.handles())
+            .all(|(a, b)| a.device == b.device)
 }
 
 /// `3 s^2 - 2 s^3`: no corner at either end.

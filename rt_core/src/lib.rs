@@ -54,6 +54,7 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 pub mod velocity;
+pub mod wire;
 
 pub use controller::{Controller, ControllerConfig, cycle};
 pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};

@@ -85,7 +85,8 @@ impl Deviation {
 pub enum ModelFault {
     /// A number in it is not finite, or its period is not positive.
     NotFinite,
-    /// It names more handles than a body can have, none, or a device that does not exist.
+    /// It names more handles than a body can have, none, or a device that does not exist; or handles other
+    /// than those of the model in use, though the topology did not change.
     Handles,
     /// It is not newer than the one in use, or knows of fewer changes of topology.
     Outdated,

@@ -148,6 +148,12 @@ fn models_that_make_no_sense_are_refused_and_counted() {
     assert_eq!(coupling.accept(&crowd), Err(ModelFault::Handles));
     assert_eq!(coupling.accept(&good), Ok(()));
     assert_eq!(coupling.accept(&good), Err(ModelFault::Outdated));
+    // One hand less, though nothing was torn: not this body's.
+    let mut torn = spring(2, 11 * MS, 300.0, 2.0, 1.0);
+    torn.handle_count = 1;
+    assert_eq!(coupling.accept(&torn), Err(ModelFault::Handles));
+    torn.epoch = 1;
+    assert_eq!(coupling.accept(&torn), Ok(()));
     let counters = coupling.counters();
     assert_eq!(
         (
@@ -155,7 +161,7 @@ fn models_that_make_no_sense_are_refused_and_counted() {
             counters.wrong_handles,
             counters.outdated
         ),
-        (1, 1, 1)
+        (1, 2, 1)
     );
 }
 

@@ -1,10 +1,13 @@
 //! The command line: one file a command.
 //!
-//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong.
+//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong; 128 and the
+//! number of a signal (130 for Ctrl-C): asked to end before its time, and ended in order.
 
 mod bench;
 mod plan;
+mod replay;
 mod run;
+mod signals;
 
 use crate::scene::{LoadedScene, Scene, SceneError};
 use clap::{Parser, Subcommand};
@@ -27,6 +30,7 @@ Examples:
   palpate run                                  the built-in scene, as fast as the machine goes
   palpate run --plot stretch.svg               and draw force and position of both hands
   palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
+  palpate run --replay run.mcap                the same ticks again, compared bit for bit
   palpate run my_scene.toml --seed 7           your own scene
   palpate plan my_scene.toml                   which stages it needs, and why the others are skipped";
 
@@ -51,6 +55,22 @@ enum CommandError {
     File(#[from] crate::atomic_file::AtomicFileError),
     #[error("the run ended, but a part of it failed")]
     Incomplete,
+    #[error("{}: {source}", path.display())]
+    Replay {
+        path: PathBuf,
+        source: Box<replay::ReplayFileError>,
+    },
+    #[error("the replay differs from the log")]
+    Different,
+    #[error("ended by signal {0}, in order")]
+    Signal(u8),
+    #[error(
+        "--strict is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
+         allowed --clock real"
+    )]
+    StrictWithoutRealClock,
+    #[error("the system gave no signals: {0}")]
+    Signals(std::io::Error),
     #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
 }
@@ -58,7 +78,10 @@ enum CommandError {
 impl CommandError {
     fn exit_code(&self) -> u8 {
         match self {
-            Self::Scene(_) | Self::Run(crate::run::RunError::Scene(_)) => 2,
+            Self::Scene(_)
+            | Self::Run(crate::run::RunError::Scene(_))
+            | Self::StrictWithoutRealClock => 2,
+            Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }
     }

@@ -1,8 +1,12 @@
 //! `palpate run`: a scene from beginning to end.
 
-use super::{CommandError, SceneArgument, load};
+use super::{CommandError, SceneArgument, load, signals};
+use crate::engine::faults::HostFault;
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
+use physics::fem::cholesky::Kernels;
+use runner::CallPolicy;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Arguments of `palpate run`.
@@ -19,6 +23,10 @@ pub(super) struct RunArguments {
     /// Fixes every random choice, in place of the scene's seed
     #[arg(long)]
     seed: Option<u64>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those that give the same bytes
+    /// on every machine
+    #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
+    instructions: InstructionsName,
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -28,6 +36,36 @@ pub(super) struct RunArguments {
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Run the ticks of a log again, with its input and its local models, and compare bit for bit; on
+    /// another scene if one is given
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
+    )]
+    replay: Option<PathBuf>,
+    /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
+    #[arg(long, hide = true)]
+    report_progress: bool,
+    /// Make the host fail on purpose, to see what the hand feels: stall@1.5+0.5 stalls it at 1.5 s for 0.5 s;
+    /// nan@T+D and topology@T+D publish bad models; panic@T ends it. May be given several times
+    #[arg(long, value_name = "FAULT", conflicts_with = "replay")]
+    fault: Vec<HostFault>,
+    /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
+    /// not make; or one of the two
+    #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
+          default_missing_value = "all")]
+    strict: Option<Strict>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Strict {
+    /// End the run, without force, at the first system call that the tick may not make
+    Syscalls,
+    /// Do not start unless core, priority, locked memory and a wakeful processor are granted
+    Privileges,
+    /// Both
+    All,
 }
 
 impl Default for RunArguments {
@@ -37,9 +75,14 @@ impl Default for RunArguments {
             clock: ClockName::Virtual,
             duration: None,
             seed: None,
+            instructions: InstructionsName::Auto,
             log: None,
             plot: None,
             json: None,
+            replay: None,
+            report_progress: false,
+            fault: Vec::new(),
+            strict: None,
         }
     }
 }
@@ -48,6 +91,12 @@ impl Default for RunArguments {
 enum ClockName {
     Virtual,
     Real,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum InstructionsName {
+    Auto,
+    Portable,
 }
 
 /// A positive, finite number of seconds, a day at most.
@@ -62,25 +111,51 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
+    if let Some(path) = &arguments.replay {
+        let (scene, json) = (&arguments.scene.scene, &arguments.json);
+        return super::replay::run(path, scene.as_deref(), json.as_deref());
+    }
     let loaded = load(arguments.scene.scene.as_deref())?;
-    let options = RunOptions {
+    let mut options = RunOptions {
         duration: arguments.duration,
         seed: arguments.seed,
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         json: arguments.json.clone(),
+        faults: arguments.fault.clone(),
+        instructions: match arguments.instructions {
+            InstructionsName::Auto => Kernels::Fastest,
+            InstructionsName::Portable => Kernels::Portable,
+        },
         ..RunOptions::new(match arguments.clock {
             ClockName::Virtual => Clock::Virtual,
             ClockName::Real => Clock::Real,
         })
+    };
+    options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
+    // Scenes have simulated devices only.
+    let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
+    options.runner.calls = watched.then_some(CallPolicy::Simulated);
+    if arguments.strict.is_some() && arguments.clock == ClockName::Virtual {
+        return Err(CommandError::StrictWithoutRealClock);
+    }
+    // Virtual time commands no device: there a signal may end the program as it always does.
+    let signal = match options.clock {
+        Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
+        Clock::Virtual => None,
     };
     // Drawn only where a person looks: on a terminal.
     let bar = ProgressBar::new(1000);
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
         bar.set_style(style);
     }
-    let result = crate::run::run(&loaded, &options, |share| {
-        bar.set_position((1000.0 * share) as u64);
+    let result = crate::run::run(&loaded, &options, |progress| {
+        bar.set_position((1000.0 * progress.share()) as u64);
+        if arguments.report_progress {
+            let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
+            // In one piece, so that who reads it never sees half a line; if nobody does, so be it.
+            let _ = std::io::stderr().write_all(line.as_bytes());
+        }
     });
     bar.finish_and_clear();
     let summary = result?;
@@ -94,9 +169,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             println!("  {what:<10} {}", path.display());
         }
     }
-    if summary.failures.is_empty() {
-        Ok(())
-    } else {
-        Err(CommandError::Incomplete)
+    if !summary.failures.is_empty() {
+        return Err(CommandError::Incomplete);
+    }
+    match signal.and_then(|signal| signal.number()) {
+        Some(number) if summary.tick.stopped => Err(CommandError::Signal(number)),
+        _ => Ok(()),
     }
 }

@@ -7,12 +7,14 @@
 
 pub mod body;
 pub mod build;
+pub mod faults;
 pub mod pacer;
 pub mod path;
 pub mod plan;
 pub mod stats;
 
 use body::SheetBody;
+use faults::Faults;
 use pacer::Due;
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, Stopwatch};
@@ -20,6 +22,7 @@ use stats::{EngineStats, Stopwatch};
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<SheetBody>,
+    faults: Faults,
     stats: EngineStats,
 }
 
@@ -28,8 +31,19 @@ impl Engine {
     pub fn new(bodies: Vec<SheetBody>) -> Self {
         Self {
             bodies,
+            faults: Faults::default(),
             stats: EngineStats::new(),
         }
+    }
+
+    /// Makes it fail on purpose.
+    pub fn set_faults(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
+    /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
+    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
+        self.faults.stall(now_ns)
     }
 
     /// Takes one tick's record: where the hands were. Records are taken in order, none left out.
@@ -48,10 +62,15 @@ impl Engine {
         watch: &impl Stopwatch,
         mut publish: impl FnMut(usize, &LocalModel),
     ) {
+        self.faults.panic_if_due(due.time_ns);
         self.stats.steps += 1;
         for (index, body) in self.bodies.iter_mut().enumerate() {
             match body.step(due.publishes, watch, &mut self.stats) {
-                Ok(Some(model)) => publish(index, model),
+                Ok(Some(model)) => {
+                    let mut model = *model;
+                    self.faults.spoil(due.time_ns, &mut model);
+                    publish(index, &model);
+                }
                 Ok(None) => {}
                 Err(fault) => self.stats.fault(index, &fault),
             }

@@ -3,28 +3,35 @@
 pub mod collect;
 mod device;
 mod real_clock;
+pub mod replay;
 mod report;
 pub mod setup;
+mod sink;
 pub mod summary;
 pub mod virtual_clock;
 
 pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::engine::{Engine, body::SheetBody, pacer::Pacer};
+use crate::engine::body::SheetBody;
+use crate::engine::faults::{Faults, HostFault};
 use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
 use physics::fem::Sheet;
-use rt_core::{Controller, Telemetry};
+use physics::fem::cholesky::Kernels;
+use rt_core::Controller;
 use runner::latency::Latencies;
-use runner::link::{HostEnd, TickCounters};
-use runner::thread::{RunnerConfig, SpawnError, TickPanic};
+use runner::link::TickCounters;
+use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
+use setup::HostSide;
+use sink::Sink;
+use std::any::Any;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use summary::RunSummary;
 
 /// Which clock a run follows.
@@ -51,8 +58,14 @@ pub struct RunOptions {
     pub plot: Option<PathBuf>,
     /// Where to write the summary as JSON, if anywhere.
     pub json: Option<PathBuf>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those of every machine.
+    pub instructions: Kernels,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
+    /// What the host does wrong on purpose.
+    pub faults: Vec<HostFault>,
+    /// Ends a run under the real clock before its time, in order.
+    pub stop: Arc<Stop>,
 }
 
 impl RunOptions {
@@ -65,7 +78,10 @@ impl RunOptions {
             log: None,
             plot: None,
             json: None,
+            instructions: Kernels::default(),
             runner: RunnerConfig::default(),
+            faults: Vec::new(),
+            stop: Arc::default(),
         }
     }
 }
@@ -93,19 +109,41 @@ pub enum RunError {
     Thread(std::io::Error),
 }
 
-/// Runs a scene and writes what was asked for. `progress` is given the share done, now and then.
+/// How far a run is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Ticks to do.
+    pub of: u64,
+    /// Ticks in the log that survive this process; zero without a log.
+    pub logged: u64,
+}
+
+impl Progress {
+    /// The share done.
+    pub fn share(&self) -> f64 {
+        self.ticks as f64 / self.of.max(1) as f64
+    }
+}
+
+/// Runs a scene and writes what was asked for. `progress` is told now and then.
 ///
 /// # Errors
 /// [`RunError`].
 pub fn run(
     loaded: &LoadedScene,
     options: &RunOptions,
-    progress: impl FnMut(f64),
+    mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    let prepared = setup::setup(loaded, duration, seed)?;
+    let mut prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
+    prepared
+        .engine
+        .set_faults(Faults::new(options.faults.clone()));
+    let prepared = prepared;
     let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
     let size = (
         sheets().map(Sheet::triangle_count).sum(),
@@ -113,31 +151,36 @@ pub fn run(
     );
 
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
-    let mut sink = Sink {
-        collector: Collector::new(
-            names(&mut scene.devices.iter().map(|d| &d.name)),
-            names(&mut scene.bodies.iter().map(|b| &b.name)),
-            options.plot.is_some(),
-        ),
-        log: match &options.log {
-            Some(path) => Some(LogWriter::create_file(
-                path,
-                &header(loaded, options.clock, seed),
-            )?),
-            None => None,
-        },
-        flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
-        since_flush: 0,
+    let collector = Collector::new(
+        names(&mut scene.devices.iter().map(|d| &d.name)),
+        names(&mut scene.bodies.iter().map(|b| &b.name)),
+        options.plot.is_some(),
+    );
+    let log = match &options.log {
+        Some(path) => Some(LogWriter::create_file(
+            path,
+            &header(loaded, options, seed),
+        )?),
+        None => None,
+    };
+    let mut sink = Sink::new(collector, log, scene.realtime.rate);
+    let logged = sink.logged();
+    let of = prepared.timing.ticks;
+    let progress = |ticks| {
+        let logged = logged.load(Ordering::Relaxed);
+        progress(Progress { ticks, of, logged });
     };
 
     let mut parts = match options.clock {
         Clock::Virtual => {
-            let done = virtual_clock::run(prepared, |telemetry| sink.take(telemetry), progress)?;
-            sink.finish_log()?;
+            let done = virtual_clock::run(prepared, |record| sink.take(record), progress);
+            let (collected, failure) = sink.finish();
             Parts {
                 tick: TickSide {
                     missed: 0,
                     longest_miss: 0,
+                    slots: done.tick.ticks,
+                    stopped: false,
                     locked_bytes: 0,
                     ticks: done.tick.ticks,
                     counters: done.tick.end.counters(),
@@ -146,15 +189,19 @@ pub fn run(
                     controller: done.tick.controller,
                     devices: done.tick.devices,
                 },
-                host: Some((done.engine, done.pacer, done.host)),
-                collected: sink.collector.finish(),
+                host: done.host,
+                collected,
                 degradations: Vec::new(),
-                failures: Vec::new(),
+                failures: failure
+                    .iter()
+                    .map(log_ended)
+                    .chain(done.panicked.as_deref().map(host_panicked))
+                    .collect(),
             }
         }
-        Clock::Real => real(prepared, options.runner, sink, progress)?,
+        Clock::Real => real(prepared, options, sink, progress)?,
     };
-    if let Some((engine, ..)) = &parts.host
+    if let Some(HostSide { engine, .. }) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
     {
         let count = engine.stats().faults;
@@ -162,7 +209,10 @@ pub fn run(
             .failures
             .push(format!("{count} host steps failed; the first: {fault}"));
     }
-    let summary = report::summarize(loaded, options.clock, seed, size, &parts);
+    if options.log.is_some() {
+        parts.degradations.extend(not_replayable(&parts));
+    }
+    let summary = report::summarize(loaded, options, seed, size, &parts);
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
         write_atomically(path, svg.as_bytes())?;
@@ -176,47 +226,14 @@ pub fn run(
     Ok(summary)
 }
 
-/// How much data may be lost when the process is killed (s).
-const FLUSH_PERIOD: f64 = 0.5;
-
-/// Where telemetry goes.
-struct Sink {
-    collector: Collector,
-    log: Option<LogWriter<BufWriter<File>>>,
-    flush_every: u64,
-    since_flush: u64,
-}
-
-impl Sink {
-    fn take(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        self.collector.take(telemetry);
-        let Some(log) = &mut self.log else {
-            return Ok(());
-        };
-        log.write(telemetry)?;
-        self.since_flush += 1;
-        if self.since_flush >= self.flush_every {
-            self.since_flush = 0;
-            log.flush()?;
-        }
-        Ok(())
-    }
-
-    fn finish_log(&mut self) -> Result<(), LogError> {
-        self.log
-            .take()
-            .map_or(Ok(()), |log| log.finish().map(|_| ()))
-    }
-}
-
-fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
+fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
     let facts = [
         ("scene", loaded.scene.name.clone()),
-        ("clock", clock_name(clock).into()),
+        ("clock", clock_name(options.clock).into()),
         ("scheme", setup::scheme(&loaded.scene).name().into()),
         ("seed", seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").into()),
-        ("instructions", instructions()),
+        ("instructions", instructions(options.instructions)),
     ];
     LogHeader {
         facts: facts
@@ -224,6 +241,7 @@ fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
             .map(|(k, v)| (k.to_owned(), v))
             .collect::<BTreeMap<_, _>>(),
         scene: loaded.source.text.clone(),
+        files: loaded.files.clone(),
     }
 }
 
@@ -234,9 +252,13 @@ fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// The instructions that the linear algebra chooses from at run time: bytes are equal where these are.
-fn instructions() -> String {
+/// The instructions that the linear algebra uses: with the same program, bytes are equal where these are.
+fn instructions(kernels: Kernels) -> String {
     let mut path = std::env::consts::ARCH.to_owned();
+    if kernels == Kernels::Portable {
+        path.push_str(" portable");
+        return path;
+    }
     #[cfg(target_arch = "x86_64")]
     for (name, found) in [
         ("avx2", std::arch::is_x86_feature_detected!("avx2")),
@@ -256,6 +278,9 @@ struct TickSide {
     ticks: u64,
     missed: u64,
     longest_miss: u64,
+    slots: u64,
+    /// Whether it ended early because it was asked to.
+    stopped: bool,
     locked_bytes: u64,
     counters: TickCounters,
     refused_wrenches: u64,
@@ -264,10 +289,40 @@ struct TickSide {
     devices: Vec<AnyDevice>,
 }
 
+fn host_panicked(message: &str) -> String {
+    format!("the host panicked, and the tick went on without it: {message}")
+}
+
+/// What a panic said.
+fn message(panic: &(dyn Any + Send)) -> &str {
+    panic
+        .downcast_ref::<&str>()
+        .copied()
+        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
+        .unwrap_or("no message")
+}
+
+fn log_ended(error: &LogError) -> String {
+    format!("the log ended early: {error}")
+}
+
+/// What a log lacks that a replay needs.
+fn not_replayable(parts: &Parts) -> Option<String> {
+    let ticks = parts.tick.counters.refused_telemetry;
+    let host = parts.host.as_ref();
+    let models = host.map_or(0, |host| host.end.refused_copies());
+    (ticks + models > 0).then(|| {
+        format!(
+            "the log cannot be replayed: {ticks} ticks and {models} models found its ring full and \
+             are not in it"
+        )
+    })
+}
+
 /// A finished run, whichever its clock.
 struct Parts {
     tick: TickSide,
-    host: Option<(Engine, Pacer, HostEnd)>,
+    host: Option<HostSide>,
     collected: Collected,
     degradations: Vec<String>,
     failures: Vec<String>,
@@ -275,24 +330,33 @@ struct Parts {
 
 fn real(
     prepared: setup::Setup,
-    config: RunnerConfig,
+    options: &RunOptions,
     sink: Sink,
-    progress: impl FnMut(f64),
+    progress: impl FnMut(u64),
 ) -> Result<Parts, RunError> {
-    let done = real_clock::run(prepared, config, sink, progress)?;
+    let planned = prepared.timing.ticks;
+    let stop = Arc::clone(&options.stop);
+    let done = real_clock::run(prepared, options.runner, stop, sink, progress)?;
     let mut failures = done.failures;
-    let collected = done.sink.map_or_else(Collected::default, |mut sink| {
-        if let Err(error) = sink.finish_log() {
-            failures.push(error.to_string());
-        }
-        sink.collector.finish()
+    let collected = done.sink.map_or_else(Collected::default, |sink| {
+        let (collected, failure) = sink.finish();
+        failures.extend(failure.iter().map(log_ended));
+        collected
     });
     let report = done.report;
+    if let Some(call) = report.forbidden_call {
+        failures.push(format!(
+            "the tick made a system call that it may not make, and the loop ended after {} ticks: {call}",
+            report.ticks
+        ));
+    }
     Ok(Parts {
         tick: TickSide {
             ticks: report.ticks,
             missed: report.missed_deadlines,
             longest_miss: report.longest_miss,
+            slots: report.slots,
+            stopped: report.ticks < planned && options.stop.is_requested(),
             locked_bytes: report.locked_bytes as u64,
             counters: report.link,
             refused_wrenches: report.refused_wrenches,

@@ -4,14 +4,13 @@
 //! log's empties its ring fifty times a second. A host that panics leaves the tick running: its force
 //! fades, and the summary says what happened.
 
-use super::setup::Setup;
-use super::{AnyDevice, RunError, Sink};
+use super::setup::{HostSide, Setup};
+use super::sink::Sink;
+use super::{AnyDevice, RunError, host_panicked, message};
 use crate::engine::stats::WallStopwatch;
 use crate::engine::{Engine, pacer::Pacer};
-use crate::log::LogError;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
-use std::any::Any;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,24 +27,25 @@ const HOST_NAP: Duration = Duration::from_millis(20);
 pub(super) struct RealRun {
     /// The tick's report.
     pub(super) report: TickReport<AnyDevice>,
-    /// Engine, pacer and the host's end of the link; `None` where the host's thread panicked.
-    pub(super) host: Option<(Engine, Pacer, HostEnd)>,
+    /// The host's side; `None` where the host's thread panicked.
+    pub(super) host: Option<HostSide>,
     /// Where telemetry went; `None` where the log's thread panicked.
     pub(super) sink: Option<Sink>,
     /// What ended a part of the run before its time.
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, on a thread of its
-/// own; what it fails with is reported and the run goes on without a log.
+/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in
+/// order, and each model before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
 ///
 /// # Errors
 /// [`RunError`] where the loop cannot start or its thread panicked.
 pub(super) fn run(
     setup: Setup,
     config: RunnerConfig,
+    stop: Arc<Stop>,
     sink: Sink,
-    mut progress: impl FnMut(f64),
+    mut progress: impl FnMut(u64),
 ) -> Result<RealRun, RunError> {
     let Setup {
         tick,
@@ -55,14 +55,13 @@ pub(super) fn run(
         pacer,
         timing,
     } = setup;
-    let stop = Arc::new(Stop::new());
     let config = RunnerConfig {
         period_ns: timing.period_ns,
         ticks: Some(timing.ticks),
         ..config
     };
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
-    let thread = spawn(config, controller, devices, end, Arc::clone(&stop))?;
+    let thread = spawn(config, controller, devices, end, stop)?;
 
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);
@@ -73,29 +72,21 @@ pub(super) fn run(
     let log = named("palpate-log", move || log_loop(log, sink, &log_over))?;
 
     while !thread.is_finished() {
-        progress(thread.ticks() as f64 / timing.ticks as f64);
+        progress(thread.ticks());
         std::thread::sleep(WATCH_PERIOD);
     }
     let report = thread.join();
     over.request();
     let mut failures = Vec::new();
     let sink = match log.join() {
-        Ok((sink, result)) => {
-            if let Err(error) = result {
-                failures.push(format!("the log ended early: {error}"));
-            }
-            Some(sink)
-        }
+        Ok(sink) => Some(sink),
         Err(panic) => {
             failures.push(format!("the log's thread panicked: {}", message(&*panic)));
             None
         }
     };
     let host = host.join().map_err(|panic| {
-        failures.push(format!(
-            "the host's thread panicked, and the tick went on without it: {}",
-            message(&*panic)
-        ));
+        failures.push(host_panicked(message(&*panic)));
     });
     Ok(RealRun {
         report: report?,
@@ -115,12 +106,7 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(
-    mut host: HostEnd,
-    mut engine: Engine,
-    mut pacer: Pacer,
-    over: &Stop,
-) -> (Engine, Pacer, HostEnd) {
+fn host_loop(mut host: HostEnd, mut engine: Engine, mut pacer: Pacer, over: &Stop) -> HostSide {
     let watch = WallStopwatch::start();
     let start = Instant::now();
     while !over.is_requested() {
@@ -130,6 +116,10 @@ fn host_loop(
             std::thread::sleep(early.min(HOST_NAP));
             continue;
         }
+        let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+        if let Some(until_ns) = engine.stall(now_ns) {
+            std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
+        }
         host.drain(|record| engine.follow(record));
         engine.step(due, &watch, |body, model| {
             // A full ring is counted by the link.
@@ -137,30 +127,21 @@ fn host_loop(
         });
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
     }
-    (engine, pacer, host)
-}
-
-fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> (Sink, Result<(), LogError>) {
-    let mut result = Ok(());
-    loop {
-        // Looked at before draining: what was pushed before the end is still drained after it.
-        let last = over.is_requested();
-        log.drain(|telemetry| {
-            if result.is_ok() {
-                result = sink.take(telemetry);
-            }
-        });
-        if last || result.is_err() {
-            return (sink, result);
-        }
-        std::thread::sleep(LOG_PERIOD);
+    HostSide {
+        engine,
+        pacer,
+        end: host,
     }
 }
 
-fn message(panic: &(dyn Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
+fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> Sink {
+    loop {
+        // Looked at before draining: what was pushed before the end is still drained after it.
+        let last = over.is_requested();
+        log.records(|record| sink.take(record));
+        if last {
+            return sink;
+        }
+        std::thread::sleep(LOG_PERIOD);
+    }
 }

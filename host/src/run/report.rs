@@ -5,21 +5,23 @@ use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EventSummary, HostSummary, RunSummary, SCHEMA,
     TickSummary,
 };
-use super::{Clock, Parts, clock_name, setup};
+use super::{Clock, Parts, RunOptions, clock_name, setup};
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
-use crate::scene::LoadedScene;
+use crate::scene::{LoadedScene, Scene};
+use rt_core::coupling::CouplingCounters;
 
 /// `size`: triangles and vertices of all bodies.
 pub(super) fn summarize(
     loaded: &LoadedScene,
-    clock: Clock,
+    options: &RunOptions,
     seed: u64,
     size: (usize, usize),
     parts: &Parts,
 ) -> RunSummary {
     let scene = &loaded.scene;
     let side = &parts.tick;
+    let clock = options.clock;
     let couplings: Vec<_> = side.controller.coupling_counters().collect();
     let measured = |h: &runner::latency::LatencyHistogram| {
         (clock == Clock::Real).then(|| Distribution::from(h.summary()))
@@ -29,6 +31,9 @@ pub(super) fn summarize(
         count: side.ticks,
         missed_deadlines: side.missed,
         longest_miss: side.longest_miss,
+        slots: side.slots,
+        records: parts.collected.records,
+        stopped: side.stopped,
         lateness: measured(&side.latencies.lateness),
         duration: measured(&side.latencies.tick_time),
         model_age: side
@@ -64,16 +69,17 @@ pub(super) fn summarize(
             missed_reads: safety.missed_reads,
         })
         .collect();
-    let events = parts
-        .collected
-        .spans
-        .iter()
-        .map(|span| EventSummary {
-            from: span.from,
-            to: span.to,
-            what: span.what.clone(),
-        })
-        .collect();
+    let injected = options.faults.iter().map(|fault| EventSummary {
+        from: fault.at,
+        to: fault.at + fault.duration,
+        what: format!("on purpose: {}", fault.name()),
+    });
+    let met = parts.collected.spans.iter().map(|span| EventSummary {
+        from: span.from,
+        to: span.to,
+        what: span.what.clone(),
+    });
+    let events = injected.chain(met).collect();
     RunSummary {
         schema: SCHEMA,
         scene: scene.name.clone(),
@@ -89,20 +95,42 @@ pub(super) fn summarize(
             models: parts
                 .host
                 .as_ref()
-                .map_or(0, |(_, _, end)| end.refused_models()),
+                .map_or(0, |host| host.end.refused_models()),
+            logged_models: parts
+                .host
+                .as_ref()
+                .map_or(0, |host| host.end.refused_copies()),
             superseded_models: side.counters.superseded_models,
             wrenches: side.refused_wrenches,
         },
         events,
+        refusals: refusals(scene, &couplings),
         degradations: parts.degradations.clone(),
         failures: parts.failures.clone(),
     }
 }
 
+/// Which models were refused, and why, in words.
+fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
+    let bodies = scene.bodies.iter().zip(couplings);
+    let counted = bodies.flat_map(|(body, c)| {
+        [
+            (c.not_finite, "a number is not finite"),
+            (c.wrong_handles, "wrong handles"),
+            (c.outdated, "not newer than the one in use"),
+        ]
+        .map(|(count, why)| (&body.name, count, why))
+    });
+    counted
+        .filter(|(_, count, _)| *count > 0)
+        .map(|(name, count, why)| format!("{name}: {count} models, {why}"))
+        .collect()
+}
+
 fn host_summary(parts: &Parts, elapsed: f64, (triangles, vertices): (usize, usize)) -> HostSummary {
     let fresh = EngineStats::new();
     let (stats, skipped_steps) = match &parts.host {
-        Some((engine, pacer, _)) => (engine.stats(), pacer.skipped()),
+        Some(host) => (host.engine.stats(), host.pacer.skipped()),
         None => (&fresh, 0),
     };
     let iterations = stats.iterations.summary();

@@ -64,6 +64,8 @@ pub struct RunSummary {
     pub dropped: DroppedSummary,
     /// Stretches of time in which something was not as it should be.
     pub events: Vec<EventSummary>,
+    /// Models that were refused, by body and reason.
+    pub refusals: Vec<String>,
     /// What the system did not grant, and what that costs.
     pub degradations: Vec<String>,
     /// What ended a part of the run before its time.
@@ -81,6 +83,12 @@ pub struct TickSummary {
     pub missed_deadlines: u64,
     /// Most deadlines missed in a row.
     pub longest_miss: u64,
+    /// Deadlines from the first to the last: those met and those missed.
+    pub slots: u64,
+    /// Ticks whose telemetry arrived; with `dropped.telemetry` they add up to the ticks.
+    pub records: u64,
+    /// Whether the run ended early because it was asked to (a signal).
+    pub stopped: bool,
     /// How late it woke; nothing under the virtual clock.
     pub lateness: Option<Distribution>,
     /// How long a tick took; nothing under the virtual clock.
@@ -162,6 +170,8 @@ pub struct DroppedSummary {
     pub telemetry: u64,
     /// Models that found the tick's ring full.
     pub models: u64,
+    /// Models that found the log's ring full.
+    pub logged_models: u64,
     /// Models that arrived together with a newer one and were passed over.
     pub superseded_models: u64,
     /// Wrenches that a device did not take.
@@ -195,6 +205,9 @@ impl fmt::Display for RunSummary {
             "  ticks      {} at {} Hz, {} missed deadlines (longest run {})",
             t.count, t.rate, t.missed_deadlines, t.longest_miss
         )?;
+        if t.stopped {
+            writeln!(f, "  stopped    before its end, because it was asked to")?;
+        }
         if let Some(lateness) = &t.lateness {
             writeln!(f, "  woke late  {}", Times(lateness))?;
         }
@@ -278,6 +291,9 @@ impl fmt::Display for RunSummary {
                 "  event      and {} more (see --json)",
                 self.events.len() - SHOWN_EVENTS
             )?;
+        }
+        for what in &self.refusals {
+            writeln!(f, "  refused    {what}")?;
         }
         for what in &self.degradations {
             writeln!(f, "  note       {what}")?;

@@ -9,7 +9,8 @@
 //! - It allocates, locks and formats **nothing**; its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]), its histograms have fixed bounds ([`latency`]).
 //! - What the system does not give (a core, a priority, locked memory) is **named with its cost**, and the
-//!   run goes on ([`schedule`], [`degradation`]).
+//!   run goes on ([`schedule`], [`degradation`]), unless it is told to insist.
+//! - Its **system calls** are few and named; the kernel can be asked to trap any other ([`seccomp`]).
 //! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread: virtual
 //!   time runs exactly what [`thread`] runs.
 //!
@@ -21,16 +22,21 @@ pub mod hid;
 pub mod latency;
 pub mod link;
 pub mod memory;
+#[cfg(feature = "mutations")]
+mod mutation;
 pub mod pace;
 pub mod ring;
 pub mod schedule;
+pub mod seccomp;
 mod setup;
 pub mod thread;
 pub mod tick_loop;
+mod trap;
 
 pub use degradation::Degradation;
 pub use latency::{Latencies, LatencyHistogram, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use schedule::CoreChoice;
+pub use seccomp::{CallPolicy, ForbiddenCall};
 pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
 pub use tick_loop::TickLoop;

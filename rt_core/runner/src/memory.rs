@@ -5,7 +5,8 @@
 //! locked: the thread's stack, the loop's state (controller and devices) and the rings. Code and the
 //! shared allocator's pages are not locked; the loop does not allocate.
 //!
-//! Nothing here belongs on the hot path. This is the only module with unsafe code.
+//! Nothing here belongs on the hot path. Unsafe code is here and in the trap of forbidden system calls
+//! (`trap`), nowhere else.
 
 use rustix::process::{Resource, getrlimit};
 use std::ffi::c_void;

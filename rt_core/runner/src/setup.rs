@@ -1,5 +1,6 @@
 //! What the tick's thread asks of the system before its first tick, and what it got.
 
+use crate::clock::now_ns;
 use crate::degradation::Degradation;
 use crate::memory::{LockedMemory, MemoryRange, STACK_AHEAD, touch_stack};
 use crate::schedule::{KeepAwake, pin, realtime, sharpen_timers};
@@ -23,6 +24,8 @@ pub(crate) fn set_up<D>(
 ) -> (Setup, Option<KeepAwake>) {
     let mut setup = Setup::default();
     sharpen_timers();
+    // The first reading of the clock looks for where to read it without the kernel.
+    now_ns();
     match pin(config.core) {
         Ok(core) => setup.core = core,
         Err(degradation) => setup.degradations.push(degradation),

@@ -3,7 +3,8 @@
 //! [`spawn`] starts it, sets it up (core, priority, memory) and returns once that is done, so that what it
 //! has to do without is known before the first tick. Then, once a deadline: sleep, measure the lateness,
 //! tick, measure the time it took. It ends after a given number of ticks, when asked to, or by a panic;
-//! in each case every device is first commanded no force.
+//! in each case every device is first commanded no force. Where it is asked to be strict, it does not
+//! start without what it asked for, and a system call that it may not make ends it in the same order.
 //!
 //! The host may come and go: the loop ticks on without it (the force fades to the safe hold) until it is
 //! asked to stop. Dropping the [`TickThread`] asks.
@@ -16,9 +17,11 @@ use crate::latency::Latencies;
 use crate::link::{TickCounters, TickEnd};
 use crate::memory::LockedMemory;
 use crate::pace::Pace;
-use crate::schedule::{CoreChoice, DEFAULT_PRIORITY};
+use crate::schedule::{CoreChoice, DEFAULT_PRIORITY, KeepAwake};
+use crate::seccomp::{CallPolicy, FilterError, ForbiddenCall, confine};
 use crate::setup::{Setup, set_up};
 use crate::tick_loop::TickLoop;
+use crate::trap;
 use rt_core::{Controller, Device, Wrench};
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -42,6 +45,10 @@ pub struct RunnerConfig {
     pub lock_memory: bool,
     /// Whether to keep the processor out of its deeper sleep states.
     pub keep_awake: bool,
+    /// Whether to refuse to start where the system does not grant one of the above.
+    pub insist: bool,
+    /// The system calls that the thread may make; any other ends the loop. `None`: nobody looks.
+    pub calls: Option<CallPolicy>,
 }
 
 impl Default for RunnerConfig {
@@ -54,13 +61,15 @@ impl Default for RunnerConfig {
             priority: Some(DEFAULT_PRIORITY),
             lock_memory: true,
             keep_awake: true,
+            insist: false,
+            calls: None,
         }
     }
 }
 
 /// Asks a loop to end after the tick it is in.
 #[derive(Debug, Default)]
-pub struct Stop(AtomicBool);
+pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
     /// Not asked yet.
@@ -77,6 +86,11 @@ impl Stop {
     /// Whether somebody has asked.
     pub fn is_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
+    }
+
+    /// The flag itself, for a signal handler to set.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
     }
 }
 
@@ -100,6 +114,17 @@ pub enum SpawnError {
     /// The thread ended before its first tick.
     #[error("the thread ended while it was being set up")]
     Setup,
+    /// Not everything was granted that it insists on.
+    #[error("the system did not grant what the tick insists on:{}", lines(.0))]
+    NotGranted(Vec<Degradation>),
+    /// Its system calls cannot be watched.
+    #[error(transparent)]
+    Filter(#[from] FilterError),
+}
+
+fn lines(degradations: &[Degradation]) -> String {
+    let each = degradations.iter().map(|each| format!("\n  {each}"));
+    each.collect()
 }
 
 /// A panic inside the tick. Every device was commanded no force before the thread ended.
@@ -139,14 +164,24 @@ pub struct TickReport<D> {
     pub core: Option<usize>,
     /// Memory held in place (bytes).
     pub locked_bytes: usize,
+    /// The system call that ended the run, if one did.
+    pub forbidden_call: Option<ForbiddenCall>,
 }
 
 type Outcome<D> = Result<Box<TickReport<D>>, TickPanic>;
 
+/// What the system granted for as long as it is held. Whoever joins the thread lets it go: that takes
+/// system calls which the thread itself may not make.
+#[derive(Debug)]
+struct Held {
+    _awake: Option<KeepAwake>,
+    _locked: LockedMemory,
+}
+
 /// A running loop. Dropping it ends the loop and waits for that.
 #[derive(Debug)]
 pub struct TickThread<D> {
-    handle: Option<JoinHandle<Outcome<D>>>,
+    handle: Option<JoinHandle<(Outcome<D>, Held)>>,
     stop: Arc<Stop>,
     ticks: Arc<AtomicU64>,
     setup: Setup,
@@ -183,7 +218,15 @@ pub fn spawn<D: Device + Send + 'static>(
     let handle = std::thread::Builder::new()
         .name("palpate-tick".into())
         .spawn(move || body(config, tick_loop, &theirs.0, &theirs.1, &tell))?;
-    let setup = told.recv().map_err(|_| SpawnError::Setup)?;
+    let setup = match told.recv() {
+        Ok(Ok(setup)) => setup,
+        Ok(Err(refusal)) => {
+            // It ends by itself, without a tick; what it panics with on the way is of no use to anybody.
+            let _ = handle.join();
+            return Err(refusal);
+        }
+        Err(_) => return Err(SpawnError::Setup),
+    };
     Ok(TickThread {
         handle: Some(handle),
         stop,
@@ -230,7 +273,7 @@ impl<D> TickThread<D> {
     pub fn join(mut self) -> Result<TickReport<D>, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {
-            Some(Ok(outcome)) => outcome.map(|report| *report),
+            Some(Ok((outcome, _held))) => outcome.map(|report| *report),
             Some(Err(payload)) => Err(self.panic(payload.as_ref())),
             None => Err(self.panic(&"the thread had been joined before")),
         }
@@ -260,30 +303,38 @@ fn body<D: Device>(
     mut tick_loop: Box<TickLoop<D>>,
     stop: &Stop,
     ticks: &AtomicU64,
-    tell: &SyncSender<Setup>,
-) -> Outcome<D> {
+    tell: &SyncSender<Result<Setup, SpawnError>>,
+) -> (Outcome<D>, Held) {
     let mut locked = LockedMemory::new();
     let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
+    let held = Held {
+        _awake: awake,
+        _locked: locked,
+    };
+    let ready = ready(&config, &setup);
+    let length = if ready.is_ok() { config.ticks } else { Some(0) };
     // Whoever started the thread is waiting for this; if they are not, the run is still theirs to end.
-    let _ = tell.send(setup.clone());
+    let _ = tell.send(ready.map(|()| setup.clone()));
 
     // The first deadline is a whole period ahead, so that the first tick is as well rested as the others.
     let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
+    // Telling whoever waits may have taken a call that a tick may not make.
+    trap::clear();
     let ran = catch_unwind(AssertUnwindSafe(|| {
-        run(&mut tick_loop, &mut pace, config.ticks, stop, ticks);
+        run(&mut tick_loop, &mut pace, length, stop, ticks);
     }));
-    let now = pace.nominal_ns();
-    let released = release_each(&mut tick_loop, now);
-    drop(awake);
-    drop(locked);
+    // Read here: what the thread does from now on, it does to leave.
+    let forbidden_call = trap::first();
+    let released = release_each(&mut tick_loop, pace.nominal_ns());
     if let Err(payload) = ran.and(released) {
-        return Err(TickPanic {
+        let panic = TickPanic {
             message: message(payload.as_ref()),
             ticks: tick_loop.ticks,
-        });
+        };
+        return (Err(panic), held);
     }
     let done = *tick_loop;
-    Ok(Box::new(TickReport {
+    let report = Box::new(TickReport {
         link: done.end.counters(),
         devices: done.devices,
         controller: done.controller,
@@ -296,7 +347,18 @@ fn body<D: Device>(
         degradations: setup.degradations,
         core: setup.core,
         locked_bytes: setup.locked_bytes,
-    }))
+        forbidden_call,
+    });
+    (Ok(report), held)
+}
+
+/// The last thing before the first tick: whether to go without what was not granted, and from here on no
+/// system call that `config` does not allow.
+fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
+    if config.insist && !setup.degradations.is_empty() {
+        return Err(SpawnError::NotGranted(setup.degradations.clone()));
+    }
+    Ok(config.calls.map_or(Ok(()), confine)?)
 }
 
 /// The loop itself: the hot path.
@@ -307,7 +369,8 @@ fn run<D: Device>(
     stop: &Stop,
     ticks: &AtomicU64,
 ) {
-    while !stop.is_requested() && length.is_none_or(|length| tick_loop.ticks < length) {
+    let over = |done| stop.is_requested() || length.is_some_and(|length| done >= length);
+    while !over(tick_loop.ticks) && !trap::noted() {
         let deadline = pace.deadline_ns();
         let woke = sleep_until(deadline);
         tick_loop.tick(pace.nominal_ns(), woke.saturating_sub(deadline));

@@ -29,6 +29,8 @@ pub struct TickLoop<D> {
 impl<D: Device> TickLoop<D> {
     /// Before the first tick. Allocates the histograms.
     pub fn new(controller: Controller, devices: Vec<D>, end: TickEnd) -> Self {
+        #[cfg(feature = "mutations")]
+        crate::mutation::arm();
         let bodies = controller.coupling_counters().count();
         Self {
             controller,
@@ -45,7 +47,10 @@ impl<D: Device> TickLoop<D> {
     /// `now_ns` is the tick's nominal time since the start of the run; it advances by the deadlines that
     /// were skipped as well. `lateness_ns` is how late the tick woke (zero under virtual time). In the
     /// record, `tick` counts the ticks done and `time_ns` is `now_ns`.
+    #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn tick(&mut self, now_ns: u64, lateness_ns: u64) -> Telemetry {
+        #[cfg(feature = "mutations")]
+        crate::mutation::strike(self.ticks);
         let controller = &mut self.controller;
         self.end.take_models(|body, model| {
             // The controller counts what it refuses, by reason.

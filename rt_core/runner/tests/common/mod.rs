@@ -21,6 +21,10 @@ pub(crate) enum Trick {
     Spin(u64, u64),
     /// Panics in the read with this number.
     Panic(u64),
+    /// Asks the system for something it does not need in the read with this number.
+    Call(u64),
+    /// Takes more memory than the heap has in the read with this number.
+    Allocate(u64),
 }
 
 /// A device that stands still.
@@ -68,6 +72,13 @@ impl Device for Puppet {
                 while runner::clock::now_ns() < end {}
             }
             Trick::Panic(read) if read == self.reads => panic!("the cable was cut"),
+            Trick::Call(read) if read == self.reads => {
+                std::hint::black_box(rustix::process::getppid());
+            }
+            Trick::Allocate(read) if read == self.reads => {
+                let taken = vec![1_u8; 64 << 20];
+                self.writes += u64::from(std::hint::black_box(&taken)[1 << 20]);
+            }
             _ => {}
         }
         Ok(DeviceState {
@@ -90,6 +101,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..devices {
         let safety = SafetyConfig {
+            actuated: Freedom::Three,
             max_force: 8.0,
             max_moment: 0.0,
             patience: 3,

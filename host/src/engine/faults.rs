@@ -1,0 +1,200 @@
+//! Faults of the host, made on purpose: to see what the hand feels when the physics fails.
+//!
+//! Under either clock the host's loop asks here what to do wrong and when. What the tick makes of it (the
+//! force fades, bad models are refused and counted) is the product's own; nothing here reaches the tick
+//! but what a failing host could send.
+
+use rt_core::LocalModel;
+use std::str::FromStr;
+
+/// What goes wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FaultKind {
+    /// The host does nothing for a while.
+    Stall,
+    /// The host's thread panics.
+    Panic,
+    /// What it publishes is not a number.
+    NotANumber,
+    /// It publishes models whose handles are not those of the body.
+    Topology,
+}
+
+/// Names of the kinds, as the command line has them, and what each is called in a summary.
+const NAMES: [(&str, FaultKind, &str); 4] = [
+    ("stall", FaultKind::Stall, "the host stalls"),
+    ("panic", FaultKind::Panic, "the host panics"),
+    (
+        "nan",
+        FaultKind::NotANumber,
+        "the host publishes what is not a number",
+    ),
+    (
+        "topology",
+        FaultKind::Topology,
+        "the host publishes models for other handles",
+    ),
+];
+
+/// One fault.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HostFault {
+    /// What goes wrong.
+    pub kind: FaultKind,
+    /// When (s).
+    pub at: f64,
+    /// For how long (s); zero for a panic.
+    pub duration: f64,
+}
+
+impl HostFault {
+    /// What it is called in a summary.
+    pub fn name(&self) -> &'static str {
+        NAMES
+            .iter()
+            .find(|(_, kind, _)| *kind == self.kind)
+            .map_or("", |(_, _, name)| name)
+    }
+
+    fn lasts_at(&self, time_ns: u64) -> bool {
+        let time = time_ns as f64 * 1e-9;
+        (self.at..self.at + self.duration).contains(&time)
+    }
+}
+
+/// A fault that the command line does not understand.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "found \"{0}\", allowed: stall@TIME+DURATION, nan@TIME+DURATION, topology@TIME+DURATION or \
+     panic@TIME, in seconds, such as stall@1.5+0.5"
+)]
+pub struct FaultSyntax(String);
+
+impl FromStr for HostFault {
+    type Err = FaultSyntax;
+
+    fn from_str(text: &str) -> Result<Self, FaultSyntax> {
+        let refuse = || FaultSyntax(text.to_owned());
+        let (name, when) = text.split_once('@').ok_or_else(refuse)?;
+        let (_, kind, _) = NAMES
+            .iter()
+            .find(|(known, _, _)| *known == name)
+            .ok_or_else(refuse)?;
+        let seconds = |text: &str| {
+            let value = text.parse::<f64>().ok();
+            value
+                .filter(|v| v.is_finite() && *v >= 0.0)
+                .ok_or_else(refuse)
+        };
+        let (at, duration) = match (kind, when.split_once('+')) {
+            (FaultKind::Panic, None) => (seconds(when)?, 0.0),
+            (FaultKind::Panic, Some(_)) | (_, None) => return Err(refuse()),
+            (_, Some((at, duration))) => (seconds(at)?, seconds(duration)?),
+        };
+        Ok(Self {
+            kind: *kind,
+            at,
+            duration,
+        })
+    }
+}
+
+/// All faults of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Faults {
+    pending: Vec<HostFault>,
+}
+
+impl Faults {
+    /// These, each at its time.
+    pub fn new(faults: Vec<HostFault>) -> Self {
+        Self { pending: faults }
+    }
+
+    /// Until when (ns) the host does nothing, if a stall begins at `now_ns`. Each stall begins once.
+    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
+        let begins = |f: &HostFault| f.kind == FaultKind::Stall && f.at * 1e9 <= now_ns as f64;
+        let index = self.pending.iter().position(begins)?;
+        let fault = self.pending.swap_remove(index);
+        Some(now_ns.saturating_add((fault.duration * 1e9) as u64))
+    }
+
+    /// # Panics
+    /// If it is time to.
+    pub fn panic_if_due(&self, now_ns: u64) {
+        let due = |f: &HostFault| f.kind == FaultKind::Panic && f.at * 1e9 <= now_ns as f64;
+        assert!(!self.pending.iter().any(due), "a fault on purpose");
+    }
+
+    /// Spoils a model that is published at `now_ns`, if it is time to.
+    pub fn spoil(&self, now_ns: u64, model: &mut LocalModel) {
+        for fault in self.pending.iter().filter(|fault| fault.lasts_at(now_ns)) {
+            match fault.kind {
+                FaultKind::NotANumber => {
+                    model.stiffness[0][0][(0, 0)] = f64::NAN;
+                    model.handles[0].wrench.force.x = f64::NAN;
+                }
+                FaultKind::Topology => {
+                    // One handle less, and the devices in another order.
+                    model.handle_count = model.handle_count.saturating_sub(1).max(1);
+                    for handle in &mut model.handles {
+                        handle.device ^= 1;
+                    }
+                }
+                FaultKind::Stall | FaultKind::Panic => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_read_as_the_help_says() {
+        let stall: HostFault = "stall@1.5+0.5".parse().expect("is one");
+        assert_eq!(
+            stall,
+            HostFault {
+                kind: FaultKind::Stall,
+                at: 1.5,
+                duration: 0.5
+            }
+        );
+        assert!("panic@2".parse::<HostFault>().is_ok());
+        for wrong in [
+            "",
+            "stall",
+            "stall@1",
+            "panic@1+2",
+            "stall@x+1",
+            "stall@-1+1",
+            "nan@inf+1",
+        ] {
+            let error = wrong.parse::<HostFault>().expect_err(wrong).to_string();
+            assert!(
+                error.contains(&format!("found \"{wrong}\", allowed: ")),
+                "{error}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_stall_begins_once_and_a_window_ends() {
+        let faults = ["stall@1+0.5", "nan@2+1"].map(|f| f.parse().expect("is one"));
+        let mut faults = Faults::new(faults.to_vec());
+        assert_eq!(faults.stall(999_999_999), None);
+        assert_eq!(faults.stall(1_000_000_000), Some(1_500_000_000));
+        assert_eq!(faults.stall(1_600_000_000), None);
+        let spoilt = |time_ns| {
+            let mut model = LocalModel::empty();
+            faults.spoil(time_ns, &mut model);
+            model.handles[0].wrench.force.x.is_nan()
+        };
+        assert_eq!(
+            [1_999_999_999, 2_000_000_000, 2_999_999_999, 3_000_000_000].map(spoilt),
+            [false, true, true, false]
+        );
+    }
+}

@@ -1,0 +1,217 @@
+//! The tick's thread makes the system calls that are named here, and no other.
+//!
+//! [`confine`] asks the kernel (seccomp) to trap every other call of the calling thread. The trap
+//! ([`crate::trap`]) notes it and refuses it; the loop sees the note at the end of the tick, commands no
+//! force and leaves. What may be called:
+//!
+//! - **inside a tick**: the clock, the sleep to an absolute deadline, one wake-up of a sleeping writer
+//!   thread, and under [`CallPolicy::Hid`] what reads a device. No write: a thread of the device's own does
+//!   that ([`crate::hid`]);
+//! - **to leave**: the return from a signal, and what the C library does when a thread ends. These are few,
+//!   harmless, and cannot be told apart from the same calls inside a tick;
+//! - **noted, then made all the same**: memory for the heap, and text on the standard error. Refusing
+//!   memory would end the whole process with the force still on, and the text says what went wrong.
+//!
+//! This is a guard against mistakes, not against malice: nothing here keeps an attacker in.
+
+use crate::trap;
+use libc::c_long;
+use seccompiler::{
+    BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter,
+    SeccompRule, apply_filter,
+};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Which devices the tick calls, and so which system calls it needs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CallPolicy {
+    /// Simulated ones: the clock and the sleep are all.
+    Simulated,
+    /// HID devices: `poll` and `read` as well.
+    Hid,
+}
+
+/// A system call that the tick's thread made and may not make.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ForbiddenCall {
+    /// The first such call, by the kernel's number on this architecture.
+    pub number: i64,
+    /// How many there were until the loop ended.
+    pub count: u64,
+}
+
+impl fmt::Display for ForbiddenCall {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match name(self.number) {
+            Some(name) => write!(f, "{name} (number {})", self.number)?,
+            None => write!(f, "number {}", self.number)?,
+        }
+        if self.count > 1 {
+            write!(f, ", the first of {}", self.count)?;
+        }
+        Ok(())
+    }
+}
+
+/// Why the kernel does not watch the thread's system calls.
+#[derive(Debug, thiserror::Error)]
+pub enum FilterError {
+    /// No trap for this processor or C library.
+    #[error(
+        "system calls can be watched on x86-64 and 64-bit Arm Linux with the GNU C library only"
+    )]
+    Platform,
+    /// The signal that tells of a forbidden call cannot be had.
+    #[error("the system did not give the signal SIGSYS: {0}")]
+    Signal(std::io::Error),
+    /// The filter was refused.
+    #[error(
+        "the system did not take the filter of system calls ({0}); the kernel needs CONFIG_SECCOMP_FILTER"
+    )]
+    Refused(String),
+}
+
+/// Traps every system call of the calling thread but those of `policy`, until the thread ends. There is no
+/// way back. Threads that it starts later inherit the filter.
+///
+/// # Errors
+/// [`FilterError`]; nothing is filtered then.
+pub fn confine(policy: CallPolicy) -> Result<(), FilterError> {
+    let program = program(policy)?;
+    trap::install()?;
+    apply_filter(&program).map_err(|error| FilterError::Refused(error.to_string()))
+}
+
+/// The filter, compiled for this processor.
+fn program(policy: CallPolicy) -> Result<BpfProgram, FilterError> {
+    let refused = |error: seccompiler::BackendError| FilterError::Refused(error.to_string());
+    let arch = std::env::consts::ARCH
+        .try_into()
+        .map_err(|_| FilterError::Platform)?;
+    SeccompFilter::new(
+        rules(policy).map_err(refused)?,
+        SeccompAction::Trap,
+        SeccompAction::Allow,
+        arch,
+    )
+    .and_then(TryInto::try_into)
+    .map_err(refused)
+}
+
+type Rules = BTreeMap<i64, Vec<SeccompRule>>;
+
+fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
+    let mut rules = Rules::new();
+    let any = |calls: &[c_long]| {
+        let each = calls.iter().map(|call| (*call, Vec::new()));
+        each.collect::<Rules>()
+    };
+    // Inside a tick. The clock is a call only where it cannot be read without the kernel.
+    rules.extend(any(&[libc::SYS_clock_gettime]));
+    if policy == CallPolicy::Hid {
+        rules.extend(any(&[libc::SYS_read, libc::SYS_ppoll]));
+        #[cfg(target_arch = "x86_64")]
+        rules.extend(any(&[libc::SYS_poll]));
+    }
+    let sleep = vec![is(0, libc::CLOCK_MONOTONIC)?, is(1, libc::TIMER_ABSTIME)?];
+    rules.insert(libc::SYS_clock_nanosleep, vec![SeccompRule::new(sleep)?]);
+    let wake = vec![is(1, libc::FUTEX_WAKE | libc::FUTEX_PRIVATE_FLAG)?];
+    rules.insert(libc::SYS_futex, vec![SeccompRule::new(wake)?]);
+    // To leave.
+    rules.extend(any(&[
+        libc::SYS_rt_sigreturn,
+        libc::SYS_rt_sigprocmask,
+        libc::SYS_sigaltstack,
+        libc::SYS_munmap,
+        libc::SYS_madvise,
+        libc::SYS_exit,
+    ]));
+    // Made by the trap, after it has noted the call.
+    for call in trap::MADE_ALL_THE_SAME {
+        let from_the_trap = SeccompCondition::new(
+            trap::MARK_ARGUMENT,
+            SeccompCmpArgLen::Qword,
+            SeccompCmpOp::Eq,
+            trap::MARK,
+        )?;
+        rules.insert(call, vec![SeccompRule::new(vec![from_the_trap])?]);
+    }
+    Ok(rules)
+}
+
+/// That an argument, an `int`, is `value`.
+fn is(argument: u8, value: libc::c_int) -> Result<SeccompCondition, seccompiler::BackendError> {
+    SeccompCondition::new(
+        argument,
+        SeccompCmpArgLen::Dword,
+        SeccompCmpOp::Eq,
+        u64::from(value.unsigned_abs()),
+    )
+}
+
+/// Names of the calls that stray into a tick most easily; the others go by their number.
+fn name(number: i64) -> Option<&'static str> {
+    let names = [
+        (libc::SYS_brk, "brk"),
+        (libc::SYS_clock_nanosleep, "clock_nanosleep"),
+        (libc::SYS_close, "close"),
+        (libc::SYS_fdatasync, "fdatasync"),
+        (libc::SYS_fsync, "fsync"),
+        (libc::SYS_futex, "futex"),
+        (libc::SYS_getpid, "getpid"),
+        (libc::SYS_getppid, "getppid"),
+        (libc::SYS_getrandom, "getrandom"),
+        (libc::SYS_gettid, "gettid"),
+        (libc::SYS_ioctl, "ioctl"),
+        (libc::SYS_lseek, "lseek"),
+        (libc::SYS_mmap, "mmap"),
+        (libc::SYS_mprotect, "mprotect"),
+        (libc::SYS_mremap, "mremap"),
+        (libc::SYS_nanosleep, "nanosleep"),
+        (libc::SYS_openat, "openat"),
+        (libc::SYS_ppoll, "ppoll"),
+        (libc::SYS_read, "read"),
+        (libc::SYS_recvfrom, "recvfrom"),
+        (libc::SYS_sched_yield, "sched_yield"),
+        (libc::SYS_sendto, "sendto"),
+        (libc::SYS_write, "write"),
+        (libc::SYS_writev, "writev"),
+    ];
+    let found = names.iter().find(|(known, _)| *known == number);
+    found.map(|(_, name)| *name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_call_is_named_with_its_number() {
+        let one = ForbiddenCall {
+            number: libc::SYS_openat,
+            count: 1,
+        };
+        let number = libc::SYS_openat;
+        assert_eq!(one.to_string(), format!("openat (number {number})"));
+        let unknown = ForbiddenCall {
+            number: 99_999,
+            count: 3,
+        };
+        assert_eq!(unknown.to_string(), "number 99999, the first of 3");
+    }
+
+    #[test]
+    fn every_policy_compiles_and_a_simulated_device_may_do_less() {
+        if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) {
+            let simulated = rules(CallPolicy::Simulated).expect("the rules are sound");
+            let hid = rules(CallPolicy::Hid).expect("the rules are sound");
+            assert!(simulated.keys().all(|call| hid.contains_key(call)));
+            assert!(hid.contains_key(&libc::SYS_read));
+            assert!(!simulated.contains_key(&libc::SYS_read));
+            for policy in [CallPolicy::Simulated, CallPolicy::Hid] {
+                assert!(program(policy).is_ok_and(|program| !program.is_empty()));
+            }
+        }
+    }
+}

@@ -1,0 +1,160 @@
+//! What happens when the tick's thread makes a system call that it may not make.
+//!
+//! The kernel skips the call and sends the thread SIGSYS instead ([`crate::seccomp`]). The handler notes
+//! the call in the thread's own memory and answers EPERM, or, for the few in [`MADE_ALL_THE_SAME`], makes
+//! it with a mark that the filter knows. It does nothing else: a handler may not allocate or lock either.
+//!
+//! Unsafe, because the kernel's words have to be read and answered in the registers it saved.
+
+use crate::seccomp::{FilterError, ForbiddenCall};
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+
+/// Calls that are noted and then made: memory for the heap, and text on the standard error.
+pub(crate) const MADE_ALL_THE_SAME: [i64; 5] = [
+    libc::SYS_brk,
+    libc::SYS_mmap,
+    libc::SYS_mprotect,
+    libc::SYS_mremap,
+    libc::SYS_write,
+];
+
+/// The last argument of such a call when the trap makes it. None of them reads it: five have fewer
+/// arguments, and memory without a file has no offset in it. A multiple of any page size all the same.
+pub(crate) const MARK: u64 = 0x7061_6c70_0000;
+
+/// Where it stands, counted from zero.
+pub(crate) const MARK_ARGUMENT: u8 = 5;
+
+thread_local! {
+    /// The first forbidden call of this thread. Without a destructor and made in place, so that a signal
+    /// handler may touch it.
+    static FIRST: AtomicI64 = const { AtomicI64::new(0) };
+    static COUNT: AtomicU64 = const { AtomicU64::new(0) };
+}
+
+/// Whether this thread made a forbidden call since [`clear`]. For the hot path: one load.
+pub(crate) fn noted() -> bool {
+    COUNT.with(|count| count.load(Ordering::Relaxed)) > 0
+}
+
+/// What it was.
+pub(crate) fn first() -> Option<ForbiddenCall> {
+    noted().then(|| ForbiddenCall {
+        number: FIRST.with(|first| first.load(Ordering::Relaxed)),
+        count: COUNT.with(|count| count.load(Ordering::Relaxed)),
+    })
+}
+
+/// Forgets what this thread did so far.
+pub(crate) fn clear() {
+    COUNT.with(|count| count.store(0, Ordering::Relaxed));
+}
+
+fn note(number: i64) {
+    COUNT.with(|count| {
+        if count.fetch_add(1, Ordering::Relaxed) == 0 {
+            FIRST.with(|first| first.store(number, Ordering::Relaxed));
+        }
+    });
+}
+
+#[cfg(all(
+    target_env = "gnu",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+))]
+pub(crate) use handler::install;
+
+/// Elsewhere there is none.
+#[cfg(not(all(
+    target_env = "gnu",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+)))]
+pub(crate) fn install() -> Result<(), FilterError> {
+    Err(FilterError::Platform)
+}
+
+#[cfg(all(
+    target_env = "gnu",
+    any(target_arch = "x86_64", target_arch = "aarch64")
+))]
+#[allow(unsafe_code)]
+mod handler {
+    use super::{FilterError, MADE_ALL_THE_SAME, MARK, note};
+    use libc::{c_int, c_long, c_void, siginfo_t, ucontext_t};
+    use std::mem::MaybeUninit;
+    use std::ptr::null_mut;
+
+    /// Makes the handler the process's for SIGSYS, which nothing else uses. May be repeated.
+    pub(crate) fn install() -> Result<(), FilterError> {
+        // SAFETY: zero is a valid value of every field: no flags, an empty mask.
+        let mut action = unsafe { MaybeUninit::<libc::sigaction>::zeroed().assume_init() };
+        action.sa_flags = libc::SA_SIGINFO;
+        action.sa_sigaction = on_trap as extern "C" fn(_, _, _) as usize;
+        // SAFETY: the action lives through the call and its handler for ever; the handler is safe to run
+        // at any moment (it touches the thread's own atomics, errno, and what the kernel hands it).
+        let result = unsafe { libc::sigaction(libc::SIGSYS, &raw const action, null_mut()) };
+        if result == 0 {
+            Ok(())
+        } else {
+            Err(FilterError::Signal(std::io::Error::last_os_error()))
+        }
+    }
+
+    extern "C" fn on_trap(_signal: c_int, _info: *mut siginfo_t, context: *mut c_void) {
+        // SAFETY: with SA_SIGINFO the kernel hands the handler its own, exclusive ucontext.
+        let context = unsafe { &mut *context.cast::<ucontext_t>() };
+        let (number, arguments) = asked(context);
+        note(number);
+        answer(context, result(number, arguments));
+    }
+
+    /// What the kernel is to have answered: minus an error number where it failed.
+    fn result(number: i64, arguments: [i64; 6]) -> i64 {
+        const REFUSED: i64 = -(libc::EPERM as i64);
+        let [a, b, c, d, e, _] = arguments;
+        let passes = match number {
+            // With a file, the mark would be an offset into it.
+            libc::SYS_mmap => d & i64::from(libc::MAP_ANONYMOUS) != 0,
+            libc::SYS_write => a == i64::from(libc::STDERR_FILENO),
+            _ => MADE_ALL_THE_SAME.contains(&number),
+        };
+        if !passes {
+            return REFUSED;
+        }
+        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument
+        // that the call does not read differs. errno is this thread's own and always there; it is put
+        // back, as the interrupted code knows nothing of this.
+        unsafe {
+            let errno = libc::__errno_location();
+            let before = *errno;
+            let result: c_long = libc::syscall(number, a, b, c, d, e, MARK);
+            let failed = -c_long::from(*errno);
+            *errno = before;
+            if result == -1 { failed } else { result }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn asked(context: &ucontext_t) -> (i64, [i64; 6]) {
+        use libc::{REG_R8, REG_R9, REG_R10, REG_RAX, REG_RDI, REG_RDX, REG_RSI};
+        let at = |register: c_int| context.uc_mcontext.gregs[register as usize];
+        let arguments = [REG_RDI, REG_RSI, REG_RDX, REG_R10, REG_R8, REG_R9];
+        (at(REG_RAX), arguments.map(at))
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    fn answer(context: &mut ucontext_t, result: i64) {
+        context.uc_mcontext.gregs[libc::REG_RAX as usize] = result;
+    }
+
+    #[cfg(target_arch = "aarch64")]
+    fn asked(context: &ucontext_t) -> (i64, [i64; 6]) {
+        let at = |register: usize| context.uc_mcontext.regs[register] as i64;
+        (at(8), [0, 1, 2, 3, 4, 5].map(at))
+    }
+
+    #[cfg(target_arch = "aarch64")]
+    fn answer(context: &mut ucontext_t, result: i64) {
+        context.uc_mcontext.regs[0] = result as u64;
+    }
+}

@@ -1,0 +1,127 @@
+//! A strict loop: what it may not do ends it, in order and without force.
+//!
+//! Skipped with a loud line where the kernel takes no filter of system calls.
+
+mod common;
+
+use common::{Puppet, Trick, controller, pushing};
+use rt_core::Wrench;
+use runner::link::{LinkConfig, link};
+use runner::seccomp::FilterError;
+use runner::thread::{SpawnError, TickPanic};
+use runner::{CallPolicy, CoreChoice, RunnerConfig, Stop, TickReport, spawn};
+use std::io::Write as _;
+use std::sync::Arc;
+
+fn strict() -> RunnerConfig {
+    RunnerConfig {
+        ticks: Some(50),
+        core: CoreChoice::Anywhere,
+        priority: None,
+        lock_memory: false,
+        keep_awake: false,
+        calls: Some(CallPolicy::Simulated),
+        ..RunnerConfig::default()
+    }
+}
+
+/// A run over one device; `None` where this system cannot watch system calls. Whatever happens, the last
+/// wrench is none.
+fn run(trick: Trick) -> Option<Result<TickReport<Puppet>, TickPanic>> {
+    let (tick, mut host, _log) = link(&LinkConfig::new(1000.0, 60.0));
+    host.publish(0, &pushing(1, 0)).expect("the ring is empty");
+    let puppet = Puppet::new(trick);
+    let last = Arc::clone(&puppet.last);
+    let stop = Arc::new(Stop::new());
+    let thread = match spawn(strict(), controller(1), vec![puppet], tick, stop) {
+        Ok(thread) => thread,
+        Err(SpawnError::Filter(error @ (FilterError::Platform | FilterError::Refused(_)))) => {
+            // Not `eprintln`, which the test harness keeps to itself.
+            let _ = writeln!(std::io::stderr(), "\n!! SKIPPED: strict loops: {error}");
+            return None;
+        }
+        Err(error) => panic!("{error}"),
+    };
+    let result = thread.join();
+    assert_eq!(
+        *last.lock().expect("not while writing"),
+        Some(Wrench::zero())
+    );
+    Some(result)
+}
+
+#[test]
+fn a_loop_that_keeps_to_its_calls_runs_to_its_end() {
+    let Some(result) = run(Trick::None) else {
+        return;
+    };
+    let report = result.expect("nothing panics");
+    assert_eq!((report.ticks, report.forbidden_call), (50, None));
+}
+
+#[test]
+fn a_stray_call_is_refused_and_ends_the_loop_after_its_tick() {
+    let Some(result) = run(Trick::Call(10)) else {
+        return;
+    };
+    let report = result.expect("nothing panics");
+    let call = report.forbidden_call.expect("it was seen");
+    assert_eq!((report.ticks, call.count), (10, 1));
+    assert_eq!(call.number, libc::SYS_getppid);
+    assert!(call.to_string().contains("getppid"), "{call}");
+}
+
+#[test]
+fn memory_from_the_system_is_noted_but_given() {
+    let Some(result) = run(Trick::Allocate(10)) else {
+        return;
+    };
+    let report = result.expect("it got its memory");
+    let call = report.forbidden_call.expect("it was seen");
+    assert_eq!(report.ticks, 10);
+    // The 64 MB are there: they were written and read.
+    assert_eq!(report.devices[0].writes, 10 + 2 + 1);
+    assert!(
+        ["mmap", "brk"]
+            .iter()
+            .any(|name| call.to_string().contains(name)),
+        "{call}"
+    );
+}
+
+#[test]
+fn a_panic_is_still_told() {
+    let Some(result) = run(Trick::Panic(10)) else {
+        return;
+    };
+    let panic = result.expect_err("the device panics");
+    assert_eq!(
+        (panic.message.as_str(), panic.ticks),
+        ("the cable was cut", 9)
+    );
+}
+
+#[test]
+fn a_loop_that_insists_does_not_tick_without_what_it_was_refused() {
+    let (tick, _host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
+    let puppet = Puppet::new(Trick::None);
+    let last = Arc::clone(&puppet.last);
+    let config = RunnerConfig {
+        // There is no such core on any machine that this runs on.
+        core: CoreChoice::Id(1023),
+        insist: true,
+        calls: None,
+        ..strict()
+    };
+    let stop = Arc::new(Stop::new());
+    match spawn(config, controller(1), vec![puppet], tick, stop) {
+        Err(SpawnError::NotGranted(missing)) => assert_eq!(missing.len(), 1),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(
+        *last.lock().expect("not while writing"),
+        Some(Wrench::zero())
+    );
+    assert_eq!(log.drain(|_| ()), 0);
+    assert!(log.tick_is_gone());
+}

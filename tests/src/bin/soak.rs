@@ -1,0 +1,219 @@
+//! A long run under the real clock on a machine that is kept busy, and what has to add up afterwards.
+//!
+//! `tests/soak [SECONDS] [ARGUMENTS OF palpate run]`. Beside the program, this one spins on every core, moves
+//! memory and writes files. Nothing is said about times: a loaded machine is late. What may not happen is
+//! that a tick is lost without being counted, or that memory grows.
+
+use serde_json::Value;
+use std::fs::File;
+use std::hint::black_box;
+use std::io::{Seek, Write};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitCode};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// Length without an argument (s).
+const TEN_MINUTES: u64 = 600;
+/// What memory may grow by between the end of the warm-up and the end of the run (KiB). The log's index
+/// grows with the log by some hundred bytes a second; the rest is the allocator's slack.
+const MOST_GROWTH_KIB: u64 = 16 * 1024;
+/// Memory that is moved about.
+const MOVED_BYTES: usize = 64 << 20;
+/// A file is written up to here, then again from its start.
+const FILE_BYTES: usize = 256 << 20;
+
+fn main() -> ExitCode {
+    match soak() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(why) => {
+            eprintln!("soak: {why}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn soak() -> Result<(), String> {
+    let mut arguments = std::env::args().skip(1);
+    let seconds: u64 = match arguments.next() {
+        None => TEN_MINUTES,
+        Some(text) => text
+            .parse()
+            .ok()
+            .filter(|seconds| (2..=86_400).contains(seconds))
+            .ok_or(format!(
+                "found {text:?}, allowed: whole seconds from 2 to 86400"
+            ))?,
+    };
+    let folder = tempfile::tempdir().map_err(|e| format!("no temporary folder: {e}"))?;
+    let json = folder.path().join("run.json");
+    let mut program = Command::new(beside("palpate")?)
+        .args(["run", "--clock", "real", "--duration", &seconds.to_string()])
+        .args(arguments)
+        .arg("--log")
+        .arg(folder.path().join("run.mcap"))
+        .arg("--json")
+        .arg(&json)
+        .spawn()
+        .map_err(|e| format!("palpate cannot be run: {e}"))?;
+
+    let over = AtomicBool::new(false);
+    let (memory, status) = std::thread::scope(|scope| {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        for _ in 0..cores {
+            scope.spawn(|| spin(&over));
+        }
+        scope.spawn(|| move_memory(&over));
+        let file = folder.path().join("load");
+        scope.spawn(|| write_files(file, &over));
+        let result = watch(&mut program, seconds);
+        over.store(true, Ordering::Relaxed);
+        result
+    })?;
+    if !status {
+        return Err("palpate did not end well".into());
+    }
+    let text = std::fs::read(&json).map_err(|e| format!("no summary: {e}"))?;
+    let summary = serde_json::from_slice(&text).map_err(|e| format!("no summary: {e}"))?;
+    judge(&summary, &memory)
+}
+
+/// A program in the folder of this one.
+fn beside(name: &str) -> Result<PathBuf, String> {
+    let this = std::env::current_exe().map_err(|e| e.to_string())?;
+    let path = this.with_file_name(name);
+    let missing = format!("{} is missing; tests/soak builds it", path.display());
+    path.exists().then_some(path).ok_or(missing)
+}
+
+fn spin(over: &AtomicBool) {
+    let mut number = 1_u64;
+    while !over.load(Ordering::Relaxed) {
+        for _ in 0..10_000 {
+            number = black_box(
+                number
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1),
+            );
+        }
+    }
+}
+
+fn move_memory(over: &AtomicBool) {
+    let mut memory = vec![1_u8; MOVED_BYTES];
+    while !over.load(Ordering::Relaxed) {
+        memory.copy_within(..MOVED_BYTES / 2, MOVED_BYTES / 2);
+        black_box(&mut memory);
+    }
+}
+
+/// A disk that is full or slow is load as well; what it says is not our business.
+fn write_files(path: PathBuf, over: &AtomicBool) {
+    let block = vec![7_u8; 1 << 20];
+    let Ok(mut file) = File::create(path) else {
+        return;
+    };
+    let mut written = 0;
+    while !over.load(Ordering::Relaxed) {
+        let _ = file.write_all(&block);
+        written += block.len();
+        if written % (16 << 20) == 0 {
+            let _ = file.sync_data();
+        }
+        if written >= FILE_BYTES {
+            written = 0;
+            let _ = file.rewind();
+        }
+    }
+}
+
+/// Memory of the program in use (KiB).
+#[derive(Debug)]
+struct Memory {
+    after_warm_up: u64,
+    most_later: u64,
+}
+
+/// Looks at the program's memory twice a second until it ends; whether it ended well.
+fn watch(program: &mut Child, seconds: u64) -> Result<(Memory, bool), String> {
+    let path = PathBuf::from(format!("/proc/{}/status", program.id()));
+    // A tenth of the run, between one second and thirty.
+    let warm_up = 2 * (seconds / 10).clamp(1, 30);
+    let mut memory = Memory {
+        after_warm_up: 0,
+        most_later: 0,
+    };
+    for look in 0_u64.. {
+        if let Some(status) = program.try_wait().map_err(|e| e.to_string())? {
+            // What was seen is complete: a signal or a failure is a run that did not end well.
+            return Ok((memory, status.success()));
+        }
+        let resident = resident_kib(&path).unwrap_or(0);
+        if look < warm_up {
+            memory.after_warm_up = memory.after_warm_up.max(resident);
+        } else {
+            memory.most_later = memory.most_later.max(resident);
+        }
+        std::thread::sleep(Duration::from_millis(500));
+    }
+    Err("the clock stood still".into())
+}
+
+fn resident_kib(status: &Path) -> Option<u64> {
+    let text = std::fs::read_to_string(status).ok()?;
+    let line = text.lines().find(|line| line.starts_with("VmRSS:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+/// Prints the counts and says what does not add up.
+fn judge(summary: &Value, memory: &Memory) -> Result<(), String> {
+    let number = |path: &str| {
+        let value = summary.pointer(path).and_then(Value::as_u64);
+        value.ok_or(format!("the summary has no {path}"))
+    };
+    let (ticks, missed) = (number("/tick/count")?, number("/tick/missed_deadlines")?);
+    let (slots, records) = (number("/tick/slots")?, number("/tick/records")?);
+    let refused = number("/dropped/telemetry")?;
+    let (late, took) = (
+        number("/tick/lateness/count")?,
+        number("/tick/duration/count")?,
+    );
+    let growth = memory.most_later.saturating_sub(memory.after_warm_up);
+    println!("soak: {ticks} ticks + {missed} missed deadlines = {slots} slots");
+    println!("soak: {records} records + {refused} refused = {ticks} ticks");
+    println!("soak: {late} latenesses and {took} durations in the histograms");
+    println!(
+        "soak: memory {} KiB after the warm-up, {growth} KiB more later (at most {MOST_GROWTH_KIB})",
+        memory.after_warm_up
+    );
+    let checks = [
+        (ticks > 0, "no tick was done"),
+        (
+            ticks + missed == slots,
+            "ticks and missed deadlines are not the slots",
+        ),
+        (
+            records + refused == ticks,
+            "records and refused ones are not the ticks",
+        ),
+        (
+            late == ticks && took == ticks,
+            "the histograms do not hold every tick",
+        ),
+        (
+            memory.after_warm_up > 0,
+            "the program's memory was never seen",
+        ),
+        (growth <= MOST_GROWTH_KIB, "memory grew"),
+    ];
+    let failed: Vec<_> = checks
+        .iter()
+        .filter(|(holds, _)| !holds)
+        .map(|(_, what)| *what)
+        .collect();
+    if failed.is_empty() {
+        Ok(())
+    } else {
+        Err(failed.join("; "))
+    }
+}

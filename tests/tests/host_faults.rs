@@ -1,0 +1,142 @@
+//! The host made to fail in every way, under both clocks: the force stays finite and within the device's
+//! limits, it fades and returns without a jump, and the summary names what happened.
+
+use host::log::{Log, read_log};
+use host::run::summary::RunSummary;
+use host::run::{Clock, RunOptions, run};
+use rt_core::coupling::HostState;
+
+/// Runs the built-in scene for 3 s with faults; gives its summary and the telemetry of every tick.
+fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(3.0),
+        log: Some(path.clone()),
+        faults: faults.iter().map(|f| f.parse().expect("is one")).collect(),
+        ..RunOptions::new(clock)
+    };
+    let summary = run(&palpate_tests::default_scene(), &options, |_| {}).expect("the run succeeds");
+    let bytes = std::fs::read(&path).expect("the log was written");
+    assert!(!read_log(&bytes).expect("it can be read").is_empty());
+    (summary, Log::parse(&bytes).expect("it can be read"))
+}
+
+/// The largest change of force from one tick to the next that nothing failing can explain: one encoder count
+/// moves the linear model by its stiffness and damping, 0.07 N with both hands; fading and returning add
+/// 3.5 N x 1.5 / 200 ticks. Ticks that were skipped (`slots`) allow as much again, each.
+const LARGEST_STEP: f64 = 0.12;
+
+fn check_forces(log: &Log) {
+    let mut last: Option<(u64, [f64; 3])> = None;
+    for row in &log.rows {
+        let device = &row.devices[0];
+        let force: [f64; 3] = device.wrench.force.into();
+        assert!(force.iter().all(|f| f.is_finite()), "tick {}", row.tick);
+        assert!(
+            device.wrench.force.norm() <= 8.0 * (1.0 + 1e-12),
+            "tick {}",
+            row.tick
+        );
+        if let Some((time_ns, before)) = last {
+            let step = force
+                .iter()
+                .zip(before)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>()
+                .sqrt();
+            let slots = ((row.time_ns - time_ns) / 1_000_000) as f64;
+            assert!(
+                step < LARGEST_STEP * slots,
+                "tick {}: a step of {step} N",
+                row.tick
+            );
+        }
+        last = Some((row.time_ns, force));
+    }
+}
+
+fn states(log: &Log) -> Vec<HostState> {
+    let mut states: Vec<HostState> = log.rows.iter().map(|row| row.bodies[0].state).collect();
+    states.dedup();
+    states
+}
+
+fn names(summary: &RunSummary, part: &str) -> bool {
+    summary.to_string().contains(part)
+}
+
+#[test]
+fn a_stalling_host_under_virtual_time() {
+    use HostState::{Fading, Held, Live, Waiting};
+    // Shorter than the age limit (0.1 s): nothing to feel. Longer: fades. Much longer: held.
+    for (fault, expected) in [
+        ("stall@1.5+0.05", vec![Waiting, Live]),
+        ("stall@1.5+0.25", vec![Waiting, Live, Fading, Live]),
+        ("stall@1.5+0.8", vec![Waiting, Live, Fading, Held, Live]),
+        ("stall@1.5+5", vec![Waiting, Live, Fading, Held]),
+    ] {
+        let (summary, log) = with(Clock::Virtual, &[fault]);
+        check_forces(&log);
+        assert_eq!(states(&log), expected, "{fault}");
+        assert!(names(&summary, "on purpose: the host stalls"));
+        assert_eq!(
+            names(&summary, "model too old"),
+            expected.len() > 2,
+            "{fault}"
+        );
+        assert_eq!(summary.tick.count, 3000);
+    }
+}
+
+#[test]
+fn bad_models_under_virtual_time_are_refused_named_and_survived() {
+    for (fault, reason) in [
+        ("nan@1.5+0.8", "a number is not finite"),
+        ("topology@1.5+0.8", "wrong handles"),
+    ] {
+        let (summary, log) = with(Clock::Virtual, &[fault]);
+        check_forces(&log);
+        assert_eq!(states(&log).last(), Some(&HostState::Live), "{fault}");
+        // 0.8 s at 250 Hz, all refused.
+        assert_eq!(summary.tick.refused_models, 200, "{fault}");
+        assert!(names(&summary, reason), "{summary}");
+        assert!(names(&summary, "model too old"), "{summary}");
+    }
+}
+
+#[test]
+fn a_panicking_host_under_virtual_time() {
+    let (summary, log) = with(Clock::Virtual, &["panic@1.5"]);
+    check_forces(&log);
+    assert_eq!(states(&log).last(), Some(&HostState::Held));
+    assert_eq!(summary.tick.count, 3000);
+    assert_eq!(summary.failures.len(), 1);
+    assert!(
+        names(&summary, "the host panicked, and the tick went on"),
+        "{summary}"
+    );
+}
+
+#[test]
+fn every_fault_under_the_real_clock() {
+    // One run: what the hand feels is checked at every tick; what is counted depends on the machine's load.
+    let faults = [
+        "stall@0.5+0.4",
+        "nan@1.2+0.4",
+        "topology@1.9+0.3",
+        "panic@2.5",
+    ];
+    let (summary, log) = with(Clock::Real, &faults);
+    check_forces(&log);
+    assert!(summary.tick.faded >= 1, "{summary}");
+    assert!(summary.tick.refused_models >= 1, "{summary}");
+    for part in [
+        "not finite",
+        "wrong handles",
+        "the host panicked",
+        "model too old",
+    ] {
+        assert!(names(&summary, part), "{part} is missing from:\n{summary}");
+    }
+}
