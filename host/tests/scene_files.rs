@@ -47,7 +47,7 @@ fn a_scene_brings_the_files_that_it_names() -> Outcome {
     let mesh = cloth.meshes[0]
         .as_ref()
         .ok_or("the cloth has a mesh file")?;
-    assert!(mesh.text.starts_with("$MeshFormat"));
+    assert!(mesh.bytes.starts_with(b"$MeshFormat"));
     for recording in &cloth.recordings {
         let recording = recording.as_ref().ok_or("both hands have a recording")?;
         assert!(recording.len() > 100);

@@ -11,7 +11,7 @@ use crate::local_model::{LocalModel, ModelFault};
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
 use crate::safety::{Limiter, SafetyConfig, SafetyCounters};
-use crate::{MAX_BODIES, MAX_DEVICES};
+use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
 /// One device as the controller knows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -79,7 +79,7 @@ impl Controller {
         if let Some(coupling) = self.couplings.get_mut(body) {
             coupling.accept(model)
         } else {
-            self.stray_models += 1;
+            count_one(&mut self.stray_models);
             Err(ModelFault::Handles)
         }
     }
@@ -96,6 +96,7 @@ impl Controller {
         telemetry.time_ns = now_ns;
         telemetry.device_count = self.channels.len() as u8;
         telemetry.body_count = self.couplings.len() as u8;
+        telemetry.readings = *readings;
 
         let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
         let mut fresh = [false; MAX_DEVICES];
@@ -188,10 +189,10 @@ pub fn cycle<D: Device>(
         *reading = device.read(now_ns);
     }
     let (commands, telemetry) = controller.tick(now_ns, &readings);
-    let mut refused = 0;
+    let mut refused: u32 = 0;
     for (device, command) in devices.iter_mut().zip(&commands) {
         if device.write(now_ns, command).is_err() {
-            refused += 1;
+            refused = refused.saturating_add(1);
         }
     }
     (telemetry, refused)

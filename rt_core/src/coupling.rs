@@ -10,10 +10,10 @@
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
 //! first model the hold is all there is, so a run starts without a jump as well.
 
-use crate::MAX_HANDLES;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::local_model::{LocalModel, ModelFault};
 use crate::scheme::Scheme;
+use crate::{MAX_HANDLES, count_one};
 
 /// How a coupling blends and ages. Times in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,9 +113,9 @@ impl Coupling {
         });
         match checked {
             Ok(()) => self.pending = Some(*model),
-            Err(ModelFault::NotFinite) => self.counters.not_finite += 1,
-            Err(ModelFault::Handles) => self.counters.wrong_handles += 1,
-            Err(ModelFault::Outdated) => self.counters.outdated += 1,
+            Err(ModelFault::NotFinite) => count_one(&mut self.counters.not_finite),
+            Err(ModelFault::Handles) => count_one(&mut self.counters.wrong_handles),
+            Err(ModelFault::Outdated) => count_one(&mut self.counters.outdated),
         }
         checked
     }
@@ -201,7 +201,7 @@ impl Coupling {
         let ticks = libm::ceil(self.config.blend * shaped.period / self.config.period).max(2.0);
         self.share_step = 1.0 / ticks;
         self.share = 0.0;
-        self.counters.accepted += 1;
+        count_one(&mut self.counters.accepted);
     }
 
     fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
@@ -235,7 +235,7 @@ impl Coupling {
             (false, false) => HostState::Held,
         };
         if was_live && !fresh {
-            self.counters.faded += 1;
+            count_one(&mut self.counters.faded);
         }
     }
 }

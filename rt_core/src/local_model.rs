@@ -163,13 +163,13 @@ impl LocalModel {
         if self.handles().any(|h| usize::from(h.device) >= MAX_DEVICES) {
             return Err(ModelFault::Handles);
         }
-        let blocks = self.stiffness.iter().chain(&self.damping).flatten();
         let finite = self.period.is_finite()
             && self.period > 0.0
             && self
                 .handles()
                 .all(|h| h.pose.is_finite() && h.twist.is_finite() && h.wrench.is_finite())
-            && blocks.flat_map(|block| block.iter()).all(|x| x.is_finite());
+            && used_blocks(&self.stiffness, n).all(is_finite)
+            && used_blocks(&self.damping, n).all(is_finite);
         if finite {
             Ok(())
         } else {
@@ -177,7 +177,7 @@ impl LocalModel {
         }
     }
 
-    /// Mixes the forces of two models that share their references: this one's share falls to `1 - share`.
+    /// Mixes the forces of two models that share their handles and references: this one's share falls to `1 - share`.
     pub(crate) fn mix(&mut self, other: &Self, share: f64) {
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles) {
             mine.wrench = mine
@@ -185,9 +185,30 @@ impl LocalModel {
                 .scaled(1.0 - share)
                 .plus(&theirs.wrench.scaled(share));
         }
-        let mine = self.stiffness.iter_mut().chain(&mut self.damping).flatten();
-        let theirs = other.stiffness.iter().chain(&other.damping).flatten();
-        for (a, b) in mine.zip(theirs) {
+        let n = usize::from(self.handle_count);
+        mix_blocks(&mut self.stiffness, &other.stiffness, share, n);
+        mix_blocks(&mut self.damping, &other.damping, share, n);
+    }
+}
+
+/// The blocks between the first `n` handles.
+fn used_blocks(blocks: &PairBlocks, n: usize) -> impl Iterator<Item = &Mat6> {
+    blocks
+        .iter()
+        .take(n)
+        .flat_map(move |row| row.iter().take(n))
+}
+
+/// Whether every number of a block is finite. It looks at all of them: that takes the same time whatever
+/// they are, and less than stopping at the first that is not.
+fn is_finite(block: &Mat6) -> bool {
+    let numbers = block.as_slice().iter();
+    numbers.fold(true, |finite, x| finite & x.is_finite())
+}
+
+fn mix_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, share: f64, n: usize) {
+    for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
+        for (a, b) in mine.iter_mut().zip(theirs).take(n) {
             *a = *a * (1.0 - share) + b * share;
         }
     }

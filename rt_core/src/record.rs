@@ -1,6 +1,8 @@
 //! What a tick leaves behind: a short record for the host, a full one for the log.
 
+use crate::controller::Reading;
 use crate::coupling::HostState;
+use crate::device::DeviceError;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::safety::SafetyState;
 use crate::{MAX_BODIES, MAX_DEVICES};
@@ -80,6 +82,8 @@ pub struct Telemetry {
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
     pub devices: [DeviceTelemetry; MAX_DEVICES],
+    /// What each device gave, as it gave it (device axes): with the models, all that a replay needs.
+    pub readings: [Reading; MAX_DEVICES],
     /// How many of `bodies` are in use.
     pub body_count: u8,
     /// The bodies, the first `body_count` in use.
@@ -111,6 +115,7 @@ impl Telemetry {
             lateness_ns: 0,
             device_count: 0,
             devices: [device; MAX_DEVICES],
+            readings: [const { Err(DeviceError::NoReport) }; MAX_DEVICES],
             body_count: 0,
             bodies: [body; MAX_BODIES],
         }
@@ -119,6 +124,11 @@ impl Telemetry {
     /// The devices in use.
     pub fn devices(&self) -> impl Iterator<Item = &DeviceTelemetry> {
         self.devices.iter().take(usize::from(self.device_count))
+    }
+
+    /// The readings of the devices in use.
+    pub fn readings(&self) -> impl Iterator<Item = &Reading> {
+        self.readings.iter().take(usize::from(self.device_count))
     }
 
     /// The bodies in use.

@@ -9,6 +9,7 @@
 //! counter and this way back. The slew limit that some devices need belongs inside the energy account
 //! (alone it injects energy), so it is not here.
 
+use crate::count_one;
 use crate::device::Freedom;
 use crate::geometry::{Vec3, Wrench};
 
@@ -86,13 +87,13 @@ impl Limiter {
             self.misses = 0;
         } else {
             self.misses = self.misses.saturating_add(1);
-            self.counters.missed_reads += 1;
+            count_one(&mut self.counters.missed_reads);
             if self.misses == self.config.patience.saturating_add(1) {
-                self.counters.stale += 1;
+                count_one(&mut self.counters.stale);
             }
         }
         if !wrench.is_finite() {
-            self.counters.not_a_number += 1;
+            count_one(&mut self.counters.not_a_number);
             return self.fault(SafetyState::NotANumber);
         }
         if self.misses > self.config.patience {
@@ -113,7 +114,7 @@ impl Limiter {
         let moment = shorten(&mut passed.moment, self.config.max_moment);
         if force || moment {
             self.state = SafetyState::Limited;
-            self.counters.limited += 1;
+            count_one(&mut self.counters.limited);
         }
         passed
     }

@@ -6,10 +6,10 @@
 //! whole microseconds, sixteen buttons.
 
 use firmware_proto::report::{
-    LENGTH, ReportError, StateReport, StateSi, WrenchReport, WrenchSi, flags, status,
+    LENGTH, ReportError, StateReport, StateSi, WrenchReport, flags, status,
 };
-use nalgebra::{Quaternion, UnitQuaternion};
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Twist, Vec3, Wrench};
+use rt_core::wire::{DeviceClock, report_of, state_of};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Vec3, Wrench};
 
 /// A device behind the bytes of its reports.
 #[derive(Clone, Debug)]
@@ -51,11 +51,13 @@ impl<D: Device> Device for Wired<D> {
         let state = self.device.read(now_ns)?;
         let bytes = state_bytes(&state, self.states);
         self.states = self.states.wrapping_add(1);
-        state_from_bytes(&bytes, &mut self.clock).map_err(DeviceError::Corrupt)
+        let report = StateReport::decode(&bytes).map_err(DeviceError::Corrupt)?;
+        let time_ns = self.clock.advance(report.time_us);
+        Ok(state_of(&report, self.capabilities().sensed, time_ns))
     }
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        let bytes = wrench_bytes(wrench, self.wrenches);
+        let bytes = report_of(wrench, self.wrenches).encode();
         self.wrenches = self.wrenches.wrapping_add(1);
         let wrench = wrench_from_bytes(&bytes).map_err(DeviceError::Corrupt)?;
         self.device.write(now_ns, &wrench)
@@ -77,38 +79,6 @@ pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
     StateReport::from_si(sequence, time_us, &si, state.buttons as u16, status).encode()
 }
 
-/// The state that a device sent. `clock` counts its time on.
-///
-/// # Errors
-/// The [`ReportError`] for which the bytes are no state; `clock` is then left as it was.
-pub fn state_from_bytes(bytes: &[u8], clock: &mut DeviceClock) -> Result<DeviceState, ReportError> {
-    let report = StateReport::decode(bytes)?;
-    let si = report.to_si();
-    let [w, i, j, k] = si.orientation;
-    Ok(DeviceState {
-        pose: Pose {
-            position: Vec3::from(si.position),
-            rotation: UnitQuaternion::from_quaternion(Quaternion::new(w, i, j, k)),
-        },
-        twist: Twist {
-            linear: Vec3::from(si.velocity),
-            angular: Vec3::from(si.angular_velocity),
-        },
-        buttons: u32::from(report.buttons),
-        device_time_ns: clock.count_on(report.time_us) * 1000,
-    })
-}
-
-/// What is sent to a device for `wrench`. Numbers beyond the report's range end at its ends, and one that
-/// is not a number becomes zero.
-pub fn wrench_bytes(wrench: &Wrench, sequence: u16) -> [u8; LENGTH] {
-    let si = WrenchSi {
-        force: wrench.force.into(),
-        moment: wrench.moment.into(),
-    };
-    WrenchReport::from_si(sequence, &si, flags::ENABLE).encode()
-}
-
 /// The wrench that a device was sent; zero where the report does not enable it.
 ///
 /// # Errors
@@ -125,31 +95,14 @@ pub fn wrench_from_bytes(bytes: &[u8]) -> Result<Wrench, ReportError> {
     })
 }
 
-/// A device's clock, counted on from its wrapping counter of microseconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DeviceClock {
-    time_us: Option<u64>,
-}
-
-impl DeviceClock {
-    /// Takes the next reading of the counter; returns the time (µs), which starts at the first reading. Two
-    /// readings are taken to be less than half a turn (35 minutes) apart, in either order.
-    pub fn count_on(&mut self, counter_us: u32) -> u64 {
-        let time = self.time_us.map_or(u64::from(counter_us), |last| {
-            let step = counter_us.wrapping_sub(last as u32) as i32;
-            last.saturating_add_signed(i64::from(step))
-        });
-        self.time_us = Some(time);
-        time
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::{Hand, SimDevice, Trajectory, Tremor, models};
+    use firmware_proto::report::WrenchSi;
+    use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
-    use rt_core::Freedom;
+    use rt_core::{Freedom, Pose, Twist};
 
     /// Reads as it is told and keeps what it is written.
     #[derive(Debug)]
@@ -197,12 +150,9 @@ mod tests {
             // Whole microseconds, rounded down.
             assert_eq!(time, now / 1000 * 1000);
         }
-        // A reading that comes late goes back, not round, and not below zero.
+        // A device that was restarted counts on from where it was, and time never goes back.
         let mut clock = DeviceClock::default();
-        assert_eq!(
-            [5, 3, u32::MAX, 1].map(|us| clock.count_on(us)),
-            [5, 3, 0, 1]
-        );
+        assert_eq!([5, 3, 7].map(|us| clock.advance(us)), [5000, 5000, 9000]);
     }
 
     #[test]

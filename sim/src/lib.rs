@@ -7,7 +7,8 @@
 //!
 //! Read [`device`] first: a hand ([`hand`]) that wants to be somewhere ([`trajectory`], [`tremor`]) holds a
 //! device ([`models`]); their motion and its energy are integrated between ticks ([`dynamics`]). [`firmware`]
-//! puts a device behind the bytes of its real wire; [`clock`] says when periodic events are due.
+//! puts a device behind the bytes of its real wire; [`replay`] gives recorded readings again; [`clock`] says
+//! when periodic events are due.
 #![forbid(unsafe_code)]
 
 pub mod clock;
@@ -18,6 +19,7 @@ mod encoder;
 pub mod firmware;
 pub mod hand;
 pub mod models;
+pub mod replay;
 pub mod trajectory;
 pub mod tremor;
 
@@ -27,5 +29,6 @@ pub use dynamics::{Arm, EnergyAccount};
 pub use firmware::Wired;
 pub use hand::Hand;
 pub use models::DeviceModel;
+pub use replay::ReplayDevice;
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};

@@ -1,4 +1,6 @@
-//! What the end-to-end tests share.
+//! What the end-to-end tests and benchmarks share.
+
+pub mod law;
 
 use host::run::setup::{Setup, setup};
 use host::scene::{LoadedScene, Scene};

@@ -95,7 +95,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
         publishes: true,
     };
     engine.step(due, &WallStopwatch::start(), |_, published| {
-        model = *published
+        model = *published;
     });
     assert_eq!(model.handle_count, 2);
 

@@ -5,6 +5,7 @@ mod fem_support;
 use fem_support::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
+use physics::fem::cholesky::Kernels;
 use physics::fem::dense::{Clipper, Square};
 use physics::fem::{
     CondenseError, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Sheet, SheetConfig,
@@ -122,6 +123,46 @@ fn at_the_step_s_own_period_it_is_a_rerun_of_the_step() {
         let error = difference(&dynamic(condensed, h), &rerun, condensed.length, &freedom);
         // Asked: 1 %. The rerun's own error is 1e-8.
         assert!(error < 1e-6, "{h}: {error:e}");
+    }
+}
+
+#[test]
+fn portable_kernels_repeat_to_the_bit_and_differ_from_the_fastest_by_rounding() {
+    let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Translation];
+    let (mut sheet, poses) = loaded(config(), freedom);
+    settle(&mut sheet, &poses, 1.0, 60).unwrap();
+    sheet.assemble();
+    let condensed = |kernels, period| {
+        let mut condenser = Condenser::with_kernels(&sheet, kernels).unwrap();
+        condenser.condense(&sheet, period).unwrap().clone()
+    };
+    let entries = |m: &Square, other: &Square| {
+        let size = 6 * 3;
+        let each = (0..size).flat_map(|r| (0..size).map(move |c| (r, c)));
+        each.fold((0.0_f64, 0.0_f64), |(largest, apart), at| {
+            (
+                largest.max(m[at].abs()),
+                apart.max((m[at] - other[at]).abs()),
+            )
+        })
+    };
+    for period in [1e-3, 1.0 / 60.0, 1.0] {
+        let portable = condensed(Kernels::Portable, period);
+        let fastest = condensed(Kernels::Fastest, period);
+        assert_eq!(portable, condensed(Kernels::Portable, period));
+        assert_eq!(fastest, condensed(Kernels::Fastest, period));
+        for (a, b) in [
+            (&portable.stiffness, &fastest.stiffness),
+            (&portable.damping, &fastest.damping),
+        ] {
+            let (largest, apart) = entries(a, b);
+            println!("{period}: {:.1e} of the largest entry", apart / largest);
+            // Rounding, times the condition of the step's matrix (worst at the longest period).
+            assert!(
+                apart < 1e-10 * largest,
+                "{period}: {apart:e} of {largest:e}"
+            );
+        }
     }
 }
 

@@ -5,6 +5,7 @@
 
 mod bench;
 mod plan;
+mod replay;
 mod run;
 mod signals;
 
@@ -29,6 +30,7 @@ Examples:
   palpate run                                  the built-in scene, as fast as the machine goes
   palpate run --plot stretch.svg               and draw force and position of both hands
   palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
+  palpate run --replay run.mcap                the same ticks again, compared bit for bit
   palpate run my_scene.toml --seed 7           your own scene
   palpate plan my_scene.toml                   which stages it needs, and why the others are skipped";
 
@@ -53,6 +55,13 @@ enum CommandError {
     File(#[from] crate::atomic_file::AtomicFileError),
     #[error("the run ended, but a part of it failed")]
     Incomplete,
+    #[error("{}: {source}", path.display())]
+    Replay {
+        path: PathBuf,
+        source: Box<replay::ReplayFileError>,
+    },
+    #[error("the replay differs from the log")]
+    Different,
     #[error("ended by signal {0}, in order")]
     Signal(u8),
     #[error(

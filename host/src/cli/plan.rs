@@ -2,6 +2,7 @@
 
 use super::{CommandError, SceneArgument, load};
 use crate::atomic_file::write_atomically;
+use crate::engine::build;
 use crate::engine::plan::{Stage, plan};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -26,6 +27,10 @@ struct PlanJson<'a> {
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
+    // No plan for a scene that cannot run: what its meshes lack is said here, too.
+    for index in 0..loaded.scene.bodies.len() {
+        build::handle_origins(&loaded, index)?;
+    }
     let stages = plan(&loaded.scene);
     println!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {

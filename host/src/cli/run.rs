@@ -3,7 +3,9 @@
 use super::{CommandError, SceneArgument, load, signals};
 use crate::run::{Clock, RunOptions};
 use indicatif::{ProgressBar, ProgressStyle};
+use physics::fem::cholesky::Kernels;
 use runner::CallPolicy;
+use std::io::Write;
 use std::path::PathBuf;
 
 /// Arguments of `palpate run`.
@@ -20,6 +22,10 @@ pub(super) struct RunArguments {
     /// Fixes every random choice, in place of the scene's seed
     #[arg(long)]
     seed: Option<u64>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those that give the same bytes
+    /// on every machine
+    #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
+    instructions: InstructionsName,
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
@@ -29,6 +35,17 @@ pub(super) struct RunArguments {
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Run the ticks of a log again, with its input and its local models, and compare bit for bit; on
+    /// another scene if one is given
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
+    )]
+    replay: Option<PathBuf>,
+    /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
+    #[arg(long, hide = true)]
+    report_progress: bool,
     /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
     /// not make; or one of the two
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
@@ -53,9 +70,12 @@ impl Default for RunArguments {
             clock: ClockName::Virtual,
             duration: None,
             seed: None,
+            instructions: InstructionsName::Auto,
             log: None,
             plot: None,
             json: None,
+            replay: None,
+            report_progress: false,
             strict: None,
         }
     }
@@ -65,6 +85,12 @@ impl Default for RunArguments {
 enum ClockName {
     Virtual,
     Real,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum InstructionsName {
+    Auto,
+    Portable,
 }
 
 /// A positive, finite number of seconds, a day at most.
@@ -79,6 +105,10 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
+    if let Some(path) = &arguments.replay {
+        let (scene, json) = (&arguments.scene.scene, &arguments.json);
+        return super::replay::run(path, scene.as_deref(), json.as_deref());
+    }
     let loaded = load(arguments.scene.scene.as_deref())?;
     let mut options = RunOptions {
         duration: arguments.duration,
@@ -86,6 +116,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         json: arguments.json.clone(),
+        instructions: match arguments.instructions {
+            InstructionsName::Auto => Kernels::Fastest,
+            InstructionsName::Portable => Kernels::Portable,
+        },
         ..RunOptions::new(match arguments.clock {
             ClockName::Virtual => Clock::Virtual,
             ClockName::Real => Clock::Real,
@@ -108,8 +142,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
         bar.set_style(style);
     }
-    let result = crate::run::run(&loaded, &options, |share| {
-        bar.set_position((1000.0 * share) as u64);
+    let result = crate::run::run(&loaded, &options, |progress| {
+        bar.set_position((1000.0 * progress.share()) as u64);
+        if arguments.report_progress {
+            let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
+            // In one piece, so that who reads it never sees half a line; if nobody does, so be it.
+            let _ = std::io::stderr().write_all(line.as_bytes());
+        }
     });
     bar.finish_and_clear();
     let summary = result?;

@@ -6,24 +6,29 @@
 use super::body::{SheetBody, SheetBodyParts};
 use super::path::HandlePath;
 use super::plan;
+use crate::scene::source::cut;
 use crate::scene::spec::{self, MeshSource, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
+use physics::fem::cholesky::Kernels;
 use physics::fem::{Condenser, Freedom, HandleSpec, Material, Sheet, SheetConfig};
 use physics::mesh::generate::{self, Pattern};
-use physics::mesh::{Group, TriMesh, gmsh};
+use physics::mesh::{self, Group, TriMesh};
 use rt_core::Pose;
 
 /// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
 const ABSOLUTE_TOLERANCE: f64 = 1e-8;
+/// Most groups of a mesh that an error lists, and longest name there, in characters.
+const MOST_NAMES: usize = 16;
+const LONGEST_NAME: usize = 64;
 
-/// Builds every body of a scene, at rest.
+/// Builds every body of a scene, at rest, with `kernels` for its linear algebra.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn bodies(loaded: &LoadedScene) -> Result<Vec<SheetBody>, SceneError> {
+pub fn bodies(loaded: &LoadedScene, kernels: Kernels) -> Result<Vec<SheetBody>, SceneError> {
     (0..loaded.scene.bodies.len())
-        .map(|index| body(loaded, index))
+        .map(|index| body(loaded, index, kernels))
         .collect()
 }
 
@@ -78,12 +83,15 @@ fn refuse(loaded: &LoadedScene, index: usize, what: &str) -> SceneError {
     )
 }
 
-fn body(loaded: &LoadedScene, index: usize) -> Result<SheetBody, SceneError> {
+fn body(loaded: &LoadedScene, index: usize, kernels: Kernels) -> Result<SheetBody, SceneError> {
     let scene = &loaded.scene;
     let body = &scene.bodies[index];
     let (sheet, handles) = sheet(loaded, index)?;
     let condenser = if plan::condenses(scene) {
-        Some(Condenser::new(&sheet).map_err(|e| refuse(loaded, index, &e.to_string()))?)
+        Some(
+            Condenser::with_kernels(&sheet, kernels)
+                .map_err(|e| refuse(loaded, index, &e.to_string()))?,
+        )
     } else {
         None
     };
@@ -119,7 +127,11 @@ fn device_of(scene: &Scene, handle: &spec::Handle) -> u8 {
         .unwrap_or(0) as u8
 }
 
-fn mesh(loaded: &LoadedScene, index: usize) -> Result<TriMesh, SceneError> {
+/// The mesh of one body, its triangles in the file's order.
+///
+/// # Errors
+/// As [`bodies`].
+pub fn mesh(loaded: &LoadedScene, index: usize) -> Result<TriMesh, SceneError> {
     match &loaded.scene.bodies[index].mesh {
         MeshSource::Sheet {
             length,
@@ -131,14 +143,13 @@ fn mesh(loaded: &LoadedScene, index: usize) -> Result<TriMesh, SceneError> {
                 .source
                 .error(&field, e.to_string(), "a sheet with an area")
         }),
-        MeshSource::File(path) => {
-            let text = loaded.meshes[index].as_ref().map_or("", |file| &file.text);
-            gmsh::parse(text).map_err(|e| {
-                let field = format!("body[{index}].mesh.file");
-                let found = format!("{path}: {e}");
-                loaded
-                    .source
-                    .error(&field, found, "a Gmsh 4.1 ASCII triangle mesh")
+        MeshSource::File(name) => {
+            let file = loaded.meshes[index].as_ref();
+            let bytes = file.map_or(&[][..], |file| &file.bytes);
+            mesh::read(name, bytes).map_err(|source| SceneError::Mesh {
+                place: loaded.source.place(&format!("body[{index}].mesh.file")),
+                path: file.map_or_else(|| name.into(), |file| file.path.clone()),
+                source,
             })
         }
     }
@@ -231,14 +242,21 @@ fn group<'a>(
         .find(|group| group.name == name)
         .map(|group| &group.members[..])
         .ok_or_else(|| {
+            // A file's names may be any text, and many.
             let names: Vec<_> = groups
                 .iter()
-                .map(|group| format!("\"{}\"", group.name))
+                .take(MOST_NAMES)
+                .map(|group| format!("\"{}\"", cut(&group.name, LONGEST_NAME)))
                 .collect();
+            let more = if groups.len() > MOST_NAMES {
+                ", ..."
+            } else {
+                ""
+            };
             let allowed = if names.is_empty() {
                 "a box (the mesh has no such groups)".to_owned()
             } else {
-                format!("a group of the mesh: {}", names.join(", "))
+                format!("a group of the mesh: {}{more}", names.join(", "))
             };
             loaded.source.error(field, format!("\"{name}\""), allowed)
         })

@@ -3,14 +3,20 @@
 //!
 //! - Ticks are ROS 2 messages (`palpate_msgs/msg/Tick`) on the channel `/tick`; the file holds their
 //!   definition. Their time is the tick's nominal time, from the run's start.
+//! - Local models (`palpate_msgs/msg/LocalModel`) are on the channel `/model`, each before the first tick
+//!   that used it, at the time at which its state held.
 //! - The metadata record `palpate` says how the run came about; the attachment `scene.toml` is its
-//!   scene.
+//!   scene, and the other attachments are the files that the scene names. The ticks' raw readings, the
+//!   models and the scene are all that a replay needs.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.
 //! - The ticks since the last [`LogWriter::flush`] wait in memory. What a killed process leaves is a
 //!   valid log without its index, and [`Log::parse`] reads it.
 
 mod cdr;
+mod geometry;
+mod model;
 mod read;
+mod reading;
 mod tick;
 
 use std::collections::BTreeMap;
@@ -21,12 +27,15 @@ use std::path::Path;
 use mcap::records::MessageHeader;
 use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
-use rt_core::Telemetry;
+use rt_core::{LocalModel, Telemetry};
 
+pub use model::ModelRow;
 pub use read::{Log, read_log};
+pub use reading::{LoggedReading, ReadFault};
 pub use tick::TickRow;
 
-const TOPIC: &str = "/tick";
+const TICK_TOPIC: &str = "/tick";
+const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
 /// A chunk ends at this size even if nobody flushes (bytes).
@@ -39,6 +48,8 @@ pub struct LogHeader {
     pub facts: BTreeMap<String, String>,
     /// The text of the scene file.
     pub scene: String,
+    /// The files that the scene names, by the names that it calls them.
+    pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// Why a log could not be written or read.
@@ -72,9 +83,9 @@ pub enum LogError {
     /// The ticks are laid out otherwise than here.
     #[error("the ticks of this log are laid out otherwise: it was written by another version")]
     OtherLayout,
-    /// A tick that does not match the definition.
-    #[error("message {index} (from zero) is not a tick, or is cut short")]
-    BadTick {
+    /// A tick or a model that does not match the definition.
+    #[error("message {index} (from zero) is not what its channel says, or is cut short")]
+    BadMessage {
         /// Number of the message in the file.
         index: usize,
     },
@@ -83,7 +94,8 @@ pub enum LogError {
 /// Writes a log, tick by tick.
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
-    channel: u16,
+    channels: Channels,
+    models: u32,
     /// The message under way; kept for its capacity.
     message: Vec<u8>,
     /// How errors call the log.
@@ -115,9 +127,10 @@ impl<W: Write + Seek> LogWriter<W> {
 
     fn with_name(writer: W, name: String, header: &LogHeader) -> Result<Self, LogError> {
         match begin(writer, header) {
-            Ok((writer, channel)) => Ok(Self {
+            Ok((writer, channels)) => Ok(Self {
                 writer,
-                channel,
+                channels,
+                models: 0,
                 message: Vec::new(),
                 name,
             }),
@@ -132,14 +145,34 @@ impl<W: Write + Seek> LogWriter<W> {
     pub fn write(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
         tick::encode(telemetry, &mut self.message);
         let header = MessageHeader {
-            channel_id: self.channel,
+            channel_id: self.channels.tick,
             // Wraps after 49 days of ticks.
             sequence: telemetry.tick as u32,
             log_time: telemetry.time_ns,
             publish_time: telemetry.time_ns,
         };
+        self.put(&header)
+    }
+
+    /// Adds a model of the body of index `body`. It belongs before the first tick that uses it.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
+        model::encode(body, model, &mut self.message);
+        let header = MessageHeader {
+            channel_id: self.channels.model,
+            sequence: self.models,
+            log_time: model.time_ns,
+            publish_time: model.time_ns,
+        };
+        self.models = self.models.wrapping_add(1);
+        self.put(&header)
+    }
+
+    fn put(&mut self, header: &MessageHeader) -> Result<(), LogError> {
         self.writer
-            .write_to_known_channel(&header, &self.message)
+            .write_to_known_channel(header, &self.message)
             .map_err(|error| write_error(&self.name, error))
     }
 
@@ -166,7 +199,17 @@ impl<W: Write + Seek> LogWriter<W> {
     }
 }
 
-fn begin<W: Write + Seek>(writer: W, header: &LogHeader) -> Result<(Writer<W>, u16), McapError> {
+/// The channels' numbers in the file.
+#[derive(Clone, Copy)]
+struct Channels {
+    tick: u16,
+    model: u16,
+}
+
+fn begin<W: Write + Seek>(
+    writer: W,
+    header: &LogHeader,
+) -> Result<(Writer<W>, Channels), McapError> {
     let options = WriteOptions::new()
         .profile("ros2")
         .compression(None)
@@ -179,19 +222,32 @@ fn begin<W: Write + Seek>(writer: W, header: &LogHeader) -> Result<(Writer<W>, u
         metadata: header.facts.clone(),
     };
     writer.write_metadata(&metadata)?;
-    writer.attach(&Attachment {
-        log_time: 0,
-        create_time: 0,
-        name: SCENE_NAME.to_owned(),
-        media_type: "application/toml".to_owned(),
-        data: header.scene.as_bytes().into(),
-    })?;
+    let scene = (SCENE_NAME, "application/toml", header.scene.as_bytes());
+    let files = header
+        .files
+        .iter()
+        .map(|(name, bytes)| (name.as_str(), "application/octet-stream", bytes.as_slice()));
+    for (name, media_type, bytes) in std::iter::once(scene).chain(files) {
+        writer.attach(&Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: name.to_owned(),
+            media_type: media_type.to_owned(),
+            data: bytes.into(),
+        })?;
+    }
     writer.flush()?;
-    let schema = writer.add_schema(tick::SCHEMA_NAME, "ros2msg", tick::SCHEMA.as_bytes())?;
     // The ROS 2 profile asks for this key; empty means the defaults.
     let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-    let channel = writer.add_channel(schema, TOPIC, "cdr", &qos)?;
-    Ok((writer, channel))
+    let mut channel = |topic: &str, name: &str, definition: &str| {
+        let schema = writer.add_schema(name, "ros2msg", definition.as_bytes())?;
+        writer.add_channel(schema, topic, "cdr", &qos)
+    };
+    let channels = Channels {
+        tick: channel(TICK_TOPIC, tick::SCHEMA_NAME, tick::SCHEMA)?,
+        model: channel(MODEL_TOPIC, model::SCHEMA_NAME, model::SCHEMA)?,
+    };
+    Ok((writer, channels))
 }
 
 fn write_error(log: &str, error: McapError) -> LogError {

@@ -7,7 +7,7 @@ use mcap::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::{LogError, METADATA_NAME, SCENE_NAME, TickRow, tick};
+use super::{LogError, METADATA_NAME, ModelRow, SCENE_NAME, TickRow, model, tick};
 
 /// A log, read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -16,8 +16,12 @@ pub struct Log {
     pub facts: BTreeMap<String, String>,
     /// The text of its scene file.
     pub scene: String,
+    /// The files that the scene names, by the names that it calls them.
+    pub files: BTreeMap<String, Vec<u8>>,
     /// The ticks, in the order of the file.
     pub rows: Vec<TickRow>,
+    /// The local models, in the order of the file.
+    pub models: Vec<ModelRow>,
     /// Whether the file has its end; `false` if its writer was killed.
     pub complete: bool,
 }
@@ -72,17 +76,41 @@ impl Log {
 #[derive(Default)]
 struct Parser {
     log: Log,
-    /// Schemas that are ticks, and the channels that carry them.
-    schemas: Vec<u16>,
-    channels: Vec<u16>,
+    /// The schemas and channels that are palpate's, by number.
+    schemas: BTreeMap<u16, Content>,
+    channels: BTreeMap<u16, Content>,
     messages: usize,
+}
+
+/// What a channel of palpate's carries.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Content {
+    Ticks,
+    Models,
+}
+
+/// What a schema of this name describes, and how this version defines it.
+fn known_schema(name: &str) -> Option<(Content, &'static str)> {
+    match name {
+        tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
+        model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
+        _ => None,
+    }
 }
 
 impl Parser {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), LogError> {
         if opcode == op::ATTACHMENT {
-            if let Some(scene) = scene_of(data) {
-                scene.clone_into(&mut self.log.scene);
+            match attachment(data) {
+                // The first: a file that the scene calls so does not take its place.
+                Some((SCENE_NAME, text)) if self.log.scene.is_empty() => {
+                    // A scene that is no text is none; running it again says so.
+                    self.log.scene = String::from_utf8_lossy(text).into_owned();
+                }
+                Some((name, bytes)) => {
+                    self.log.files.insert(name.to_owned(), bytes.to_vec());
+                }
+                None => {}
             }
             return Ok(());
         }
@@ -93,24 +121,34 @@ impl Parser {
             return Ok(());
         }
         match parse_record(opcode, data).map_err(LogError::Damaged)? {
-            Record::Schema { header, data } if header.name == tick::SCHEMA_NAME => {
-                if *data != *tick::SCHEMA.as_bytes() {
-                    return Err(LogError::OtherLayout);
+            Record::Schema { header, data } => {
+                if let Some((content, definition)) = known_schema(&header.name) {
+                    if *data != *definition.as_bytes() {
+                        return Err(LogError::OtherLayout);
+                    }
+                    self.schemas.insert(header.id, content);
                 }
-                self.schemas.push(header.id);
             }
-            Record::Channel(channel) if self.schemas.contains(&channel.schema_id) => {
-                if channel.message_encoding != "cdr" {
-                    return Err(LogError::OtherLayout);
+            Record::Channel(channel) => {
+                if let Some(content) = self.schemas.get(&channel.schema_id) {
+                    if channel.message_encoding != "cdr" {
+                        return Err(LogError::OtherLayout);
+                    }
+                    self.channels.insert(channel.id, *content);
                 }
-                self.channels.push(channel.id);
             }
             Record::Message { header, data } => {
-                if self.channels.contains(&header.channel_id) {
-                    let row = tick::decode(&data);
-                    self.log.rows.push(row.ok_or(LogError::BadTick {
-                        index: self.messages,
-                    })?);
+                let bad = LogError::BadMessage {
+                    index: self.messages,
+                };
+                match self.channels.get(&header.channel_id) {
+                    Some(Content::Ticks) => {
+                        self.log.rows.push(tick::decode(&data).ok_or(bad)?);
+                    }
+                    Some(Content::Models) => {
+                        self.log.models.push(model::decode(&data).ok_or(bad)?);
+                    }
+                    None => {}
                 }
                 self.messages += 1;
             }
@@ -124,7 +162,7 @@ impl Parser {
 
     fn finish(self, complete: bool) -> Result<Log, LogError> {
         // A writer killed before its first flush leaves the header alone: that log is empty.
-        if complete && self.channels.is_empty() {
+        if complete && !self.channels.values().any(|c| *c == Content::Ticks) {
             return Err(LogError::NoTicks);
         }
         Ok(Log {
@@ -134,9 +172,9 @@ impl Parser {
     }
 }
 
-/// The text of an attachment record if it is the scene. (By hand: the parser of the mcap crate panics
-/// on a record that is too short.)
-fn scene_of(record: &[u8]) -> Option<&str> {
+/// Name and text of an attachment record. (By hand: the parser of the mcap crate panics on a record that
+/// is too short.)
+fn attachment(record: &[u8]) -> Option<(&str, &[u8])> {
     // Two times; then name, media type and content, each after its length.
     let (_, rest) = record.split_at_checked(16)?;
     let (length, rest) = rest.split_first_chunk()?;
@@ -145,8 +183,5 @@ fn scene_of(record: &[u8]) -> Option<&str> {
     let (_, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
     let (length, rest) = rest.split_first_chunk()?;
     let (content, _) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
-    if name != SCENE_NAME.as_bytes() {
-        return None;
-    }
-    std::str::from_utf8(content).ok()
+    Some((std::str::from_utf8(name).ok()?, content))
 }

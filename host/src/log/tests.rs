@@ -3,9 +3,9 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use proptest::prelude::*;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
-use rt_core::{Telemetry, Vec3};
+use rt_core::{DeviceError, DeviceState, LocalModel, Mat6, Telemetry, Vec3};
 
-use super::{Log, LogError, LogHeader, LogWriter, read_log};
+use super::{Log, LogError, LogHeader, LogWriter, TickRow, read_log};
 
 fn header() -> LogHeader {
     LogHeader {
@@ -13,6 +13,7 @@ fn header() -> LogHeader {
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
             .into(),
         scene: "name = \"sheet\"\n".to_owned(),
+        files: [("meshes/sheet.msh".to_owned(), b"$MeshFormat\n".to_vec())].into(),
     }
 }
 
@@ -38,6 +39,13 @@ fn telemetry(tick: u64) -> Telemetry {
             SafetyState::DeviceStale
         };
     }
+    let mut state = DeviceState::resting();
+    state.pose.position.x = -x;
+    state.twist.linear.y = f64::MIN_POSITIVE;
+    state.buttons = 5;
+    state.device_time_ns = tick;
+    record.readings[0] = Ok(state);
+    record.readings[1] = Err(DeviceError::Disconnected(-19));
     let body = &mut record.bodies[0];
     body.sequence = tick / 16;
     body.epoch = 2;
@@ -47,10 +55,38 @@ fn telemetry(tick: u64) -> Telemetry {
     record
 }
 
+/// A model of two handles; `turns` or translations only.
+fn model(sequence: u64, turns: bool) -> LocalModel {
+    let mut model = LocalModel {
+        sequence,
+        time_ns: 1_000_000 * sequence,
+        period: 1.0 / 60.0,
+        epoch: 3,
+        handle_count: 2,
+        ..LocalModel::empty()
+    };
+    for i in 0..2 {
+        model.handles[i].device = 1 - i as u8;
+        model.handles[i].wrench.force.z = 0.1 + i as f64;
+        for j in 0..2 {
+            let used = |r: usize, c: usize| turns || (r < 3 && c < 3);
+            let entry = |r: usize, c: usize| (100 * i + 50 * j + 6 * r + c) as f64 - 0.3;
+            model.stiffness[i][j] =
+                Mat6::from_fn(|r, c| if used(r, c) { entry(r, c) } else { 0.0 });
+            model.damping[i][j] = model.stiffness[i][j] * 0.25;
+        }
+    }
+    model
+}
+
 /// A log of `ticks` ticks with a flush every 50.
 fn log(ticks: u64) -> Vec<u8> {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     for tick in 0..ticks {
+        if tick % 16 == 0 {
+            let model = model(1 + tick / 16, tick % 32 == 0);
+            writer.write_model(0, &model).expect("in memory");
+        }
         writer.write(&telemetry(tick)).expect("in memory");
         if tick % 50 == 49 {
             writer.flush().expect("in memory");
@@ -72,9 +108,36 @@ fn what_was_written_is_read_back() {
             (row.tick, row.time_ns, row.lateness_ns),
             (tick, tick * 1_000_000, 3)
         );
-        assert!(row.devices.iter().eq(expected.devices()));
-        assert!(row.bodies.iter().eq(expected.bodies()));
+        assert_eq!(*row, TickRow::from(&expected));
+        assert_eq!(row.readings[0].reading(), expected.readings[0]);
+        assert_eq!(row.readings[1].reading(), expected.readings[1]);
     }
+    assert_eq!(log.files, header().files);
+}
+
+#[test]
+fn a_model_is_read_back_as_it_was_published_and_takes_room_for_what_is_in_use() {
+    let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
+    let mut negative_zero = model(3, false);
+    negative_zero.damping[1][0][(4, 4)] = -0.0;
+    let models = vec![model(1, false), model(2, true), negative_zero];
+    for (body, model) in (0..).zip(&models) {
+        writer.write_model(body, model).expect("in memory");
+    }
+    let bytes = writer.finish().expect("in memory").into_inner();
+    let log = Log::parse(&bytes).expect("a log");
+    assert_eq!(log.models.len(), 3);
+    for ((body, model), row) in (0..).zip(&models).zip(&log.models) {
+        assert_eq!((row.body, row.model()), (body, *model));
+    }
+    let zero = log.models[2].model().damping[1][0][(4, 4)];
+    assert!(zero.is_sign_negative(), "equal numbers, but not equal bits");
+    // Two handles: 19 numbers each, and 2 x 36 or 2 x 144 in the matrices.
+    let mut message = Vec::new();
+    super::model::encode(0, &models[0], &mut message);
+    assert!(message.len() < 8 * (2 * 19 + 2 * 36) + 100);
+    super::model::encode(0, &models[1], &mut message);
+    assert!(message.len() < 8 * (2 * 19 + 2 * 144) + 100);
 }
 
 #[test]

@@ -1,25 +1,28 @@
 //! One tick as a ROS 2 message: its definition, and the way between it and [`Telemetry`].
 
-use nalgebra::{Quaternion, UnitQuaternion};
+use rt_core::Telemetry;
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{Pose, Telemetry, Twist, Vec3, Wrench};
 
 use super::cdr::{CdrReader, CdrWriter};
+use super::geometry::geometry_messages;
+use super::reading::LoggedReading;
 
 /// Name of the message type.
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tick";
 
 /// The message definition, with those that it uses, as tools read it. Poses, twists and wrenches are
 /// the usual ROS types, which tools know how to show; a `torque` is the moment about the handle.
-pub(super) const SCHEMA: &str = "\
+pub(super) const SCHEMA: &str = concat!(
+    "\
 # One pass of the haptic loop. SI units; world axes.
 uint64 tick         # number of the tick, from zero
 uint64 time_ns      # its nominal time
 uint64 lateness_ns  # how late it woke
 palpate_msgs/Device[] devices
 palpate_msgs/Body[] bodies
+palpate_msgs/Reading[] readings  # by device
 ================================================================================
 MSG: palpate_msgs/Device
 uint8 NORMAL=0
@@ -46,34 +49,26 @@ float64 trust    # in it, from zero (safe hold) to one
 uint32 epoch     # of its topology
 uint8 state      # what the coupling was doing
 ================================================================================
-MSG: geometry_msgs/Pose
-Point position
-Quaternion orientation
-================================================================================
-MSG: geometry_msgs/Point
-float64 x
-float64 y
-float64 z
-================================================================================
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w
-================================================================================
-MSG: geometry_msgs/Twist
-Vector3 linear
-Vector3 angular
-================================================================================
-MSG: geometry_msgs/Wrench
-Vector3 force
-Vector3 torque
-================================================================================
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z
-";
+MSG: palpate_msgs/Reading
+# What the device gave, as it gave it: its own axes. All zero where it gave nothing.
+uint8 OK=0
+uint8 NO_REPORT=1
+uint8 DISCONNECTED=2
+uint8 BUSY=3
+uint8 BAD_LENGTH=4
+uint8 BAD_CHECK_SUM=5
+uint8 BAD_VERSION=6
+uint8 BAD_KIND=7
+uint8 OUT_OF_RANGE=8
+geometry_msgs/Pose pose
+geometry_msgs/Twist twist
+uint64 device_time_ns
+uint32 buttons
+int32 system_error  # where it is disconnected
+uint8 status
+",
+    geometry_messages!()
+);
 
 /// One tick, read back from a log.
 #[derive(Clone, Debug, PartialEq)]
@@ -88,6 +83,21 @@ pub struct TickRow {
     pub devices: Vec<DeviceTelemetry>,
     /// The bodies.
     pub bodies: Vec<BodyTelemetry>,
+    /// What each device gave (device axes).
+    pub readings: Vec<LoggedReading>,
+}
+
+impl From<&Telemetry> for TickRow {
+    fn from(telemetry: &Telemetry) -> Self {
+        Self {
+            tick: telemetry.tick,
+            time_ns: telemetry.time_ns,
+            lateness_ns: telemetry.lateness_ns,
+            devices: telemetry.devices().copied().collect(),
+            bodies: telemetry.bodies().copied().collect(),
+            readings: telemetry.readings().map(LoggedReading::from).collect(),
+        }
+    }
 }
 
 /// Writes `telemetry` into `bytes`, replacing what was there.
@@ -111,17 +121,16 @@ pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
             .position(|s| *s == body.state)
             .map_or(u8::MAX, |i| i as u8));
     }
+    out.u32(telemetry.readings().count() as u32);
+    for reading in telemetry.readings() {
+        LoggedReading::from(reading).encode(&mut out);
+    }
 }
 
 fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
-    let mut vector = |v: &Vec3| v.iter().for_each(|x| out.f64(*x));
-    vector(&device.pose.position);
-    device.pose.rotation.coords.iter().for_each(|x| out.f64(*x));
-    let mut vector = |v: &Vec3| v.iter().for_each(|x| out.f64(*x));
-    vector(&device.twist.linear);
-    vector(&device.twist.angular);
-    vector(&device.wrench.force);
-    vector(&device.wrench.moment);
+    out.pose(&device.pose);
+    out.twist(&device.twist);
+    out.wrench(&device.wrench);
     out.u64(device.device_time_ns);
     out.u32(device.buttons);
     out.u8(u8::from(device.fresh));
@@ -144,30 +153,25 @@ pub(super) fn decode(message: &[u8]) -> Option<TickRow> {
     let bodies = (0..body_count)
         .map(|_| decode_body(&mut from))
         .collect::<Option<_>>()?;
+    let reading_count = from.u32()?;
+    let readings = (0..reading_count)
+        .map(|_| LoggedReading::decode(&mut from))
+        .collect::<Option<_>>()?;
     Some(TickRow {
         tick,
         time_ns,
         lateness_ns,
         devices,
         bodies,
+        readings,
     })
 }
 
 fn decode_device(from: &mut CdrReader) -> Option<DeviceTelemetry> {
-    let position = decode_vector(from)?;
-    let (x, y, z, w) = (from.f64()?, from.f64()?, from.f64()?, from.f64()?);
-    // As it was logged: normalizing again would change its last bits.
-    let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
     Some(DeviceTelemetry {
-        pose: Pose { position, rotation },
-        twist: Twist {
-            linear: decode_vector(from)?,
-            angular: decode_vector(from)?,
-        },
-        wrench: Wrench {
-            force: decode_vector(from)?,
-            moment: decode_vector(from)?,
-        },
+        pose: from.pose()?,
+        twist: from.twist()?,
+        wrench: from.wrench()?,
         device_time_ns: from.u64()?,
         buttons: from.u32()?,
         fresh: from.u8()? != 0,
@@ -183,10 +187,6 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
         epoch: from.u32()?,
         state: *HOST_STATES.get(usize::from(from.u8()?))?,
     })
-}
-
-fn decode_vector(from: &mut CdrReader) -> Option<Vec3> {
-    Some(Vec3::new(from.f64()?, from.f64()?, from.f64()?))
 }
 
 /// In the order of the constants in [`SCHEMA`].

@@ -3,8 +3,10 @@
 pub mod collect;
 mod device;
 mod real_clock;
+pub mod replay;
 mod report;
 pub mod setup;
+mod sink;
 pub mod summary;
 pub mod virtual_clock;
 
@@ -17,15 +19,16 @@ use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
 use physics::fem::Sheet;
-use rt_core::{Controller, Telemetry};
+use physics::fem::cholesky::Kernels;
+use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{HostEnd, TickCounters};
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
+use sink::Sink;
 use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use summary::RunSummary;
 
 /// Which clock a run follows.
@@ -52,6 +55,8 @@ pub struct RunOptions {
     pub plot: Option<PathBuf>,
     /// Where to write the summary as JSON, if anywhere.
     pub json: Option<PathBuf>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those of every machine.
+    pub instructions: Kernels,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
     /// Ends a run under the real clock before its time, in order.
@@ -68,6 +73,7 @@ impl RunOptions {
             log: None,
             plot: None,
             json: None,
+            instructions: Kernels::default(),
             runner: RunnerConfig::default(),
             stop: Arc::default(),
         }
@@ -97,19 +103,37 @@ pub enum RunError {
     Thread(std::io::Error),
 }
 
-/// Runs a scene and writes what was asked for. `progress` is given the share done, now and then.
+/// How far a run is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Progress {
+    /// Ticks done.
+    pub ticks: u64,
+    /// Ticks to do.
+    pub of: u64,
+    /// Ticks in the log that survive this process; zero without a log.
+    pub logged: u64,
+}
+
+impl Progress {
+    /// The share done.
+    pub fn share(&self) -> f64 {
+        self.ticks as f64 / self.of.max(1) as f64
+    }
+}
+
+/// Runs a scene and writes what was asked for. `progress` is told now and then.
 ///
 /// # Errors
 /// [`RunError`].
 pub fn run(
     loaded: &LoadedScene,
     options: &RunOptions,
-    progress: impl FnMut(f64),
+    mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    let prepared = setup::setup(loaded, duration, seed)?;
+    let prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
     let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
     let size = (
         sheets().map(Sheet::triangle_count).sum(),
@@ -117,27 +141,30 @@ pub fn run(
     );
 
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
-    let mut sink = Sink {
-        collector: Collector::new(
-            names(&mut scene.devices.iter().map(|d| &d.name)),
-            names(&mut scene.bodies.iter().map(|b| &b.name)),
-            options.plot.is_some(),
-        ),
-        log: match &options.log {
-            Some(path) => Some(LogWriter::create_file(
-                path,
-                &header(loaded, options.clock, seed),
-            )?),
-            None => None,
-        },
-        flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
-        since_flush: 0,
+    let collector = Collector::new(
+        names(&mut scene.devices.iter().map(|d| &d.name)),
+        names(&mut scene.bodies.iter().map(|b| &b.name)),
+        options.plot.is_some(),
+    );
+    let log = match &options.log {
+        Some(path) => Some(LogWriter::create_file(
+            path,
+            &header(loaded, options, seed),
+        )?),
+        None => None,
+    };
+    let mut sink = Sink::new(collector, log, scene.realtime.rate);
+    let logged = sink.logged();
+    let of = prepared.timing.ticks;
+    let progress = |ticks| {
+        let logged = logged.load(Ordering::Relaxed);
+        progress(Progress { ticks, of, logged });
     };
 
     let mut parts = match options.clock {
         Clock::Virtual => {
-            let done = virtual_clock::run(prepared, |telemetry| sink.take(telemetry), progress)?;
-            sink.finish_log()?;
+            let done = virtual_clock::run(prepared, |record| sink.take(record), progress);
+            let (collected, failure) = sink.finish();
             Parts {
                 tick: TickSide {
                     missed: 0,
@@ -153,9 +180,9 @@ pub fn run(
                     devices: done.tick.devices,
                 },
                 host: Some((done.engine, done.pacer, done.host)),
-                collected: sink.collector.finish(),
+                collected,
                 degradations: Vec::new(),
-                failures: Vec::new(),
+                failures: failure.iter().map(log_ended).collect(),
             }
         }
         Clock::Real => real(prepared, options, sink, progress)?,
@@ -167,6 +194,9 @@ pub fn run(
         parts
             .failures
             .push(format!("{count} host steps failed; the first: {fault}"));
+    }
+    if options.log.is_some() {
+        parts.degradations.extend(not_replayable(&parts));
     }
     let summary = report::summarize(loaded, options.clock, seed, size, &parts);
     if let Some(path) = &options.plot {
@@ -182,47 +212,14 @@ pub fn run(
     Ok(summary)
 }
 
-/// How much data may be lost when the process is killed (s).
-const FLUSH_PERIOD: f64 = 0.5;
-
-/// Where telemetry goes.
-struct Sink {
-    collector: Collector,
-    log: Option<LogWriter<BufWriter<File>>>,
-    flush_every: u64,
-    since_flush: u64,
-}
-
-impl Sink {
-    fn take(&mut self, telemetry: &Telemetry) -> Result<(), LogError> {
-        self.collector.take(telemetry);
-        let Some(log) = &mut self.log else {
-            return Ok(());
-        };
-        log.write(telemetry)?;
-        self.since_flush += 1;
-        if self.since_flush >= self.flush_every {
-            self.since_flush = 0;
-            log.flush()?;
-        }
-        Ok(())
-    }
-
-    fn finish_log(&mut self) -> Result<(), LogError> {
-        self.log
-            .take()
-            .map_or(Ok(()), |log| log.finish().map(|_| ()))
-    }
-}
-
-fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
+fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
     let facts = [
         ("scene", loaded.scene.name.clone()),
-        ("clock", clock_name(clock).into()),
+        ("clock", clock_name(options.clock).into()),
         ("scheme", setup::scheme(&loaded.scene).name().into()),
         ("seed", seed.to_string()),
         ("version", env!("CARGO_PKG_VERSION").into()),
-        ("instructions", instructions()),
+        ("instructions", instructions(options.instructions)),
     ];
     LogHeader {
         facts: facts
@@ -230,6 +227,7 @@ fn header(loaded: &LoadedScene, clock: Clock, seed: u64) -> LogHeader {
             .map(|(k, v)| (k.to_owned(), v))
             .collect::<BTreeMap<_, _>>(),
         scene: loaded.source.text.clone(),
+        files: loaded.files.clone(),
     }
 }
 
@@ -240,9 +238,13 @@ fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// The instructions that the linear algebra chooses from at run time: bytes are equal where these are.
-fn instructions() -> String {
+/// The instructions that the linear algebra uses: with the same program, bytes are equal where these are.
+fn instructions(kernels: Kernels) -> String {
     let mut path = std::env::consts::ARCH.to_owned();
+    if kernels == Kernels::Portable {
+        path.push_str(" portable");
+        return path;
+    }
     #[cfg(target_arch = "x86_64")]
     for (name, found) in [
         ("avx2", std::arch::is_x86_feature_detected!("avx2")),
@@ -273,6 +275,23 @@ struct TickSide {
     devices: Vec<AnyDevice>,
 }
 
+fn log_ended(error: &LogError) -> String {
+    format!("the log ended early: {error}")
+}
+
+/// What a log lacks that a replay needs.
+fn not_replayable(parts: &Parts) -> Option<String> {
+    let ticks = parts.tick.counters.refused_telemetry;
+    let host = parts.host.as_ref();
+    let models = host.map_or(0, |(_, _, end)| end.refused_copies());
+    (ticks + models > 0).then(|| {
+        format!(
+            "the log cannot be replayed: {ticks} ticks and {models} models found its ring full and \
+             are not in it"
+        )
+    })
+}
+
 /// A finished run, whichever its clock.
 struct Parts {
     tick: TickSide,
@@ -286,17 +305,16 @@ fn real(
     prepared: setup::Setup,
     options: &RunOptions,
     sink: Sink,
-    progress: impl FnMut(f64),
+    progress: impl FnMut(u64),
 ) -> Result<Parts, RunError> {
     let planned = prepared.timing.ticks;
     let stop = Arc::clone(&options.stop);
     let done = real_clock::run(prepared, options.runner, stop, sink, progress)?;
     let mut failures = done.failures;
-    let collected = done.sink.map_or_else(Collected::default, |mut sink| {
-        if let Err(error) = sink.finish_log() {
-            failures.push(error.to_string());
-        }
-        sink.collector.finish()
+    let collected = done.sink.map_or_else(Collected::default, |sink| {
+        let (collected, failure) = sink.finish();
+        failures.extend(failure.iter().map(log_ended));
+        collected
     });
     let report = done.report;
     if let Some(call) = report.forbidden_call {

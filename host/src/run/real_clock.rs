@@ -5,10 +5,10 @@
 //! fades, and the summary says what happened.
 
 use super::setup::Setup;
-use super::{AnyDevice, RunError, Sink};
+use super::sink::Sink;
+use super::{AnyDevice, RunError};
 use crate::engine::stats::WallStopwatch;
 use crate::engine::{Engine, pacer::Pacer};
-use crate::log::LogError;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::any::Any;
@@ -36,8 +36,8 @@ pub(super) struct RealRun {
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in order, on a thread of its
-/// own; what it fails with is reported and the run goes on without a log.
+/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in
+/// order, and each model before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
 ///
 /// # Errors
 /// [`RunError`] where the loop cannot start or its thread panicked.
@@ -46,7 +46,7 @@ pub(super) fn run(
     config: RunnerConfig,
     stop: Arc<Stop>,
     sink: Sink,
-    mut progress: impl FnMut(f64),
+    mut progress: impl FnMut(u64),
 ) -> Result<RealRun, RunError> {
     let Setup {
         tick,
@@ -73,19 +73,14 @@ pub(super) fn run(
     let log = named("palpate-log", move || log_loop(log, sink, &log_over))?;
 
     while !thread.is_finished() {
-        progress(thread.ticks() as f64 / timing.ticks as f64);
+        progress(thread.ticks());
         std::thread::sleep(WATCH_PERIOD);
     }
     let report = thread.join();
     over.request();
     let mut failures = Vec::new();
     let sink = match log.join() {
-        Ok((sink, result)) => {
-            if let Err(error) = result {
-                failures.push(format!("the log ended early: {error}"));
-            }
-            Some(sink)
-        }
+        Ok(sink) => Some(sink),
         Err(panic) => {
             failures.push(format!("the log's thread panicked: {}", message(&*panic)));
             None
@@ -140,18 +135,13 @@ fn host_loop(
     (engine, pacer, host)
 }
 
-fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> (Sink, Result<(), LogError>) {
-    let mut result = Ok(());
+fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> Sink {
     loop {
         // Looked at before draining: what was pushed before the end is still drained after it.
         let last = over.is_requested();
-        log.drain(|telemetry| {
-            if result.is_ok() {
-                result = sink.take(telemetry);
-            }
-        });
-        if last || result.is_err() {
-            return (sink, result);
+        log.records(|record| sink.take(record));
+        if last {
+            return sink;
         }
         std::thread::sleep(LOG_PERIOD);
     }

@@ -93,6 +93,10 @@ pub(super) fn summarize(
                 .host
                 .as_ref()
                 .map_or(0, |(_, _, end)| end.refused_models()),
+            logged_models: parts
+                .host
+                .as_ref()
+                .map_or(0, |(_, _, end)| end.refused_copies()),
             superseded_models: side.counters.superseded_models,
             wrenches: side.refused_wrenches,
         },

@@ -5,6 +5,7 @@ use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
+use physics::fem::cholesky::Kernels;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
@@ -66,10 +67,51 @@ pub struct Running {
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
-    let scene = &loaded.scene;
-    let bodies = build::bodies(loaded)?;
-    let period = 1.0 / scene.realtime.rate;
+    setup_with(loaded, duration, seed, Kernels::default())
+}
 
+/// The same, with a choice of the linear algebra's code.
+///
+/// # Errors
+/// As [`setup`].
+pub fn setup_with(
+    loaded: &LoadedScene,
+    duration: f64,
+    seed: u64,
+    kernels: Kernels,
+) -> Result<Setup, SceneError> {
+    let scene = &loaded.scene;
+    let bodies = build::bodies(loaded, kernels)?;
+    let (config, devices) = controls(loaded, seed)?;
+    let (end, host, log) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
+    let period = 1.0 / scene.realtime.rate;
+    Ok(Setup {
+        tick: TickLoop::new(Controller::new(&config), devices, end),
+        host,
+        log,
+        engine: Engine::new(bodies),
+        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
+        timing: Timing {
+            period_ns: (1e9 * period).round() as u64,
+            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
+            latency_ns: (scene.host.latency * 1e9).round() as u64,
+        },
+    })
+}
+
+/// The tick's side of a scene alone: what its controller is made of, and its devices.
+///
+/// # Errors
+/// As [`setup`].
+pub fn controls(
+    loaded: &LoadedScene,
+    seed: u64,
+) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
+    let scene = &loaded.scene;
+    let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut devices = Vec::new();
     for index in 0..scene.devices.len() {
@@ -88,22 +130,7 @@ pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, Sc
         let _ = config.bodies.push(coupling(scene, period));
     }
 
-    let (end, host, log) = link(&LinkConfig {
-        bodies: scene.bodies.len(),
-        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
-    });
-    Ok(Setup {
-        tick: TickLoop::new(Controller::new(&config), devices, end),
-        host,
-        log,
-        engine: Engine::new(bodies),
-        pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
-        timing: Timing {
-            period_ns: (1e9 * period).round() as u64,
-            ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,
-            latency_ns: (scene.host.latency * 1e9).round() as u64,
-        },
-    })
+    Ok((config, devices))
 }
 
 /// The force scheme that a scene names.

@@ -168,6 +168,8 @@ pub struct DroppedSummary {
     pub telemetry: u64,
     /// Models that found the tick's ring full.
     pub models: u64,
+    /// Models that found the log's ring full.
+    pub logged_models: u64,
     /// Models that arrived together with a newer one and were passed over.
     pub superseded_models: u64,
     /// Wrenches that a device did not take.

@@ -7,18 +7,16 @@
 
 use super::setup::{Running, Setup};
 use crate::engine::stats::WallStopwatch;
-use rt_core::{LocalModel, Telemetry};
+use rt_core::LocalModel;
+use runner::link::LogRecord;
 
-/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order; `progress` the
-/// share done, now and then.
-///
-/// # Errors
-/// What `sink` returns; the run ends there.
-pub fn run<E>(
+/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model
+/// before it; `progress` the ticks done, now and then.
+pub fn run(
     setup: Setup,
-    mut sink: impl FnMut(&Telemetry) -> Result<(), E>,
-    mut progress: impl FnMut(f64),
-) -> Result<Running, E> {
+    mut sink: impl FnMut(LogRecord<'_>),
+    mut progress: impl FnMut(u64),
+) -> Running {
     let Setup {
         mut tick,
         mut host,
@@ -54,23 +52,17 @@ pub fn run<E>(
             pacer.done(free_at.max(start));
         }
         tick.tick(now, 0);
-        let mut result = Ok(());
-        log.drain(|telemetry| {
-            if result.is_ok() {
-                result = sink(telemetry);
-            }
-        });
-        result?;
+        log.records(&mut sink);
         if k % 256 == 0 {
-            progress(k as f64 / timing.ticks as f64);
+            progress(k);
         }
     }
     tick.release(timing.ticks * timing.period_ns);
-    Ok(Running {
+    Running {
         tick,
         host,
         log,
         engine,
         pacer,
-    })
+    }
 }

@@ -1,6 +1,7 @@
 //! What can be wrong with a scene, said in one line: file, line, field, what was found, what is allowed.
 
 use super::source::{Source, cut};
+use physics::mesh::MeshFileError;
 use std::{fmt, io, path::PathBuf};
 use thiserror::Error;
 
@@ -51,6 +52,16 @@ pub enum SceneError {
         found: String,
         /// What it may say.
         allowed: String,
+    },
+    /// A mesh file that the scene names is no mesh.
+    #[error("{place}: cannot use {}: {source}", path.display())]
+    Mesh {
+        /// The field that names it.
+        place: Place,
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and where.
+        source: MeshFileError,
     },
     /// A file that the scene names cannot be read.
     #[error("{place}: cannot read {}: {source}", path.display())]

@@ -5,6 +5,7 @@ use super::error::SceneError;
 use super::recording::{self, Sample};
 use super::source::Source;
 use super::spec::{MeshSource, Scene};
+use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -27,6 +28,8 @@ pub struct LoadedScene {
     pub meshes: Vec<Option<MeshFile>>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
+    /// What each file that the scene names holds, by the name that it calls it: what a log keeps.
+    pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// A mesh file, not parsed.
@@ -34,8 +37,8 @@ pub struct LoadedScene {
 pub struct MeshFile {
     /// Where it was found.
     pub path: PathBuf,
-    /// What it says.
-    pub text: String,
+    /// What it holds. Which format that is, and whether it is text, shows once it is parsed.
+    pub bytes: Vec<u8>,
 }
 
 impl Scene {
@@ -63,10 +66,29 @@ impl Scene {
             Ok(text) => text,
             Err(source) => return Err(SceneError::Read { file: name, source }),
         };
-        load(
-            Source { name, text },
-            path.parent().unwrap_or(Path::new("")),
-        )
+        let folder = path.parent().unwrap_or(Path::new(""));
+        load(Source { name, text }, folder, read_bytes)
+    }
+
+    /// Reads a scene's text with what the files that it names hold, as a log keeps them. Messages call
+    /// it `name`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Scene::load`].
+    pub fn load_texts(
+        name: &str,
+        text: &str,
+        files: &BTreeMap<String, Vec<u8>>,
+    ) -> Result<LoadedScene, SceneError> {
+        let source = Source {
+            name: name.to_owned(),
+            text: text.to_owned(),
+        };
+        load(source, Path::new(""), |path| {
+            let file = path.to_str().and_then(|name| files.get(name)).cloned();
+            file.ok_or_else(|| io::ErrorKind::NotFound.into())
+        })
     }
 
     /// The scene that the program carries with it; it names no files.
@@ -81,6 +103,7 @@ impl Scene {
                 text: DEFAULT.to_owned(),
             },
             Path::new(""),
+            read_bytes,
         )
     }
 }
@@ -95,17 +118,37 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
+/// `read` gives what a file in `folder` holds.
+fn load(
+    source: Source,
+    folder: &Path,
+    read: impl Fn(&Path) -> io::Result<Vec<u8>>,
+) -> Result<LoadedScene, SceneError> {
     let scene = parse(&source)?;
+    let mut files = BTreeMap::new();
+    // What `field` names, under the name that the scene calls it.
+    let mut named = |file: &str, field: &str| {
+        let path = folder.join(file);
+        match read(&path) {
+            Ok(bytes) => {
+                files.insert(file.to_owned(), bytes.clone());
+                Ok((path, bytes))
+            }
+            Err(error) => Err(SceneError::File {
+                place: source.place(field),
+                path,
+                source: error,
+            }),
+        }
+    };
 
     let mut meshes = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         meshes.push(match &body.mesh {
             MeshSource::Sheet { .. } => None,
             MeshSource::File(file) => {
-                let path = folder.join(file);
-                let text = read_named(&source, &format!("body[{index}].mesh.file"), &path)?;
-                Some(MeshFile { path, text })
+                let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
+                Some(MeshFile { path, bytes })
             }
         });
     }
@@ -115,8 +158,13 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
         recordings.push(match &device.hand.recording {
             None => None,
             Some(file) => {
-                let path = folder.join(file);
-                let text = read_named(&source, &format!("device[{index}].hand.recording"), &path)?;
+                let field = format!("device[{index}].hand.recording");
+                let (path, bytes) = named(file, &field)?;
+                let text = text_of(bytes).map_err(|error| SceneError::File {
+                    place: source.place(&field),
+                    path: path.clone(),
+                    source: error,
+                })?;
                 Some(recording::parse(&text, &path.display().to_string())?)
             }
         });
@@ -126,29 +174,37 @@ fn load(source: Source, folder: &Path) -> Result<LoadedScene, SceneError> {
         source,
         meshes,
         recordings,
-    })
-}
-
-/// Reads a file that `field` names.
-fn read_named(source: &Source, field: &str, path: &Path) -> Result<String, SceneError> {
-    read(path).map_err(|error| SceneError::File {
-        place: source.place(field),
-        path: path.to_owned(),
-        source: error,
+        files,
     })
 }
 
 /// Reads a text file, unless it is unreasonably large.
 fn read(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
+    text_of(read_bytes(path)?)
+}
+
+/// A file's bytes as text.
+fn text_of(bytes: Vec<u8>) -> io::Result<String> {
+    // As the standard library words it where it reads text itself.
+    String::from_utf8(bytes).map_err(|_| {
+        io::Error::new(
+            io::ErrorKind::InvalidData,
+            "stream did not contain valid UTF-8",
+        )
+    })
+}
+
+/// Reads a file, unless it is unreasonably large.
+fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
     File::open(path)?
         .take(LARGEST + 1)
-        .read_to_string(&mut text)?;
-    if text.len() as u64 > LARGEST {
+        .read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > LARGEST {
         return Err(io::Error::other(format!(
             "larger than {} MiB",
             LARGEST >> 20
         )));
     }
-    Ok(text)
+    Ok(bytes)
 }

@@ -84,7 +84,7 @@ pub(super) fn quoted(text: &str) -> String {
 }
 
 /// A text from outside, fit for a message: one line, without control characters, not too long.
-pub(super) fn cut(text: &str, most: usize) -> String {
+pub(crate) fn cut(text: &str, most: usize) -> String {
     let text = text.trim();
     let line = text.lines().next().unwrap_or_default();
     let mut chars = line.chars().map(|c| if c.is_control() { '?' } else { c });

@@ -184,7 +184,8 @@ pub enum MeshSource {
         /// Cells in x and y, two triangles each.
         cells: [u32; 2],
     },
-    /// A mesh file, its path relative to the scene file (Gmsh 4.1 ASCII, `.msh`).
+    /// A mesh file, its path relative to the scene file (`.obj`, legacy
+    /// `.vtk`, `.vtu`, `.vtp`, or Gmsh 4.1 ASCII, `.msh`).
     File(String),
 }
 

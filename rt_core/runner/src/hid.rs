@@ -21,7 +21,7 @@ use std::ffi::CString;
 use std::fmt;
 use writer::Writer;
 
-pub use reading::{DeviceClock, QUEUE, Reports};
+pub use reading::{QUEUE, Reports};
 
 /// Error number for a device that went away without one (ENODEV).
 const NO_DEVICE: i32 = 19;

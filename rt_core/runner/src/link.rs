@@ -3,9 +3,14 @@
 //! ```text
 //!              TickRecord            Telemetry
 //!   HostEnd <--------------- TickEnd ---------> LogEnd
-//!           ---------------->
-//!              LocalModel, one ring a body
+//!     |     ---------------->                     ^
+//!     |        LocalModel, one ring a body        |
+//!     +-------------------------------------------+
+//!              LocalModel, copies for the log
 //! ```
+//!
+//! The log needs every model that the tick used, to replay it. It gets them from the host, so that they
+//! cost the tick nothing: a record of a tick names by its sequence number the model in use.
 //!
 //! Neither side ever waits for the other. What finds its ring full is refused and counted by the writer;
 //! the reader sees the gap in the sequence and counts it too. Capacities cover a stall (five seconds by
@@ -16,9 +21,9 @@
 //! in constant time however many wait.
 
 use crate::memory::MemoryRange;
-use crate::ring::{Sequence, drain, prefaulted, slots_for, take_newest};
+use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::{LocalModel, MAX_BODIES, Telemetry, TickRecord};
-use rtrb::{Consumer, Producer};
+use rtrb::{Consumer, Producer, RingBuffer};
 
 /// How large the rings of a link are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +54,7 @@ impl LinkConfig {
 }
 
 /// Makes the rings. Allocates and maps all their memory (at 1 kHz about 7 MB, and for each body 1 MB for
-/// every 20 models a second).
+/// every 10 models a second).
 ///
 /// ```
 /// use rt_core::{LocalModel, Telemetry};
@@ -80,7 +85,8 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     memory.extend(used);
     let mut to_tick = Vec::new();
     let mut inlets = Vec::new();
-    for _ in 0..config.bodies.min(MAX_BODIES) {
+    let bodies = config.bodies.min(MAX_BODIES);
+    for _ in 0..bodies {
         let (producer, ring, used) = prefaulted(models, LocalModel::empty());
         memory.extend(used);
         to_tick.push(producer);
@@ -89,6 +95,8 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
             sequence: Sequence::from(1),
         });
     }
+    // Between threads that may wait for a page: not mapped ahead.
+    let (copies, to_replay) = RingBuffer::new(models * bodies);
     let tick = TickEnd {
         to_host,
         to_log,
@@ -99,11 +107,14 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let host = HostEnd {
         records: from_tick,
         to_tick,
+        copies,
         sequence: Sequence::from(0),
         refused: 0,
+        refused_copies: 0,
     };
     let log = LogEnd {
         telemetry,
+        models: to_replay,
         sequence: Sequence::from(0),
     };
     (tick, host, log)
@@ -210,8 +221,10 @@ pub struct RingFull {
 pub struct HostEnd {
     records: Consumer<TickRecord>,
     to_tick: Vec<Producer<LocalModel>>,
+    copies: Producer<(u8, LocalModel)>,
     sequence: Sequence,
     refused: u64,
+    refused_copies: u64,
 }
 
 impl HostEnd {
@@ -243,6 +256,10 @@ impl HostEnd {
             self.refused += 1;
             return Err(RingFull { body, capacity: 0 });
         };
+        // To the log first: a tick that uses the model then finds it there, whenever the log looks.
+        if !self.copies.is_abandoned() && self.copies.push((body as u8, *model)).is_err() {
+            self.refused_copies += 1;
+        }
         if ring.push(*model).is_err() {
             self.refused += 1;
             return Err(RingFull {
@@ -263,26 +280,57 @@ impl HostEnd {
         self.refused
     }
 
+    /// Models whose copy for the log found the ring full.
+    pub fn refused_copies(&self) -> u64 {
+        self.refused_copies
+    }
+
     /// Whether the tick's end is gone: the loop has ended. Records it left may still wait.
     pub fn tick_is_gone(&self) -> bool {
         self.records.is_abandoned()
     }
 }
 
+/// What comes to the log.
+#[derive(Clone, Copy, Debug)]
+pub enum LogRecord<'a> {
+    /// A tick's telemetry.
+    Tick(&'a Telemetry),
+    /// A model published for the body of this index, whether the tick took it or passed it over.
+    Model(u8, &'a LocalModel),
+}
+
 /// The log's end.
 #[derive(Debug)]
 pub struct LogEnd {
     telemetry: Consumer<Telemetry>,
+    models: Consumer<(u8, LocalModel)>,
     sequence: Sequence,
 }
 
 impl LogEnd {
-    /// Gives `see` every record that has come, oldest first; returns how many.
+    /// Gives `see` the telemetry of every tick that has come, oldest first; returns how many. Models are
+    /// let go.
     pub fn drain(&mut self, mut see: impl FnMut(&Telemetry)) -> usize {
+        self.records(|record| {
+            if let LogRecord::Tick(telemetry) = record {
+                see(telemetry);
+            }
+        })
+    }
+
+    /// Gives `see` everything that has come: models, then the telemetry of ticks, each oldest first. A
+    /// tick never comes before the model that it used. Returns the number of ticks.
+    pub fn records(&mut self, mut see: impl FnMut(LogRecord<'_>)) -> usize {
+        // Counted before the models are taken: those that these ticks used have come by now.
+        let ticks = self.telemetry.slots();
+        drain(&mut self.models, |(body, model)| {
+            see(LogRecord::Model(*body, model));
+        });
         let sequence = &mut self.sequence;
-        drain(&mut self.telemetry, |record| {
+        drain_up_to(ticks, &mut self.telemetry, |record| {
             sequence.see(record.tick, 1);
-            see(record);
+            see(LogRecord::Tick(record));
         })
     }
 

@@ -46,9 +46,17 @@ pub(crate) fn prefaulted<T: Copy>(
 
 /// Gives `see` every record that waits now, oldest first; returns how many. Slots are freed in batches, so
 /// that a slow reader leaves room while it works through a long backlog.
-pub(crate) fn drain<T>(ring: &mut Consumer<T>, mut see: impl FnMut(&T)) -> usize {
+pub(crate) fn drain<T>(ring: &mut Consumer<T>, see: impl FnMut(&T)) -> usize {
+    drain_up_to(ring.slots(), ring, see)
+}
+
+/// The same, of the oldest `waiting` records at most.
+pub(crate) fn drain_up_to<T>(
+    waiting: usize,
+    ring: &mut Consumer<T>,
+    mut see: impl FnMut(&T),
+) -> usize {
     const BATCH: usize = 64;
-    let waiting = ring.slots();
     let mut left = waiting;
     while left > 0 {
         let Ok(chunk) = ring.read_chunk(left.min(BATCH)) else {

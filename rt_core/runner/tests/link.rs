@@ -1,7 +1,7 @@
 //! The rings: order, refusals, gaps, the newest of many, peers that leave, and how much they hold.
 
 use rt_core::{LocalModel, MAX_BODIES, Telemetry};
-use runner::link::{HostEnd, LinkConfig, LogEnd, RingFull, TickEnd, link};
+use runner::link::{HostEnd, LinkConfig, LogEnd, LogRecord, RingFull, TickEnd, link};
 use runner::ring::slots_for;
 
 /// Room for five records and three models.
@@ -243,4 +243,50 @@ fn records_cross_threads_whole_and_in_order() {
     // Those refused after the last that arrived leave no gap behind them.
     let tail = last.map_or(RECORDS, |last| RECORDS - 1 - last);
     assert_eq!(host.lost_records(), refused - tail);
+}
+
+/// A number for each record, models below zero.
+fn numbers(log: &mut LogEnd) -> Vec<i64> {
+    let mut seen = Vec::new();
+    log.records(|record| {
+        seen.push(match record {
+            LogRecord::Model(body, model) => -((100 * u64::from(body) + model.sequence) as i64),
+            LogRecord::Tick(telemetry) => telemetry.tick as i64,
+        });
+    });
+    seen
+}
+
+#[test]
+fn the_log_gets_each_model_before_the_tick_that_used_it() {
+    let (mut tick, mut host, mut log) = small();
+    tick.push(&telemetry(0));
+    host.publish(0, &model(1)).expect("room");
+    host.publish(1, &model(1)).expect("room");
+    tick.take_models(|_, _| ());
+    tick.push(&telemetry(1));
+    assert_eq!(numbers(&mut log), [-1, -101, 0, 1]);
+    // Whoever wants ticks alone lets the models go.
+    host.publish(0, &model(2)).expect("room");
+    tick.push(&telemetry(2));
+    assert_eq!(log.drain(|record| assert_eq!(record.tick, 2)), 1);
+    assert_eq!(numbers(&mut log), Vec::<i64>::new());
+}
+
+#[test]
+fn copies_of_models_that_the_log_has_no_room_for_are_counted_and_cost_the_tick_nothing() {
+    let (mut tick, mut host, log) = small();
+    // Two bodies' rings of three: the seventh copy finds no room.
+    for sequence in 1..=9 {
+        host.publish(0, &model(sequence))
+            .expect("the tick takes them");
+        let mut taken = 0;
+        tick.take_models(|_, model| taken = model.sequence);
+        assert_eq!(taken, sequence);
+    }
+    assert_eq!((host.refused_copies(), host.refused_models()), (3, 0));
+    // A log that is gone misses nothing.
+    drop(log);
+    host.publish(0, &model(10)).expect("the tick takes it");
+    assert_eq!(host.refused_copies(), 3);
 }

@@ -2,6 +2,10 @@
 //!
 //! The fill-reducing order (approximate minimum degree) and the symbolic factorization are computed once
 //! per topology; each factorization then only fills numbers into memory set aside for it, on one thread.
+//!
+//! `faer` gathers columns into dense blocks (supernodes) and works on those with the widest vector
+//! instructions that the machine has, chosen when the program runs: machines round differently. Column by
+//! column (simplicial) it is plain scalar code: the same bytes wherever the same program runs ([`Kernels`]).
 
 use super::block_matrix::BlockMatrix;
 use super::error::CondenseError;
@@ -15,6 +19,16 @@ use faer::sparse::linalg::cholesky::{
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
+
+/// Which code factorizes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kernels {
+    /// The fastest that this machine has.
+    #[default]
+    Fastest,
+    /// The same on every machine.
+    Portable,
+}
 
 /// A factorization of `mass_factor M + stiffness_factor K` on the free nodes, refreshed in place.
 pub struct Cholesky {
@@ -47,7 +61,11 @@ impl Cholesky {
     /// # Errors
     ///
     /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
-    pub fn new(matrix: &BlockMatrix, columns: usize) -> Result<Self, CondenseError> {
+    pub fn new(
+        matrix: &BlockMatrix,
+        columns: usize,
+        kernels: Kernels,
+    ) -> Result<Self, CondenseError> {
         let unknowns = 3 * matrix.free();
         let mut column_start = Vec::with_capacity(unknowns + 1);
         let mut row_index = Vec::new();
@@ -73,7 +91,10 @@ impl Cholesky {
             &row_index,
         );
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            supernodal_flop_ratio_threshold: match kernels {
+                Kernels::Fastest => SupernodalThreshold::FORCE_SUPERNODAL,
+                Kernels::Portable => SupernodalThreshold::FORCE_SIMPLICIAL,
+            },
             ..CholeskySymbolicParams::default()
         };
         let symbolic =

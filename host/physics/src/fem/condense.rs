@@ -16,7 +16,7 @@
 //! `Psi^T K Psi` need only the handle rows of `K` and inner products with the masses.
 
 use super::body::Sheet;
-use super::cholesky::Cholesky;
+use super::cholesky::{Cholesky, Kernels};
 use super::dense::{Clip, Clipper, Square};
 use super::error::CondenseError;
 use super::handle::Freedom;
@@ -99,6 +99,15 @@ impl Condenser {
     ///
     /// [`CondenseError::Symbolic`].
     pub fn new(sheet: &Sheet) -> Result<Self, CondenseError> {
+        Self::with_kernels(sheet, Kernels::default())
+    }
+
+    /// The same, with a choice of the code that factorizes.
+    ///
+    /// # Errors
+    ///
+    /// As [`Condenser::new`].
+    pub fn with_kernels(sheet: &Sheet, kernels: Kernels) -> Result<Self, CondenseError> {
         let mut columns = Vec::new();
         let mut range = Vec::new();
         let mut holder = Vec::new();
@@ -118,7 +127,7 @@ impl Condenser {
         let length = characteristic_length(squares, counted, &sheet.x);
         let zeros = || Square::zeros(size);
         Ok(Self {
-            cholesky: Cholesky::new(&sheet.stiffness, columns.len())?,
+            cholesky: Cholesky::new(&sheet.stiffness, columns.len(), kernels)?,
             shapes: vec![0.0; columns.len() * 3 * sheet.stiffness.free()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),

@@ -6,6 +6,7 @@
 
 use super::{Adjacency, Group, TriMesh};
 use crate::Vec3;
+use std::cmp::Ordering;
 use thiserror::Error;
 
 /// Coordinates lie within this distance of zero (m), so that squares of lengths stay far from overflow.
@@ -118,6 +119,17 @@ pub enum MeshError {
         /// The vertex.
         vertex: u32,
     },
+    /// Two vertices lie at one place.
+    #[error(
+        "vertices {first} and {vertex} lie at one place, where the mesh would silently come apart; \
+         merge them (a slit needs a gap)"
+    )]
+    Coincident {
+        /// The later vertex.
+        vertex: u32,
+        /// The earlier one.
+        first: u32,
+    },
     /// A group's members are out of range, out of order or repeated.
     #[error(
         "group {name:?}: member number {position} is {found}; members must ascend and be below {count}"
@@ -138,6 +150,38 @@ pub enum MeshError {
         /// The name.
         name: String,
     },
+}
+
+/// What an error is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Culprit {
+    Vertex(u32),
+    Triangle(u32),
+    Mesh,
+}
+
+impl MeshError {
+    /// What a person should look at: of several triangles or vertices, the last.
+    pub(super) fn culprit(&self) -> Culprit {
+        match *self {
+            Self::Coordinate { vertex, .. }
+            | Self::Unused { vertex }
+            | Self::Coincident { vertex, .. } => Culprit::Vertex(vertex),
+            Self::Index { triangle, .. }
+            | Self::RepeatedVertex { triangle, .. }
+            | Self::Flat { triangle, .. }
+            | Self::Tiny { triangle, .. }
+            | Self::Duplicate { triangle, .. }
+            | Self::CrowdedEdge {
+                triangles: [_, _, triangle],
+                ..
+            } => Culprit::Triangle(triangle),
+            Self::Empty
+            | Self::TooMany { .. }
+            | Self::GroupMember { .. }
+            | Self::GroupName { .. } => Culprit::Mesh,
+        }
+    }
 }
 
 impl TriMesh {
@@ -281,6 +325,34 @@ fn check_all_used(mesh: &TriMesh) -> Result<(), MeshError> {
     }
     match (0_u32..).zip(used).find(|&(_, used)| !used) {
         Some((vertex, _)) => Err(MeshError::Unused { vertex }),
+        None => Ok(()),
+    }
+}
+
+/// Checks that no two vertices lie at exactly one place.
+///
+/// Asked of meshes from files only: programs that write every triangle with vertices of its own are
+/// common, and such a mesh would be as many loose pieces. A mesh that was torn has such vertices by right.
+pub(super) fn check_distinct(positions: &[Vec3]) -> Result<(), MeshError> {
+    // Adding zero makes one of the two zeros.
+    let place = |vertex: u32| {
+        positions
+            .get(vertex as usize)
+            .map(|p| [p.x + 0.0, p.y + 0.0, p.z + 0.0])
+    };
+    let order = |a: &u32, b: &u32| {
+        let (p, q) = (place(*a).unwrap_or_default(), place(*b).unwrap_or_default());
+        let by_place = p.iter().zip(&q).map(|(p, q)| p.total_cmp(q));
+        by_place.fold(Ordering::Equal, Ordering::then)
+    };
+    let mut vertices: Vec<u32> = (0_u32..).take(positions.len()).collect();
+    vertices.sort_unstable_by(|a, b| order(a, b).then(a.cmp(b)));
+    let pairs = vertices.windows(2).filter_map(|pair| match *pair {
+        [first, vertex] if order(&first, &vertex) == Ordering::Equal => Some((vertex, first)),
+        _ => None,
+    });
+    match pairs.min() {
+        Some((vertex, first)) => Err(MeshError::Coincident { vertex, first }),
         None => Ok(()),
     }
 }

@@ -1,17 +1,28 @@
 //! Triangle meshes: positions, triangles, and named groups of either.
 //!
-//! A mesh comes from a generator ([`generate`]) or from a file's text ([`gmsh`]); both end in
-//! [`TriMesh::new`], so what holds for one mesh holds for all (see [`check`]).
+//! A mesh comes from a generator ([`generate`]) or from a file's bytes ([`read`]: [`gmsh`], [`obj`],
+//! [`vtk_legacy`], [`vtk_xml`]); all end in [`TriMesh::new`], so what holds for one mesh holds for all
+//! (see [`check`]).
 
 use crate::Vec3;
 
 pub mod adjacency;
 pub mod check;
+pub mod file;
 pub mod generate;
 pub mod gmsh;
+mod lines;
+pub mod obj;
+mod soup;
+mod text;
+mod vtk_array;
+mod vtk_cells;
+pub mod vtk_legacy;
+pub mod vtk_xml;
 
 pub use adjacency::Adjacency;
 pub use check::MeshError;
+pub use file::{MeshFileError, Place, read};
 
 /// A triangle mesh with named groups, as a generator or a file gives it.
 ///

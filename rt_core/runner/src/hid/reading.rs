@@ -3,47 +3,12 @@
 //! No HID here: the bytes come from a closure, so that byte arrays can stand in for a device. Never
 //! allocates; reads at most [`QUEUE`] reports a tick, so a device that floods cannot hold the tick.
 
-use firmware_proto::report::{
-    self, ReportError, StateReport, WrenchReport, WrenchSi, flags, status,
-};
-use rt_core::{DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
+use firmware_proto::report::{self, ReportError, StateReport, WrenchReport, status};
+use rt_core::wire::{DeviceClock, report_of, state_of};
+use rt_core::{DeviceError, DeviceState, Freedom, Wrench};
 
 /// Most reports read in one tick: as many as the kernel queues.
 pub const QUEUE: usize = 64;
-
-/// A device's own clock, counted on from its counter of 32 bits, which wraps every 71 minutes.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct DeviceClock {
-    last: Option<u32>,
-    time_us: u64,
-}
-
-impl DeviceClock {
-    /// Takes the counter of the next report (us); returns the time (ns). It starts at the first counter
-    /// and never goes back: a counter that jumps back (the device was restarted) counts on from there.
-    ///
-    /// ```
-    /// let mut clock = runner::hid::DeviceClock::default();
-    /// assert_eq!(clock.advance(u32::MAX - 499), (u64::from(u32::MAX) - 499) * 1000);
-    /// assert_eq!(clock.advance(500), (u64::from(u32::MAX) + 501) * 1000); // wrapped, 1 ms later
-    /// ```
-    pub fn advance(&mut self, counter_us: u32) -> u64 {
-        self.time_us += match self.last {
-            None => u64::from(counter_us),
-            Some(last) => {
-                let step = counter_us.wrapping_sub(last);
-                // More than half the range ahead is behind.
-                if step <= u32::MAX / 2 {
-                    u64::from(step)
-                } else {
-                    0
-                }
-            }
-        };
-        self.last = Some(counter_us);
-        self.time_us * 1000
-    }
-}
 
 /// What a device's reports brought. Counts only grow.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,7 +74,7 @@ impl Reports {
                 if report.status & status::CALIBRATED == 0 {
                     return Err(DeviceError::NoReport);
                 }
-                Ok(state(&report, sensed, device_time_ns))
+                Ok(state_of(&report, sensed, device_time_ns))
             }
             (None, Some(fault)) => Err(DeviceError::Corrupt(fault)),
             (None, None) => Err(DeviceError::NoReport),
@@ -130,40 +95,12 @@ impl Reports {
     }
 }
 
-/// What the loop reads of a report.
-fn state(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
-    let si = report.to_si();
-    let mut pose = Pose::at(Vec3::from(si.position));
-    let mut twist = Twist {
-        linear: Vec3::from(si.velocity),
-        angular: Vec3::zeros(),
-    };
-    if sensed == Freedom::Six {
-        let [w, x, y, z] = si.orientation;
-        let rotation = pose.rotation.as_mut_unchecked();
-        (rotation.w, rotation.i, rotation.j, rotation.k) = (w, x, y, z);
-        // Off by one per cent at most, which the report's check sees to.
-        pose.rotation.renormalize();
-        twist.angular = Vec3::from(si.angular_velocity);
-    }
-    DeviceState {
-        pose,
-        twist,
-        buttons: u32::from(report.buttons),
-        device_time_ns,
-    }
-}
-
 /// A report to write, with the report number 0 before it that unnumbered reports have.
 pub(super) type Command = [u8; report::LENGTH + 1];
 
 /// The report that asks for `wrench` (device axes).
 pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
-    let si = WrenchSi {
-        force: wrench.force.into(),
-        moment: wrench.moment.into(),
-    };
-    numbered(&WrenchReport::from_si(sequence, &si, flags::ENABLE))
+    numbered(&report_of(wrench, sequence))
 }
 
 /// The report that asks the device to let go.
@@ -187,6 +124,8 @@ fn numbered(report: &WrenchReport) -> Command {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use firmware_proto::report::flags;
+    use rt_core::{Pose, Vec3};
     use std::collections::VecDeque;
 
     fn sent(sequence: u16, time_us: u32) -> StateReport {

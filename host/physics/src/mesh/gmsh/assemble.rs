@@ -2,6 +2,7 @@
 
 use super::GmshError;
 use super::sections::{Block, Element, Node, PhysicalName, Sections};
+use crate::mesh::check::{Culprit, check_distinct};
 use crate::mesh::{Group, MeshError, TriMesh};
 use std::collections::BTreeMap;
 
@@ -32,12 +33,15 @@ pub(super) fn mesh(sections: &Sections) -> Result<TriMesh, GmshError> {
         .map(|nodes| nodes.map(|node| vertices[node]))
         .collect();
 
-    let mut mesh = TriMesh::new(positions, corners).map_err(|source| {
-        let line = line_at_fault(&source, sections, &vertices);
-        GmshError::Mesh { line, source }
-    })?;
-    mesh.vertex_groups = vertex_groups(sections, &places, &vertices, mesh.positions.len())?;
-    mesh.triangle_groups = triangle_groups(sections);
+    let refused = |source: MeshError| GmshError::Mesh {
+        line: line_at_fault(&source, sections, &vertices),
+        source,
+    };
+    let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
+    check_distinct(&mesh.positions).map_err(refused)?;
+    let groups = groups(sections);
+    mesh.vertex_groups = vertex_groups(sections, &groups, &places, &vertices)?;
+    mesh.triangle_groups = triangle_groups(sections, &groups);
     Ok(mesh)
 }
 
@@ -81,118 +85,113 @@ fn nodes_of(element: &Element, places: &BTreeMap<u64, usize>) -> Result<[usize; 
 
 /// The line of the vertex or triangle that an error is about.
 fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
-    let triangle = |index: u32| {
-        triangles(&sections.blocks)
+    let line = match error.culprit() {
+        Culprit::Vertex(index) => {
+            let mut nodes = sections.nodes.iter().zip(vertices);
+            nodes
+                .find(|&(_, &vertex)| vertex == index)
+                .map(|(node, _)| node.line)
+        }
+        Culprit::Triangle(index) => triangles(&sections.blocks)
             .nth(index as usize)
-            .map(|e| e.line)
-    };
-    let vertex = |index: u32| {
-        let mut nodes = sections.nodes.iter().zip(vertices);
-        nodes
-            .find(|&(_, &vertex)| vertex == index)
-            .map(|(node, _)| node.line)
-    };
-    let line = match *error {
-        MeshError::Coordinate { vertex: index, .. } | MeshError::Unused { vertex: index } => {
-            vertex(index)
-        }
-        MeshError::Index {
-            triangle: index, ..
-        }
-        | MeshError::RepeatedVertex {
-            triangle: index, ..
-        }
-        | MeshError::Flat {
-            triangle: index, ..
-        }
-        | MeshError::Tiny {
-            triangle: index, ..
-        }
-        | MeshError::Duplicate {
-            triangle: index, ..
-        }
-        | MeshError::CrowdedEdge {
-            triangles: [_, _, index],
-            ..
-        } => triangle(index),
-        MeshError::Empty
-        | MeshError::TooMany { .. }
-        | MeshError::GroupMember { .. }
-        | MeshError::GroupName { .. } => None,
+            .map(|element| element.line),
+        Culprit::Mesh => None,
     };
     line.unwrap_or(sections.last_line)
 }
 
-/// Whether a block's elements belong to a physical group called `name`.
-fn belongs(block: &Block, name: &str, sections: &Sections) -> bool {
-    let Some(entity) = sections.entities.get(&(block.dim, block.entity)) else {
-        return false;
-    };
-    let named = |p: &PhysicalName| p.dim == block.dim && p.name == name && entity.in_group(p.tag);
-    sections.names.iter().any(named)
+/// The blocks of one group, as indices into the file's blocks.
+struct Members<'a> {
+    name: &'a str,
+    blocks: Vec<usize>,
 }
 
-/// The names of physical groups, each once, in the file's order.
-fn names(sections: &Sections) -> Vec<&str> {
-    let mut names: Vec<&str> = Vec::new();
-    for PhysicalName { name, .. } in &sections.names {
-        if !names.contains(&name.as_str()) {
-            names.push(name);
+/// The groups by name, in the file's order, each with its blocks. Found in one pass over the blocks, so
+/// that many small blocks in many groups cost no more time than they take room in the file.
+fn groups(sections: &Sections) -> Vec<Members<'_>> {
+    let mut groups: Vec<Members> = Vec::new();
+    let mut by_tag: BTreeMap<(u8, u32), usize> = BTreeMap::new();
+    for PhysicalName { dim, tag, name, .. } in &sections.names {
+        let known = groups.iter().position(|group| group.name == name);
+        let index = known.unwrap_or(groups.len());
+        if known.is_none() {
+            let blocks = Vec::new();
+            groups.push(Members { name, blocks });
+        }
+        by_tag.insert((*dim, *tag), index);
+    }
+    for (number, block) in sections.blocks.iter().enumerate() {
+        let entity = sections.entities.get(&(block.dim, block.entity));
+        for tag in entity.into_iter().flat_map(|entity| &entity.physical) {
+            let index = by_tag.get(&(block.dim, *tag));
+            let group = index.and_then(|&index| groups.get_mut(index));
+            if let Some(group) = group.filter(|group| group.blocks.last() != Some(&number)) {
+                group.blocks.push(number);
+            }
         }
     }
-    names
+    groups
 }
 
 fn vertex_groups(
     sections: &Sections,
+    groups: &[Members],
     places: &BTreeMap<u64, usize>,
     vertices: &[u32],
-    count: usize,
 ) -> Result<Vec<Group>, GmshError> {
     // Lines and points have to name existing nodes whether or not they are in a group.
     for element in sections.blocks.iter().flat_map(|block| &block.elements) {
         nodes_of(element, places)?;
     }
-    let mut groups = Vec::new();
-    for name in names(sections) {
-        let mut member = vec![false; count];
-        let blocks = sections
-            .blocks
-            .iter()
-            .filter(|block| belongs(block, name, sections));
+    let mut found = Vec::new();
+    for group in groups {
+        let mut members = Vec::new();
+        let blocks = group.blocks.iter().filter_map(|&k| sections.blocks.get(k));
         for element in blocks.flat_map(|block| &block.elements) {
             for node in nodes_of(element, places)? {
-                if let Some(member) = member.get_mut(vertices[node] as usize) {
-                    *member = true;
-                }
+                members.extend(vertices.get(node).filter(|&&vertex| vertex != UNUSED));
             }
         }
-        push_group(&mut groups, name, &member);
+        push_group(&mut found, group.name, members);
     }
-    Ok(groups)
+    Ok(found)
 }
 
-fn triangle_groups(sections: &Sections) -> Vec<Group> {
-    let mut groups = Vec::new();
-    for name in names(sections) {
-        let blocks = sections.blocks.iter().filter(|block| block.dim == 2);
-        let member: Vec<bool> = blocks
-            .flat_map(|block| {
-                std::iter::repeat_n(belongs(block, name, sections), block.elements.len())
-            })
-            .collect();
-        push_group(&mut groups, name, &member);
-    }
-    groups
-}
-
-/// Adds the group of those indices at which `member` is true, unless there are none.
-fn push_group(groups: &mut Vec<Group>, name: &str, member: &[bool]) {
-    let members: Vec<u32> = (0_u32..)
-        .zip(member)
-        .filter(|&(_, &is)| is)
-        .map(|(index, _)| index)
+fn triangle_groups(sections: &Sections, groups: &[Members]) -> Vec<Group> {
+    // Where the triangles of each block start.
+    let starts: Vec<u32> = sections
+        .blocks
+        .iter()
+        .scan(0, |next, block| {
+            let start = *next;
+            *next += if block.dim == 2 {
+                block.elements.len() as u32
+            } else {
+                0
+            };
+            Some(start)
+        })
         .collect();
+    let mut found = Vec::new();
+    for group in groups {
+        let mut members = Vec::new();
+        for &number in &group.blocks {
+            if let (Some(block), Some(&start)) = (sections.blocks.get(number), starts.get(number))
+                && block.dim == 2
+            {
+                members.extend((start..).take(block.elements.len()));
+            }
+        }
+        push_group(&mut found, group.name, members);
+    }
+    found
+}
+
+/// Adds the group of these members, unless there are none.
+fn push_group(groups: &mut Vec<Group>, name: &str, mut members: Vec<u32>) {
+    members.sort_unstable();
+    members.dedup();
+    members.shrink_to_fit();
     if !members.is_empty() {
         groups.push(Group {
             name: name.to_owned(),

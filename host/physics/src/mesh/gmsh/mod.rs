@@ -16,14 +16,17 @@
 //! memory is taken in proportion to the text, never to a number in it.
 
 mod assemble;
-mod lines;
 mod sections;
 
+use super::lines::Unexpected;
 use super::{MeshError, TriMesh};
 use thiserror::Error;
 
 /// The most named physical groups that a file may have.
-pub const MAX_GROUPS: usize = 256;
+pub const MAX_GROUPS: usize = super::file::MAX_GROUPS;
+/// The most physical groups that one entity may be in. With it the room for groups is bounded by that for
+/// elements.
+pub const MAX_TAGS: usize = 16;
 
 /// Why a text is no mesh. Lines are counted from one; every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -100,6 +103,16 @@ pub enum GmshError {
         /// What is wrong with it.
         source: MeshError,
     },
+}
+
+impl From<Unexpected> for GmshError {
+    fn from(error: Unexpected) -> Self {
+        Self::Syntax {
+            line: error.line,
+            expected: error.expected,
+            found: error.found,
+        }
+    }
 }
 
 /// Reads a mesh from the text of an MSH 4.1 ASCII file. Coordinates are taken as metres.

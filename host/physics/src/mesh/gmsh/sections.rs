@@ -1,8 +1,9 @@
 //! The sections of an MSH 4.1 file as they stand, each checked for itself.
 
-use super::lines::{Fields, Lines, shortened};
-use super::{GmshError, MAX_GROUPS};
+use super::{GmshError, MAX_GROUPS, MAX_TAGS};
 use crate::Vec3;
+use crate::mesh::lines::{Fields, Lines};
+use crate::mesh::text::shortened;
 use std::collections::BTreeMap;
 
 /// What the file says, before one section is compared with another.
@@ -27,8 +28,8 @@ pub(super) struct PhysicalName {
 
 /// A point, curve, surface or volume of the model.
 pub(super) struct Entity {
-    /// Its physical groups, without their signs, ascending.
-    physical: Vec<u32>,
+    /// Its physical groups, without their signs.
+    pub(super) physical: Vec<u32>,
     line: usize,
 }
 
@@ -52,13 +53,6 @@ pub(super) struct Element {
     pub(super) line: usize,
 }
 
-impl Entity {
-    /// Whether the entity belongs to the physical group `tag` of its dimension.
-    pub(super) fn in_group(&self, tag: u32) -> bool {
-        self.physical.binary_search(&tag).is_ok()
-    }
-}
-
 /// Room for as many items as a file claims to hold, but no more than its text can hold: a node takes at
 /// least eight bytes there ("1" and "0 0 0" with their lines' ends), and so does a triangle ("1 1 2 3").
 fn room<T>(claimed: usize, text: &str) -> Vec<T> {
@@ -75,7 +69,9 @@ pub(super) fn read(text: &str) -> Result<Sections, GmshError> {
     while let Some(fields) = lines.next() {
         let section = fields.rest();
         if !section.starts_with('$') || section.starts_with("$End") {
-            return Err(fields.unexpected("the start of a section, such as $Nodes"));
+            return Err(fields
+                .unexpected("the start of a section, such as $Nodes")
+                .into());
         }
         let known = [
             "$MeshFormat",
@@ -120,7 +116,7 @@ pub(super) fn check_format(text: &str) -> Result<(), GmshError> {
 
 fn format(lines: &mut Lines) -> Result<(), GmshError> {
     version(lines)?;
-    lines.marker("$EndMeshFormat")
+    Ok(lines.marker("$EndMeshFormat")?)
 }
 
 fn version(lines: &mut Lines) -> Result<(), GmshError> {
@@ -134,7 +130,11 @@ fn version(lines: &mut Lines) -> Result<(), GmshError> {
     let kind = match fields.number("0 for ASCII or 1 for binary")? {
         0_u8 => "ASCII",
         1 => "binary",
-        _ => return Err(before.unexpected("a version and 0 for ASCII or 1 for binary")),
+        _ => {
+            return Err(before
+                .unexpected("a version and 0 for ASCII or 1 for binary")
+                .into());
+        }
     };
     if number == 4.1 && kind == "ASCII" {
         return Ok(());
@@ -157,7 +157,9 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
     let count: usize = fields.number("the number of physical names")?;
     fields.end()?;
     if count > MAX_GROUPS {
-        return Err(head.unexpected(&format!("at most {MAX_GROUPS} physical names")));
+        return Err(head
+            .unexpected(&format!("at most {MAX_GROUPS} physical names"))
+            .into());
     }
     let mut names: Vec<PhysicalName> = Vec::new();
     for _ in 0..count {
@@ -170,7 +172,7 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
             .strip_prefix('"')
             .and_then(|rest| rest.strip_suffix('"'));
         let Some(name) = name.filter(|name| !name.trim().is_empty()) else {
-            return Err(fields.unexpected("a name in double quotes"));
+            return Err(fields.unexpected("a name in double quotes").into());
         };
         if let Some(earlier) = names
             .iter()
@@ -212,13 +214,17 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
             for _ in 0..if dim == 0 { 3 } else { 6 } {
                 fields.word("an entity's coordinate")?;
             }
+            let before = fields;
             let tags: usize = fields.number("a number of physical tags")?;
+            if tags > MAX_TAGS {
+                let expected = format!("at most {MAX_TAGS} physical tags of one entity");
+                return Err(before.unexpected(&expected).into());
+            }
             let mut physical = Vec::new();
             for _ in 0..tags {
                 physical.push(fields.number::<i32>("a physical tag")?.unsigned_abs());
             }
-            // Sorted for `in_group`. What bounds the entity follows and does not matter here.
-            physical.sort_unstable();
+            // What bounds the entity follows and does not matter here.
             if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
                 let what = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
@@ -300,7 +306,7 @@ fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
         };
         if dim != expected_dim {
             let expected = format!("dimension {expected_dim} for elements of type {code}");
-            return Err(start.unexpected(&expected));
+            return Err(start.unexpected(&expected).into());
         }
         let mut elements = room(in_block, text);
         for _ in 0..in_block {
@@ -320,6 +326,9 @@ fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
         }
         total_found += elements.len();
         elements.shrink_to_fit();
+        if elements.is_empty() {
+            continue;
+        }
         blocks.push(Block {
             dim,
             entity,
@@ -359,7 +368,7 @@ fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
     let before = *fields;
     match fields.number("a dimension from 0 to 3")? {
         dim @ 0..=3 => Ok(dim),
-        _ => Err(before.unexpected("a dimension from 0 to 3")),
+        _ => Err(before.unexpected("a dimension from 0 to 3").into()),
     }
 }
 

@@ -1,10 +1,16 @@
 //! A text as lines of fields, with errors that name the line.
 
-use super::GmshError;
+use super::text::quoted;
 use std::str::FromStr;
 
-/// Found text longer than this many characters is shortened in errors.
-const SHOWN: usize = 40;
+/// Something else stands in a line than should.
+#[derive(Debug)]
+pub(super) struct Unexpected {
+    /// The line's number, from one.
+    pub(super) line: usize,
+    pub(super) expected: String,
+    pub(super) found: String,
+}
 
 /// The lines of a text that are not blank, each with its number.
 pub(super) struct Lines<'a> {
@@ -50,8 +56,8 @@ impl<'a> Lines<'a> {
     }
 
     /// The next line that is not blank, which should hold `expected`.
-    pub(super) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, GmshError> {
-        self.next().ok_or_else(|| GmshError::Syntax {
+    pub(super) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, Unexpected> {
+        self.next().ok_or_else(|| Unexpected {
             line: self.last.max(1),
             expected: expected.to_owned(),
             found: "the end of the file".to_owned(),
@@ -59,7 +65,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The next line, which should be `marker` alone.
-    pub(super) fn marker(&mut self, marker: &str) -> Result<(), GmshError> {
+    pub(super) fn marker(&mut self, marker: &str) -> Result<(), Unexpected> {
         let fields = self.expect(marker)?;
         if fields.rest == marker {
             Ok(())
@@ -76,13 +82,13 @@ impl<'a> Fields<'a> {
     }
 
     /// The error that `expected` should stand here instead of what does.
-    pub(super) fn unexpected(&self, expected: &str) -> GmshError {
+    pub(super) fn unexpected(&self, expected: &str) -> Unexpected {
         let found = if self.rest.is_empty() {
             "the end of the line".to_owned()
         } else {
             quoted(self.rest)
         };
-        GmshError::Syntax {
+        Unexpected {
             line: self.line,
             expected: expected.to_owned(),
             found,
@@ -90,7 +96,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field as text.
-    pub(super) fn word(&mut self, expected: &str) -> Result<&'a str, GmshError> {
+    pub(super) fn word(&mut self, expected: &str) -> Result<&'a str, Unexpected> {
         if self.rest.is_empty() {
             return Err(self.unexpected(expected));
         }
@@ -103,7 +109,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field as a number.
-    pub(super) fn number<T: FromStr>(&mut self, expected: &str) -> Result<T, GmshError> {
+    pub(super) fn number<T: FromStr>(&mut self, expected: &str) -> Result<T, Unexpected> {
         let word = self.word(expected)?;
         word.parse().map_err(|_| {
             Fields {
@@ -115,7 +121,7 @@ impl<'a> Fields<'a> {
     }
 
     /// The next field as a finite number.
-    pub(super) fn finite(&mut self, expected: &str) -> Result<f64, GmshError> {
+    pub(super) fn finite(&mut self, expected: &str) -> Result<f64, Unexpected> {
         let word = self.word(expected)?;
         let number = word.parse::<f64>().ok().filter(|number| number.is_finite());
         number.ok_or_else(|| {
@@ -128,29 +134,11 @@ impl<'a> Fields<'a> {
     }
 
     /// Checks that nothing is left of the line.
-    pub(super) fn end(&self) -> Result<(), GmshError> {
+    pub(super) fn end(&self) -> Result<(), Unexpected> {
         if self.rest.is_empty() {
             Ok(())
         } else {
             Err(self.unexpected("the end of the line"))
         }
-    }
-}
-
-/// Found text as an error shows it: on one line, quoted, not too long.
-fn quoted(text: &str) -> String {
-    let shown = shortened(text);
-    if shown.len() < text.len() {
-        format!("{shown:?}...")
-    } else {
-        format!("{shown:?}")
-    }
-}
-
-/// The start of a text, as much as an error shows.
-pub(super) fn shortened(text: &str) -> &str {
-    match text.char_indices().nth(SHOWN) {
-        Some((end, _)) => text.get(..end).unwrap_or_default(),
-        None => text,
     }
 }

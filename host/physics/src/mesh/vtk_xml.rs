@@ -1,0 +1,101 @@
+//! Meshes in VTK's XML formats for unstructured grids (`.vtu`) and polygons (`.vtp`), from a file's bytes.
+//!
+//! Source: "VTK File Formats" in the VTK documentation, section "XML Formats". Read are arrays as text
+//! (`ascii`), in base64 (`binary`) and appended, raw or in base64, uncompressed or compressed by zlib,
+//! in both byte orders. The format knows no units: coordinates are taken as metres.
+//!
+//! Triangles become the mesh's triangles; points and lines are passed over; any other cell is an error,
+//! for a mesh without it would have holes. What belongs to points, cells and the file (`PointData`,
+//! `CellData`, `FieldData`) is passed over. The file makes no groups.
+//!
+//! What unpacks to much more than the file's own size is refused: see [`MAX_RATIO`].
+
+mod data;
+mod document;
+
+use super::TriMesh;
+use super::file::{MeshFileError, Place};
+use super::vtk_array::Array;
+use super::vtk_cells::{Cells, POLYGON};
+use data::Unpacker;
+use document::{Document, Piece, Role};
+
+/// The most bytes that a file's compressed arrays unpack to, over the file's own length.
+///
+/// zlib packs up to a thousand times. What VTK writes of a regular grid, whose coordinates and numbers
+/// repeat more than those of other meshes, is packed six times.
+pub const MAX_RATIO: usize = 32;
+/// What compressed arrays may unpack to in any case (bytes): a small file may be mostly repetition.
+pub const MIN_UNPACKED: usize = 1 << 20;
+
+/// Reads a mesh from the bytes of a VTU or VTP file. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found.
+pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    let document = document::read(bytes)?;
+    let mut unpacker = Unpacker::new(bytes, &document.encoding);
+    let piece = &document.piece;
+    let at = Place::Line(piece.line);
+    if piece.strips > 0 {
+        return Err(MeshFileError::syntax(
+            at,
+            "no strips of triangles (cut to triangles first, as ParaView's filter Triangulate does)",
+            format!("{} strips", piece.strips),
+        ));
+    }
+
+    let points = array(&document, &mut unpacker, Role::Points)?;
+    count(piece, "coordinates", piece.points.checked_mul(3), &points)?;
+    let numbers = array(&document, &mut unpacker, Role::Connectivity)?;
+    let ends = array(&document, &mut unpacker, Role::Offsets)?;
+    count(piece, "ends of cells", Some(piece.cells), &ends)?;
+    let end_place = |cell| ends.place(cell);
+
+    let mut cells = Cells::new(points)?;
+    if document.is_grid {
+        let types = array(&document, &mut unpacker, Role::Types)?;
+        count(piece, "types of cells", Some(piece.cells), &types)?;
+        cells.add(types.integers(), ends.integers(), end_place, &numbers)?;
+    } else {
+        let types = std::iter::repeat_n(Ok(POLYGON), ends.len());
+        cells.add(types, ends.integers(), end_place, &numbers)?;
+    }
+    cells.finish(&numbers)
+}
+
+/// The array of this role. A file without points or cells may leave it out.
+fn array<'a>(
+    document: &Document<'a>,
+    unpacker: &mut Unpacker<'a>,
+    role: Role,
+) -> Result<Array<'a>, MeshFileError> {
+    let piece = &document.piece;
+    match piece.arrays.iter().find(|array| array.role == role) {
+        Some(array) => unpacker.array(array),
+        None if piece.points == 0 || piece.cells == 0 => Ok(Array::none(piece.line)),
+        None => Err(MeshFileError::syntax(
+            Place::Line(piece.line),
+            format!("a DataArray of {}", role.name()),
+            "none in this Piece",
+        )),
+    }
+}
+
+/// Checks that an array holds as many numbers as the piece says.
+fn count(
+    piece: &Piece,
+    what: &str,
+    claimed: Option<usize>,
+    array: &Array,
+) -> Result<(), MeshFileError> {
+    if claimed == Some(array.len()) {
+        return Ok(());
+    }
+    let claimed = claimed.map_or_else(|| "too many".to_owned(), |claimed| claimed.to_string());
+    Err(MeshFileError::syntax(
+        Place::Line(piece.line),
+        format!("{claimed} {what}, as this Piece says"),
+        format!("{} in the DataArray", array.len()),
+    ))
+}

@@ -1,0 +1,166 @@
+//! A local model as a ROS 2 message: its definition, and the way between it and [`LocalModel`].
+//!
+//! Only what is in use is kept: two handles cost two by two blocks, and where only translations are
+//! coupled (as for every device that actuates no rotation) a block is 3 x 3.
+
+use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6};
+
+use super::cdr::{CdrReader, CdrWriter};
+use super::geometry::geometry_messages;
+
+/// Name of the message type.
+pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/LocalModel";
+
+/// The message definition, with those that it uses.
+pub(super) const SCHEMA: &str = concat!(
+    "\
+# The linearized force of one body on all its handles. SI units; world axes; translation before rotation.
+# The tick that took it into use is the first whose body names its sequence number.
+uint64 sequence     # counts the models of this body, from one
+uint64 time_ns      # when the linearized state held
+float64 period      # of publication
+uint32 epoch        # of the topology
+uint8 body          # index in a tick's bodies
+uint8 block         # rows of a block: 6, or 3 where only translations are coupled
+palpate_msgs/Handle[] handles
+float64[] stiffness # (handles x block)^2 numbers, rows first
+float64[] damping   # the same
+================================================================================
+MSG: palpate_msgs/Handle
+geometry_msgs/Pose pose
+geometry_msgs/Twist twist
+geometry_msgs/Wrench wrench  # on the hand
+uint8 device                 # index in a tick's devices
+",
+    geometry_messages!()
+);
+
+/// A model read back from a log: which body's, and the model without what is not in use.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ModelRow {
+    /// Index of the body.
+    pub body: u8,
+    /// Counts the models of this body, from one.
+    pub sequence: u64,
+    /// When the linearized state held (ns).
+    pub time_ns: u64,
+    /// The publication period (s).
+    pub period: f64,
+    /// Counts the changes of topology.
+    pub epoch: u32,
+    /// The handles, at most [`MAX_HANDLES`].
+    pub handles: Vec<HandleReference>,
+    /// Rows of a block, 3 or 6.
+    block: usize,
+    /// Stiffness, then damping, as in the message.
+    matrices: [Vec<f64>; 2],
+}
+
+impl ModelRow {
+    /// The model as it was published.
+    pub fn model(&self) -> LocalModel {
+        let mut model = LocalModel {
+            sequence: self.sequence,
+            epoch: self.epoch,
+            time_ns: self.time_ns,
+            period: self.period,
+            handle_count: self.handles.len() as u8,
+            ..LocalModel::empty()
+        };
+        for (to, from) in model.handles.iter_mut().zip(&self.handles) {
+            *to = *from;
+        }
+        let (count, block) = (self.handles.len(), self.block);
+        let [stiffness, damping] = &self.matrices;
+        for (numbers, blocks) in [
+            (stiffness, &mut model.stiffness),
+            (damping, &mut model.damping),
+        ] {
+            let places = (0..count * block).flat_map(|r| (0..count * block).map(move |c| (r, c)));
+            for ((r, c), number) in places.zip(numbers) {
+                blocks[r / block][c / block][(r % block, c % block)] = *number;
+            }
+        }
+        model
+    }
+}
+
+/// Writes a model into `bytes`, replacing what was there.
+pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
+    let count = model.handles().count();
+    let block = if turns(model, count) { 6 } else { 3 };
+    let mut out = CdrWriter::begin(bytes);
+    out.u64(model.sequence);
+    out.u64(model.time_ns);
+    out.f64(model.period);
+    out.u32(model.epoch);
+    out.u8(body);
+    out.u8(block as u8);
+    out.u32(count as u32);
+    for handle in model.handles() {
+        out.pose(&handle.pose);
+        out.twist(&handle.twist);
+        out.wrench(&handle.wrench);
+        out.u8(handle.device);
+    }
+    for blocks in [&model.stiffness, &model.damping] {
+        out.u32((count * block * count * block) as u32);
+        for row in blocks.iter().take(count) {
+            for r in 0..block {
+                for matrix in row.iter().take(count) {
+                    (0..block).for_each(|c| out.f64(matrix[(r, c)]));
+                }
+            }
+        }
+    }
+}
+
+/// Whether a block has any entry beyond its translations. To the bit: a negative zero is one, too.
+fn turns(model: &LocalModel, count: usize) -> bool {
+    let entry = |m: &Mat6, r: usize, c: usize| (r >= 3 || c >= 3) && m[(r, c)].to_bits() != 0;
+    let turns = |m: &Mat6| (0..6).any(|r| (0..6).any(|c| entry(m, r, c)));
+    let rows = model.stiffness.iter().take(count);
+    let rows = rows.chain(model.damping.iter().take(count));
+    rows.flat_map(|row| row.iter().take(count)).any(turns)
+}
+
+/// Reads a model back; `None` if the message is short or its sizes make no sense.
+pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
+    let mut from = CdrReader::begin(message)?;
+    let (sequence, time_ns, period) = (from.u64()?, from.u64()?, from.f64()?);
+    let epoch = from.u32()?;
+    let (body, block) = (from.u8()?, usize::from(from.u8()?));
+    let count = from.u32()? as usize;
+    if count > MAX_HANDLES || !(block == 3 || block == 6) {
+        return None;
+    }
+    let handles = (0..count)
+        .map(|_| decode_handle(&mut from))
+        .collect::<Option<_>>()?;
+    let size = (count * block).pow(2);
+    let mut matrix = || {
+        if from.u32()? as usize != size {
+            return None;
+        }
+        (0..size).map(|_| from.f64()).collect::<Option<Vec<_>>>()
+    };
+    Some(ModelRow {
+        body,
+        sequence,
+        time_ns,
+        period,
+        epoch,
+        handles,
+        block,
+        matrices: [matrix()?, matrix()?],
+    })
+}
+
+fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
+    Some(HandleReference {
+        pose: from.pose()?,
+        twist: from.twist()?,
+        wrench: from.wrench()?,
+        device: from.u8()?,
+    })
+}

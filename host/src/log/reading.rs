@@ -1,0 +1,142 @@
+//! What a device gave in a tick, as the log keeps it: the input from which a run is replayed.
+
+use std::fmt;
+
+use firmware_proto::report::ReportError;
+use rt_core::controller::Reading;
+use rt_core::{DeviceError, DeviceState};
+
+use super::cdr::{CdrReader, CdrWriter};
+
+/// A device's state (device axes), or why there was none.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoggedReading(pub Result<DeviceState, ReadFault>);
+
+/// Why a device gave no state: [`DeviceError`] without its particulars.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReadFault {
+    /// Nothing new since the last read.
+    NoReport,
+    /// The device was gone; the system's error number.
+    Disconnected(i32),
+    /// It was busy.
+    Busy,
+    /// A report of a wrong length.
+    BadLength,
+    /// A report whose bytes were changed on the way.
+    BadCheckSum,
+    /// A report of another version of the protocol.
+    BadVersion,
+    /// A report of another kind.
+    BadKind,
+    /// A report with a field that no sender should send.
+    OutOfRange,
+}
+
+/// In the order of the constants in the message's definition, from one on.
+const FAULTS: [ReadFault; 8] = [
+    ReadFault::NoReport,
+    ReadFault::Disconnected(0),
+    ReadFault::Busy,
+    ReadFault::BadLength,
+    ReadFault::BadCheckSum,
+    ReadFault::BadVersion,
+    ReadFault::BadKind,
+    ReadFault::OutOfRange,
+];
+
+impl From<DeviceError> for ReadFault {
+    fn from(error: DeviceError) -> Self {
+        match error {
+            DeviceError::NoReport => Self::NoReport,
+            DeviceError::Disconnected(number) => Self::Disconnected(number),
+            DeviceError::Busy => Self::Busy,
+            DeviceError::Corrupt(report) => match report {
+                ReportError::Length { .. } => Self::BadLength,
+                ReportError::Crc { .. } => Self::BadCheckSum,
+                ReportError::Version { .. } => Self::BadVersion,
+                ReportError::Kind { .. } => Self::BadKind,
+                ReportError::OutOfRange { .. } => Self::OutOfRange,
+            },
+        }
+    }
+}
+
+impl From<&Reading> for LoggedReading {
+    fn from(reading: &Reading) -> Self {
+        Self(reading.map_err(ReadFault::from))
+    }
+}
+
+impl LoggedReading {
+    /// As a device gives it. The law asks whether there is a state, never why there is none: every report
+    /// that could not be used comes back as none at all.
+    ///
+    /// # Errors
+    /// Where there was none.
+    pub fn reading(&self) -> Reading {
+        self.0.map_err(|fault| match fault {
+            ReadFault::Disconnected(number) => DeviceError::Disconnected(number),
+            ReadFault::Busy => DeviceError::Busy,
+            _ => DeviceError::NoReport,
+        })
+    }
+
+    pub(super) fn encode(&self, out: &mut CdrWriter) {
+        let (state, status, system_error) = match &self.0 {
+            Ok(state) => (*state, 0, 0),
+            Err(fault) => {
+                let (kind, number) = match fault {
+                    ReadFault::Disconnected(number) => (ReadFault::Disconnected(0), *number),
+                    other => (*other, 0),
+                };
+                let place = FAULTS.iter().position(|f| *f == kind);
+                // All zero: a rotation of zero length cannot be taken for one that was read.
+                let mut nothing = DeviceState::resting();
+                nothing.pose.rotation.as_mut_unchecked().coords.fill(0.0);
+                (nothing, place.map_or(u8::MAX, |i| i as u8 + 1), number)
+            }
+        };
+        out.pose(&state.pose);
+        out.twist(&state.twist);
+        out.u64(state.device_time_ns);
+        out.u32(state.buttons);
+        out.u32(system_error as u32);
+        out.u8(status);
+    }
+
+    pub(super) fn decode(from: &mut CdrReader) -> Option<Self> {
+        let (pose, twist) = (from.pose()?, from.twist()?);
+        let (device_time_ns, buttons) = (from.u64()?, from.u32()?);
+        let system_error = from.u32()? as i32;
+        let status = from.u8()?;
+        let Some(place) = usize::from(status).checked_sub(1) else {
+            return Some(Self(Ok(DeviceState {
+                pose,
+                twist,
+                buttons,
+                device_time_ns,
+            })));
+        };
+        let fault = match *FAULTS.get(place)? {
+            ReadFault::Disconnected(_) => ReadFault::Disconnected(system_error),
+            other => other,
+        };
+        Some(Self(Err(fault)))
+    }
+}
+
+impl fmt::Display for ReadFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoReport => f.write_str("no report"),
+            Self::Disconnected(number) => write!(f, "disconnected (system error {number})"),
+            Self::Busy => f.write_str("busy"),
+            Self::BadLength => f.write_str("a report of a wrong length"),
+            Self::BadCheckSum => f.write_str("a report with a wrong check sum"),
+            Self::BadVersion => f.write_str("a report of another version"),
+            Self::BadKind => f.write_str("a report of another kind"),
+            Self::OutOfRange => f.write_str("a report with a field out of range"),
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! Replay: a logged run again, its device input, local models and times from the log, compared bit for bit.
+//!
+//! What is run is the tick: the same [`TickLoop`] on the controller that the scene describes. The physics
+//! is not: the models come from the log, so a replay does not depend on the machine that computes it, and
+//! a run under the real clock replays as a virtual one does. A log whose writer was killed replays as far
+//! as it goes.
+
+mod compare;
+
+pub use compare::{Difference, Field, Part, Value};
+
+use super::setup::controls;
+use crate::log::{Log, LoggedReading, ModelRow, TickRow};
+use crate::scene::{LoadedScene, Scene, SceneError};
+use rt_core::{Controller, Device};
+use runner::link::{LinkConfig, link};
+use runner::tick_loop::TickLoop;
+use serde::Serialize;
+use sim::ReplayDevice;
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Version of the JSON that `--json` writes.
+pub const SCHEMA: &str = "palpate.replay/1";
+
+/// Why a log cannot be replayed.
+#[derive(Debug, thiserror::Error)]
+pub enum ReplayError {
+    /// Its scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// There is nothing in it.
+    #[error("the log holds no ticks: there is nothing to replay")]
+    Empty,
+    /// A tick is not in it.
+    #[error(
+        "tick {expected} is not in the log, which goes on with tick {found}: its record found the \
+         log's ring full, and without its readings the run cannot be replayed"
+    )]
+    MissingTick {
+        /// The tick that should come.
+        expected: u64,
+        /// The one that does.
+        found: u64,
+    },
+    /// A model is not in it.
+    #[error(
+        "tick {tick} uses model {sequence} of body {body}, which is not in the log: it found the \
+         log's ring full, and without it the run cannot be replayed"
+    )]
+    MissingModel {
+        /// The first tick that uses it.
+        tick: u64,
+        /// Index of the body.
+        body: usize,
+        /// Number of the model.
+        sequence: u64,
+    },
+}
+
+/// What a replay found.
+#[derive(Clone, Debug, Serialize)]
+pub struct ReplayReport {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// Name of the scene.
+    pub scene: String,
+    /// What the log says of its run: clock, seed, version and others.
+    pub facts: BTreeMap<String, String>,
+    /// Whether the log has its end; without it, what is there was replayed.
+    pub complete: bool,
+    /// Ticks replayed.
+    pub ticks: u64,
+    /// Ticks that differ in any field.
+    pub differing: u64,
+    /// The first field of the first of them.
+    pub first: Option<Difference>,
+}
+
+impl ReplayReport {
+    /// Whether every bit of every tick came out as logged.
+    pub fn is_exact(&self) -> bool {
+        self.differing == 0
+    }
+}
+
+/// The scene that a log brings with it.
+///
+/// # Errors
+/// [`SceneError`] where this version does not take the scene.
+pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, SceneError> {
+    Scene::load_texts(&format!("{name} (its scene)"), &log.scene, &log.files)
+}
+
+/// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the share done.
+///
+/// # Errors
+/// [`ReplayError`] where the log lacks what a replay needs, or the scene cannot be built.
+pub fn replay(
+    log: &Log,
+    loaded: &LoadedScene,
+    mut progress: impl FnMut(f64),
+) -> Result<ReplayReport, ReplayError> {
+    let scene = &loaded.scene;
+    let models = check(log)?;
+    let (config, devices) = controls(loaded, scene.seed)?;
+    let devices = devices.iter().enumerate().map(|(index, device)| {
+        let readings = log.rows.iter().filter_map(|row| row.readings.get(index));
+        let readings = readings.map(LoggedReading::reading).collect();
+        ReplayDevice::new(device.capabilities(), readings)
+    });
+    // One model a body and one record wait at a time.
+    let (end, mut host, _) = link(&LinkConfig {
+        bodies: scene.bodies.len(),
+        stall: 0.0,
+        ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
+    });
+    let mut tick = TickLoop::new(Controller::new(&config), devices.collect(), end);
+
+    let mut report = ReplayReport {
+        schema: SCHEMA,
+        scene: scene.name.clone(),
+        facts: log.facts.clone(),
+        complete: log.complete,
+        ticks: log.rows.len() as u64,
+        differing: 0,
+        first: None,
+    };
+    let mut in_use = Vec::new();
+    for (row, number) in log.rows.iter().zip(0_u64..) {
+        for (body, sequence) in taken(row, &mut in_use) {
+            if let Some(model) = models.get(&(body, sequence)) {
+                // Refused where this scene has no such body, which the comparison then says.
+                let _ = host.publish(body, &model.model());
+            }
+        }
+        let now = TickRow::from(&tick.tick(row.time_ns, row.lateness_ns));
+        host.drain(|_| ());
+        if let Some(difference) = compare::first_difference(row, &now) {
+            report.differing += 1;
+            report.first.get_or_insert(difference);
+        }
+        if number % 256 == 0 {
+            progress(number as f64 / report.ticks as f64);
+        }
+    }
+    Ok(report)
+}
+
+/// The models by body and number, once it is sure that every tick is there, and every model that one used.
+fn check(log: &Log) -> Result<BTreeMap<(usize, u64), &ModelRow>, ReplayError> {
+    if log.rows.is_empty() {
+        return Err(ReplayError::Empty);
+    }
+    let models: BTreeMap<_, _> = log
+        .models
+        .iter()
+        .map(|model| ((usize::from(model.body), model.sequence), model))
+        .collect();
+    let mut in_use = Vec::new();
+    for (row, expected) in log.rows.iter().zip(0..) {
+        if row.tick != expected {
+            return Err(ReplayError::MissingTick {
+                expected,
+                found: row.tick,
+            });
+        }
+        for (body, sequence) in taken(row, &mut in_use) {
+            if !models.contains_key(&(body, sequence)) {
+                return Err(ReplayError::MissingModel {
+                    tick: row.tick,
+                    body,
+                    sequence,
+                });
+            }
+        }
+    }
+    Ok(models)
+}
+
+/// The models that a tick took into use: those whose numbers are not the ones `in_use` before it, by body.
+fn taken(row: &TickRow, in_use: &mut Vec<u64>) -> Vec<(usize, u64)> {
+    in_use.resize(row.bodies.len(), 0);
+    let bodies = row.bodies.iter().zip(in_use).enumerate();
+    bodies
+        .filter(|(_, (now, before))| now.sequence != **before)
+        .map(|(body, (now, before))| {
+            *before = now.sequence;
+            (body, now.sequence)
+        })
+        .collect()
+}
+
+impl fmt::Display for ReplayReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let fact = |name: &str| self.facts.get(name).map_or("unknown", String::as_str);
+        writeln!(
+            f,
+            "{}: replay of a run under the {} clock, seed {}, by version {} on {}",
+            self.scene,
+            fact("clock"),
+            fact("seed"),
+            fact("version"),
+            fact("instructions")
+        )?;
+        if !self.complete {
+            writeln!(
+                f,
+                "  note       the log has no end (its writer was killed): what is there was replayed"
+            )?;
+        }
+        match &self.first {
+            None => writeln!(f, "  {} ticks reproduced exactly", self.ticks),
+            Some(first) => writeln!(
+                f,
+                "  {first}\n  {} of {} ticks differ",
+                self.differing, self.ticks
+            ),
+        }
+    }
+}

@@ -1,0 +1,296 @@
+//! A logged run comes back bit for bit, and what changed since is named with its tick and field.
+
+use firmware_proto::report::ReportError;
+use host::log::{Log, LogHeader, LogWriter};
+use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
+use host::run::setup::setup;
+use host::run::{AnyDevice, Clock, RunOptions, run};
+use host::scene::{LoadedScene, Scene};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use runner::link::LogRecord;
+use runner::tick_loop::TickLoop;
+use std::error::Error;
+use std::fs;
+use std::io::Cursor;
+use std::path::Path;
+use std::process::{Command, Output};
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+/// The log of a run, as bytes.
+fn logged(loaded: &LoadedScene, clock: Clock, duration: f64) -> Result<Vec<u8>, Box<dyn Error>> {
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("run.mcap");
+    let options = RunOptions {
+        duration: Some(duration),
+        log: Some(path.clone()),
+        ..RunOptions::new(clock)
+    };
+    run(loaded, &options, |_| {})?;
+    Ok(fs::read(path)?)
+}
+
+fn replayed(log: &Log) -> Result<ReplayReport, Box<dyn Error>> {
+    Ok(replay(log, &scene_of(log, "a log")?, |_| {})?)
+}
+
+/// What the replay says differs first.
+fn first(report: &ReplayReport) -> String {
+    report
+        .first
+        .as_ref()
+        .map_or("nothing".into(), ToString::to_string)
+}
+
+#[test]
+fn a_virtual_run_replays_exactly() -> Outcome {
+    let log = Log::parse(&logged(&Scene::embedded_default()?, Clock::Virtual, 2.0)?)?;
+    let report = replayed(&log)?;
+    assert!(report.is_exact(), "{}", first(&report));
+    assert_eq!((report.ticks, report.complete), (2000, true));
+    // It had models to work with and forces to reproduce.
+    assert!(log.models.len() > 400);
+    assert!(log.rows[1800].devices[0].wrench.force.norm() > 1.0);
+    assert!(report.to_string().contains("2000 ticks reproduced exactly"));
+    Ok(())
+}
+
+#[test]
+fn a_run_under_the_real_clock_replays_exactly() -> Outcome {
+    let log = Log::parse(&logged(&Scene::embedded_default()?, Clock::Real, 0.5)?)?;
+    let report = replayed(&log)?;
+    assert!(report.is_exact(), "{}", first(&report));
+    assert_eq!(report.ticks, 500);
+    assert!(!log.models.is_empty());
+    Ok(())
+}
+
+/// The mesh and the recordings that the scene names are in the log.
+#[test]
+fn a_log_needs_no_other_file() -> Outcome {
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let loaded = Scene::load(&scenes.join("cloth.toml"))?;
+    let log = Log::parse(&logged(&loaded, Clock::Virtual, 0.3)?)?;
+    assert_eq!(log.files, loaded.files);
+    assert!(
+        log.files
+            .values()
+            .any(|bytes| bytes.starts_with(b"$MeshFormat"))
+    );
+    let report = replayed(&log)?;
+    assert!(report.is_exact(), "{}", first(&report));
+    Ok(())
+}
+
+/// A device that falls silent, sends damaged reports and once a state that is not a number.
+struct Flaky(AnyDevice);
+
+impl Device for Flaky {
+    fn capabilities(&self) -> Capabilities {
+        self.0.capabilities()
+    }
+    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+        let state = self.0.read(now_ns)?;
+        match now_ns / 1_000_000 {
+            100..130 => Err(DeviceError::NoReport),
+            150..155 => Err(DeviceError::Corrupt(ReportError::Length { found: 3 })),
+            160 => {
+                let mut state = state;
+                state.pose.position.y = f64::NAN;
+                Ok(state)
+            }
+            170 => Err(DeviceError::Disconnected(19)),
+            _ => Ok(state),
+        }
+    }
+    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
+        self.0.write(now_ns, wrench)
+    }
+}
+
+#[test]
+fn a_device_that_fails_fails_again_in_the_same_ticks() -> Outcome {
+    let loaded = Scene::embedded_default()?;
+    let setup = setup(&loaded, 0.4, 1)?;
+    let devices = setup.tick.devices.into_iter().map(Flaky).collect();
+    let mut tick = TickLoop::new(setup.tick.controller, devices, setup.tick.end);
+    let mut ends = setup.log;
+    let header = LogHeader {
+        scene: loaded.source.text.clone(),
+        ..LogHeader::default()
+    };
+    let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;
+    for k in 0..400 {
+        tick.tick(k * setup.timing.period_ns, 0);
+        let mut written = Ok(());
+        ends.records(|record| {
+            if let LogRecord::Tick(telemetry) = record {
+                written = writer.write(telemetry);
+            }
+        });
+        written?;
+    }
+    let log = Log::parse(&writer.finish()?.into_inner())?;
+    assert!(!log.rows[110].devices[0].fresh && log.rows[200].devices[0].fresh);
+    let report = replayed(&log)?;
+    assert!(report.is_exact(), "{}", first(&report));
+    Ok(())
+}
+
+#[test]
+fn a_flipped_bit_of_a_force_is_named_with_its_tick_and_field() -> Outcome {
+    let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.5)?;
+    let mut log = Log::parse(&bytes)?;
+    let force = &mut log.rows[321].devices[1].wrench.force.y;
+    let now = *force;
+    *force = f64::from_bits(now.to_bits() ^ 1);
+    let planted = *force;
+    let report = replayed(&log)?;
+    assert_eq!(report.differing, 1);
+    assert_eq!(
+        first(&report),
+        format!("tick 321 (0.321 s): device 1 force.y: log {planted:?}, now {now:?}")
+    );
+    Ok(())
+}
+
+#[test]
+fn a_changed_input_or_model_shows_in_what_follows() -> Outcome {
+    let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.5)?;
+    let whole = Log::parse(&bytes)?;
+
+    let mut log = whole.clone();
+    let reading = &mut log.rows[200].readings[0].0;
+    if let Ok(state) = reading {
+        state.pose.position.x += 1e-12;
+    }
+    let report = replayed(&log)?;
+    let found = first(&report);
+    assert!(
+        found.starts_with("tick 200 (0.200 s): device 0 position.x: log "),
+        "{found}"
+    );
+
+    let mut log = whole;
+    log.models[20].handles[1].wrench.force.x += 1e-9;
+    let sequence = log.models[20].sequence;
+    let user = log
+        .rows
+        .iter()
+        .find(|row| row.bodies[0].sequence == sequence);
+    let user = user.ok_or("the model was used")?.tick;
+    let report = replayed(&log)?;
+    let tick = report.first.as_ref().map(|f| f.tick);
+    // It takes over from the one before within a few ticks, with no share in its first.
+    let expected = (user..user + 3).map(Some).collect::<Vec<_>>();
+    assert!(expected.contains(&tick), "{}", first(&report));
+    assert!(
+        first(&report).contains(": device 1 force."),
+        "{}",
+        first(&report)
+    );
+    Ok(())
+}
+
+#[test]
+fn another_parameter_of_the_controller_is_found_at_once() -> Outcome {
+    let loaded = Scene::embedded_default()?;
+    let log = Log::parse(&logged(&loaded, Clock::Virtual, 0.5)?)?;
+    let text = log.scene.replace("blend = 0.5 ", "blend = 1.0 ");
+    assert_ne!(text, log.scene);
+    let other = Scene::load_texts("another blend", &text, &log.files)?;
+    let report = replay(&log, &other, |_| {})?;
+    assert!(report.differing > 100, "{} ticks", report.differing);
+    let found = first(&report);
+    assert!(
+        found.contains(": device ") && found.contains(" force."),
+        "{found}"
+    );
+    Ok(())
+}
+
+#[test]
+fn what_lacks_a_tick_or_a_model_is_refused_and_says_which() -> Outcome {
+    let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.3)?;
+    let whole = Log::parse(&bytes)?;
+    let scene = scene_of(&whole, "a log")?;
+    let refused = |log: &Log| replay(log, &scene, |_| {}).err();
+
+    let mut log = whole.clone();
+    log.rows.remove(77);
+    assert!(matches!(
+        refused(&log),
+        Some(ReplayError::MissingTick {
+            expected: 77,
+            found: 78
+        })
+    ));
+    let mut log = whole.clone();
+    let missing = log.models.remove(9);
+    match refused(&log) {
+        Some(ReplayError::MissingModel { body, sequence, .. }) => {
+            assert_eq!((body, sequence), (0, missing.sequence));
+        }
+        other => panic!("{other:?}"),
+    }
+    let mut log = whole;
+    log.rows.clear();
+    assert!(matches!(refused(&log), Some(ReplayError::Empty)));
+    Ok(())
+}
+
+#[test]
+fn a_log_that_was_cut_short_replays_as_far_as_it_goes() -> Outcome {
+    let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 1.0)?;
+    let mut ticks = Vec::new();
+    for tenths in [9, 6, 3] {
+        let log = Log::parse(&bytes[..bytes.len() * tenths / 10])?;
+        let report = replayed(&log)?;
+        assert!(report.is_exact(), "{}", first(&report));
+        assert!(!report.complete);
+        ticks.push(report.ticks);
+    }
+    assert!(ticks[0] > ticks[1] && ticks[1] > ticks[2] && ticks[2] > 0);
+    Ok(())
+}
+
+fn palpate(arguments: &[&str]) -> Result<(Output, String), Box<dyn Error>> {
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(arguments)
+        .output()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    Ok((output, text))
+}
+
+#[test]
+fn the_command_says_exact_or_where_and_its_exit_code_agrees() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (log, scene, json) = (at("run.mcap"), at("other.toml"), at("replay.json"));
+    let (run, said) = palpate(&["run", "--duration", "0.5", "--log", &log])?;
+    assert!(run.status.success(), "{said}");
+
+    let (exact, said) = palpate(&["run", "--replay", &log])?;
+    assert_eq!(exact.status.code(), Some(0), "{said}");
+    assert!(said.contains("500 ticks reproduced exactly"), "{said}");
+
+    let text = Scene::embedded_default()?.source.text;
+    fs::write(&scene, text.replace("blend = 0.5 ", "blend = 1.0 "))?;
+    let (differs, said) = palpate(&["run", &scene, "--replay", &log, "--json", &json])?;
+    assert_eq!(differs.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains(" s): device ") && said.contains(" now "),
+        "{said}"
+    );
+    let json: serde_json::Value = serde_json::from_str(&fs::read_to_string(json)?)?;
+    assert_eq!(json["schema"], "palpate.replay/1");
+    assert!(json["first"]["tick"].is_u64(), "{json}");
+
+    let (none, said) = palpate(&["run", "--replay", &at("none.mcap")])?;
+    assert_eq!(none.status.code(), Some(1));
+    assert!(said.contains("none.mcap: cannot read this log"), "{said}");
+    let (both, _) = palpate(&["run", "--replay", &log, "--seed", "3"])?;
+    assert_eq!(both.status.code(), Some(2));
+    Ok(())
+}

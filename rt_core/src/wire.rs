@@ -1,0 +1,74 @@
+//! The host's side of the firmware protocol: from a device's report to a state, from a wrench to a report.
+//!
+//! Device units end here. The HID backend and the simulated wire share it, so what is simulated is what a
+//! real device goes through.
+
+use crate::device::{DeviceState, Freedom};
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use firmware_proto::report::{StateReport, WrenchReport, WrenchSi, flags};
+
+/// A device's own clock, counted on from its counter of 32 bits, which wraps every 71 minutes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DeviceClock {
+    last: Option<u32>,
+    time_us: u64,
+}
+
+impl DeviceClock {
+    /// Takes the counter of the next report (us); returns the time (ns). It starts at the first counter
+    /// and never goes back: a counter that jumps back (the device was restarted) counts on from there.
+    ///
+    /// ```
+    /// let mut clock = rt_core::wire::DeviceClock::default();
+    /// assert_eq!(clock.advance(u32::MAX - 499), (u64::from(u32::MAX) - 499) * 1000);
+    /// assert_eq!(clock.advance(500), (u64::from(u32::MAX) + 501) * 1000); // wrapped, 1 ms later
+    /// ```
+    pub fn advance(&mut self, counter_us: u32) -> u64 {
+        let step = match self.last {
+            None => counter_us,
+            Some(last) => match counter_us.wrapping_sub(last) {
+                // More than half the range ahead is behind.
+                step if step > u32::MAX / 2 => 0,
+                step => step,
+            },
+        };
+        self.last = Some(counter_us);
+        self.time_us = self.time_us.saturating_add(u64::from(step));
+        self.time_us.saturating_mul(1000)
+    }
+}
+
+/// The state that a report tells, in SI units. Where the device senses no rotation (`sensed`), what the
+/// report says of it is passed over.
+pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
+    let si = report.to_si();
+    let mut pose = Pose::at(Vec3::from(si.position));
+    let mut twist = Twist {
+        linear: Vec3::from(si.velocity),
+        angular: Vec3::zeros(),
+    };
+    if sensed == Freedom::Six {
+        let [w, x, y, z] = si.orientation;
+        let rotation = pose.rotation.as_mut_unchecked();
+        (rotation.w, rotation.i, rotation.j, rotation.k) = (w, x, y, z);
+        // Off by one per cent at most, which the report's check sees to.
+        pose.rotation.renormalize();
+        twist.angular = Vec3::from(si.angular_velocity);
+    }
+    DeviceState {
+        pose,
+        twist,
+        buttons: u32::from(report.buttons),
+        device_time_ns,
+    }
+}
+
+/// The report that asks a device for `wrench` (device axes). Numbers beyond the report's range end at its
+/// ends, and one that is not a number becomes zero.
+pub fn report_of(wrench: &Wrench, sequence: u16) -> WrenchReport {
+    let si = WrenchSi {
+        force: wrench.force.into(),
+        moment: wrench.moment.into(),
+    };
+    WrenchReport::from_si(sequence, &si, flags::ENABLE)
+}

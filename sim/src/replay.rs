@@ -1,0 +1,73 @@
+//! A device that gives again what it gave before: the readings of a recorded run, one a tick.
+
+use rt_core::controller::Reading;
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+
+/// A recorded device. Wrenches change nothing: what the hand did is what it did.
+#[derive(Clone, Debug)]
+pub struct ReplayDevice {
+    capabilities: Capabilities,
+    readings: Vec<Reading>,
+    next: usize,
+}
+
+impl ReplayDevice {
+    /// A device that gives `readings` in their order, one a call, then no report any more.
+    pub fn new(capabilities: Capabilities, readings: Vec<Reading>) -> Self {
+        Self {
+            capabilities,
+            readings,
+            next: 0,
+        }
+    }
+}
+
+impl Device for ReplayDevice {
+    fn capabilities(&self) -> Capabilities {
+        self.capabilities
+    }
+
+    /// The next reading, whatever the time: a run that missed a deadline recorded none for it.
+    fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
+        let reading = self.readings.get(self.next).copied();
+        self.next = self.next.saturating_add(1);
+        reading.unwrap_or(Err(DeviceError::NoReport))
+    }
+
+    /// Never fails.
+    fn write(&mut self, _now_ns: u64, _wrench: &Wrench) -> Result<(), DeviceError> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Freedom;
+
+    #[test]
+    fn readings_come_back_in_order_errors_among_them_and_then_nothing() {
+        let capabilities = Capabilities {
+            sensed: Freedom::Three,
+            actuated: Freedom::Three,
+            max_force: 1.0,
+            max_moment: 0.0,
+            workspace_radius: 0.1,
+            position_step: 1e-5,
+        };
+        let mut state = DeviceState::resting();
+        state.buttons = 3;
+        let readings = vec![
+            Ok(state),
+            Err(DeviceError::Busy),
+            Ok(DeviceState::resting()),
+        ];
+        let mut device = ReplayDevice::new(capabilities, readings.clone());
+        for expected in readings {
+            assert_eq!(device.read(0), expected);
+            assert_eq!(device.write(0, &Wrench::zero()), Ok(()));
+        }
+        assert_eq!(device.read(0), Err(DeviceError::NoReport));
+        assert_eq!(device.capabilities(), capabilities);
+    }
+}

@@ -1,0 +1,233 @@
+//! The ticks that are counted: every scheme, number of handles and situation.
+
+use palpate_tests::law::{
+    AGE_LIMIT_NS, HANDLES, Limits, MODEL_NS, PATIENCE, SCHEMES, law, model, reading, scheme,
+};
+use rt_core::controller::Reading;
+use rt_core::coupling::HostState;
+use rt_core::safety::SafetyState;
+use rt_core::{Controller, DeviceError, DeviceState, LocalModel, MAX_DEVICES, Telemetry, Wrench};
+use std::hint::black_box;
+
+/// Ticks until every smooth start is over.
+const SETTLE: usize = 300;
+/// A period so long that the blend of its model never ends while anyone looks (s).
+const ENDLESS: f64 = 1e9;
+/// The period of a model that is blended in long before [`SETTLE`] ticks are over (s).
+const BRIEF: f64 = 0.004;
+
+/// What a tick meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Situation {
+    /// The least there can be: an old acquaintance of a model, hands at its reference.
+    AtRest,
+    /// Hands that move and turn.
+    Moving,
+    /// Moving hands, in the middle of a blend.
+    Blending,
+    /// No number came from the devices; the last states stay. In a blend.
+    NotANumber,
+    /// The devices have been silent for long. In a blend.
+    Silent,
+    /// The model is too old, in a blend, and the force is beyond the limits.
+    Fading,
+    /// A model comes whose very last number in use is none, in a blend, beyond the limits.
+    Refused,
+    /// A sound model comes in the middle of a blend, beyond the limits.
+    NewModel,
+}
+
+impl Situation {
+    pub(crate) const ALL: [Self; 8] = [
+        Self::AtRest,
+        Self::Moving,
+        Self::Blending,
+        Self::NotANumber,
+        Self::Silent,
+        Self::Fading,
+        Self::Refused,
+        Self::NewModel,
+    ];
+
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::AtRest => "at rest",
+            Self::Moving => "moving",
+            Self::Blending => "blending",
+            Self::NotANumber => "not a number",
+            Self::Silent => "silent",
+            Self::Fading => "fading",
+            Self::Refused => "refused",
+            Self::NewModel => "new model",
+        }
+    }
+
+    fn limits(self) -> Limits {
+        match self {
+            Self::Fading | Self::Refused | Self::NewModel => Limits::NARROW,
+            _ => Limits::WIDE,
+        }
+    }
+}
+
+/// One tick to count.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Case {
+    pub(crate) scheme: &'static str,
+    pub(crate) handles: usize,
+    pub(crate) situation: Situation,
+}
+
+impl Case {
+    pub(crate) fn all() -> impl Iterator<Item = Self> {
+        SCHEMES.into_iter().flat_map(|scheme| {
+            HANDLES.into_iter().flat_map(move |handles| {
+                Situation::ALL.into_iter().map(move |situation| Self {
+                    scheme,
+                    handles,
+                    situation,
+                })
+            })
+        })
+    }
+
+    /// As the table calls it.
+    pub(crate) fn name(&self) -> String {
+        format!(
+            "{}, {}, {}",
+            self.scheme,
+            self.handles,
+            self.situation.name()
+        )
+    }
+
+    /// Everything just before the tick.
+    pub(crate) fn prepare(&self) -> Prepared {
+        let situation = self.situation;
+        let mut law = law(scheme(self.scheme), self.handles, situation.limits());
+        let at_rest = situation == Situation::AtRest;
+        let readings = |k: usize| {
+            if at_rest {
+                [Ok(DeviceState::resting()); MAX_DEVICES]
+            } else {
+                reading(0.1 * k as f64)
+            }
+        };
+        let mut first = model(self.handles, BRIEF);
+        if at_rest {
+            // The hands are exactly where the model has them: no rotation to take the logarithm of.
+            let (_, seen) = law.tick(MODEL_NS, &readings(0));
+            for (handle, device) in first.handles.iter_mut().zip(seen.devices()) {
+                handle.pose = device.pose;
+            }
+        }
+        law.accept(0, &first).expect("the first model is sound");
+        for k in 0..SETTLE {
+            law.tick(MODEL_NS, &readings(k));
+        }
+        let mut last = first;
+        if !matches!(situation, Situation::AtRest | Situation::Moving) {
+            last.period = ENDLESS;
+            last.time_ns += 1;
+            law.accept(0, &last).expect("the second model is sound");
+            law.tick(last.time_ns, &readings(SETTLE));
+        }
+        let mut prepared = Prepared {
+            law,
+            model: None,
+            now_ns: MODEL_NS,
+            readings: readings(SETTLE),
+        };
+        prepared.meet(situation, &last);
+        prepared
+    }
+}
+
+/// A tick that is about to happen.
+#[derive(Clone)]
+pub(crate) struct Prepared {
+    law: Controller,
+    model: Option<LocalModel>,
+    now_ns: u64,
+    readings: [Reading; MAX_DEVICES],
+}
+
+impl Prepared {
+    fn meet(&mut self, situation: Situation, last: &LocalModel) {
+        let newer = LocalModel {
+            time_ns: last.time_ns + 1,
+            ..*last
+        };
+        match situation {
+            Situation::AtRest | Situation::Moving | Situation::Blending => {}
+            Situation::NotANumber => {
+                for state in self.readings.iter_mut().flatten() {
+                    state.twist.angular.z = f64::NAN;
+                }
+            }
+            Situation::Silent => {
+                self.readings = [Err(DeviceError::NoReport); MAX_DEVICES];
+                for _ in 0..=PATIENCE {
+                    self.law.tick(MODEL_NS, &self.readings);
+                }
+            }
+            Situation::Fading => self.now_ns = MODEL_NS + 2 * AGE_LIMIT_NS,
+            Situation::Refused => {
+                let mut spoilt = newer;
+                let last = usize::from(spoilt.handle_count) - 1;
+                spoilt.damping[last][last][(5, 5)] = f64::NAN;
+                self.model = Some(spoilt);
+            }
+            Situation::NewModel => self.model = Some(newer),
+        }
+    }
+
+    /// The tick.
+    pub(crate) fn run(&mut self) -> Telemetry {
+        let model = black_box(self.model.as_ref());
+        let (wrenches, telemetry) = measured_tick(
+            black_box(&mut self.law),
+            model,
+            black_box(self.now_ns),
+            black_box(&self.readings),
+        );
+        black_box(wrenches);
+        black_box(telemetry)
+    }
+
+    /// Whether the tick met what its situation says: a case that slipped would count something else.
+    pub(crate) fn met(&self, situation: Situation, telemetry: &Telemetry) -> bool {
+        let safety = telemetry.devices[0].safety;
+        let host = telemetry.bodies[0].state;
+        let fresh = telemetry.devices[0].fresh;
+        let counters = self.law.coupling_counters().next().unwrap_or_default();
+        match situation {
+            Situation::AtRest | Situation::Moving | Situation::Blending => {
+                fresh && safety == SafetyState::Normal && host == HostState::Live
+            }
+            Situation::NotANumber => !fresh && safety == SafetyState::Normal,
+            Situation::Silent => safety == SafetyState::DeviceStale,
+            Situation::Fading => safety == SafetyState::Limited && host == HostState::Fading,
+            Situation::Refused => safety == SafetyState::Limited && counters.not_finite == 1,
+            Situation::NewModel => safety == SafetyState::Limited && counters.accepted == 3,
+        }
+    }
+}
+
+/// [`measured_tick`], as valgrind calls it.
+pub(crate) const MEASURED: &str = "instructions::cases::measured_tick";
+
+/// What is counted. The model comes in as it does in the loop.
+#[inline(never)]
+fn measured_tick(
+    law: &mut Controller,
+    model: Option<&LocalModel>,
+    now_ns: u64,
+    readings: &[Reading; MAX_DEVICES],
+) -> ([Wrench; MAX_DEVICES], Telemetry) {
+    if let Some(model) = model {
+        // Refusals are part of what is measured.
+        let _ = law.accept(0, model);
+    }
+    law.tick(now_ns, readings)
+}

@@ -1,0 +1,188 @@
+//! What one tick of the control law takes, in instructions and in time, at best and at worst:
+//!
+//! ```sh
+//! cargo run --release -p palpate-tests --example instructions              # compare
+//! cargo run --release -p palpate-tests --example instructions -- --refresh # write the table anew
+//! ```
+//!
+//! Counted with valgrind's callgrind in the optimized code that users run. Fails where a count is more
+//! than 5 % above `tests/instructions/expected.toml`, or where the dearest tick of a scheme takes more
+//! than [`MOST_RATIO`] times the cheapest. Times are printed beside the counts and judged by nobody.
+//!
+//! Called with `count`, it runs every case once for valgrind to count.
+
+mod callgrind;
+mod cases;
+mod expected;
+
+use callgrind::Count;
+use cases::{Case, Situation};
+use palpate_tests::law::{HANDLES, SCHEMES};
+use std::process::ExitCode;
+use std::time::Instant;
+
+/// How much dearer the dearest tick may be than the cheapest. Every loop of the law runs over as many
+/// handles as the body has, whatever the numbers, so there is a dearest tick: the one that takes in a
+/// model during a blend. It evaluates a linear model five times where the cheapest does it once (both
+/// models of a blend before the change and after it, and the old one at the new reference), checks the new
+/// model and mixes the two before it; what surrounds that is done once in both. So five, and a little.
+const MOST_RATIO: f64 = 6.0;
+/// How often each tick is timed.
+const TIMED: usize = 301;
+
+fn main() -> ExitCode {
+    let argument = std::env::args().nth(1);
+    let done = match argument.as_deref() {
+        None => compare(),
+        Some("--refresh") => refresh(),
+        Some("count") => run_each(),
+        Some(other) => Err(format!("{other}: not known; only --refresh is")),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs every case once.
+fn run_each() -> Result<(), String> {
+    for case in Case::all() {
+        let mut prepared = case.prepare();
+        let telemetry = prepared.run();
+        if !prepared.met(case.situation, &telemetry) {
+            return Err(format!(
+                "{}: met something else: {telemetry:?}",
+                case.name()
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Every case with its count.
+fn counted() -> Result<Vec<(Case, Count)>, String> {
+    let program = std::env::current_exe().map_err(|e| format!("no path to myself: {e}"))?;
+    let counts = callgrind::count(&program, "count", cases::MEASURED)?;
+    let cases: Vec<Case> = Case::all().collect();
+    if counts.len() != cases.len() {
+        return Err(format!(
+            "valgrind counted {} ticks of {}",
+            counts.len(),
+            cases.len()
+        ));
+    }
+    Ok(cases.into_iter().zip(counts).collect())
+}
+
+fn refresh() -> Result<(), String> {
+    let counts = counted()?;
+    print_table(&counts);
+    let mut table = expected::read()?;
+    let entries = counts
+        .iter()
+        .map(|(case, count)| (case.name(), [count.instructions, count.copies]));
+    table.insert(expected::toolchain()?, entries.collect());
+    expected::write(&table)?;
+    println!("Written to {}.", expected::path().display());
+    ratios(&counts)
+}
+
+fn compare() -> Result<(), String> {
+    if !callgrind::available() {
+        println!(
+            "!! SKIPPED: instruction counts: valgrind is not installed (apt-get install valgrind)"
+        );
+        return Ok(());
+    }
+    let counts = counted()?;
+    print_table(&counts);
+    ratios(&counts)?;
+    let toolchain = expected::toolchain()?;
+    let table = expected::read()?;
+    let Some(table) = table.get(&toolchain) else {
+        println!(
+            "!! SKIPPED: the comparison: the table has no counts for {toolchain}; add them with --refresh"
+        );
+        return Ok(());
+    };
+    let worse: Vec<String> = counts
+        .iter()
+        .filter_map(|(case, count)| expected::regression(&case.name(), *count, table))
+        .collect();
+    if worse.is_empty() {
+        println!("None is more than 5 % above the table for {toolchain}.");
+        return Ok(());
+    }
+    Err(format!(
+        "More than the table for {toolchain} allows (if on purpose: --refresh):\n{}",
+        worse.join("\n")
+    ))
+}
+
+/// Prints counts and times, one line for each scheme and number of handles.
+fn print_table(counts: &[(Case, Count)]) {
+    println!("One tick: instructions (+ copies of memory), then ns (median of {TIMED}, warm).\n");
+    let names = Situation::ALL.map(|situation| format!(" {} |", situation.name()));
+    println!("| scheme | handles |{}", names.concat());
+    println!("|---|---|{}", "---|".repeat(names.len()));
+    for row in counts.chunks(Situation::ALL.len()) {
+        let Some((first, _)) = row.first() else {
+            continue;
+        };
+        let cells = row.iter().map(|(case, count)| {
+            format!(
+                " {} (+{}), {} |",
+                count.instructions,
+                count.copies,
+                nanoseconds(*case)
+            )
+        });
+        println!(
+            "| {} | {} |{}",
+            first.scheme,
+            first.handles,
+            cells.collect::<String>()
+        );
+    }
+    println!();
+}
+
+/// Time of the tick (ns), the clock's own included.
+fn nanoseconds(case: Case) -> u128 {
+    let prepared = case.prepare();
+    let mut times: Vec<u128> = (0..TIMED)
+        .map(|_| {
+            let mut tick = prepared.clone();
+            let start = Instant::now();
+            tick.run();
+            start.elapsed().as_nanos()
+        })
+        .collect();
+    times.sort_unstable();
+    times.get(TIMED / 2).copied().unwrap_or_default()
+}
+
+/// Prints how much dearer the worst tick is than the best.
+fn ratios(counts: &[(Case, Count)]) -> Result<(), String> {
+    for (scheme, handles) in SCHEMES
+        .into_iter()
+        .flat_map(|scheme| HANDLES.map(|handles| (scheme, handles)))
+    {
+        let all = counts
+            .iter()
+            .filter(|(case, _)| case.scheme == scheme && case.handles == handles);
+        let instructions = all.map(|(_, count)| count.instructions);
+        let best = instructions.clone().min().unwrap_or_default();
+        let worst = instructions.max().unwrap_or_default();
+        let ratio = worst as f64 / best as f64;
+        println!("{scheme}, {handles}: worst {worst}, best {best}, ratio {ratio:.1}");
+        // Written so that no count at all fails as well.
+        if !(ratio <= MOST_RATIO) {
+            return Err(format!("the ratio is above {MOST_RATIO}"));
+        }
+    }
+    Ok(())
+}
