@@ -4,7 +4,6 @@ use super::{CommandError, load};
 use crate::atomic_file::write_atomically;
 use crate::log::{Log, LogError};
 use crate::run::replay::{ReplayError, replay, scene_of};
-use crate::scene::SceneError;
 use std::io;
 use std::path::Path;
 
@@ -17,8 +16,6 @@ pub(super) enum ReplayFileError {
     Log(#[from] LogError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    #[error("its scene: {0}")]
-    Scene(#[from] SceneError),
 }
 
 /// Replays the log at `path` on its own scene, or on the one at `scene`.

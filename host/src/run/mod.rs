@@ -313,8 +313,8 @@ fn not_replayable(parts: &Parts) -> Option<String> {
     let models = host.map_or(0, |host| host.end.refused_copies());
     (ticks + models > 0).then(|| {
         format!(
-            "the log cannot be replayed: {ticks} ticks and {models} models found its ring full and \
-             are not in it"
+            "{ticks} ticks and {models} models found the log's ring full and are not in it: it \
+             cannot be replayed, unless all that is missing is models that no tick used"
         )
     })
 }

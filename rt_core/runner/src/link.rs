@@ -53,7 +53,7 @@ impl LinkConfig {
     }
 }
 
-/// Makes the rings. Allocates and maps all their memory (at 1 kHz about 7 MB, and for each body 1 MB for
+/// Makes the rings. Allocates and maps all their memory (at 1 kHz about 10 MB, and for each body 1 MB for
 /// every 10 models a second).
 ///
 /// ```

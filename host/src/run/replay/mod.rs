@@ -87,9 +87,14 @@ impl ReplayReport {
 /// The scene that a log brings with it.
 ///
 /// # Errors
-/// [`SceneError`] where this version does not take the scene.
-pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, SceneError> {
-    Scene::load_texts(&format!("{name} (its scene)"), &log.scene, &log.files)
+/// [`ReplayError`] where this version does not take the scene, or the log is empty.
+pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
+    // Said first: a log that was killed in its first moments has no scene either.
+    if log.rows.is_empty() {
+        return Err(ReplayError::Empty);
+    }
+    let name = format!("{name} (its scene)");
+    Ok(Scene::load_texts(&name, &log.scene, &log.files)?)
 }
 
 /// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the share done.
