@@ -141,7 +141,7 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
                 VTK.replace("ASCII", "BINARY")
             )
             .into(),
-            "byte 57: expected 3000000000 numbers after this line, as it says, found 5 bytes up to the end of the file",
+            "byte 53: expected 3000000000 numbers after this line, as it says, found 5 bytes up to the end of the file",
         ),
         (
             "billion.vtu",

@@ -51,7 +51,7 @@ fn logs() -> io::Result<()> {
 
 #[test]
 fn a_log_that_is_cut_anywhere_gives_the_ticks_before_its_end() -> io::Result<()> {
-    let whole = fs::read(Path::new(FUZZ).join("seeds/log/short.mcap"))?;
+    let whole = fs::read(Path::new(FUZZ).join("seeds/log/short_log"))?;
     let mut last = 0;
     for end in (0..whole.len()).step_by(7) {
         let rows = read_log(&whole[..end]).map_or(0, |rows| rows.len());

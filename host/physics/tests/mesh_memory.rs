@@ -4,6 +4,7 @@
 //! each other would be counted together.
 #![allow(unsafe_code)]
 
+use physics::mesh::vtk_xml::{MAX_RATIO, MIN_UNPACKED};
 use physics::mesh::{TriMesh, read};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fmt::Write;
@@ -12,13 +13,15 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The most bytes that reading takes at once, over the file's length.
 ///
 /// The densest file is one of short lines. A triangle of eight bytes (`f 1 2 3` and the line's end)
-/// becomes 12 bytes of corners, 4 of line, 4 of each of its ten groups at most, three times as much while
-/// a list grows, and 48 bytes of edges with as much again for the sorted list: some 30 times the file. A
-/// compressed file adds what its arrays unpack to, at most `vtk_xml::MAX_RATIO` = 32 times; a triangle
-/// takes at least 3 bytes there, were numbers of one byte, and 21 in practice.
-const MOST_PER_BYTE: usize = 64;
-/// What reading takes in any case (bytes): zlib's window, what a small file may unpack to, messages.
-const CONSTANT: usize = (1 << 20) + (256 << 10);
+/// becomes 12 bytes of corners, 4 of line and 4 for each of its ten groups at most, up to three times as
+/// much while a list grows, and 48 bytes of edges: some 27 bytes for each of the file.
+const MOST_PER_BYTE: usize = 32;
+/// The same where arrays are compressed. They unpack to at most `MAX_RATIO` times the file; a triangle
+/// takes at least 7 bytes there (three numbers of one byte, and its end of four, for smaller ones do not
+/// count far), and grows as above, but has no groups: some 14 bytes for each that is unpacked.
+const MOST_PER_PACKED_BYTE: usize = 16 * MAX_RATIO;
+/// What reading takes in any case (bytes): zlib's window, a small file's arrays unpacked, messages.
+const CONSTANT: usize = (64 << 10) + 16 * MIN_UNPACKED;
 
 /// Counts what is allocated, and the most at any time.
 struct Counting;
@@ -127,28 +130,68 @@ fn hostile() -> Vec<(String, Vec<u8>)> {
     files
 }
 
-/// A file whose one array is `count` zeros, packed a thousand times.
-fn bomb(count: usize) -> Vec<u8> {
+/// A file of polygons whose arrays are compressed, each in one block.
+fn packed(points: usize, cells: usize, arrays: [(&str, &str, Vec<u8>); 3]) -> Vec<u8> {
     use flate2::{Compression, write::ZlibEncoder};
     use std::io::Write as _;
-    let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-    let zeros = vec![0; 1 << 16];
-    for _ in 0..count >> 16 {
-        encoder.write_all(&zeros).expect("memory takes all");
+    let mut tags = Vec::new();
+    let mut data = Vec::new();
+    for (name, kind, bytes) in arrays {
+        tags.push(format!(
+            "<DataArray Name=\"{name}\" type=\"{kind}\" format=\"appended\" offset=\"{}\"/>",
+            data.len()
+        ));
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
+        encoder.write_all(&bytes).expect("memory takes all");
+        let packed = encoder.finish().expect("memory takes all");
+        for length in [1, bytes.len(), bytes.len(), packed.len()] {
+            data.extend((length as u64).to_le_bytes());
+        }
+        data.extend(packed);
     }
-    let packed = encoder.finish().expect("memory takes all");
     let mut file = format!(
         "<VTKFile type=\"PolyData\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"><PolyData>\
-         <Piece NumberOfPoints=\"{}\" NumberOfPolys=\"1\"><Points><DataArray type=\"Float32\" \
-         format=\"appended\" offset=\"0\"/></Points></Piece></PolyData><AppendedData encoding=\"raw\">_",
-        count / 12
+         <Piece NumberOfPoints=\"{points}\" NumberOfPolys=\"{cells}\"><Points>{}</Points>\
+         <Polys>{}{}</Polys></Piece></PolyData><AppendedData encoding=\"raw\">_",
+        tags[0], tags[1], tags[2]
     )
     .into_bytes();
-    for length in [1, count, count, packed.len()] {
-        file.extend((length as u64).to_le_bytes());
-    }
-    file.extend(packed);
+    file.extend(data);
     file
+}
+
+/// Points that are packed a thousand times.
+fn bomb(points: usize) -> Vec<u8> {
+    let none = |name| (name, "Int32", Vec::new());
+    packed(
+        points,
+        0,
+        [
+            ("Points", "Float32", vec![0; 12 * points]),
+            none("connectivity"),
+            none("offsets"),
+        ],
+    )
+}
+
+/// One triangle again and again, in as few bytes as the format allows.
+fn packed_triangles(cells: usize) -> Vec<u8> {
+    let corners = [[0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let points = corners
+        .iter()
+        .flatten()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    let numbers = [0, 1, 2].repeat(cells);
+    let ends = (1..=cells)
+        .flat_map(|cell| (3 * cell as u32).to_le_bytes())
+        .collect();
+    let arrays = [
+        ("Points", "Float32", points),
+        ("connectivity", "UInt8", numbers),
+        ("offsets", "UInt32", ends),
+    ];
+    packed(3, cells, arrays)
 }
 
 /// A flat grid of `n` by `n` cells, each cut into two. With `groups`,
@@ -197,10 +240,19 @@ fn memory_is_bounded_by_the_length_of_the_file() {
         "f 1 2 3\n",
     );
     files.push(("g.obj".to_owned(), grouped));
-    files.push(("bomb.vtp".to_owned(), bomb(64 << 20)));
+    files.push(("bomb.vtp".to_owned(), bomb(5_000_000)));
+    // Small enough in all, and just below the greatest ratio.
+    files.push(("small.vtp".to_owned(), packed_triangles(9_000)));
+    files.push(("packed.vtp".to_owned(), packed_triangles(1_000_000)));
     for (name, bytes) in files {
         let (peak, result) = peak(&name, &bytes);
-        let most = MOST_PER_BYTE * bytes.len() + CONSTANT;
+        let compressed = bytes.windows(10).any(|piece| piece == b"compressor");
+        let each = if compressed {
+            MOST_PER_PACKED_BYTE
+        } else {
+            MOST_PER_BYTE
+        };
+        let most = each * bytes.len() + CONSTANT;
         println!(
             "{name}: {} bytes, peak {peak}, {:.1} a byte",
             bytes.len(),

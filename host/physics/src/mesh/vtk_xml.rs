@@ -24,9 +24,11 @@ use document::{Document, Piece, Role};
 ///
 /// zlib packs up to a thousand times. What VTK writes of a regular grid, whose coordinates and numbers
 /// repeat more than those of other meshes, is packed six times.
-pub const MAX_RATIO: usize = 32;
+pub const MAX_RATIO: usize = 16;
 /// What compressed arrays may unpack to in any case (bytes): a small file may be mostly repetition.
-pub const MIN_UNPACKED: usize = 1 << 20;
+pub const MIN_UNPACKED: usize = 64 << 10;
+/// The most that they may unpack to, however long the file (bytes): a grid of three million vertices.
+pub const MAX_UNPACKED: usize = 256 << 20;
 
 /// Reads a mesh from the bytes of a VTU or VTP file. Coordinates are taken as metres.
 ///

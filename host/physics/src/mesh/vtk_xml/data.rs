@@ -5,7 +5,7 @@
 //! each block packed; then the blocks. Lengths have four or eight bytes, as `header_type` says.
 
 use super::document::{Data, DataArray, Encoding};
-use super::{MAX_RATIO, MIN_UNPACKED};
+use super::{MAX_RATIO, MAX_UNPACKED, MIN_UNPACKED};
 use crate::mesh::file::{MeshFileError, Place};
 use crate::mesh::text::quoted_bytes;
 use crate::mesh::vtk_array::{Array, Origin};
@@ -44,7 +44,7 @@ impl<'a> Unpacker<'a> {
         Self {
             file,
             encoding,
-            budget: file.len().saturating_mul(MAX_RATIO).max(MIN_UNPACKED),
+            budget: (file.len().saturating_mul(MAX_RATIO)).clamp(MIN_UNPACKED, MAX_UNPACKED),
         }
     }
 
