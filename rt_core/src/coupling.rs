@@ -3,8 +3,8 @@
 //! **Change of model.** The old model is re-expressed at the new one's reference, with its reference
 //! wrench chosen so that at the present poses and velocities it renders exactly what it rendered before;
 //! then wrench, stiffness and damping pass linearly to the new ones over half a publication period (the
-//! blend of the multirate study), two ticks at least. A model that arrives during a blend starts from the
-//! blended one.
+//! blend of the multirate study), or half the time since the last model if that was longer, two ticks at
+//! least. A model that arrives during a blend starts from the blended one.
 //!
 //! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
@@ -200,9 +200,12 @@ impl Coupling {
                 Wrench::zero()
             };
         }
+        // After a gap the two models differ by what happened in it: the blend takes its share of that.
+        let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
+        let interval = gap.min(self.config.age_limit).max(shaped.period);
+        let ticks = libm::ceil(self.config.blend * interval / self.config.period).max(2.0);
         self.from = from;
         self.to = shaped;
-        let ticks = libm::ceil(self.config.blend * shaped.period / self.config.period).max(2.0);
         self.share_step = 1.0 / ticks;
         self.share = 0.0;
         count_one(&mut self.counters.accepted);

@@ -1,11 +1,11 @@
 //! The table of times with residuals and force errors.
 
+use crate::budget;
 use crate::common::{Spread, timed};
+use crate::stages::product_time;
 use crate::stretch::{
     BEGIN, BENDING, CELLS, Case, DAMPING, MATERIAL, PULL, PULLS_PER_SECOND, STEPS, TREMOR, case,
 };
-use crate::{budget, product};
-use divan::black_box;
 use physics::Vec3;
 use physics::fem::{Budget, HandlePose, Material, Sheet, SolveReport};
 
@@ -42,20 +42,6 @@ fn difference(a: &[Vec3; 2], b: &[Vec3; 2]) -> f64 {
 
 fn step(sheet: &mut Sheet, dt: f64, poses: &[HandlePose]) -> SolveReport {
     sheet.step(dt, poses).expect("it steps")
-}
-
-/// Median processor time of one product (s).
-fn product_time(sheet: &Sheet) -> f64 {
-    const REPEATS: u32 = 50;
-    let x: Vec<Vec3> = sheet.velocities().collect();
-    let mut y = vec![Vec3::zeros(); x.len()];
-    let mut batch = || {
-        for _ in 0..REPEATS {
-            product(black_box(sheet), black_box(&x), black_box(&mut y));
-        }
-    };
-    let times = (0..50).map(|_| timed(&mut batch).0 / f64::from(REPEATS));
-    Spread::of(times.collect()).median
 }
 
 /// Runs all rows over the same motion; gives them, the largest force (N), and the time of a product (s).
@@ -99,7 +85,7 @@ fn run(bending: f64, dt: f64) -> (Vec<Row>, f64, f64) {
             row.run_error = row.run_error.max(difference(&forces(&row.own), &reference));
         }
     }
-    (rows, largest, product_time(&tight))
+    (rows, largest, product_time(&tight).median)
 }
 
 fn with_budget(sheet: &Sheet, budget: Budget) -> Sheet {

@@ -5,13 +5,14 @@
 //!
 //! A **table** sets the time of a whole step (`assemble` and `solve`) beside what the solver left: its
 //! residual, and the force error against a solution solved to 1e-12. A time without them says nothing.
-//! **divan** then measures the step and its stages again: assembling, one product of the free part of the
-//! stiffness with a vector, and condensing onto the hands (factorization and six columns), which is done
-//! once a publication.
+//! Another gives the stages alone: assembling, one product of the free part of the stiffness with a vector,
+//! and condensing onto the hands (factorization and six columns), which is done once a publication.
+//! **divan** then measures steps and stages again, in wall time: on a busy machine trust the tables.
 
 #[path = "../common/mod.rs"]
 mod common;
 mod errors;
+mod stages;
 mod stretch;
 
 use common::tables_wanted;
@@ -26,6 +27,7 @@ const SHEETS: [&str; 2] = ["membrane", "with bending"];
 fn main() {
     if tables_wanted() {
         errors::print();
+        stages::print();
     }
     divan::main();
 }
