@@ -204,6 +204,13 @@ impl Coupling {
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(shaped.period);
         let ticks = libm::ceil(self.config.blend * interval / self.config.period).max(2.0);
+        // A blend that is under way is not cut short by the next model either.
+        let left = if self.share < 1.0 {
+            (1.0 - self.share) / self.share_step
+        } else {
+            0.0
+        };
+        let ticks = ticks.max(left);
         self.from = from;
         self.to = shaped;
         self.share_step = 1.0 / ticks;
