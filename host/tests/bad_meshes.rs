@@ -1,6 +1,7 @@
 //! A scene with a bad mesh, as a person meets it: one line, exit code 2, and nothing written.
 
 use std::error::Error;
+use std::ffi::OsString;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -70,7 +71,7 @@ fn refused(name: &str, mesh: &[u8]) -> Result<String, Box<dyn Error>> {
         .map(|entry| entry.map(|entry| entry.file_name()))
         .collect::<Result<_, _>>()?;
     left.sort();
-    let mut expected = [name.into(), "scene.toml".into()];
+    let mut expected = [OsString::from(name), OsString::from("scene.toml")];
     expected.sort();
     assert_eq!(left, expected, "nothing was written");
 
