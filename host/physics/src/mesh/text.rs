@@ -31,5 +31,10 @@ pub(super) fn shortened(text: &str) -> &str {
 /// The line, from one, in which a byte stands.
 pub(super) fn line_of(bytes: &[u8], offset: usize) -> usize {
     let before = bytes.get(..offset).unwrap_or(bytes);
-    1 + before.iter().filter(|&&byte| byte == b'\n').count()
+    1 + newlines(before)
+}
+
+/// How many lines end within these bytes.
+pub(super) fn newlines(bytes: &[u8]) -> usize {
+    bytes.split(|&byte| byte == b'\n').skip(1).count()
 }

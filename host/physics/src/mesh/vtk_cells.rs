@@ -91,11 +91,11 @@ impl<'a> Cells<'a> {
         nodes.finish()
     }
 
-    fn cell<'n>(
+    fn cell(
         &mut self,
         code: i64,
         size: usize,
-        nodes: &mut Nodes<'n, impl Iterator<Item = Result<i64, MeshFileError>>>,
+        nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
     ) -> Result<(), MeshFileError> {
         let start = nodes.at;
         let is_triangle = size == 3 && matches!(code, TRIANGLE | POLYGON);
@@ -120,9 +120,9 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    fn vertex<'n>(
+    fn vertex(
         &self,
-        nodes: &mut Nodes<'n, impl Iterator<Item = Result<i64, MeshFileError>>>,
+        nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
     ) -> Result<u32, MeshFileError> {
         let place = nodes.at;
         let number = nodes.next()?;

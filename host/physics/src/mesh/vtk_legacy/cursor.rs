@@ -1,7 +1,7 @@
 //! A file that is lines of text in part and bytes in part.
 
 use crate::mesh::file::{MeshFileError, Place};
-use crate::mesh::text::{quoted, quoted_bytes};
+use crate::mesh::text::{newlines, quoted, quoted_bytes};
 use crate::mesh::vtk_array::{Array, Origin, Scalar, nth_word, words};
 use std::borrow::Cow;
 
@@ -48,7 +48,7 @@ impl<'a> Cursor<'a> {
             return Place::Byte(self.at);
         }
         let passed = self.file.get(self.counted..self.at).unwrap_or_default();
-        self.lines += passed.iter().filter(|&&byte| byte == b'\n').count();
+        self.lines += newlines(passed);
         self.counted = self.at;
         Place::Line(1 + self.lines)
     }

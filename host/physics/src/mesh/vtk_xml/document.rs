@@ -1,7 +1,7 @@
 //! The tags of a VTU or VTP file: which arrays there are, and where. No number of an array is read here.
 
 use crate::mesh::file::{MeshFileError, Place};
-use crate::mesh::text::{line_of, quoted};
+use crate::mesh::text::{line_of, newlines, quoted};
 use crate::mesh::vtk_array::Scalar;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
@@ -108,7 +108,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             .unwrap_or(usize::MAX)
             .min(file.len());
         let passed = file.get(counted..at).unwrap_or_default();
-        line += passed.iter().filter(|&&byte| byte == b'\n').count();
+        line += newlines(passed);
         counted = at;
         let place = Place::Line(line);
         let wrong = |expected: &str, found: String| MeshFileError::syntax(place, expected, found);
