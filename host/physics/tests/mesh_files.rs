@@ -215,7 +215,7 @@ fn wrong_legacy_files_are_refused_with_their_line() {
     const POINTS: &str = "POINTS 4 float\n0 0 0 1 0 0\n1 1 0 0 1 0\n";
     let cases = [
         (
-            "".to_owned(),
+            String::new(),
             "line 1: expected # vtk DataFile Version 2.0 to 5.1, found the end of the file",
         ),
         (
