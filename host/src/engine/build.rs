@@ -149,7 +149,7 @@ pub fn mesh(loaded: &LoadedScene, index: usize) -> Result<TriMesh, SceneError> {
             mesh::read(name, bytes).map_err(|source| SceneError::Mesh {
                 place: loaded.source.place(&format!("body[{index}].mesh.file")),
                 path: file.map_or_else(|| name.into(), |file| file.path.clone()),
-                source,
+                source: Box::new(source),
             })
         }
     }

@@ -61,7 +61,7 @@ pub enum SceneError {
         /// The file.
         path: PathBuf,
         /// What is wrong with it, and where.
-        source: MeshFileError,
+        source: Box<MeshFileError>,
     },
     /// A file that the scene names cannot be read.
     #[error("{place}: cannot read {}: {source}", path.display())]
