@@ -10,6 +10,7 @@
 //!   valid log without its index, and [`Log::parse`] reads it.
 
 mod cdr;
+mod chunks;
 mod read;
 mod tick;
 
