@@ -61,3 +61,15 @@ fn a_log_that_is_cut_anywhere_gives_the_ticks_before_its_end() -> io::Result<()>
     assert!(last > 0);
     Ok(())
 }
+
+#[test]
+fn a_record_that_reaches_beyond_its_chunk_is_an_error() -> io::Result<()> {
+    let bytes = fs::read(Path::new(FUZZ).join("corpus/log/record_beyond_its_chunk"))?;
+    let error = read_log(&bytes).expect_err("the file is damaged");
+    let text = error.to_string();
+    assert!(
+        text.starts_with("not an MCAP file, or a damaged one"),
+        "{text}"
+    );
+    Ok(())
+}

@@ -167,30 +167,35 @@ fn numbers_that_are_damaged_where_they_matter_are_found() {
 }
 
 #[test]
-fn every_element_may_be_in_every_group() {
-    // The most work that a text can ask for: the product of elements and groups, which the limit on
-    // names bounds.
+fn every_element_may_be_in_many_groups() {
+    // The most work that a text can ask for: the product of elements and of an entity's groups, which
+    // the limit on its tags bounds.
     let triangles = 20_000;
     let lines = |count: u32, line: &dyn Fn(u32) -> String| {
         (1..=count).map(line).collect::<Vec<_>>().join("\n")
     };
     let names = lines(256, &|tag| format!("2 {tag} \"name {tag}\""));
-    let tags = lines(triangles, &|tag| (tag % 256 + 1).to_string()).replace('\n', " ");
+    let tags = lines(16, &|tag| (2 * tag).to_string()).replace('\n', " ");
     let nodes = lines(triangles + 2, &|tag| tag.to_string());
     let places = lines(triangles + 2, &|k| format!("{} {} 0", k / 2, k % 2));
     let elements = lines(triangles, &|k| format!("{k} {k} {} {}", k + 1, k + 2));
     let text = format!(
         "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n256\n{names}\n$EndPhysicalNames\n\
-         $Entities\n0 0 1 0\n1 0 0 0 1 1 0 {triangles} {tags} 0\n$EndEntities\n\
+         $Entities\n0 0 1 0\n1 0 0 0 1 1 0 16 {tags} 0\n$EndEntities\n\
          $Nodes\n1 {n} 1 {n}\n2 1 0 {n}\n{nodes}\n{places}\n$EndNodes\n\
          $Elements\n1 {triangles} 1 {triangles}\n2 1 2 {triangles}\n{elements}\n$EndElements\n",
         n = triangles + 2,
     );
     let mesh = parse(&text).unwrap();
-    assert_eq!(mesh.triangle_groups.len(), 256);
+    assert_eq!(mesh.triangle_groups.len(), 16);
     assert!(
         mesh.triangle_groups
             .iter()
             .all(|g| g.members.len() == 20_000)
+    );
+    let more = text.replace("1 1 0 16 2 4", "1 1 0 17 2 3 4");
+    assert_eq!(
+        parse(&more).unwrap_err().to_string(),
+        "line 265: expected at most 16 physical tags of one entity, found \"17 2 3 4 6 8 10 12 14 16 18 20 22 24 26 \"..."
     );
 }

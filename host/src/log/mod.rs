@@ -13,6 +13,7 @@
 //!   valid log without its index, and [`Log::parse`] reads it.
 
 mod cdr;
+mod chunks;
 mod geometry;
 mod model;
 mod read;

@@ -7,7 +7,7 @@ use mcap::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::{LogError, METADATA_NAME, ModelRow, SCENE_NAME, TickRow, model, tick};
+use super::{LogError, METADATA_NAME, ModelRow, SCENE_NAME, TickRow, chunks, model, tick};
 
 /// A log, read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -42,6 +42,7 @@ impl Log {
     /// If the bytes are no MCAP file, are damaged before their end, or hold no ticks as this version
     /// writes them.
     pub fn parse(bytes: &[u8]) -> Result<Self, LogError> {
+        chunks::check(bytes).map_err(LogError::Damaged)?;
         let mut reader = LinearReader::new_with_options(
             LinearReaderOptions::default()
                 .with_validate_chunk_crcs(true)

@@ -1,7 +1,7 @@
 //! The tick's thread makes the system calls that are named here, and no other.
 //!
 //! [`confine`] asks the kernel (seccomp) to trap every other call of the calling thread. The trap
-//! ([`crate::trap`]) notes it and refuses it; the loop sees the note at the end of the tick, commands no
+//! (`trap.rs`) notes it and refuses it; the loop sees the note at the end of the tick, commands no
 //! force and leaves. What may be called:
 //!
 //! - **inside a tick**: the clock, the sleep to an absolute deadline, one wake-up of a sleeping writer
