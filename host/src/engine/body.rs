@@ -108,7 +108,9 @@ impl SheetBody {
         let Some(time_ns) = self.paths.iter().filter_map(HandlePath::time_ns).max() else {
             return Ok(None);
         };
-        if !publishes {
+        // A late host may step twice on one record: a second model of the same time would be refused.
+        let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
+        if !publishes || told {
             return Ok(None);
         }
         self.condense(stats)?;
