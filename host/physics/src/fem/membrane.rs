@@ -24,6 +24,7 @@
 //! [`Tangent::Clipped`] keeps the positive part of 2 and 3, so that every element's tangent is positive
 //! semidefinite. Without part 3 a step of a sheet under tension is unstable.
 
+use super::Tangent;
 use super::block_matrix::{BlockMatrix, ElementSlots};
 use super::material::Material;
 use crate::{Mat3, Vec3};
@@ -31,15 +32,6 @@ use crate::{Mat3, Vec3};
 /// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
 /// which divides by it: a triangle crushed to a hundredth must not make the matrix arbitrarily stiff.
 const STRETCH_FLOOR: f64 = 0.01;
-
-/// Which tangent an element gives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Tangent {
-    /// The derivative of the force, indefinite under compression.
-    Exact,
-    /// Its negative parts clipped: positive semidefinite.
-    Clipped,
-}
 
 /// Force and tangent of one triangle at its three vertices.
 #[derive(Clone, Copy, Debug)]

@@ -19,6 +19,7 @@ pub mod condense;
 pub mod dense;
 pub mod error;
 pub mod handle;
+pub mod law;
 pub mod material;
 pub mod membrane;
 pub mod pcg;
@@ -30,3 +31,12 @@ pub use error::{CondenseError, SheetError, StepError};
 pub use handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
 pub use material::Material;
 pub use pcg::{Budget, SolveReport};
+
+/// Which tangent an element gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tangent {
+    /// The derivative of the force, indefinite under compression.
+    Exact,
+    /// Its negative parts clipped: positive semidefinite.
+    Clipped,
+}

@@ -1,4 +1,5 @@
-//! Triangle meshes: positions, triangles, and named groups of either.
+//! Meshes of triangles ([`TriMesh`]) and of tetrahedra ([`TetMesh`]): positions, cells, and named groups of
+//! either.
 //!
 //! A mesh comes from a generator ([`generate`]) or from a file's bytes ([`read`]: [`gmsh`], [`obj`],
 //! [`vtk_legacy`], [`vtk_xml`]); all end in [`TriMesh::new`], so what holds for one mesh holds for all
@@ -14,6 +15,7 @@ pub mod gmsh;
 mod lines;
 pub mod obj;
 mod soup;
+pub mod tet;
 mod text;
 mod vtk_array;
 mod vtk_cells;
@@ -23,6 +25,7 @@ pub mod vtk_xml;
 pub use adjacency::Adjacency;
 pub use check::MeshError;
 pub use file::{MeshFileError, Place, read};
+pub use tet::{Cells, TetMesh};
 
 /// A triangle mesh with named groups, as a generator or a file gives it.
 ///
@@ -37,6 +40,8 @@ pub struct TriMesh {
     pub vertex_groups: Vec<Group>,
     /// Named sets of triangles, in the order in which they were defined.
     pub triangle_groups: Vec<Group>,
+    /// Named values, one per triangle.
+    pub triangle_fields: Vec<Field>,
 }
 
 /// A named set of vertices or triangles.
@@ -46,6 +51,15 @@ pub struct Group {
     pub name: String,
     /// Indices, ascending, each once.
     pub members: Vec<u32>,
+}
+
+/// Named values, one per triangle or cell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Field {
+    /// The name by which a scene refers to the values.
+    pub name: String,
+    /// The values, finite, in the unit that the name implies.
+    pub values: Vec<f64>,
 }
 
 /// An axis-aligned box that holds a mesh (m).
