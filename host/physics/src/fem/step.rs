@@ -11,13 +11,13 @@
 //! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
 //! that the hand had to give.
 
-use super::body::Sheet;
+use super::body::Body;
 use super::error::StepError;
 use super::handle::{HandlePose, HandleReport, Wrench};
 use super::pcg::{SolveReport, StepMatrix};
 use crate::Vec3;
 
-impl Sheet {
+impl Body {
     /// Assembles and solves: one whole step of `h` seconds.
     ///
     /// # Errors
@@ -28,14 +28,14 @@ impl Sheet {
         self.solve(h, targets)
     }
 
-    /// Advances the sheet by `h` seconds to the handle poses `targets`, one per handle, from forces and
+    /// Advances the body by `h` seconds to the handle poses `targets`, one per handle, from forces and
     /// stiffness as just assembled.
     ///
     /// A solve that runs out of iterations is no error: the report says how far it came.
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the sheet keeps its state then.
+    /// [`StepError`]; the body keeps its state then.
     pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
         if !(h > 0.0 && h.is_finite()) {
             return Err(StepError::StepLength { found: h });
@@ -62,6 +62,8 @@ impl Sheet {
                 self.displacement[node] = target.position + target.rotation * offset - self.x[node];
             }
         }
+        self.supports
+            .prescribe(&self.x, 1.0, &mut self.displacement);
         for node in 0..free {
             self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
@@ -70,6 +72,7 @@ impl Sheet {
             mass: &self.mass,
             stiffness_factor,
             mass_factor,
+            mask: self.supports.mask(),
         };
         let report = self.pcg.solve(
             &matrix,
@@ -91,6 +94,9 @@ impl Sheet {
             });
         }
         self.report_handles(h, targets);
+        let mut supports = core::mem::take(&mut self.supports);
+        supports.collect_reactions(|node| self.imbalance(node, h, mass_factor, stiffness_factor));
+        self.supports = supports;
         for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
             *x += u;
             *v = u / h;
@@ -107,7 +113,7 @@ impl Sheet {
             + self.displacement[node] * (mass_factor * mass)
             - self.v[node] * (mass / h)
             - self.internal[node]
-            - self.external[node]
+            - self.external[node] * self.load_factor
     }
 
     /// Mass times acceleration of a node over the step.

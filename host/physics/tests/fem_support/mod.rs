@@ -2,7 +2,7 @@
 #![allow(dead_code)]
 
 use physics::fem::{
-    Freedom, HandlePose, HandleSpec, Material, Sheet, SheetConfig, SolveReport, StepError,
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SolveReport, StepError,
 };
 use physics::mesh::TriMesh;
 use physics::{Mat3, Vec3};
@@ -111,13 +111,13 @@ pub(crate) fn rubber(poisson: f64) -> Material {
 }
 
 /// No gravity, no damping, no bending; the solver as tight as double precision gives.
-pub(crate) fn tight() -> SheetConfig {
-    SheetConfig {
+pub(crate) fn tight() -> BodyConfig {
+    BodyConfig {
         gravity: Vec3::zeros(),
         tolerance: 1e-13,
         absolute_tolerance: 0.0,
         max_iterations: 20_000,
-        ..SheetConfig::default()
+        ..BodyConfig::default()
     }
 }
 
@@ -153,7 +153,7 @@ pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
 ///
 /// Velocities are cleared so that no inertia is carried along.
 pub(crate) fn settle(
-    sheet: &mut Sheet,
+    sheet: &mut Body,
     targets: &[HandlePose],
     h: f64,
     steps: usize,
