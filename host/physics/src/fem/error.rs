@@ -218,6 +218,32 @@ pub enum StepError {
         /// Iterations spent.
         iterations: usize,
     },
+    /// Newton's method did not reach its tolerance, however small the step was made.
+    #[error(
+        "no balance was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
+         {iterations} iterations of the smallest step; the last state is kept. Is the body held, and can \
+         what is asked of it be reached?"
+    )]
+    NotConverged {
+        /// Iterations of the last attempt.
+        iterations: usize,
+        /// Norm of the residual (N).
+        residual: f64,
+        /// Norm of the forces that should balance (N).
+        reference: f64,
+    },
+    /// Every balance that was found turns further elements inside out, however small the step was made.
+    #[error(
+        "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
+         a law that bears it (stable neo-Hookean), or ask for less"
+    )]
+    Inverted {
+        /// Elements inside out after the last attempt.
+        count: usize,
+    },
+    /// The matrix could not be factorized.
+    #[error(transparent)]
+    Matrix(#[from] CondenseError),
 }
 
 /// Why a condensation was refused.

@@ -6,7 +6,8 @@
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - [`body`], `build` and `step`: the body, its construction and its realtime step.
-//! - [`pcg`]: preconditioned conjugate gradients for the step.
+//! - [`pcg`]: preconditioned conjugate gradients for that step.
+//! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 //! - [`cholesky`] and [`condense`]: what the hands feel, as small dense matrices between handles.
 //!
 //! A realtime step goes `assemble`, `solve`, and, where a local model is published, `condense`. The three
@@ -20,11 +21,14 @@ pub mod cholesky;
 pub mod condense;
 pub mod dense;
 pub mod elements;
+pub mod equilibrium;
 pub mod error;
 pub mod handle;
+pub mod integrator;
 pub mod law;
 pub mod material;
 pub mod membrane;
+pub mod newton;
 pub mod pcg;
 pub mod shape;
 pub mod solid;
@@ -35,9 +39,12 @@ pub use body::{Body, BodyConfig};
 pub use build::SolidLaw;
 pub use condense::{Condensed, Condenser};
 pub use elements::Elements;
+pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
 pub use error::{BodyError, CondenseError, StepError};
 pub use handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
+pub use integrator::{Integrator, IntegratorOptions, Scheme, StepReport};
 pub use material::{Material, SolidMaterial};
+pub use newton::{NewtonOptions, NewtonReport};
 pub use pcg::{Budget, SolveReport};
 
 /// Which tangent an element gives.
