@@ -4,9 +4,9 @@
 //! files or printing, and no knowledge of devices: files arrive as text, time as a step length, and every
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
-//! - [`mesh`]: triangle meshes, generators and file formats.
-//! - [`fem`]: the corotational membrane with bending, implicit time steps, and the condensation of a body
-//!   onto its handles.
+//! - [`mesh`]: triangle and tetrahedral meshes, generators and file formats.
+//! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the
+//!   condensation of a body onto its handles.
 #![forbid(unsafe_code)]
 
 pub mod fem;

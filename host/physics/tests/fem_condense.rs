@@ -8,7 +8,8 @@ use physics::Vec3;
 use physics::fem::cholesky::Kernels;
 use physics::fem::dense::{Clipper, Square};
 use physics::fem::{
-    Body, BodyConfig, CondenseError, Condensed, Condenser, Freedom, HandlePose, HandleSpec,
+    Body, BodyConfig, CondenseError, Condensed, Condenser, Equilibrium, EquilibriumOptions,
+    Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Tangent,
 };
 
 const LX: f64 = 0.1;
@@ -337,4 +338,88 @@ fn clipping_gives_the_nearest_semidefinite_matrix() {
     let again = matrix.clone();
     assert_eq!(clipper.clip(&mut matrix, &[1.0, 1.0]).count, 0);
     assert_eq!(matrix, again);
+}
+
+/// A cube of quadratic tetrahedra between two plates, loaded, with a support on one side.
+fn cube_between_plates(law: SolidLaw) -> (Body, Vec<HandlePose>) {
+    let mesh = cube(2, 0.1, true);
+    let face = |axis: usize, at: f64| -> Vec<u32> {
+        let near = |x: &Vec3| (x[axis] - at).abs() < 1e-9;
+        let inner = |x: &Vec3| axis == 2 || (x.z > 1e-9 && x.z < 1.0 - 1e-9);
+        let chosen = (0_u32..)
+            .zip(&mesh.positions)
+            .filter(|(_, x)| near(x) && inner(x));
+        chosen.map(|(vertex, _)| vertex).collect()
+    };
+    let handles = [0.0, 1.0].map(|at| HandleSpec {
+        vertices: face(2, at),
+        origin: Vec3::new(0.5, 0.4, at),
+        freedom: Freedom::Rigid,
+    });
+    let material = SolidMaterial {
+        young: 1e4,
+        poisson: 0.4,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        bending: 0.0,
+        ..config()
+    };
+    let mut body = Body::solid(&mesh, &[material], law, config, &handles).unwrap();
+    body.add_support(&face(0, 0.0), [true, false, false])
+        .unwrap();
+    let mut poses = rest_poses(&handles);
+    poses[1].position += Vec3::new(0.05, 0.0, -0.1);
+    poses[1].rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.1, 0.0, 0.2));
+    (body, poses)
+}
+
+#[test]
+fn a_solid_s_condensation_is_a_rerun_of_the_step() {
+    let freedom = [Freedom::Rigid; 2];
+    for law in [SolidLaw::Corotational, SolidLaw::StableNeoHookean] {
+        let (mut body, poses) = cube_between_plates(law);
+        settle(&mut body, &poses, 1.0, 60).unwrap();
+        for h in [1e-3, 1.0 / 60.0] {
+            body.assemble();
+            let mut condenser = Condenser::new(&body).unwrap();
+            let rerun = rerun(&body, &poses, h, &freedom);
+            let condensed = condenser.condense(&body, h).unwrap();
+            let found = dynamic(condensed, h);
+            let error = difference(&found, &rerun, condensed.length, &freedom);
+            println!("{law:?} h = {h}: {error:.1e}");
+            // The central difference of the turns errs by 1e-8 of the largest entry.
+            assert!(error < 1e-7, "{law:?} {h} {error}");
+        }
+    }
+}
+
+#[test]
+fn static_condensation_is_how_the_body_answers_at_rest() {
+    let (mut body, poses) = cube_between_plates(SolidLaw::StableNeoHookean);
+    let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
+    equilibrium.solve(&mut body, &poses, 1.0).unwrap();
+    body.assemble_with(Tangent::Exact);
+    let mut condenser = Condenser::new(&body).unwrap();
+    let condensed = condenser.condense_static(&body).unwrap().clone();
+    let by = 1e-5;
+    let (mut error, mut largest) = (0.0_f64, 0.0_f64);
+    for motion in 0..3 {
+        let mut way = |sign: f64| {
+            let mut moved = body.clone();
+            let mut targets = poses.clone();
+            targets[1].position[motion] += sign * by;
+            equilibrium.solve(&mut moved, &targets, 1.0).unwrap();
+            moved.handle_report(1).unwrap().reaction.force
+        };
+        let slope = (way(1.0) - way(-1.0)) / (2.0 * by);
+        for axis in 0..3 {
+            let found = condensed.raw_stiffness[(6 + axis, 6 + motion)];
+            error = error.max((found - slope[axis]).abs());
+            largest = largest.max(slope[axis].abs());
+        }
+    }
+    // Residuals of 1e-9 of the forces, over displacements of 1e-5 of the edge: 1e-4 at worst, and less by
+    // Newton's last, quadratic iteration.
+    assert!(error < 1e-5 * largest, "{error} {largest}");
 }

@@ -171,14 +171,34 @@ impl Condenser {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
         }
+        let mass_factor = 1.0 / (period * period) + body.config.mass_damping / period;
+        let stiffness_factor = 1.0 + body.config.stiffness_damping / period;
+        self.reduce(body, mass_factor, stiffness_factor)
+    }
+
+    /// Guyan's own, static condensation of the stiffness last assembled: how the body answers once it has
+    /// come to rest. It replaces the last result; its damping and mass are those of the static shapes.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`]; where nothing but inertia holds a part of the body (a loose piece, a flat
+    /// membrane), [`CondenseError::NotPositiveDefinite`].
+    pub fn condense_static(&mut self, body: &Body) -> Result<&Condensed, CondenseError> {
+        self.reduce(body, 0.0, 1.0)
+    }
+
+    fn reduce(
+        &mut self,
+        body: &Body,
+        mass_factor: f64,
+        stiffness_factor: f64,
+    ) -> Result<&Condensed, CondenseError> {
         if !body.assembled {
             return Err(CondenseError::NotAssembled);
         }
         if self.holder.len() != body.grip.len() || self.range.len() != body.handles.len() {
             return Err(CondenseError::Topology);
         }
-        let mass_factor = 1.0 / (period * period) + body.config.mass_damping / period;
-        let stiffness_factor = 1.0 + body.config.stiffness_damping / period;
         self.cholesky.factorize(
             &body.stiffness,
             &body.mass,
