@@ -2,6 +2,7 @@
 //!
 //! - [`law`] and [`shape`], joined in [`solid`]: tetrahedra of elastic solids.
 //! - [`membrane`] and [`bending`]: thin sheets.
+//! - [`load`]: tractions as forces on vertices.
 //! - [`elements`]: what any set of elements gives a body.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
@@ -26,6 +27,7 @@ pub mod error;
 pub mod handle;
 pub mod integrator;
 pub mod law;
+pub mod load;
 pub mod material;
 pub mod membrane;
 pub mod newton;

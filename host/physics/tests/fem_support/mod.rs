@@ -181,44 +181,49 @@ pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
 /// A cube of edge 1 in `n`^3 cells of six tetrahedra (Kuhn), its inner vertices moved by up to `share` of a
 /// cell.
 pub(crate) fn cube(n: usize, share: f64, quadratic: bool) -> TetMesh {
+    block([n; 3], share, quadratic)
+}
+
+/// The same in `n` cells along each axis.
+pub(crate) fn block(n: [usize; 3], share: f64, quadratic: bool) -> TetMesh {
     let mut random = Random(3);
-    let vertex = |i: usize, j: usize, k: usize| ((k * (n + 1) + j) * (n + 1) + i) as u32;
+    let vertex = |at: [usize; 3]| ((at[2] * (n[1] + 1) + at[1]) * (n[0] + 1) + at[0]) as u32;
     let mut positions = Vec::new();
-    for k in 0..=n {
-        for j in 0..=n {
-            for i in 0..=n {
-                let inner = [i, j, k].iter().all(|&i| i > 0 && i < n);
-                let mut at = Vec3::new(i as f64, j as f64, k as f64);
-                if inner {
-                    at += random.vector() * share;
-                }
-                positions.push(at / n as f64);
+    for k in 0..=n[2] {
+        for j in 0..=n[1] {
+            for i in 0..=n[0] {
+                let at = [i, j, k];
+                let inner = (0..3).all(|axis| at[axis] > 0 && at[axis] < n[axis]);
+                let off = if inner {
+                    random.vector() * share
+                } else {
+                    Vec3::zeros()
+                };
+                positions.push(Vec3::from_fn(|axis, _| {
+                    (at[axis] as f64 + off[axis]) / n[axis] as f64
+                }));
             }
         }
     }
     let mut cells = Vec::new();
-    for k in 0..n {
-        for j in 0..n {
-            for i in 0..n {
-                for [a, b, c] in [
-                    [0, 1, 2],
-                    [1, 2, 0],
-                    [2, 0, 1],
-                    [1, 0, 2],
-                    [0, 2, 1],
-                    [2, 1, 0],
-                ] {
+    for k in 0..n[2] {
+        for j in 0..n[1] {
+            for i in 0..n[0] {
+                // Six paths along the axes from one corner to the opposite; the last three turn the other
+                // way and so have two vertices exchanged.
+                let even = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
+                let odd = [[1, 0, 2], [0, 2, 1], [2, 1, 0]];
+                for path in even.into_iter().chain(odd) {
                     let mut at = [i, j, k];
-                    let mut cell = vec![vertex(i, j, k)];
-                    for axis in [a, b, c] {
+                    let mut cell = [vertex(at); 4];
+                    for (slot, axis) in path.into_iter().enumerate() {
                         at[axis] += 1;
-                        cell.push(vertex(at[0], at[1], at[2]));
+                        cell[slot + 1] = vertex(at);
                     }
-                    if [[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&[a, b, c]) {
-                        cells.push([cell[0], cell[1], cell[2], cell[3]]);
-                    } else {
-                        cells.push([cell[0], cell[2], cell[1], cell[3]]);
+                    if odd.contains(&path) {
+                        cell.swap(1, 2);
                     }
+                    cells.push(cell);
                 }
             }
         }
