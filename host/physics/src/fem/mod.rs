@@ -23,6 +23,7 @@ pub mod law;
 pub mod material;
 pub mod membrane;
 pub mod pcg;
+pub mod sheet_law;
 mod step;
 
 pub use body::{Sheet, SheetConfig};
