@@ -1,6 +1,7 @@
 //! A thin elastic sheet with handles: forces, implicit steps, and its condensation onto the handles.
 //!
 //! - [`membrane`]: in-plane elasticity, one corotational constant-strain triangle at a time.
+//! - [`woven`]: in-plane elasticity of a sheet with a grain, by the laws in [`sheet_law`].
 //! - [`bending`]: a constant matrix that resists folding.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`]: rigid groups of vertices that a hand holds.
@@ -25,6 +26,8 @@ pub mod membrane;
 pub mod pcg;
 pub mod sheet_law;
 mod step;
+pub mod weave;
+pub mod woven;
 
 pub use body::{Sheet, SheetConfig};
 pub use condense::{Condensed, Condenser};
@@ -32,6 +35,8 @@ pub use error::{CondenseError, SheetError, StepError};
 pub use handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
 pub use material::Material;
 pub use pcg::{Budget, SolveReport};
+pub use weave::Weave;
+pub use woven::Woven;
 
 /// Which tangent an element gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
