@@ -25,6 +25,22 @@
 //! `dP = n w^T S` with `S = U^-1 T`, the second Piola-Kirchhoff stress, which is symmetric. Motions in and
 //! out of the plane do not mix, so each part is clipped by itself.
 //!
+//! # Where not to use it
+//!
+//! `U11` is not the stretch of the warp threads: it falls, to second order, when they are sheared at
+//! constant length. Pulled along the warp (`E1`, shear modulus `G`), the sheet can thus shed tension by
+//! shearing, and from the equations above it does so, at a strain beyond
+//!
+//! ```text
+//! 4 G / (E1 - 4 G)
+//! ```
+//!
+//! where the exact tangent is no longer positive although everything is in tension. An isotropic sheet
+//! (`E <= 3 G`) never gets there; a cloth with `E1 = 40 G` does at 0.11, and one a hundred times stiffer
+//! along its threads than in shear, which is nothing unusual, at 0.04. For those take
+//! [`StVenantKirchhoffSheet`](super::StVenantKirchhoffSheet), whose strain along the warp is that of the
+//! threads and which is stable under any tension.
+//!
 //! The derivation follows McAdams et al., "Efficient elasticity for character skinning with contact and
 //! collisions", 2011, without its assumption that stress and stretch commute.
 

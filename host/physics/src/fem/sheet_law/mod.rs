@@ -5,8 +5,9 @@
 //! triangles, meshes or time; [`super::woven`] integrates it over triangles. All quantities are per rest
 //! area, the thickness being part of the stiffness.
 //!
-//! - [`corotational`]: linear in the right stretch; for stiff cloth, and cheap to step.
-//! - [`stvk`]: linear in Green's strain; what most measured constants of fabrics are fitted to.
+//! - [`corotational`]: linear in the right stretch. Well behaved when crushed; under tension for sheets
+//!   whose moduli along the threads are not many times that in shear.
+//! - [`stvk`]: linear in Green's strain. Stable under any tension, for any weave; soft when crushed.
 
 use super::Tangent;
 use crate::{Mat3, Vec3};
