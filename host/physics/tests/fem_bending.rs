@@ -4,16 +4,16 @@ mod fem_support;
 
 use fem_support::*;
 use physics::Vec3;
-use physics::fem::{Material, Sheet, SheetConfig, SheetError};
+use physics::fem::{Body, BodyConfig, BodyError, Material};
 use physics::mesh::TriMesh;
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
-fn sheet(mesh: &TriMesh, material: Material) -> Sheet {
-    Sheet::new(
+fn sheet(mesh: &TriMesh, material: Material) -> Body {
+    Body::sheet(
         mesh,
         &[material],
-        SheetConfig {
+        BodyConfig {
             bending: 1.0,
             ..tight()
         },
@@ -139,16 +139,16 @@ fn a_folded_rest_shape_is_refused_unless_bending_is_off() {
         x.z = (x.x - 0.5).max(0.0) * 0.3_f64.tan();
     }
     let with = |bending| {
-        Sheet::new(
+        Body::sheet(
             &mesh,
             &[rubber(0.3)],
-            SheetConfig { bending, ..tight() },
+            BodyConfig { bending, ..tight() },
             &[],
         )
         .map(|_| ())
     };
     match with(1.0) {
-        Err(SheetError::Folded { a, b, angle }) => {
+        Err(BodyError::Folded { a, b, angle }) => {
             // The line x = 0.5 holds vertices 1, 4 and 7.
             assert!([(1, 4), (4, 7)].contains(&(a, b)), "{a} {b}");
             assert!((angle - 0.3).abs() < 1e-12, "{angle}");
@@ -172,20 +172,20 @@ fn orientation_does_not_matter_but_three_triangles_at_an_edge_do() {
     let mut fin = mesh.clone();
     fin.positions.push(Vec3::new(0.1, 0.2, 1.0));
     fin.triangles.push([0, 5, 12]);
-    let config = SheetConfig {
+    let config = BodyConfig {
         bending: 1.0,
         ..tight()
     };
-    let result = Sheet::new(&fin, &[rubber(0.3)], config, &[]).map(|_| ());
+    let result = Body::sheet(&fin, &[rubber(0.3)], config, &[]).map(|_| ());
     assert_eq!(
         result,
-        Err(SheetError::NonManifold {
+        Err(BodyError::NonManifold {
             a: 0,
             b: 5,
             count: 3
         })
     );
-    assert!(Sheet::new(&fin, &[rubber(0.3)], tight(), &[]).is_ok());
+    assert!(Body::sheet(&fin, &[rubber(0.3)], tight(), &[]).is_ok());
 }
 
 proptest! {

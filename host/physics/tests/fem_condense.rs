@@ -8,7 +8,7 @@ use physics::Vec3;
 use physics::fem::cholesky::Kernels;
 use physics::fem::dense::{Clipper, Square};
 use physics::fem::{
-    CondenseError, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Sheet, SheetConfig,
+    Body, BodyConfig, CondenseError, Condensed, Condenser, Freedom, HandlePose, HandleSpec,
 };
 
 const LX: f64 = 0.1;
@@ -27,9 +27,9 @@ fn three_handles(freedom: [Freedom; 3]) -> (Vec<HandleSpec>, physics::mesh::TriM
 }
 
 /// A strip stretched and twisted by its handles.
-fn loaded(config: SheetConfig, freedom: [Freedom; 3]) -> (Sheet, Vec<HandlePose>) {
+fn loaded(config: BodyConfig, freedom: [Freedom; 3]) -> (Body, Vec<HandlePose>) {
     let (handles, mesh) = three_handles(freedom);
-    let sheet = Sheet::new(&mesh, &[rubber(0.3)], config, &handles).unwrap();
+    let sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &handles).unwrap();
     let mut poses = rest_poses(&handles);
     poses[1].position += Vec3::new(0.015, 0.002, 0.004);
     poses[1].rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -0.2, 0.1));
@@ -39,7 +39,7 @@ fn loaded(config: SheetConfig, freedom: [Freedom; 3]) -> (Sheet, Vec<HandlePose>
 
 /// Derivative of all reactions by every motion of every handle: the step is run again with the target
 /// moved either way.
-fn rerun(sheet: &Sheet, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Square {
+fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Square {
     // A step is linear in the vertices' displacement, a turn quadratic in its angle beyond that: the
     // central difference errs by the angle squared, 1e-8.
     let by = 1e-4;
@@ -100,8 +100,8 @@ fn dynamic(condensed: &Condensed, h: f64) -> Square {
     sum
 }
 
-fn config() -> SheetConfig {
-    SheetConfig {
+fn config() -> BodyConfig {
+    BodyConfig {
         gravity: Vec3::new(0.0, 0.0, -9.81),
         mass_damping: 2.0,
         stiffness_damping: 2e-3,
@@ -196,7 +196,7 @@ fn in_motion_too_for_translations() {
 fn in_the_static_limit_moving_all_handles_alike_costs_nothing() {
     let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Rigid];
     let (mut sheet, poses) = loaded(
-        SheetConfig {
+        BodyConfig {
             mass_damping: 0.0,
             ..config()
         },
@@ -260,12 +260,12 @@ fn a_loose_sheet_in_one_hand_has_a_local_model() {
     // Flat, without bending, held at a corner: its static stiffness is singular.
     let mesh = grid(6, 6, LX, LX, Split::Right);
     let handles = [handle(&mesh, Freedom::Rigid, |x| x.x + x.y < 0.02)];
-    let config = SheetConfig {
+    let config = BodyConfig {
         mass_damping: 1.0,
         stiffness_damping: 1e-3,
         ..tight()
     };
-    let mut sheet = Sheet::new(&mesh, &[rubber(0.3)], config, &handles).unwrap();
+    let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &handles).unwrap();
     let mut condenser = Condenser::new(&sheet).unwrap();
     assert_eq!(
         condenser.condense(&sheet, 0.01).map(|_| ()),
@@ -285,7 +285,7 @@ fn a_loose_sheet_in_one_hand_has_a_local_model() {
 fn a_sheet_held_everywhere_or_nowhere_is_no_special_case() {
     let mesh = grid(2, 2, LX, LX, Split::Right);
     let all = [handle(&mesh, Freedom::Rigid, |_| true)];
-    let mut sheet = Sheet::new(&mesh, &[rubber(0.3)], tight(), &all).unwrap();
+    let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], tight(), &all).unwrap();
     sheet.step(1e-3, &rest_poses(&all)).unwrap();
     sheet.assemble();
     let mut condenser = Condenser::new(&sheet).unwrap();
@@ -300,7 +300,7 @@ fn a_sheet_held_everywhere_or_nowhere_is_no_special_case() {
             .all(|k| k.abs() < 1e-9)
     );
 
-    let mut loose = Sheet::new(&mesh, &[rubber(0.3)], tight(), &[]).unwrap();
+    let mut loose = Body::sheet(&mesh, &[rubber(0.3)], tight(), &[]).unwrap();
     loose.step(1e-3, &[]).unwrap();
     let mut condenser_of_none = Condenser::new(&loose).unwrap();
     assert_eq!(

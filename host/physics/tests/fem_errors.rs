@@ -4,7 +4,7 @@ mod fem_support;
 
 use fem_support::*;
 use physics::Vec3;
-use physics::fem::{Freedom, HandleSpec, Material, Sheet, SheetConfig, SheetError};
+use physics::fem::{Body, BodyConfig, BodyError, Freedom, HandleSpec, Material};
 use physics::mesh::TriMesh;
 
 fn square() -> TriMesh {
@@ -14,10 +14,10 @@ fn square() -> TriMesh {
 fn refusal(
     mesh: &TriMesh,
     materials: &[Material],
-    config: SheetConfig,
+    config: BodyConfig,
     handles: &[HandleSpec],
-) -> SheetError {
-    match Sheet::new(mesh, materials, config, handles) {
+) -> BodyError {
+    match Body::sheet(mesh, materials, config, handles) {
         Err(error) => error,
         Ok(_) => panic!("accepted"),
     }
@@ -26,16 +26,16 @@ fn refusal(
 #[test]
 fn meshes() {
     let refusal = |mesh: &TriMesh| refusal(mesh, &[rubber(0.3)], tight(), &[]);
-    assert_eq!(refusal(&TriMesh::default()), SheetError::Empty);
+    assert_eq!(refusal(&TriMesh::default()), BodyError::Empty);
 
     let mut mesh = square();
     mesh.positions[2].y = f64::NAN;
-    assert_eq!(refusal(&mesh), SheetError::Position { vertex: 2 });
+    assert_eq!(refusal(&mesh), BodyError::Position { vertex: 2 });
 
     let mut mesh = square();
     mesh.triangles[1][2] = 9;
-    let expected = SheetError::TriangleVertex {
-        triangle: 1,
+    let expected = BodyError::ElementVertex {
+        element: 1,
         vertex: 9,
         count: 4,
     };
@@ -45,18 +45,18 @@ fn meshes() {
     mesh.triangles[1] = [0, 2, 2];
     assert!(matches!(
         refusal(&mesh),
-        SheetError::Degenerate { triangle: 1, .. }
+        BodyError::Degenerate { triangle: 1, .. }
     ));
     let mut mesh = square();
     mesh.positions[3] = mesh.positions[2] * 0.5;
     assert!(matches!(
         refusal(&mesh),
-        SheetError::Degenerate { triangle: 1, .. }
+        BodyError::Degenerate { triangle: 1, .. }
     ));
 
     let mut mesh = square();
     mesh.positions.push(Vec3::zeros());
-    assert_eq!(refusal(&mesh), SheetError::Unreferenced { vertex: 4 });
+    assert_eq!(refusal(&mesh), BodyError::Unreferenced { vertex: 4 });
 }
 
 #[test]
@@ -64,8 +64,8 @@ fn materials() {
     let refusal = |materials: &[Material]| refusal(&square(), materials, tight(), &[]);
     let good = rubber(0.3);
     let named = |material: Material| match refusal(&[good, material]) {
-        SheetError::Material {
-            triangle: 1, field, ..
+        BodyError::Material {
+            element: 1, field, ..
         } => field,
         other => panic!("{other}"),
     };
@@ -105,16 +105,16 @@ fn materials() {
         }),
         "poisson"
     );
-    let expected = SheetError::MaterialCount {
+    let expected = BodyError::MaterialCount {
         found: 3,
-        triangles: 2,
+        elements: 2,
     };
     assert_eq!(refusal(&[good; 3]), expected);
     assert_eq!(
         refusal(&[]),
-        SheetError::MaterialCount {
+        BodyError::MaterialCount {
             found: 0,
-            triangles: 2
+            elements: 2
         }
     );
 }
@@ -122,32 +122,32 @@ fn materials() {
 #[test]
 fn configurations() {
     let named = |config| match refusal(&square(), &[rubber(0.3)], config, &[]) {
-        SheetError::Config { field, .. } => field,
+        BodyError::Config { field, .. } => field,
         other => panic!("{other}"),
     };
     assert_eq!(
-        named(SheetConfig {
+        named(BodyConfig {
             mass_damping: -1.0,
             ..tight()
         }),
         "mass_damping"
     );
     assert_eq!(
-        named(SheetConfig {
+        named(BodyConfig {
             stiffness_damping: f64::NAN,
             ..tight()
         }),
         "stiffness_damping"
     );
     assert_eq!(
-        named(SheetConfig {
+        named(BodyConfig {
             bending: -0.1,
             ..tight()
         }),
         "bending"
     );
     assert_eq!(
-        named(SheetConfig {
+        named(BodyConfig {
             gravity: Vec3::repeat(f64::NAN),
             ..tight()
         }),
@@ -165,21 +165,21 @@ fn handles() {
     let refusal = |handles: &[HandleSpec]| refusal(&square(), &[rubber(0.3)], tight(), handles);
     assert_eq!(
         refusal(&[spec(&[0]), spec(&[])]),
-        SheetError::EmptyHandle { handle: 1 }
+        BodyError::EmptyHandle { handle: 1 }
     );
-    let expected = SheetError::HandleVertex {
+    let expected = BodyError::HandleVertex {
         handle: 0,
         vertex: 4,
         count: 4,
     };
     assert_eq!(refusal(&[spec(&[4])]), expected);
-    let expected = SheetError::SharedVertex {
+    let expected = BodyError::SharedVertex {
         vertex: 1,
         first: 0,
         second: 1,
     };
     assert_eq!(refusal(&[spec(&[0, 1]), spec(&[2, 1])]), expected);
-    let expected = SheetError::SharedVertex {
+    let expected = BodyError::SharedVertex {
         vertex: 1,
         first: 0,
         second: 0,
@@ -187,15 +187,15 @@ fn handles() {
     assert_eq!(refusal(&[spec(&[1, 1])]), expected);
     let mut lost = spec(&[0]);
     lost.origin.x = f64::NAN;
-    assert_eq!(refusal(&[lost]), SheetError::HandleOrigin { handle: 0 });
+    assert_eq!(refusal(&[lost]), BodyError::HandleOrigin { handle: 0 });
 }
 
 #[test]
 fn arrays() {
-    let mut sheet = Sheet::new(&square(), &[rubber(0.3)], tight(), &[]).unwrap();
+    let mut sheet = Body::sheet(&square(), &[rubber(0.3)], tight(), &[]).unwrap();
     let before: Vec<Vec3> = sheet.positions().collect();
     let short = [Vec3::zeros(); 3];
-    let expected = SheetError::Length {
+    let expected = BodyError::Length {
         what: "positions",
         found: 3,
         expected: 4,
@@ -203,7 +203,7 @@ fn arrays() {
     assert_eq!(sheet.set_positions(&short), Err(expected));
     let mut bad = [Vec3::zeros(); 4];
     bad[2].z = f64::NAN;
-    let expected = SheetError::NotFinite {
+    let expected = BodyError::NotFinite {
         what: "velocities",
         vertex: 2,
     };

@@ -7,16 +7,20 @@ use nalgebra::{Rotation3, SMatrix};
 use physics::Vec3;
 use physics::fem::Tangent;
 use physics::fem::membrane::Membrane;
-use physics::fem::{Freedom, HandlePose, Sheet};
+use physics::fem::{Body, Elements, Freedom, HandlePose};
 use physics::mesh::TriMesh;
 use proptest::prelude::*;
 
-fn free_sheet(mesh: &TriMesh, poisson: f64) -> Sheet {
-    Sheet::new(mesh, &[rubber(poisson)], tight(), &[]).unwrap()
+fn free_sheet(mesh: &TriMesh, poisson: f64) -> Body {
+    Body::sheet(mesh, &[rubber(poisson)], tight(), &[]).unwrap()
+}
+
+fn membrane(mesh: &TriMesh, poisson: f64) -> Membrane {
+    Membrane::new(mesh, &[rubber(poisson)]).unwrap()
 }
 
 /// Forces at the mesh's vertices once these are at `x`.
-fn forces(sheet: &mut Sheet, x: &[Vec3]) -> Vec<Vec3> {
+fn forces(sheet: &mut Body, x: &[Vec3]) -> Vec<Vec3> {
     sheet.set_positions(x).unwrap();
     sheet.assemble();
     sheet.internal_forces().collect()
@@ -27,6 +31,7 @@ fn an_affine_map_strains_every_triangle_alike_and_leaves_the_inside_in_balance()
     let (lx, ly) = (0.1, 0.08);
     let mesh = irregular(8, 6, lx, ly, 0.3, 7);
     let mut sheet = free_sheet(&mesh, 0.3);
+    let membrane = membrane(&mesh, 0.3);
     for map in [
         in_plane(1.001, 0.0005, -0.0002, 0.9995),
         in_plane(1.4, 0.3, -0.1, 0.8),
@@ -39,8 +44,8 @@ fn an_affine_map_strains_every_triangle_alike_and_leaves_the_inside_in_balance()
         let det = map.determinant();
         let (sum, difference) = ((square + 2.0 * det).sqrt(), (square - 2.0 * det).sqrt());
         let expected = [0.5 * (sum + difference), 0.5 * (sum - difference)];
-        for triangle in 0..sheet.triangle_count() {
-            let stretch = sheet.principal_stretches(triangle).unwrap();
+        for triangle in 0..sheet.element_count() {
+            let stretch = membrane.principal_stretches(triangle, &x);
             // Strains of order 1 from coordinates with 16 digits, on triangles a tenth of the body wide
             // and at worst a few times thinner than long: 1e-12 leaves a factor of a thousand.
             assert!(
@@ -78,7 +83,7 @@ fn the_inside_returns_to_the_affine_map_of_its_border() {
             freedom: Freedom::Fixed,
         })
         .collect();
-    let mut sheet = Sheet::new(&mesh, &[rubber(0.3)], tight(), &handles).unwrap();
+    let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], tight(), &handles).unwrap();
     let targets: Vec<_> = handles
         .iter()
         .map(|handle| HandlePose::at(map * handle.origin))
@@ -132,7 +137,7 @@ fn clamped_pull(split: Split, lx: f64, poisson: f64) -> f64 {
         handle(&mesh, Freedom::Fixed, |x| x.x < 1e-9),
         handle(&mesh, Freedom::Translation, |x| x.x > lx - 1e-9),
     ];
-    let mut sheet = Sheet::new(&mesh, &[rubber(poisson)], tight(), &handles).unwrap();
+    let mut sheet = Body::sheet(&mesh, &[rubber(poisson)], tight(), &handles).unwrap();
     let mut targets = rest_poses(&handles);
     targets[1].position.x += 0.2 * lx;
     settle(&mut sheet, &targets, 100.0, 12).unwrap();
@@ -165,11 +170,11 @@ fn deformed_triangle(seed: u64) -> (Membrane, Vec<Vec3>) {
         if e1.cross(&e2).norm() < 0.3 {
             continue;
         }
-        let sheet = free_sheet(&mesh, 0.9 * random.signed().abs().min(0.5));
+        let membrane = membrane(&mesh, 0.9 * random.signed().abs().min(0.5));
         let x: Vec<Vec3> = (0..3).map(|_| random.vector()).collect();
-        let [large, small] = sheet.membrane().principal_stretches(0, &x);
+        let [large, small] = membrane.principal_stretches(0, &x);
         if small > 0.3 && large < 2.5 {
-            return (sheet.membrane().clone(), x);
+            return (membrane, x);
         }
     }
 }
@@ -194,8 +199,7 @@ fn a_collapsed_triangle_has_a_finite_force_and_a_definite_tangent() {
         triangles: vec![[0, 1, 2]],
         ..TriMesh::default()
     };
-    let sheet = free_sheet(&mesh, 0.45);
-    let membrane = sheet.membrane();
+    let membrane = &membrane(&mesh, 0.45);
     let far = Vec3::new(1.0, -2.0, 0.5);
     let states = [
         // To a point, to lines (stretched and not), turned over, and nearly to a line.

@@ -6,28 +6,28 @@ use fem_support::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
 
-use physics::fem::{Budget, Freedom, HandlePose, Sheet, SheetConfig, StepError};
+use physics::fem::{Body, BodyConfig, Budget, Freedom, HandlePose, StepError};
 
 const LX: f64 = 0.1;
 
-fn held_strip(config: SheetConfig, freedom: Freedom) -> (Sheet, Vec<HandlePose>) {
+fn held_strip(config: BodyConfig, freedom: Freedom) -> (Body, Vec<HandlePose>) {
     let mesh = grid(10, 4, LX, 0.04, Split::Right);
     let handles = [
         handle(&mesh, freedom, |x| x.x < 1e-9),
         handle(&mesh, freedom, |x| x.x > LX - 1e-9),
     ];
-    let sheet = Sheet::new(&mesh, &[rubber(0.3)], config, &handles).unwrap();
+    let sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &handles).unwrap();
     (sheet, rest_poses(&handles))
 }
 
 #[test]
 fn a_free_sheet_keeps_its_momentum() {
     let mesh = irregular(6, 5, 0.1, 0.08, 0.3, 31);
-    let config = SheetConfig {
+    let config = BodyConfig {
         bending: 1.0,
         ..tight()
     };
-    let mut sheet = Sheet::new(&mesh, &[rubber(0.3)], config, &[]).unwrap();
+    let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &[]).unwrap();
     let mut random = Random(37);
     let drift = Vec3::new(0.3, -0.2, 0.1);
     let v: Vec<Vec3> = mesh
@@ -47,7 +47,7 @@ fn a_free_sheet_keeps_its_momentum() {
 
 #[test]
 fn at_rest_the_handles_carry_the_weight() {
-    let config = SheetConfig {
+    let config = BodyConfig {
         gravity: Vec3::new(0.0, 0.0, -9.81),
         bending: 1.0,
         ..tight()
@@ -68,7 +68,7 @@ fn at_rest_the_handles_carry_the_weight() {
 
 #[test]
 fn in_motion_the_momentum_account_closes_every_step() {
-    let config = SheetConfig {
+    let config = BodyConfig {
         gravity: Vec3::new(1.0, -2.0, -9.81),
         mass_damping: 3.0,
         stiffness_damping: 1e-3,
@@ -145,14 +145,14 @@ fn fast_jerks_do_not_blow_it_up() {
             handle(&mesh, Freedom::Rigid, |x| x.x < 1e-9),
             handle(&mesh, Freedom::Rigid, |x| x.x > LX - 1e-9),
         ];
-        let config = SheetConfig {
+        let config = BodyConfig {
             mass_damping: 5.0,
             stiffness_damping: 1e-3,
             bending,
             max_iterations: 400,
-            ..SheetConfig::default()
+            ..BodyConfig::default()
         };
-        let mut sheet = Sheet::new(&mesh, &[rubber(poisson)], config, &handles).unwrap();
+        let mut sheet = Body::sheet(&mesh, &[rubber(poisson)], config, &handles).unwrap();
         let rest = rest_poses(&handles);
         let mut random = Random(43);
         for i in 0..1500 {
@@ -267,9 +267,9 @@ fn a_refused_step_keeps_the_last_state() {
 #[test]
 fn two_runs_give_the_same_bytes() {
     let run = || {
-        let config = SheetConfig {
+        let config = BodyConfig {
             bending: 1.0,
-            ..SheetConfig::default()
+            ..BodyConfig::default()
         };
         let (mut sheet, rest) = held_strip(config, Freedom::Rigid);
         for i in 0..50 {

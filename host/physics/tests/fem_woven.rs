@@ -6,11 +6,12 @@ mod fem_support;
 use fem_support::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::Vec3;
-use physics::fem::membrane::Element;
+use physics::fem::elements::Elements;
+use physics::fem::membrane::{Element, Membrane};
 use physics::fem::sheet_law::{
     CorotationalSheet, PlaneStiffness, SheetLaw, StVenantKirchhoffSheet,
 };
-use physics::fem::{Sheet, SheetError, Tangent, Weave, Woven};
+use physics::fem::{BodyError, Tangent, Weave, Woven};
 use physics::mesh::TriMesh;
 
 /// A cotton-like cloth: stiff warp, softer weft, and almost no resistance to shear.
@@ -90,8 +91,7 @@ fn an_isotropic_corotational_sheet_is_the_membrane() {
     for case in 0..300 {
         let (mesh, x) = triangle(&mut random);
         let poisson = 0.49 * random.signed();
-        let sheet = Sheet::new(&mesh, &[rubber(poisson)], tight(), &[]).unwrap();
-        let membrane = sheet.membrane();
+        let membrane = Membrane::new(&mesh, &[rubber(poisson)]).unwrap();
         // Whatever the warp: an isotropic sheet has none.
         let woven = woven::<CorotationalSheet>(&mesh, &isotropic(poisson, random.vector()));
         let energy = membrane.energy(&x);
@@ -255,8 +255,8 @@ fn bad_weaves_are_refused_by_name() {
         let mut weave = cloth();
         change(&mut weave);
         match refusal(&weave, &corners) {
-            SheetError::Material {
-                triangle: 1, field, ..
+            BodyError::Material {
+                element: 1, field, ..
             } => field,
             error => panic!("{error}"),
         }
@@ -289,7 +289,7 @@ fn bad_weaves_are_refused_by_name() {
         (Vec3::new(f64::INFINITY, 1.0, 0.0), false),
     ] {
         match refusal(&Weave { warp, ..cloth() }, &corners) {
-            SheetError::Warp { triangle: 1, share } => assert_eq!(share.is_finite(), known),
+            BodyError::Warp { triangle: 1, share } => assert_eq!(share.is_finite(), known),
             error => panic!("{error}"),
         }
     }
@@ -309,7 +309,7 @@ fn bad_weaves_are_refused_by_name() {
     let line = [Vec3::zeros(), Vec3::x(), Vec3::x() * 2.0];
     assert!(matches!(
         refusal(&cloth(), &line),
-        SheetError::Degenerate { .. }
+        BodyError::Degenerate { .. }
     ));
     let isotropic = PlaneStiffness::isotropic(1.0, 0.5, 1.0).unwrap_err();
     assert_eq!(isotropic.field, "poisson");

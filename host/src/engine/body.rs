@@ -3,13 +3,13 @@
 use super::path::HandlePath;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use physics::fem::dense::Square;
-use physics::fem::{Condensed, Condenser, HandlePose, HandleReport, Sheet};
+use physics::fem::{Body, Condensed, Condenser, HandlePose, HandleReport};
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Wrench};
 
 /// A sheet, the paths of its handles, and how it publishes.
 pub struct SheetBody {
     name: String,
-    sheet: Sheet,
+    sheet: Body,
     /// None where the scheme renders no published stiffness.
     condenser: Option<Condenser>,
     paths: Vec<HandlePath>,
@@ -27,7 +27,7 @@ pub struct SheetBodyParts {
     /// Name of the body.
     pub name: String,
     /// The sheet, at rest.
-    pub sheet: Sheet,
+    pub sheet: Body,
     /// Condenses it, where the scheme wants that.
     pub condenser: Option<Condenser>,
     /// The handles' paths, in the sheet's order.
@@ -68,7 +68,7 @@ impl SheetBody {
     }
 
     /// The sheet.
-    pub fn sheet(&self) -> &Sheet {
+    pub fn sheet(&self) -> &Body {
         &self.sheet
     }
 

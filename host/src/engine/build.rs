@@ -11,7 +11,7 @@ use crate::scene::spec::{self, MeshSource, Scene};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
 use physics::fem::cholesky::Kernels;
-use physics::fem::{Condenser, Freedom, HandleSpec, Material, Sheet, SheetConfig};
+use physics::fem::{Body, BodyConfig, Condenser, Freedom, HandleSpec, Material};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::{self, Group, TriMesh};
 use rt_core::Pose;
@@ -55,13 +55,13 @@ pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, S
 ///
 /// # Errors
 /// As [`bodies`].
-pub fn sheet(loaded: &LoadedScene, index: usize) -> Result<(Sheet, Vec<HandleSpec>), SceneError> {
+pub fn sheet(loaded: &LoadedScene, index: usize) -> Result<(Body, Vec<HandleSpec>), SceneError> {
     let scene = &loaded.scene;
     let body = &scene.bodies[index];
     let mesh = mesh(loaded, index)?;
     let materials = materials(loaded, index, &mesh)?;
     let handles = handles(loaded, index, &mesh)?;
-    let config = SheetConfig {
+    let config = BodyConfig {
         gravity: Vec3::from(scene.gravity),
         mass_damping: body.damping.mass,
         stiffness_damping: body.damping.stiffness,
@@ -70,7 +70,7 @@ pub fn sheet(loaded: &LoadedScene, index: usize) -> Result<(Sheet, Vec<HandleSpe
         absolute_tolerance: ABSOLUTE_TOLERANCE,
         max_iterations: scene.host.max_iterations,
     };
-    let sheet = Sheet::new(&mesh, &materials, config, &handles)
+    let sheet = Body::sheet(&mesh, &materials, config, &handles)
         .map_err(|e| refuse(loaded, index, &e.to_string()))?;
     Ok((sheet, handles))
 }

@@ -19,7 +19,7 @@ use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
-use physics::fem::Sheet;
+use physics::fem::Body;
 use physics::fem::cholesky::Kernels;
 use rt_core::Controller;
 use runner::latency::Latencies;
@@ -146,8 +146,8 @@ pub fn run(
     let prepared = prepared;
     let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
     let size = (
-        sheets().map(Sheet::triangle_count).sum(),
-        sheets().map(Sheet::vertex_count).sum(),
+        sheets().map(Body::element_count).sum(),
+        sheets().map(Body::vertex_count).sum(),
     );
 
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();

@@ -12,7 +12,7 @@ use crate::engine::body::{fill_blocks, reference_of};
 use crate::engine::build;
 use crate::scene::{LoadedScene, Scene, SceneError};
 use physics::fem::pcg::Budget;
-use physics::fem::{CondenseError, Condenser, HandlePose, SheetError, StepError};
+use physics::fem::{BodyError, CondenseError, Condenser, HandlePose, StepError};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::{LocalModel, MAX_HANDLES, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
@@ -32,7 +32,7 @@ pub enum StudyError {
     Scene(#[from] SceneError),
     /// The solver's tolerance was refused.
     #[error(transparent)]
-    Sheet(#[from] SheetError),
+    Body(#[from] BodyError),
     /// A step failed.
     #[error(transparent)]
     Step(#[from] StepError),

@@ -7,7 +7,7 @@ use crate::stretch::{
     BEGIN, BENDING, CELLS, Case, DAMPING, MATERIAL, PULL, PULLS_PER_SECOND, STEPS, TREMOR, case,
 };
 use physics::Vec3;
-use physics::fem::{Budget, HandlePose, Material, Sheet, SolveReport};
+use physics::fem::{Body, Budget, HandlePose, Material, SolveReport};
 
 /// Measured steps.
 const COUNT: usize = 100;
@@ -25,12 +25,12 @@ struct Row {
     /// Largest force error of one such step (N).
     step_error: f64,
     /// Goes its own way: every step starts from what the one before left.
-    own: Sheet,
+    own: Body,
     /// Its largest force error (N).
     run_error: f64,
 }
 
-fn forces(sheet: &Sheet) -> [Vec3; 2] {
+fn forces(sheet: &Body) -> [Vec3; 2] {
     let force =
         |hand| (sheet.handle_report(hand)).map_or(Vec3::zeros(), |r| r.wrench_on_hand.force);
     [force(0), force(1)]
@@ -40,7 +40,7 @@ fn difference(a: &[Vec3; 2], b: &[Vec3; 2]) -> f64 {
     (a[0] - b[0]).norm().max((a[1] - b[1]).norm())
 }
 
-fn step(sheet: &mut Sheet, dt: f64, poses: &[HandlePose]) -> SolveReport {
+fn step(sheet: &mut Body, dt: f64, poses: &[HandlePose]) -> SolveReport {
     sheet.step(dt, poses).expect("it steps")
 }
 
@@ -88,7 +88,7 @@ fn run(bending: f64, dt: f64) -> (Vec<Row>, f64, f64) {
     (rows, largest, product_time(&tight).median)
 }
 
-fn with_budget(sheet: &Sheet, budget: Budget) -> Sheet {
+fn with_budget(sheet: &Body, budget: Budget) -> Body {
     let mut sheet = sheet.clone();
     sheet.set_budget(budget).expect("a budget");
     sheet

@@ -18,7 +18,7 @@ mod stretch;
 use common::tables_wanted;
 use divan::{Bencher, black_box};
 use physics::Vec3;
-use physics::fem::{Budget, Condenser, Sheet};
+use physics::fem::{Body, Budget, Condenser};
 use stretch::{BEGIN, BENDING, Case, STEPS, case};
 
 /// Sheets, as divan names them.
@@ -42,7 +42,7 @@ pub(crate) fn budget(tolerance: f64, max_iterations: usize) -> Budget {
 }
 
 /// One product of the stiffness among free nodes.
-pub(crate) fn product(sheet: &Sheet, x: &[Vec3], y: &mut [Vec3]) {
+pub(crate) fn product(sheet: &Body, x: &[Vec3], y: &mut [Vec3]) {
     for (row, y) in y.iter_mut().enumerate().take(sheet.stiffness().free()) {
         *y = sheet.stiffness().free_product(row, x);
     }

@@ -5,12 +5,12 @@ use crate::product;
 use crate::stretch::{BENDING, STEPS, case};
 use divan::black_box;
 use physics::Vec3;
-use physics::fem::{Condenser, Sheet};
+use physics::fem::{Body, Condenser};
 
 const REPEATS: usize = 100;
 
 /// Processor time of one product (s).
-pub(crate) fn product_time(sheet: &Sheet) -> Spread {
+pub(crate) fn product_time(sheet: &Body) -> Spread {
     const BATCH: u32 = 50;
     let x: Vec<Vec3> = sheet.velocities().collect();
     let mut y = vec![Vec3::zeros(); x.len()];
@@ -23,12 +23,12 @@ pub(crate) fn product_time(sheet: &Sheet) -> Spread {
     Spread::of(times.collect())
 }
 
-fn assemble_time(sheet: &mut Sheet) -> Spread {
+fn assemble_time(sheet: &mut Body) -> Spread {
     let times = (0..REPEATS).map(|_| timed(|| black_box(&mut *sheet).assemble()).0);
     Spread::of(times.collect())
 }
 
-fn condense_time(sheet: &Sheet) -> Spread {
+fn condense_time(sheet: &Body) -> Spread {
     let mut condenser = Condenser::new(sheet).expect("it can be condensed");
     let mut condense = || condenser.condense(black_box(sheet), STEPS[0]).is_ok();
     let times = (0..REPEATS).map(|_| timed(&mut condense).0);

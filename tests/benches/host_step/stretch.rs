@@ -1,7 +1,7 @@
 //! The sheet that is stepped, and the hands that stretch it.
 
 use physics::Vec3;
-use physics::fem::{Freedom, HandlePose, HandleSpec, Material, Sheet, SheetConfig};
+use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use sim::Tremor;
@@ -65,7 +65,7 @@ fn handle(mesh: &TriMesh, group: &str) -> HandleSpec {
 pub(crate) struct Case {
     bending: f64,
     dt: f64,
-    pub(crate) sheet: Sheet,
+    pub(crate) sheet: Body,
     pub(crate) hands: Hands,
 }
 
@@ -92,14 +92,14 @@ fn stretched(bending: f64, dt: f64) -> Case {
         origins: [handles[0].origin, handles[1].origin],
         tremors: [1, 2].map(|seed| Tremor::new(TREMOR, seed).expect("a tremor")),
     };
-    let config = SheetConfig {
+    let config = BodyConfig {
         gravity: Vec3::zeros(),
         mass_damping: DAMPING[0],
         stiffness_damping: DAMPING[1],
         bending,
-        ..SheetConfig::default()
+        ..BodyConfig::default()
     };
-    let mut sheet = Sheet::new(&mesh, &[MATERIAL], config, &handles).expect("it can be simulated");
+    let mut sheet = Body::sheet(&mesh, &[MATERIAL], config, &handles).expect("it can be simulated");
     // Coarsely up to shortly before, then as it will go on.
     let coarse = ((BEGIN - SETTLING_STEPS as f64 * dt) / FIRST).round() as usize;
     for k in 1..=coarse {

@@ -30,7 +30,7 @@
 //! the triangle's size.
 
 use super::block_matrix::BlockMatrix;
-use super::error::SheetError;
+use super::error::BodyError;
 use super::material::Material;
 use super::membrane::rest_frame;
 use crate::{Mat3, Vec3};
@@ -92,7 +92,7 @@ fn stencil(x: &[Vec3], side: Side, beyond: u32) -> [(u32, f64); 4] {
 }
 
 /// For each side of each triangle in turn, the vertex beyond it, if any.
-fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]>, SheetError> {
+fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]>, BodyError> {
     let mut sides: Vec<(Side, usize)> = Vec::with_capacity(3 * triangles.len());
     for (triangle, vertices) in triangles.iter().enumerate() {
         for k in 0..3 {
@@ -108,7 +108,7 @@ fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]
                 let at = |vertex: u32| &x[vertex as usize];
                 let angle = fold(at(p.a), at(p.b), at(p.across), at(q.across));
                 if angle > FLAT || angle.is_nan() {
-                    return Err(SheetError::Folded {
+                    return Err(BodyError::Folded {
                         a: p.a,
                         b: p.b,
                         angle,
@@ -119,7 +119,7 @@ fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]
             }
             _ => {
                 let (a, b) = (group[0].0.a, group[0].0.b);
-                return Err(SheetError::NonManifold {
+                return Err(BodyError::NonManifold {
                     a,
                     b,
                     count: group.len(),
@@ -184,7 +184,7 @@ pub(crate) fn patches(
     triangles: &[[u32; 3]],
     material: impl Fn(usize) -> Material,
     scale: f64,
-) -> Result<Vec<Patch>, SheetError> {
+) -> Result<Vec<Patch>, BodyError> {
     let beyond = neighbours(x, triangles)?;
     let mut patches = Vec::with_capacity(triangles.len());
     for (triangle, vertices) in triangles.iter().enumerate() {

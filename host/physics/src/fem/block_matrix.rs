@@ -6,8 +6,8 @@
 
 use crate::{Mat3, Vec3};
 
-/// Where the nine blocks of a triangle lie in the matrix, by row and column vertex.
-pub type ElementSlots = [[u32; 3]; 3];
+/// Where the blocks of an element with `N` nodes lie in the matrix, by row and column.
+pub type ElementSlots<const N: usize> = [[u32; N]; N];
 
 /// The matrix: compressed block rows.
 #[derive(Clone, Debug)]
@@ -81,11 +81,11 @@ impl BlockMatrix {
         Some((start + offset) as u32)
     }
 
-    /// Where the blocks of a triangle are stored; `None` where the pattern lacks one.
-    pub fn element_slots(&self, nodes: [u32; 3]) -> Option<ElementSlots> {
-        let mut slots = [[0; 3]; 3];
-        for a in 0..3 {
-            for b in 0..3 {
+    /// Where the blocks of an element are stored; `None` where the pattern lacks one.
+    pub fn element_slots<const N: usize>(&self, nodes: [u32; N]) -> Option<ElementSlots<N>> {
+        let mut slots = [[0; N]; N];
+        for a in 0..N {
+            for b in 0..N {
                 slots[a][b] = self.slot(nodes[a], nodes[b])?;
             }
         }

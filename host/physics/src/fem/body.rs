@@ -1,28 +1,29 @@
-//! The sheet: its construction, its state and what can be read from it.
+//! The body: its state and what can be read from it.
 //!
 //! Nodes are the vertices renumbered, free ones first in the mesh's order, then those of each handle.
 //! Everything public counts vertices, in the mesh's order.
 
-use super::bending::{self, Bending};
-use super::block_matrix::{BlockMatrix, ElementSlots};
-use super::error::SheetError;
-use super::handle::{Handle, HandleReport, HandleSpec};
-use super::material::Material;
-use super::membrane::{Membrane, rest_frame};
+use super::Tangent;
+use super::bending::Bending;
+use super::block_matrix::BlockMatrix;
+use super::elements::Elements;
+use super::error::BodyError;
+use super::handle::{Handle, HandleReport};
 use super::pcg::{Budget, Pcg};
+use super::support::Supports;
 use crate::Vec3;
-use crate::mesh::TriMesh;
 
-/// How a sheet moves.
+/// How a body moves.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SheetConfig {
+pub struct BodyConfig {
     /// Acceleration of gravity (m/s^2), a vector.
     pub gravity: Vec3,
     /// Rayleigh damping by mass, alpha (1/s), not negative.
     pub mass_damping: f64,
     /// Rayleigh damping by stiffness, beta (s), not negative.
     pub stiffness_damping: f64,
-    /// Factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`; 0 leaves bending out and costs nothing.
+    /// Sheets: factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`; 0 leaves bending out and costs
+    /// nothing.
     pub bending: f64,
     /// The solver stops at this share of the residual of its guess.
     pub tolerance: f64,
@@ -32,7 +33,7 @@ pub struct SheetConfig {
     pub max_iterations: usize,
 }
 
-impl Default for SheetConfig {
+impl Default for BodyConfig {
     /// Earth's gravity along -z, no damping, no bending; residual down to 1e-6 of the guess's.
     fn default() -> Self {
         Self {
@@ -47,8 +48,8 @@ impl Default for SheetConfig {
     }
 }
 
-impl SheetConfig {
-    fn check(&self) -> Result<(), SheetError> {
+impl BodyConfig {
+    pub(crate) fn check(&self) -> Result<(), BodyError> {
         let fields = [
             ("gravity", self.gravity.norm()),
             ("mass_damping", self.mass_damping),
@@ -60,7 +61,7 @@ impl SheetConfig {
         for (field, found) in fields {
             if !(found >= 0.0 && found.is_finite()) {
                 let expected = "a finite number, not negative";
-                return Err(SheetError::Config {
+                return Err(BodyError::Config {
                     field,
                     found,
                     expected,
@@ -79,25 +80,29 @@ impl SheetConfig {
     }
 }
 
-/// A deformable sheet with handles.
+/// A deformable body, a sheet or a solid, with handles and supports.
 ///
 /// A step is [`assemble`](Self::assemble), then [`solve`](Self::solve). Neither allocates.
 #[derive(Clone, Debug)]
-pub struct Sheet {
-    pub(crate) config: SheetConfig,
-    node_of_vertex: Vec<u32>,
-    membrane: Membrane,
-    bending: Option<Bending>,
-    slots: Vec<ElementSlots>,
+pub struct Body {
+    pub(crate) config: BodyConfig,
+    pub(crate) node_of_vertex: Vec<u32>,
+    pub(crate) elements: Vec<Box<dyn Elements>>,
+    pub(crate) bending: Option<Bending>,
     pub(crate) stiffness: BlockMatrix,
     pub(crate) handles: Vec<Handle>,
+    pub(crate) supports: Supports,
 
     // State and constants by node.
     pub(crate) x: Vec<Vec3>,
     pub(crate) v: Vec<Vec3>,
     pub(crate) mass: Vec<f64>,
+    /// What gravity is multiplied by (kg): not the lumped mass where elements are quadratic.
+    pub(crate) load: Vec<f64>,
     /// Gravity and what the host adds (N).
     pub(crate) external: Vec<Vec3>,
+    /// Share of `external` that acts.
+    pub(crate) load_factor: f64,
     /// Elastic forces where `assemble` last ran (N).
     pub(crate) internal: Vec<Vec3>,
 
@@ -112,101 +117,15 @@ pub struct Sheet {
     pub(crate) assembled: bool,
 }
 
-impl Sheet {
-    /// A sheet at rest in the shape of `mesh`.
-    ///
-    /// `materials` holds one for all triangles or one for each. `handles` may be empty: a free sheet.
-    ///
-    /// # Errors
-    ///
-    /// [`SheetError`], for a mesh, material, configuration or handle that cannot be simulated; it says
-    /// which and why.
-    pub fn new(
-        mesh: &TriMesh,
-        materials: &[Material],
-        config: SheetConfig,
-        handles: &[HandleSpec],
-    ) -> Result<Self, SheetError> {
-        config.check()?;
-        check_mesh(mesh, materials)?;
-        let material = |triangle: usize| materials[if materials.len() == 1 { 0 } else { triangle }];
-        let count = mesh.positions.len();
-        let (node_of_vertex, free) = number_nodes(count, handles)?;
-        let node = |vertex: u32| node_of_vertex[vertex as usize];
-
-        let mut membrane = Membrane::with_capacity(mesh.triangles.len());
-        let mut mass = vec![0.0; count];
-        for (triangle, vertices) in mesh.triangles.iter().enumerate() {
-            let corners = vertices.map(|vertex| &mesh.positions[vertex as usize]);
-            let Some((gradients, area)) = rest_frame(corners) else {
-                return Err(degenerate(triangle, corners));
-            };
-            let material = material(triangle);
-            membrane.push(vertices.map(node), gradients, area, &material);
-            for &vertex in vertices {
-                mass[node(vertex) as usize] += material.density * material.thickness * area / 3.0;
-            }
-        }
-        if let Some(vertex) = (0..count).find(|&vertex| mass[node(vertex as u32) as usize] == 0.0) {
-            return Err(SheetError::Unreferenced { vertex });
-        }
-
-        let mut patches = Vec::new();
-        if config.bending > 0.0 {
-            patches = bending::patches(&mesh.positions, &mesh.triangles, material, config.bending)?;
-            for patch in &mut patches {
-                for vertex in &mut patch.vertices {
-                    *vertex = node(*vertex);
-                }
-            }
-        }
-        let cliques = membrane.nodes().iter().map(<[u32; 3]>::as_slice);
-        let cliques = cliques.chain(patches.iter().map(|patch| patch.vertices.as_slice()));
-        let stiffness = BlockMatrix::new(count, free, cliques);
-        let slots = membrane
-            .nodes()
-            .iter()
-            .filter_map(|&nodes| stiffness.element_slots(nodes))
-            .collect();
-        let bending = (config.bending > 0.0).then(|| Bending::new(&stiffness, &patches));
-
-        let mut x = vec![Vec3::zeros(); count];
-        for (vertex, &position) in mesh.positions.iter().enumerate() {
-            x[node(vertex as u32) as usize] = position;
-        }
-        let mut first = free;
-        let handles: Vec<Handle> = handles
-            .iter()
-            .map(|spec| {
-                let offset = |&vertex: &u32| mesh.positions[vertex as usize] - spec.origin;
-                let handle = Handle::new(first, spec.vertices.iter().map(offset).collect(), spec);
-                first += spec.vertices.len();
-                handle
-            })
-            .collect();
-        Ok(Self {
-            config,
-            node_of_vertex,
-            membrane,
-            bending,
-            slots,
-            stiffness,
-            handles,
-            x,
-            v: vec![Vec3::zeros(); count],
-            external: mass.iter().map(|&mass| config.gravity * mass).collect(),
-            mass,
-            internal: vec![Vec3::zeros(); count],
-            displacement: vec![Vec3::zeros(); count],
-            pcg: Pcg::new(free),
-            grip: vec![Vec3::zeros(); count - free],
-            fresh: false,
-            assembled: false,
-        })
+impl Body {
+    /// Computes elastic forces and stiffness at the present state, the stiffness with its negative parts
+    /// clipped.
+    pub fn assemble(&mut self) {
+        self.assemble_with(Tangent::Clipped);
     }
 
-    /// Computes elastic forces and stiffness at the present state.
-    pub fn assemble(&mut self) {
+    /// The same, with a choice of the tangent.
+    pub fn assemble_with(&mut self, tangent: Tangent) {
         self.internal.fill(Vec3::zeros());
         if let Some(bending) = &self.bending {
             self.stiffness.load_scalar(bending.weights());
@@ -214,12 +133,9 @@ impl Sheet {
         } else {
             self.stiffness.clear();
         }
-        self.membrane.assemble(
-            &self.x,
-            &self.slots,
-            &mut self.internal,
-            &mut self.stiffness,
-        );
+        for elements in &self.elements {
+            elements.assemble(&self.x, tangent, &mut self.internal, &mut self.stiffness);
+        }
         self.fresh = true;
         self.assembled = true;
     }
@@ -229,9 +145,19 @@ impl Sheet {
         self.x.len()
     }
 
-    /// Number of triangles.
-    pub fn triangle_count(&self) -> usize {
-        self.membrane.len()
+    /// Number of elements, of all kinds together.
+    pub fn element_count(&self) -> usize {
+        self.elements.iter().map(|elements| elements.count()).sum()
+    }
+
+    /// The elements, one set a kind, over [node positions](Self::node_positions).
+    pub fn elements(&self) -> &[Box<dyn Elements>] {
+        &self.elements
+    }
+
+    /// Number of elements that are turned inside out at present.
+    pub fn inverted_count(&self) -> usize {
+        self.elements.iter().map(|set| set.inverted(&self.x)).sum()
     }
 
     /// Number of handles.
@@ -246,7 +172,7 @@ impl Sheet {
     }
 
     /// The configuration.
-    pub fn config(&self) -> &SheetConfig {
+    pub fn config(&self) -> &BodyConfig {
         &self.config
     }
 
@@ -254,9 +180,9 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Config`] for a tolerance that is negative or not finite.
-    pub fn set_budget(&mut self, budget: Budget) -> Result<(), SheetError> {
-        let config = SheetConfig {
+    /// [`BodyError::Config`] for a tolerance that is negative or not finite.
+    pub fn set_budget(&mut self, budget: Budget) -> Result<(), BodyError> {
+        let config = BodyConfig {
             tolerance: budget.tolerance,
             absolute_tolerance: budget.absolute_tolerance,
             max_iterations: budget.max_iterations,
@@ -265,11 +191,6 @@ impl Sheet {
         config.check()?;
         self.config = config;
         Ok(())
-    }
-
-    /// The triangles, for energies, stretches and tangents over [node positions](Self::node_positions).
-    pub fn membrane(&self) -> &Membrane {
-        &self.membrane
     }
 
     /// The stiffness as last assembled, by node.
@@ -317,8 +238,8 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Length`] or [`SheetError::NotFinite`]; nothing is changed then.
-    pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), SheetError> {
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("positions", positions, self.x.len())?;
         scatter(&self.node_of_vertex, positions, &mut self.x);
         self.fresh = false;
@@ -329,8 +250,8 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Length`] or [`SheetError::NotFinite`]; nothing is changed then.
-    pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), SheetError> {
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("velocities", velocities, self.x.len())?;
         scatter(&self.node_of_vertex, velocities, &mut self.v);
         Ok(())
@@ -340,14 +261,91 @@ impl Sheet {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Length`] or [`SheetError::NotFinite`]; nothing is changed then.
-    pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), SheetError> {
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("external forces", forces, self.x.len())?;
         scatter(&self.node_of_vertex, forces, &mut self.external);
-        for (external, &mass) in self.external.iter_mut().zip(&self.mass) {
-            *external += self.config.gravity * mass;
+        for (external, &load) in self.external.iter_mut().zip(&self.load) {
+            *external += self.config.gravity * load;
         }
         Ok(())
+    }
+
+    /// Sets which share of gravity and the host's forces acts; 1 at first. Load steps raise it from 0.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Config`] where it is not finite.
+    pub fn set_load_factor(&mut self, factor: f64) -> Result<(), BodyError> {
+        if !factor.is_finite() {
+            return Err(BodyError::Config {
+                field: "load_factor",
+                found: factor,
+                expected: "a finite number",
+            });
+        }
+        self.load_factor = factor;
+        Ok(())
+    }
+
+    /// Guides vertices along those world axes that are `true`, where they are at rest until
+    /// [`set_support`](Self::set_support) moves them. Returns the support's number.
+    ///
+    /// Where supports share an axis of a vertex, the later one guides it.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Support`], [`BodyError::HeldAndGuided`].
+    pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
+        let support = self.supports.list.len();
+        let free = self.stiffness.free();
+        let mut nodes = Vec::with_capacity(vertices.len());
+        for &vertex in vertices {
+            let Some(&node) = self.node_of_vertex.get(vertex as usize) else {
+                return Err(BodyError::Support {
+                    support,
+                    found: "it names a vertex that does not exist",
+                });
+            };
+            let holds = |handle: &Handle| handle.nodes().contains(&(node as usize));
+            if let Some(handle) = self.handles.iter().position(holds) {
+                return Err(BodyError::HeldAndGuided {
+                    vertex,
+                    handle,
+                    support,
+                });
+            }
+            nodes.push(node);
+        }
+        self.supports.add(&nodes, axes, free, &self.x)
+    }
+
+    /// Moves a support's vertices to `displacement` (m) from where they were when it was added, in the next
+    /// solve; along axes that it does not guide, nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Support`] for a support that does not exist or a displacement that is not finite.
+    pub fn set_support(&mut self, support: usize, displacement: Vec3) -> Result<(), BodyError> {
+        let fail = |found| Err(BodyError::Support { support, found });
+        if !displacement.iter().all(|c| c.is_finite()) {
+            return fail("its displacement is not finite");
+        }
+        match self.supports.list.get_mut(support) {
+            Some(entry) => entry.displacement = displacement,
+            None => return fail("it does not exist"),
+        }
+        Ok(())
+    }
+
+    /// Number of supports.
+    pub fn support_count(&self) -> usize {
+        self.supports.list.len()
+    }
+
+    /// Force of a support on the body along its axes in the last solve (N), or `None` past the last.
+    pub fn support_reaction(&self, support: usize) -> Option<Vec3> {
+        self.supports.list.get(support).map(|s| s.reaction)
     }
 
     /// Total mass (kg).
@@ -364,9 +362,9 @@ impl Sheet {
         sum
     }
 
-    /// Gravity and the host's forces together (N).
+    /// Gravity and the host's forces together, as far as they act (N).
     pub fn total_external_force(&self) -> Vec3 {
-        self.external.iter().sum()
+        self.external.iter().sum::<Vec3>() * self.load_factor
     }
 
     /// Kinetic energy (J).
@@ -378,9 +376,10 @@ impl Sheet {
             .sum()
     }
 
-    /// Stretching and bending energy (J) at the present state.
+    /// Elastic energy (J) at the present state, bending included.
     pub fn elastic_energy(&self) -> f64 {
-        self.membrane.energy(&self.x) + self.bending_energy()
+        let sets = self.elements.iter();
+        sets.map(|set| set.energy(&self.x)).sum::<f64>() + self.bending_energy()
     }
 
     /// Bending energy (J) at the present state; 0 without bending.
@@ -388,12 +387,6 @@ impl Sheet {
         self.bending
             .as_ref()
             .map_or(0.0, |bending| bending.energy(&self.stiffness, &self.x))
-    }
-
-    /// Principal stretches of a triangle at the present state, the larger first; `None` past the last.
-    pub fn principal_stretches(&self, triangle: usize) -> Option<[f64; 2]> {
-        (triangle < self.membrane.len())
-            .then(|| self.membrane.principal_stretches(triangle, &self.x))
     }
 }
 
@@ -403,9 +396,9 @@ fn scatter(node_of_vertex: &[u32], values: &[Vec3], nodes: &mut [Vec3]) {
     }
 }
 
-fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result<(), SheetError> {
+fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result<(), BodyError> {
     if values.len() != expected {
-        return Err(SheetError::Length {
+        return Err(BodyError::Length {
             what,
             found: values.len(),
             expected,
@@ -415,91 +408,7 @@ fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result
         .iter()
         .position(|value| !value.iter().all(|c| c.is_finite()))
     {
-        Some(vertex) => Err(SheetError::NotFinite { what, vertex }),
+        Some(vertex) => Err(BodyError::NotFinite { what, vertex }),
         None => Ok(()),
     }
-}
-
-fn check_mesh(mesh: &TriMesh, materials: &[Material]) -> Result<(), SheetError> {
-    let count = mesh.positions.len();
-    let triangles = mesh.triangles.len();
-    if triangles == 0 {
-        return Err(SheetError::Empty);
-    }
-    if materials.len() != 1 && materials.len() != triangles {
-        return Err(SheetError::MaterialCount {
-            found: materials.len(),
-            triangles,
-        });
-    }
-    for (triangle, material) in materials.iter().enumerate() {
-        material.check(triangle)?;
-    }
-    if let Some(vertex) = mesh
-        .positions
-        .iter()
-        .position(|position| !position.iter().all(|c| c.is_finite()))
-    {
-        return Err(SheetError::Position { vertex });
-    }
-    for (triangle, vertices) in mesh.triangles.iter().enumerate() {
-        if let Some(&vertex) = vertices.iter().find(|&&vertex| vertex as usize >= count) {
-            return Err(SheetError::TriangleVertex {
-                triangle,
-                vertex,
-                count,
-            });
-        }
-    }
-    Ok(())
-}
-
-fn degenerate(triangle: usize, x: [&Vec3; 3]) -> SheetError {
-    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
-    SheetError::Degenerate {
-        triangle,
-        area: 0.5 * e1.cross(&e2).norm(),
-        edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
-    }
-}
-
-/// The node of each vertex, and how many nodes are free.
-fn number_nodes(count: usize, handles: &[HandleSpec]) -> Result<(Vec<u32>, usize), SheetError> {
-    let mut holder = vec![None; count];
-    let mut held = 0;
-    for (handle, spec) in handles.iter().enumerate() {
-        if spec.vertices.is_empty() {
-            return Err(SheetError::EmptyHandle { handle });
-        }
-        if !spec.origin.iter().all(|c| c.is_finite()) {
-            return Err(SheetError::HandleOrigin { handle });
-        }
-        for &vertex in &spec.vertices {
-            let Some(entry) = holder.get_mut(vertex as usize) else {
-                return Err(SheetError::HandleVertex {
-                    handle,
-                    vertex,
-                    count,
-                });
-            };
-            if let Some(first) = entry.replace(handle) {
-                return Err(SheetError::SharedVertex {
-                    vertex,
-                    first,
-                    second: handle,
-                });
-            }
-            held += 1;
-        }
-    }
-    let free = count - held;
-    let mut nodes = vec![0; count];
-    let unheld = (0..count as u32).filter(|&vertex| holder[vertex as usize].is_none());
-    let in_handles = handles
-        .iter()
-        .flat_map(|spec| spec.vertices.iter().copied());
-    for (node, vertex) in unheld.chain(in_handles).enumerate() {
-        nodes[vertex as usize] = node as u32;
-    }
-    Ok((nodes, free))
 }

@@ -9,6 +9,7 @@
 
 use super::block_matrix::BlockMatrix;
 use super::error::CondenseError;
+use crate::Vec3;
 use core::fmt;
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::cholesky::llt::factor::{LltError as Pivot, LltRegularization};
@@ -129,6 +130,9 @@ impl Cholesky {
 
     /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`.
     ///
+    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are
+    /// uncoupled, with 1 on the diagonal.
+    ///
     /// # Errors
     ///
     /// [`CondenseError::Topology`] when the pattern has another size, and
@@ -139,10 +143,12 @@ impl Cholesky {
         mass: &[f64],
         mass_factor: f64,
         stiffness_factor: f64,
+        mask: Option<&[Vec3]>,
     ) -> Result<(), CondenseError> {
         if 3 * matrix.free() != self.unknowns {
             return Err(CondenseError::Topology);
         }
+        let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
         let mut next = 0;
         for node in 0..matrix.free() {
             for axis in 0..3 {
@@ -153,7 +159,12 @@ impl Cholesky {
                         let Some(value) = self.values.get_mut(next) else {
                             return Err(CondenseError::Topology);
                         };
-                        *value = stiffness_factor * block[(axis, i)];
+                        let coupled = !is_guided(node, axis) && !is_guided(row, i);
+                        *value = if coupled {
+                            stiffness_factor * block[(axis, i)]
+                        } else {
+                            0.0
+                        };
                         next += 1;
                     }
                 }
@@ -162,7 +173,11 @@ impl Cholesky {
                     .checked_sub(1)
                     .and_then(|last| self.values.get_mut(last))
                 {
-                    *value += mass_factor * mass[node];
+                    if is_guided(node, axis) {
+                        *value = 1.0;
+                    } else {
+                        *value += mass_factor * mass[node];
+                    }
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! What the hands feel of a sheet, as small dense matrices between handles.
+//! What the hands feel of a body, as small dense matrices between handles.
 //!
 //! With `A = M / t^2 + C / t + K` at the publication period `t`, split into free and handle nodes, and the
 //! basis `S` of the handles' motions, the body follows the hands by `Psi = [S; -A_ff^-1 A_fh S]`. The
@@ -15,14 +15,14 @@
 //! Since `A_ff Psi_f = -A_fh S`, on the free nodes `K Psi` is a multiple of `M Psi`, and the products
 //! `Psi^T K Psi` need only the handle rows of `K` and inner products with the masses.
 
-use super::body::Sheet;
+use super::body::Body;
 use super::cholesky::{Cholesky, Kernels};
 use super::dense::{Clip, Clipper, Square};
 use super::error::CondenseError;
 use super::handle::Freedom;
 use crate::Vec3;
 
-/// The condensed matrices of all handles of a sheet.
+/// The condensed matrices of all handles of a body.
 ///
 /// Each is 6 H x 6 H for H handles: three translations (m, N), then three rotations (rad, N m) about the
 /// handle's origin, in world axes, for each handle in turn. Rows and columns of motions that a handle does
@@ -72,7 +72,7 @@ impl Column {
     }
 }
 
-/// Condenses one sheet again and again without allocating.
+/// Condenses one body again and again without allocating.
 #[derive(Debug)]
 pub struct Condenser {
     cholesky: Cholesky,
@@ -93,13 +93,13 @@ pub struct Condenser {
 }
 
 impl Condenser {
-    /// Analyzes the topology of `sheet` and sets all memory aside.
+    /// Analyzes the topology of `body` and sets all memory aside.
     ///
     /// # Errors
     ///
     /// [`CondenseError::Symbolic`].
-    pub fn new(sheet: &Sheet) -> Result<Self, CondenseError> {
-        Self::with_kernels(sheet, Kernels::default())
+    pub fn new(body: &Body) -> Result<Self, CondenseError> {
+        Self::with_kernels(body, Kernels::default())
     }
 
     /// The same, with a choice of the code that factorizes.
@@ -107,13 +107,13 @@ impl Condenser {
     /// # Errors
     ///
     /// As [`Condenser::new`].
-    pub fn with_kernels(sheet: &Sheet, kernels: Kernels) -> Result<Self, CondenseError> {
+    pub fn with_kernels(body: &Body, kernels: Kernels) -> Result<Self, CondenseError> {
         let mut columns = Vec::new();
         let mut range = Vec::new();
         let mut holder = Vec::new();
         let mut squares = 0.0;
         let mut counted = 0;
-        for (handle, held) in sheet.handles.iter().enumerate() {
+        for (handle, held) in body.handles.iter().enumerate() {
             let first = columns.len();
             columns.extend((0..held.freedom.count()).map(|motion| Column { handle, motion }));
             range.push(first..columns.len());
@@ -123,12 +123,12 @@ impl Condenser {
                 counted += held.offsets.len();
             }
         }
-        let size = 6 * sheet.handles.len();
-        let length = characteristic_length(squares, counted, &sheet.x);
+        let size = 6 * body.handles.len();
+        let length = characteristic_length(squares, counted, &body.x);
         let zeros = || Square::zeros(size);
         Ok(Self {
-            cholesky: Cholesky::new(&sheet.stiffness, columns.len(), kernels)?,
-            shapes: vec![0.0; columns.len() * 3 * sheet.stiffness.free()],
+            cholesky: Cholesky::new(&body.stiffness, columns.len(), kernels)?,
+            shapes: vec![0.0; columns.len() * 3 * body.stiffness.free()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
             clipper: Clipper::new(size),
@@ -167,46 +167,58 @@ impl Condenser {
     /// # Errors
     ///
     /// [`CondenseError`]; the last result is kept then.
-    pub fn condense(&mut self, sheet: &Sheet, period: f64) -> Result<&Condensed, CondenseError> {
+    pub fn condense(&mut self, body: &Body, period: f64) -> Result<&Condensed, CondenseError> {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
         }
-        if !sheet.assembled {
+        if !body.assembled {
             return Err(CondenseError::NotAssembled);
         }
-        if self.holder.len() != sheet.grip.len() || self.range.len() != sheet.handles.len() {
+        if self.holder.len() != body.grip.len() || self.range.len() != body.handles.len() {
             return Err(CondenseError::Topology);
         }
-        let mass_factor = 1.0 / (period * period) + sheet.config.mass_damping / period;
-        let stiffness_factor = 1.0 + sheet.config.stiffness_damping / period;
-        self.cholesky
-            .factorize(&sheet.stiffness, &sheet.mass, mass_factor, stiffness_factor)?;
-        self.solve_shapes(sheet, stiffness_factor)?;
+        let mass_factor = 1.0 / (period * period) + body.config.mass_damping / period;
+        let stiffness_factor = 1.0 + body.config.stiffness_damping / period;
+        self.cholesky.factorize(
+            &body.stiffness,
+            &body.mass,
+            mass_factor,
+            stiffness_factor,
+            body.supports.mask(),
+        )?;
+        self.solve_shapes(body, stiffness_factor)?;
 
         let ratio = mass_factor / stiffness_factor;
-        self.products(sheet, ratio);
-        self.publish(sheet);
+        self.products(body, ratio);
+        self.publish(body);
         Ok(&self.condensed)
     }
 
     /// The arms, and `Psi_f = -A_ff^-1 A_fh S`.
-    fn solve_shapes(&mut self, sheet: &Sheet, stiffness_factor: f64) -> Result<(), CondenseError> {
-        let free = sheet.stiffness.free();
-        for handle in &sheet.handles {
+    fn solve_shapes(&mut self, body: &Body, stiffness_factor: f64) -> Result<(), CondenseError> {
+        let free = body.stiffness.free();
+        for handle in &body.handles {
             for node in handle.nodes() {
-                self.arms[node - free] = sheet.x[node] - handle.report.pose.position;
+                self.arms[node - free] = body.x[node] - handle.report.pose.position;
             }
         }
         let rows = 3 * free;
         self.shapes.fill(0.0);
         for node in 0..free {
-            for (held, block) in sheet.stiffness.handle_blocks(node) {
+            for (held, block) in body.stiffness.handle_blocks(node) {
                 let arm = &self.arms[held - free];
                 for c in self.range[self.holder[held - free] as usize].clone() {
                     let force = block * self.columns[c].at(arm) * stiffness_factor;
                     for axis in 0..3 {
                         self.shapes[c * rows + 3 * node + axis] -= force[axis];
                     }
+                }
+            }
+        }
+        if let Some(mask) = body.supports.mask() {
+            for column in self.shapes.chunks_mut(rows.max(1)) {
+                for (value, free) in column.iter_mut().zip(mask.iter().flat_map(Vec3::iter)) {
+                    *value *= free;
                 }
             }
         }
@@ -219,15 +231,15 @@ impl Condenser {
     }
 
     /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
-    fn products(&mut self, sheet: &Sheet, ratio: f64) {
-        let free = sheet.stiffness.free();
+    fn products(&mut self, body: &Body, ratio: f64) {
+        let free = body.stiffness.free();
         let rows = 3 * free;
         let count = self.columns.len();
         for c in 0..count {
             for r in 0..=c {
                 let left = &self.shapes[r * rows..(r + 1) * rows];
                 let right = &self.shapes[c * rows..(c + 1) * rows];
-                let value = mass_product(left, right, &sheet.mass[..free]);
+                let value = mass_product(left, right, &body.mass[..free]);
                 self.inner[(r, c)] = value;
                 self.inner[(c, r)] = value;
             }
@@ -252,11 +264,11 @@ impl Condenser {
             for (c, column) in self.columns.iter().enumerate() {
                 let shape = &self.shapes[c * rows..(c + 1) * rows];
                 let mut force = Vec3::zeros();
-                for (node, block) in sheet.stiffness.free_blocks(row) {
+                for (node, block) in body.stiffness.free_blocks(row) {
                     let at = 3 * node;
                     force += block * Vec3::new(shape[at], shape[at + 1], shape[at + 2]);
                 }
-                for (other, block) in sheet.stiffness.handle_blocks(row) {
+                for (other, block) in body.stiffness.handle_blocks(row) {
                     if self.holder[other - free] as usize == column.handle {
                         force += block * column.at(&self.arms[other - free]);
                     }
@@ -269,14 +281,14 @@ impl Condenser {
                 let shape = column.at(arm);
                 for motion in &self.columns[own.clone()] {
                     let at = (motion.slot(), column.slot());
-                    mass[at] += sheet.mass[row] * motion.at(arm).dot(&shape);
+                    mass[at] += body.mass[row] * motion.at(arm).dot(&shape);
                 }
             }
         }
     }
 
     /// Damping, lever term, symmetrizing and clipping.
-    fn publish(&mut self, sheet: &Sheet) {
+    fn publish(&mut self, body: &Body) {
         let Condensed {
             stiffness,
             damping,
@@ -287,13 +299,13 @@ impl Condenser {
             damping_clip,
             ..
         } = &mut self.condensed;
-        let (alpha, beta) = (sheet.config.mass_damping, sheet.config.stiffness_damping);
+        let (alpha, beta) = (body.config.mass_damping, body.config.stiffness_damping);
         for j in 0..mass.size() {
             for i in 0..mass.size() {
                 raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
             }
         }
-        for (held, (arm, force)) in self.arms.iter().zip(&sheet.grip).enumerate() {
+        for (held, (arm, force)) in self.arms.iter().zip(&body.grip).enumerate() {
             let own = self.range[self.holder[held] as usize].clone();
             for column in self.columns[own.clone()]
                 .iter()

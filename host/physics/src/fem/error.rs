@@ -1,12 +1,12 @@
-//! What can be wrong with a sheet, a step or a condensation.
+//! What can be wrong with a body, a step or a condensation.
 
 use thiserror::Error;
 
-/// Why a sheet could not be built, or an input to it was refused.
+/// Why a body could not be built, or an input to it was refused.
 #[derive(Clone, Debug, Error, PartialEq)]
-pub enum SheetError {
-    /// The mesh has no triangle.
-    #[error("the mesh has no triangles; a sheet needs at least one")]
+pub enum BodyError {
+    /// The mesh has no element.
+    #[error("the mesh has no elements; a body needs at least one")]
     Empty,
     /// A vertex position is not a finite number.
     #[error("vertex {vertex} has a position that is not finite")]
@@ -14,11 +14,11 @@ pub enum SheetError {
         /// The vertex.
         vertex: usize,
     },
-    /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} names vertex {vertex}, but the mesh has {count} vertices")]
-    TriangleVertex {
-        /// The triangle.
-        triangle: usize,
+    /// An element names a vertex that does not exist.
+    #[error("element {element} names vertex {vertex}, but the mesh has {count} vertices")]
+    ElementVertex {
+        /// The triangle or cell.
+        element: usize,
         /// The vertex that it names.
         vertex: u32,
         /// Number of vertices in the mesh.
@@ -37,17 +37,26 @@ pub enum SheetError {
         /// Its longest edge (m).
         edge: f64,
     },
-    /// A vertex belongs to no triangle, so that it has no mass.
-    #[error("vertex {vertex} belongs to no triangle and so has no mass; remove it from the mesh")]
+    /// A cell is flat or turned inside out at rest.
+    #[error(
+        "cell {cell} is flat or turned inside out at rest; remove it, move its vertices apart, or \
+         exchange two of them"
+    )]
+    FlatCell {
+        /// The cell.
+        cell: usize,
+    },
+    /// A vertex belongs to no element, so that it has no mass.
+    #[error("vertex {vertex} belongs to no element and so has no mass; remove it from the mesh")]
     Unreferenced {
         /// The vertex.
         vertex: usize,
     },
     /// A material parameter is out of range.
-    #[error("material of triangle {triangle}: `{field}` is {found}, expected {expected}")]
+    #[error("material of element {element}: `{field}` is {found}, expected {expected}")]
     Material {
-        /// The triangle.
-        triangle: usize,
+        /// The triangle or cell.
+        element: usize,
         /// The field of [`Material`](super::Material).
         field: &'static str,
         /// Its value.
@@ -67,20 +76,18 @@ pub enum SheetError {
         /// no direction at all.
         share: f64,
     },
-    /// The number of materials is neither one nor that of the triangles.
-    #[error(
-        "{found} materials given; expected one for all or one for each of {triangles} triangles"
-    )]
+    /// The number of materials is neither one nor that of the elements.
+    #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
     MaterialCount {
         /// How many were given.
         found: usize,
-        /// Number of triangles.
-        triangles: usize,
+        /// Number of triangles or cells.
+        elements: usize,
     },
     /// A field of the configuration is out of range.
-    #[error("sheet configuration: `{field}` is {found}, expected {expected}")]
+    #[error("configuration: `{field}` is {found}, expected {expected}")]
     Config {
-        /// The field of [`SheetConfig`](super::SheetConfig).
+        /// The field of [`BodyConfig`](super::BodyConfig).
         field: &'static str,
         /// Its value.
         found: f64,
@@ -114,6 +121,26 @@ pub enum SheetError {
         first: usize,
         /// The handle that names it again (the same one, if it lists the vertex twice).
         second: usize,
+    },
+    /// A support holds no vertex, no axis, or a vertex that does not exist.
+    #[error("support {support}: {found}; give it at least one vertex of the mesh and one axis")]
+    Support {
+        /// The support.
+        support: usize,
+        /// What is wrong with it.
+        found: &'static str,
+    },
+    /// A vertex belongs to a handle and to a support.
+    #[error(
+        "vertex {vertex} is held by handle {handle} and guided by support {support}; choose one"
+    )]
+    HeldAndGuided {
+        /// The vertex.
+        vertex: u32,
+        /// The handle.
+        handle: usize,
+        /// The support.
+        support: usize,
     },
     /// The origin of a handle is not a finite number.
     #[error("handle {handle} has an origin that is not finite")]
@@ -167,7 +194,7 @@ pub enum SheetError {
     },
 }
 
-/// Why a step was refused. The sheet keeps its last good state.
+/// Why a step was refused. The body keeps its last good state.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepError {
     /// The step length is not positive.
@@ -203,6 +230,32 @@ pub enum StepError {
         /// Iterations spent.
         iterations: usize,
     },
+    /// Newton's method did not reach its tolerance, however small the step was made.
+    #[error(
+        "no balance was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
+         {iterations} iterations of the smallest step; the last state is kept. Is the body held, and can \
+         what is asked of it be reached?"
+    )]
+    NotConverged {
+        /// Iterations of the last attempt.
+        iterations: usize,
+        /// Norm of the residual (N).
+        residual: f64,
+        /// Norm of the forces that should balance (N).
+        reference: f64,
+    },
+    /// Every balance that was found turns further elements inside out, however small the step was made.
+    #[error(
+        "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
+         a law that bears it (stable neo-Hookean), or ask for less"
+    )]
+    Inverted {
+        /// Elements inside out after the last attempt.
+        count: usize,
+    },
+    /// The matrix could not be factorized.
+    #[error(transparent)]
+    Matrix(#[from] CondenseError),
 }
 
 /// Why a condensation was refused.
@@ -214,11 +267,11 @@ pub enum CondenseError {
         /// The period (s).
         found: f64,
     },
-    /// The sheet was never assembled.
-    #[error("the sheet has no stiffness yet; call `assemble` before `condense`")]
+    /// The body was never assembled.
+    #[error("the body has no stiffness yet; call `assemble` before `condense`")]
     NotAssembled,
-    /// The sheet is not the one for which the condenser was made.
-    #[error("the sheet's topology is not the one for which this condenser was made")]
+    /// The body is not the one for which the condenser was made.
+    #[error("the body's topology is not the one for which this condenser was made")]
     Topology,
     /// The symbolic factorization failed: out of memory, or too many entries for its index type.
     #[error("the symbolic factorization of {unknowns} unknowns failed: {reason}")]

@@ -1,6 +1,6 @@
-//! The material of a triangle, and its checks.
+//! The materials of a sheet's triangles and of a solid's cells, and their checks.
 
-use super::error::SheetError;
+use super::error::BodyError;
 
 /// Isotropic linear material of one triangle of a sheet.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,34 +36,59 @@ impl Material {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Material`], naming `triangle`, the field, what was found and what is allowed.
-    pub fn check(&self, triangle: usize) -> Result<(), SheetError> {
-        let positive = "a positive, finite number";
-        let fail = |field, found, expected| {
-            Err(SheetError::Material {
-                triangle,
-                field,
-                found,
-                expected,
-            })
-        };
-        let is_positive = |value: f64| value > 0.0 && value.is_finite();
-        if !is_positive(self.young) {
-            return fail("young", self.young, positive);
-        }
-        if !is_positive(self.thickness) {
-            return fail("thickness", self.thickness, positive);
-        }
-        if !is_positive(self.density) {
-            return fail("density", self.density, positive);
-        }
-        if !(self.poisson > -1.0 && self.poisson < 0.5) {
-            return fail(
-                "poisson",
-                self.poisson,
-                "a number between -1 and 0.5, both excluded",
-            );
-        }
-        Ok(())
+    /// [`BodyError::Material`], naming `element`, the field, what was found and what is allowed.
+    pub fn check(&self, element: usize) -> Result<(), BodyError> {
+        check_positive(element, "young", self.young)?;
+        check_positive(element, "thickness", self.thickness)?;
+        check_positive(element, "density", self.density)?;
+        check_poisson(element, self.poisson)
     }
+}
+
+/// Isotropic material of one cell of a solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidMaterial {
+    /// Young's modulus at rest (Pa), positive.
+    pub young: f64,
+    /// Poisson's ratio at rest, between -1 and 0.5, both excluded.
+    pub poisson: f64,
+    /// Density (kg/m^3), positive.
+    pub density: f64,
+}
+
+impl SolidMaterial {
+    /// Checks the ranges that the fields document.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Material`], naming `element`, the field, what was found and what is allowed.
+    pub fn check(&self, element: usize) -> Result<(), BodyError> {
+        check_positive(element, "young", self.young)?;
+        check_positive(element, "density", self.density)?;
+        check_poisson(element, self.poisson)
+    }
+}
+
+fn check_positive(element: usize, field: &'static str, found: f64) -> Result<(), BodyError> {
+    if found > 0.0 && found.is_finite() {
+        return Ok(());
+    }
+    Err(BodyError::Material {
+        element,
+        field,
+        found,
+        expected: "a positive, finite number",
+    })
+}
+
+fn check_poisson(element: usize, found: f64) -> Result<(), BodyError> {
+    if found > -1.0 && found < 0.5 {
+        return Ok(());
+    }
+    Err(BodyError::Material {
+        element,
+        field: "poisson",
+        found,
+        expected: "a number between -1 and 0.5, both excluded",
+    })
 }

@@ -26,7 +26,10 @@
 
 use super::Tangent;
 use super::block_matrix::{BlockMatrix, ElementSlots};
+use super::elements::Elements;
+use super::error::BodyError;
 use super::material::Material;
+use crate::mesh::TriMesh;
 use crate::{Mat3, Vec3};
 
 /// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
@@ -52,6 +55,10 @@ pub struct Membrane {
     mu: Vec<f64>,
     /// Plane-stress Lame parameter times thickness times rest area (N m).
     lambda: Vec<f64>,
+    /// Thickness times rest area (m^3).
+    volume: Vec<f64>,
+    density: Vec<f64>,
+    slots: Vec<ElementSlots<3>>,
 }
 
 /// Polar decomposition of a deformation gradient, and what the force and the tangent need of it.
@@ -136,6 +143,15 @@ pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     ))
 }
 
+pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
+    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
+    BodyError::Degenerate {
+        triangle,
+        area: 0.5 * e1.cross(&e2).norm(),
+        edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
+    }
+}
+
 fn dot2(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
@@ -148,7 +164,50 @@ impl Membrane {
             gradients: Vec::with_capacity(count),
             mu: Vec::with_capacity(count),
             lambda: Vec::with_capacity(count),
+            volume: Vec::with_capacity(count),
+            density: Vec::with_capacity(count),
+            slots: Vec::new(),
         }
+    }
+
+    /// The triangles of `mesh` by vertex, with one material for all or one for each.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError`] for no triangles, a material out of range, and a triangle without area or with a vertex
+    /// that does not exist.
+    pub fn new(mesh: &TriMesh, materials: &[Material]) -> Result<Self, BodyError> {
+        let triangles = mesh.triangles.len();
+        if triangles == 0 {
+            return Err(BodyError::Empty);
+        }
+        if materials.len() != 1 && materials.len() != triangles {
+            return Err(BodyError::MaterialCount {
+                found: materials.len(),
+                elements: triangles,
+            });
+        }
+        for (triangle, material) in materials.iter().enumerate() {
+            material.check(triangle)?;
+        }
+        let count = mesh.positions.len();
+        let mut membrane = Self::with_capacity(triangles);
+        for (triangle, vertices) in mesh.triangles.iter().enumerate() {
+            if let Some(&vertex) = vertices.iter().find(|&&vertex| vertex as usize >= count) {
+                return Err(BodyError::ElementVertex {
+                    element: triangle,
+                    vertex,
+                    count,
+                });
+            }
+            let corners = vertices.map(|vertex| &mesh.positions[vertex as usize]);
+            let Some((gradients, area)) = rest_frame(corners) else {
+                return Err(degenerate(triangle, corners));
+            };
+            let material = &materials[if materials.len() == 1 { 0 } else { triangle }];
+            membrane.push(*vertices, gradients, area, material);
+        }
+        Ok(membrane)
     }
 
     /// Adds a triangle by its nodes, rest gradients and rest area (m^2).
@@ -164,6 +223,8 @@ impl Membrane {
         self.mu.push(material.shear() * material.thickness * area);
         self.lambda
             .push(material.lambda_plane_stress() * material.thickness * area);
+        self.volume.push(material.thickness * area);
+        self.density.push(material.density);
     }
 
     /// Number of triangles.
@@ -176,11 +237,6 @@ impl Membrane {
         self.nodes.is_empty()
     }
 
-    /// Nodes of each triangle.
-    pub fn nodes(&self) -> &[[u32; 3]] {
-        &self.nodes
-    }
-
     fn polar(&self, e: usize, x: &[Vec3]) -> Polar {
         let [a, b, c] = self.nodes[e].map(|node| x[node as usize]);
         let [g1, g2] = self.gradients[e];
@@ -191,20 +247,6 @@ impl Membrane {
     /// Principal stretches of triangle `e` at node positions `x`, the larger first; 1 is unstretched.
     pub fn principal_stretches(&self, e: usize, x: &[Vec3]) -> [f64; 2] {
         self.polar(e, x).stretches()
-    }
-
-    /// Elastic energy (J) at node positions `x`.
-    pub fn energy(&self, x: &[Vec3]) -> f64 {
-        let mut energy = 0.0;
-        for e in 0..self.len() {
-            let polar = self.polar(e, x);
-            let [xx, xy, yy] = polar.u;
-            let (xx, yy) = (xx - 1.0, yy - 1.0);
-            let trace = xx + yy;
-            energy += self.mu[e] * (xx * xx + 2.0 * xy * xy + yy * yy)
-                + 0.5 * self.lambda[e] * trace * trace;
-        }
-        energy
     }
 
     /// Force and tangent of triangle `e` at node positions `x`.
@@ -260,17 +302,60 @@ impl Membrane {
             ],
         }
     }
+}
 
-    /// Adds the force of every triangle to `force`, and its clipped tangent to `stiffness`.
-    pub(crate) fn assemble(
+impl Elements for Membrane {
+    fn count(&self) -> usize {
+        self.nodes.len()
+    }
+
+    fn nodes(&self, element: usize) -> &[u32] {
+        &self.nodes[element]
+    }
+
+    fn renumber(&mut self, node_of_vertex: &[u32]) {
+        for nodes in &mut self.nodes {
+            *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
+        }
+    }
+
+    fn bind(&mut self, matrix: &BlockMatrix) {
+        let slots = self.nodes.iter().map(|&nodes| matrix.element_slots(nodes));
+        self.slots = slots.collect::<Option<_>>().unwrap_or_default();
+    }
+
+    fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {
+        for (e, nodes) in self.nodes.iter().enumerate() {
+            let third = self.density[e] * self.volume[e] / 3.0;
+            for &node in nodes {
+                mass[node as usize] += third;
+                load[node as usize] += third;
+            }
+        }
+    }
+
+    fn energy(&self, x: &[Vec3]) -> f64 {
+        let mut energy = 0.0;
+        for e in 0..self.len() {
+            let polar = self.polar(e, x);
+            let [xx, xy, yy] = polar.u;
+            let (xx, yy) = (xx - 1.0, yy - 1.0);
+            let trace = xx + yy;
+            energy += self.mu[e] * (xx * xx + 2.0 * xy * xy + yy * yy)
+                + 0.5 * self.lambda[e] * trace * trace;
+        }
+        energy
+    }
+
+    fn assemble(
         &self,
         x: &[Vec3],
-        slots: &[ElementSlots],
+        tangent: Tangent,
         force: &mut [Vec3],
         stiffness: &mut BlockMatrix,
     ) {
-        for (e, slots) in slots.iter().enumerate() {
-            let element = self.element(e, x, Tangent::Clipped);
+        for (e, slots) in self.slots.iter().enumerate() {
+            let element = self.element(e, x, tangent);
             for a in 0..3 {
                 force[self.nodes[e][a] as usize] += element.force[a];
                 for b in 0..3 {
@@ -278,6 +363,42 @@ impl Membrane {
                 }
             }
         }
+    }
+
+    fn inverted(&self, _: &[Vec3]) -> usize {
+        0
+    }
+
+    fn stress(&self, element: usize, x: &[Vec3]) -> Mat3 {
+        let polar = self.polar(element, x);
+        let [xx, xy, yy] = polar.u;
+        let (mu, lambda) = (self.mu[element], self.lambda[element]);
+        let pressure = lambda * (xx + yy - 2.0);
+        let sigma = [
+            2.0 * mu * (xx - 1.0) + pressure,
+            2.0 * mu * xy,
+            2.0 * mu * (yy - 1.0) + pressure,
+        ];
+        // Cauchy: R sigma U R^T over the stretched area; the thickness is that at rest.
+        let [r1, r2] = polar.r;
+        let area = xx * yy - xy * xy;
+        if area <= 0.0 {
+            return Mat3::zeros();
+        }
+        let s = [
+            sigma[0] * xx + sigma[1] * xy,
+            sigma[0] * xy + sigma[1] * yy,
+            sigma[1] * xy + sigma[2] * yy,
+        ];
+        let scale = 1.0 / (area * self.volume[element]);
+        (r1 * r1.transpose() * s[0]
+            + (r1 * r2.transpose() + r2 * r1.transpose()) * s[1]
+            + r2 * r2.transpose() * s[2])
+            * scale
+    }
+
+    fn boxed(&self) -> Box<dyn Elements> {
+        Box::new(self.clone())
     }
 }
 

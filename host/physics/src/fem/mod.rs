@@ -1,39 +1,54 @@
-//! A thin elastic sheet with handles: forces, implicit steps, and its condensation onto the handles.
+//! Deformable bodies with handles: forces, time steps, equilibria, and their condensation onto the handles.
 //!
-//! - [`membrane`]: in-plane elasticity, one corotational constant-strain triangle at a time.
-//! - [`woven`]: in-plane elasticity of a sheet with a grain, by the laws in [`sheet_law`].
-//! - [`bending`]: a constant matrix that resists folding.
+//! - [`law`] and [`shape`], joined in [`solid`]: tetrahedra of elastic solids.
+//! - [`membrane`] and [`bending`]: thin sheets.
+//! - [`sheet_law`], put onto triangles in [`woven`]: thin sheets with a grain.
+//! - [`elements`]: what any set of elements gives a body.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
-//! - [`handle`]: rigid groups of vertices that a hand holds.
-//! - [`body`] and `step`: the sheet, its construction and its time step.
-//! - [`pcg`]: preconditioned conjugate gradients for the step.
+//! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
+//! - [`body`], `build` and `step`: the body, its construction and its realtime step.
+//! - [`pcg`]: preconditioned conjugate gradients for that step.
+//! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 //! - [`cholesky`] and [`condense`]: what the hands feel, as small dense matrices between handles.
 //!
-//! A step goes `assemble`, `solve`, and, where a local model is published, `condense`. The three are
-//! separate so that the caller can time each and leave out what a scene does not need.
+//! A realtime step goes `assemble`, `solve`, and, where a local model is published, `condense`. The three
+//! are separate so that the caller can time each and leave out what a scene does not need.
 
 pub mod bending;
 pub mod block_matrix;
 pub mod body;
+mod build;
 pub mod cholesky;
 pub mod condense;
 pub mod dense;
+pub mod elements;
+pub mod equilibrium;
 pub mod error;
 pub mod handle;
+pub mod integrator;
 pub mod law;
 pub mod material;
 pub mod membrane;
+pub mod newton;
 pub mod pcg;
+pub mod shape;
 pub mod sheet_law;
+pub mod solid;
 mod step;
+mod support;
 pub mod weave;
 pub mod woven;
 
-pub use body::{Sheet, SheetConfig};
+pub use body::{Body, BodyConfig};
+pub use build::SolidLaw;
 pub use condense::{Condensed, Condenser};
-pub use error::{CondenseError, SheetError, StepError};
+pub use elements::Elements;
+pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
+pub use error::{BodyError, CondenseError, StepError};
 pub use handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
-pub use material::Material;
+pub use integrator::{Integrator, IntegratorOptions, Scheme, StepReport};
+pub use material::{Material, SolidMaterial};
+pub use newton::{NewtonOptions, NewtonReport};
 pub use pcg::{Budget, SolveReport};
 pub use weave::Weave;
 pub use woven::Woven;

@@ -13,6 +13,8 @@ pub(crate) struct StepMatrix<'a> {
     pub(crate) mass: &'a [f64],
     pub(crate) stiffness_factor: f64,
     pub(crate) mass_factor: f64,
+    /// By free node and axis: 1 where it is free, 0 where a support guides it.
+    pub(crate) mask: Option<&'a [Vec3]>,
 }
 
 impl StepMatrix<'_> {
@@ -22,6 +24,9 @@ impl StepMatrix<'_> {
         for (row, y) in y.iter_mut().enumerate() {
             *y = self.stiffness.free_product(row, x) * self.stiffness_factor
                 + x[row] * (self.mass_factor * self.mass[row]);
+            if let Some(mask) = self.mask {
+                y.component_mul_assign(&mask[row]);
+            }
             dot += x[row].dot(y);
         }
         dot
@@ -97,6 +102,10 @@ impl Pcg {
             for i in 0..3 {
                 block[(i, i)] += matrix.mass_factor * matrix.mass[row];
             }
+            if let Some(mask) = matrix.mask {
+                self.residual[row].component_mul_assign(&mask[row]);
+                uncouple(&mut block, &mask[row]);
+            }
             self.inverse[row] = block.try_inverse().unwrap_or_else(Mat3::identity);
             let r = self.residual[row];
             let z = self.inverse[row] * r;
@@ -141,5 +150,16 @@ impl Pcg {
             report.converged = report.final_residual <= goal;
         }
         report
+    }
+}
+
+/// Takes the guided axes out of a diagonal block: what is guided has no residual, and so gets no direction.
+fn uncouple(block: &mut Mat3, mask: &Vec3) {
+    for axis in 0..3 {
+        if mask[axis] == 0.0 {
+            block.row_mut(axis).fill(0.0);
+            block.column_mut(axis).fill(0.0);
+            block[(axis, axis)] = 1.0;
+        }
     }
 }

@@ -11,13 +11,13 @@
 //! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
 //! that the hand had to give.
 
-use super::body::Sheet;
+use super::body::Body;
 use super::error::StepError;
-use super::handle::{HandlePose, HandleReport, Wrench};
+use super::handle::{Handle, HandlePose, HandleReport, Wrench};
 use super::pcg::{SolveReport, StepMatrix};
 use crate::Vec3;
 
-impl Sheet {
+impl Body {
     /// Assembles and solves: one whole step of `h` seconds.
     ///
     /// # Errors
@@ -28,25 +28,16 @@ impl Sheet {
         self.solve(h, targets)
     }
 
-    /// Advances the sheet by `h` seconds to the handle poses `targets`, one per handle, from forces and
+    /// Advances the body by `h` seconds to the handle poses `targets`, one per handle, from forces and
     /// stiffness as just assembled.
     ///
     /// A solve that runs out of iterations is no error: the report says how far it came.
     ///
     /// # Errors
     ///
-    /// [`StepError`]; the sheet keeps its state then.
+    /// [`StepError`]; the body keeps its state then.
     pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
-        if !(h > 0.0 && h.is_finite()) {
-            return Err(StepError::StepLength { found: h });
-        }
-        if targets.len() != self.handles.len() {
-            let (found, expected) = (targets.len(), self.handles.len());
-            return Err(StepError::Targets { found, expected });
-        }
-        if let Some(handle) = targets.iter().position(|target| !target.is_finite()) {
-            return Err(StepError::Target { handle });
-        }
+        self.check_step(h, targets)?;
         if !self.fresh {
             return Err(StepError::NotAssembled);
         }
@@ -62,6 +53,8 @@ impl Sheet {
                 self.displacement[node] = target.position + target.rotation * offset - self.x[node];
             }
         }
+        self.supports
+            .prescribe(&self.x, 1.0, &mut self.displacement);
         for node in 0..free {
             self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
@@ -70,6 +63,7 @@ impl Sheet {
             mass: &self.mass,
             stiffness_factor,
             mass_factor,
+            mask: self.supports.mask(),
         };
         let report = self.pcg.solve(
             &matrix,
@@ -91,12 +85,30 @@ impl Sheet {
             });
         }
         self.report_handles(h, targets);
+        let mut supports = core::mem::take(&mut self.supports);
+        supports.collect_reactions(|node| self.imbalance(node, h, mass_factor, stiffness_factor));
+        self.supports = supports;
         for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
             *x += u;
             *v = u / h;
         }
         self.fresh = false;
         Ok(report)
+    }
+
+    /// Refuses a step length or targets that make no sense.
+    pub(crate) fn check_step(&self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
+        if !(h > 0.0 && h.is_finite()) {
+            return Err(StepError::StepLength { found: h });
+        }
+        if targets.len() != self.handles.len() {
+            let (found, expected) = (targets.len(), self.handles.len());
+            return Err(StepError::Targets { found, expected });
+        }
+        if let Some(handle) = targets.iter().position(|target| !target.is_finite()) {
+            return Err(StepError::Target { handle });
+        }
+        Ok(())
     }
 
     /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force
@@ -107,7 +119,7 @@ impl Sheet {
             + self.displacement[node] * (mass_factor * mass)
             - self.v[node] * (mass / h)
             - self.internal[node]
-            - self.external[node]
+            - self.external[node] * self.load_factor
     }
 
     /// Mass times acceleration of a node over the step.
@@ -116,30 +128,85 @@ impl Sheet {
     }
 
     fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
-        let free = self.stiffness.free();
-        for i in 0..self.handles.len() {
-            let (old, target) = (self.handles[i].report.pose, targets[i]);
-            let mut grip = Wrench::default();
-            let mut inertia = Wrench::default();
-            for node in self.handles[i].nodes() {
-                let arm = self.x[node] + self.displacement[node] - target.position;
-                grip.add(&self.grip[node - free], &arm);
-                inertia.add(&self.inertia(node, h), &arm);
-            }
-            self.handles[i].report = HandleReport {
-                pose: target,
-                linear_velocity: (target.position - old.position) / h,
-                angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
-                wrench_on_hand: Wrench {
-                    force: -grip.force,
-                    moment: -grip.moment,
-                },
-                reaction: Wrench {
-                    force: grip.force + inertia.force,
-                    moment: grip.moment + inertia.moment,
-                },
-                inertia,
-            };
+        let mut handles = core::mem::take(&mut self.handles);
+        for (handle, target) in handles.iter_mut().zip(targets) {
+            self.report_handle(handle, h, target, |node| {
+                (
+                    self.x[node] + self.displacement[node],
+                    self.inertia(node, h),
+                )
+            });
         }
+        self.handles = handles;
+    }
+
+    /// Reports handles and supports after a solve that has moved the body already, over a step of `h` from
+    /// velocities `before`; forces are those just assembled. An infinite `h` is equilibrium.
+    pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
+        let free = self.stiffness.free();
+        let (alpha, beta) = (self.config.mass_damping, self.config.stiffness_damping);
+        let pull = |node: usize| {
+            let damping = if beta > 0.0 {
+                self.stiffness.row_product(node, &self.v) * beta
+            } else {
+                Vec3::zeros()
+            };
+            self.v[node] * (alpha * self.mass[node]) + damping
+                - self.internal[node]
+                - self.external[node] * self.load_factor
+        };
+        let inertia = |node: usize| (self.v[node] - before[node]) * (self.mass[node] / h);
+        let mut grip = core::mem::take(&mut self.grip);
+        for (held, force) in grip.iter_mut().enumerate() {
+            *force = pull(free + held);
+        }
+        let mut supports = core::mem::take(&mut self.supports);
+        supports.collect_reactions(|node| pull(node) + inertia(node));
+        self.supports = supports;
+        self.grip = grip;
+        let mut handles = core::mem::take(&mut self.handles);
+        for (handle, target) in handles.iter_mut().zip(targets) {
+            self.report_handle(handle, h, target, |node| {
+                (
+                    self.x[node],
+                    (self.v[node] - before[node]) * (self.mass[node] / h),
+                )
+            });
+        }
+        self.handles = handles;
+    }
+
+    /// Sums what `state` says of the handle's nodes: position at the end of the step, and inertia.
+    fn report_handle(
+        &self,
+        handle: &mut Handle,
+        h: f64,
+        target: &HandlePose,
+        state: impl Fn(usize) -> (Vec3, Vec3),
+    ) {
+        let free = self.stiffness.free();
+        let old = handle.report.pose;
+        let mut grip = Wrench::default();
+        let mut inertia = Wrench::default();
+        for node in handle.nodes() {
+            let (position, force) = state(node);
+            let arm = position - target.position;
+            grip.add(&self.grip[node - free], &arm);
+            inertia.add(&force, &arm);
+        }
+        handle.report = HandleReport {
+            pose: *target,
+            linear_velocity: (target.position - old.position) / h,
+            angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
+            wrench_on_hand: Wrench {
+                force: -grip.force,
+                moment: -grip.moment,
+            },
+            reaction: Wrench {
+                force: grip.force + inertia.force,
+                moment: grip.moment + inertia.moment,
+            },
+            inertia,
+        };
     }
 }

@@ -1,6 +1,6 @@
 //! The material of a woven triangle, and its checks.
 
-use super::error::SheetError;
+use super::error::BodyError;
 use super::sheet_law::{PlaneStiffness, StiffnessError};
 use crate::Vec3;
 
@@ -30,8 +30,8 @@ impl Weave {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Material`], naming `triangle`, the field, what was found and what is allowed.
-    pub fn stiffness(&self, triangle: usize) -> Result<PlaneStiffness, SheetError> {
+    /// [`BodyError::Material`], naming `triangle`, the field, what was found and what is allowed.
+    pub fn stiffness(&self, triangle: usize) -> Result<PlaneStiffness, BodyError> {
         PlaneStiffness::orthotropic(
             self.young_warp,
             self.young_weft,
@@ -44,8 +44,8 @@ impl Weave {
                  field,
                  found,
                  expected,
-             }| SheetError::Material {
-                triangle,
+             }| BodyError::Material {
+                element: triangle,
                 field,
                 found,
                 expected,
@@ -57,13 +57,13 @@ impl Weave {
     ///
     /// # Errors
     ///
-    /// [`SheetError::Material`], naming `triangle`, the field, what was found and what is allowed;
-    /// [`SheetError::Warp`] for a warp that is zero or not finite.
-    pub fn check(&self, triangle: usize) -> Result<(), SheetError> {
+    /// [`BodyError::Material`], naming `triangle`, the field, what was found and what is allowed;
+    /// [`BodyError::Warp`] for a warp that is zero or not finite.
+    pub fn check(&self, triangle: usize) -> Result<(), BodyError> {
         self.stiffness(triangle)?;
         if !(self.density > 0.0 && self.density.is_finite()) {
-            return Err(SheetError::Material {
-                triangle,
+            return Err(BodyError::Material {
+                element: triangle,
                 field: "density",
                 found: self.density,
                 expected: "a positive, finite number",
@@ -71,7 +71,7 @@ impl Weave {
         }
         match unit(&self.warp) {
             Some(_) => Ok(()),
-            None => Err(SheetError::Warp {
+            None => Err(BodyError::Warp {
                 triangle,
                 share: f64::NAN,
             }),

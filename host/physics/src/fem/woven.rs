@@ -7,12 +7,11 @@
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
 
 use super::Tangent;
-use super::error::SheetError;
-use super::membrane::{Element, rest_frame};
+use super::error::BodyError;
+use super::membrane::{Element, Polar, degenerate, rest_frame};
 use super::sheet_law::{PlaneStiffness, SheetLaw};
 use super::weave::{Weave, unit};
 use crate::Vec3;
-use crate::fem::membrane::Polar;
 
 /// Below this share of the warp in a triangle's plane its direction there is not what anyone meant.
 const LEAST_WARP: f64 = 1e-6;
@@ -48,16 +47,16 @@ impl<L: SheetLaw> Woven<L> {
     ///
     /// # Errors
     ///
-    /// [`SheetError`], naming the triangle by its number here: [`Degenerate`](SheetError::Degenerate) for
-    /// one without area, [`Material`](SheetError::Material) and [`Warp`](SheetError::Warp) as
-    /// [`Weave::check`] does, and [`Warp`](SheetError::Warp) where the warp is within 1e-6 rad of the
+    /// [`BodyError`], naming the triangle by its number here: [`Degenerate`](BodyError::Degenerate) for
+    /// one without area, [`Material`](BodyError::Material) and [`Warp`](BodyError::Warp) as
+    /// [`Weave::check`] does, and [`Warp`](BodyError::Warp) where the warp is within 1e-6 rad of the
     /// triangle's normal. Nothing is added then.
     pub fn push(
         &mut self,
         nodes: [u32; 3],
         corners: [&Vec3; 3],
         weave: &Weave,
-    ) -> Result<f64, SheetError> {
+    ) -> Result<f64, BodyError> {
         let triangle = self.len();
         weave.check(triangle)?;
         let stiffness = weave.stiffness(triangle)?;
@@ -164,12 +163,8 @@ impl<L: SheetLaw> Woven<L> {
 }
 
 /// Cosine and sine of the angle from the first edge to the warp in the plane of the triangle.
-fn warp_in_frame(
-    triangle: usize,
-    corners: [&Vec3; 3],
-    warp: &Vec3,
-) -> Result<[f64; 2], SheetError> {
-    let none = |share| SheetError::Warp { triangle, share };
+fn warp_in_frame(triangle: usize, corners: [&Vec3; 3], warp: &Vec3) -> Result<[f64; 2], BodyError> {
+    let none = |share| BodyError::Warp { triangle, share };
     let warp = unit(warp).ok_or_else(|| none(f64::NAN))?;
     let along = (corners[1] - corners[0]).normalize();
     let normal = along.cross(&(corners[2] - corners[0])).normalize();
@@ -179,14 +174,5 @@ fn warp_in_frame(
         Ok([x / share, y / share])
     } else {
         Err(none(share))
-    }
-}
-
-fn degenerate(triangle: usize, [a, b, c]: [&Vec3; 3]) -> SheetError {
-    let (e1, e2) = (b - a, c - a);
-    SheetError::Degenerate {
-        triangle,
-        area: 0.5 * e1.cross(&e2).norm(),
-        edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
     }
 }

@@ -35,7 +35,7 @@ impl Cells {
     }
 
     /// The vertices of each cell, corners first.
-    pub fn iter(&self) -> Box<dyn Iterator<Item = &[u32]> + '_> {
+    pub fn vertices(&self) -> Box<dyn Iterator<Item = &[u32]> + '_> {
         match self {
             Self::Linear(cells) => Box::new(cells.iter().map(<[u32; 4]>::as_slice)),
             Self::Quadratic(cells) => Box::new(cells.iter().map(<[u32; 10]>::as_slice)),

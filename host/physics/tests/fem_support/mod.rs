@@ -2,9 +2,10 @@
 #![allow(dead_code)]
 
 use physics::fem::{
-    Freedom, HandlePose, HandleSpec, Material, Sheet, SheetConfig, SolveReport, StepError,
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SolveReport, StepError,
 };
-use physics::mesh::TriMesh;
+use physics::mesh::tet::MIDSIDE_ENDS;
+use physics::mesh::{Cells, TetMesh, TriMesh};
 use physics::{Mat3, Vec3};
 
 /// How each cell of a grid is cut into triangles.
@@ -111,13 +112,13 @@ pub(crate) fn rubber(poisson: f64) -> Material {
 }
 
 /// No gravity, no damping, no bending; the solver as tight as double precision gives.
-pub(crate) fn tight() -> SheetConfig {
-    SheetConfig {
+pub(crate) fn tight() -> BodyConfig {
+    BodyConfig {
         gravity: Vec3::zeros(),
         tolerance: 1e-13,
         absolute_tolerance: 0.0,
         max_iterations: 20_000,
-        ..SheetConfig::default()
+        ..BodyConfig::default()
     }
 }
 
@@ -153,7 +154,7 @@ pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
 ///
 /// Velocities are cleared so that no inertia is carried along.
 pub(crate) fn settle(
-    sheet: &mut Sheet,
+    sheet: &mut Body,
     targets: &[HandlePose],
     h: f64,
     steps: usize,
@@ -175,4 +176,80 @@ pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
 /// An in-plane affine map as a matrix.
 pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
     Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
+}
+
+/// A cube of edge 1 in `n`^3 cells of six tetrahedra (Kuhn), its inner vertices moved by up to `share` of a
+/// cell.
+pub(crate) fn cube(n: usize, share: f64, quadratic: bool) -> TetMesh {
+    let mut random = Random(3);
+    let vertex = |i: usize, j: usize, k: usize| ((k * (n + 1) + j) * (n + 1) + i) as u32;
+    let mut positions = Vec::new();
+    for k in 0..=n {
+        for j in 0..=n {
+            for i in 0..=n {
+                let inner = [i, j, k].iter().all(|&i| i > 0 && i < n);
+                let mut at = Vec3::new(i as f64, j as f64, k as f64);
+                if inner {
+                    at += random.vector() * share;
+                }
+                positions.push(at / n as f64);
+            }
+        }
+    }
+    let mut cells = Vec::new();
+    for k in 0..n {
+        for j in 0..n {
+            for i in 0..n {
+                for [a, b, c] in [
+                    [0, 1, 2],
+                    [1, 2, 0],
+                    [2, 0, 1],
+                    [1, 0, 2],
+                    [0, 2, 1],
+                    [2, 1, 0],
+                ] {
+                    let mut at = [i, j, k];
+                    let mut cell = vec![vertex(i, j, k)];
+                    for axis in [a, b, c] {
+                        at[axis] += 1;
+                        cell.push(vertex(at[0], at[1], at[2]));
+                    }
+                    if [[0, 1, 2], [1, 2, 0], [2, 0, 1]].contains(&[a, b, c]) {
+                        cells.push([cell[0], cell[1], cell[2], cell[3]]);
+                    } else {
+                        cells.push([cell[0], cell[2], cell[1], cell[3]]);
+                    }
+                }
+            }
+        }
+    }
+    let cells = if quadratic {
+        Cells::Quadratic(elevate(&mut positions, &cells))
+    } else {
+        Cells::Linear(cells)
+    };
+    TetMesh {
+        positions,
+        cells,
+        vertex_groups: Vec::new(),
+        cell_groups: Vec::new(),
+        cell_fields: Vec::new(),
+    }
+}
+
+fn elevate(positions: &mut Vec<Vec3>, cells: &[[u32; 4]]) -> Vec<[u32; 10]> {
+    let mut middles = std::collections::BTreeMap::new();
+    let quadratic = |cell: &[u32; 4]| {
+        let mut all = [0; 10];
+        all[..4].copy_from_slice(cell);
+        for (slot, [a, b]) in all[4..].iter_mut().zip(MIDSIDE_ENDS) {
+            let ends = (cell[a].min(cell[b]), cell[a].max(cell[b]));
+            *slot = *middles.entry(ends).or_insert_with(|| {
+                positions.push((positions[ends.0 as usize] + positions[ends.1 as usize]) / 2.0);
+                positions.len() as u32 - 1
+            });
+        }
+        all
+    };
+    cells.iter().map(quadratic).collect()
 }

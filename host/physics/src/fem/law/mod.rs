@@ -6,6 +6,18 @@
 use super::Tangent;
 use crate::Mat3;
 
+mod corotational;
+pub mod isotropic;
+mod linear;
+mod neo_hookean;
+mod stvk;
+pub mod svd;
+
+pub use corotational::Corotational;
+pub use linear::Linear;
+pub use neo_hookean::StableNeoHookean;
+pub use stvk::StVenantKirchhoff;
+
 /// The Lame parameters of an isotropic linear-elastic solid (Pa).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lame {

@@ -1,0 +1,56 @@
+//! A set of elements of one kind, as a body sees it.
+//!
+//! A body is one or more such sets over the same nodes. Each set keeps its own arrays over its elements
+//! and runs its own loops; the body asks for whole sums only, so nothing is decided element by element.
+//! Constructors number vertices as the mesh does; the body then renumbers them into nodes.
+
+use super::Tangent;
+use super::block_matrix::BlockMatrix;
+use crate::{Mat3, Vec3};
+use core::fmt;
+
+/// A set of elements of one kind.
+pub trait Elements: fmt::Debug + Send + Sync {
+    /// Number of elements.
+    fn count(&self) -> usize;
+
+    /// Nodes of an element.
+    fn nodes(&self, element: usize) -> &[u32];
+
+    /// Replaces each vertex by its node.
+    fn renumber(&mut self, node_of_vertex: &[u32]);
+
+    /// Looks up where the elements' blocks lie in `matrix`.
+    fn bind(&mut self, matrix: &BlockMatrix);
+
+    /// Adds each node's lumped mass (kg) to `mass`, and to `load` what a body force is multiplied by: the
+    /// integral of the density times the node's shape function (kg). The two differ for quadratic elements.
+    fn add_mass(&self, mass: &mut [f64], load: &mut [f64]);
+
+    /// Elastic energy (J) at node positions `x`.
+    fn energy(&self, x: &[Vec3]) -> f64;
+
+    /// Adds the elastic forces (N) at node positions `x` to `force`, and the tangent (N/m) to `stiffness`.
+    fn assemble(
+        &self,
+        x: &[Vec3],
+        tangent: Tangent,
+        force: &mut [Vec3],
+        stiffness: &mut BlockMatrix,
+    );
+
+    /// Number of elements that are turned inside out at `x`. A sheet has no inside.
+    fn inverted(&self, x: &[Vec3]) -> usize;
+
+    /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
+    fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
+
+    /// A copy.
+    fn boxed(&self) -> Box<dyn Elements>;
+}
+
+impl Clone for Box<dyn Elements> {
+    fn clone(&self) -> Self {
+        self.boxed()
+    }
+}

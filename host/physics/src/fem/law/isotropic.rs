@@ -1,0 +1,81 @@
+//! Isotropic laws by their signed principal stretches.
+//!
+//! In the axes of `F = U diag(s) V^T` the modulus falls apart into a 3 x 3 block of stretches, three
+//! *twists* and three *flips*, whose eigenvalues have closed forms (Smith, de Goes and Kim, "Analytic
+//! eigensystems for isotropic distortion energies", 2019). Clipping is then a matter of signs.
+
+use super::svd::{Svd, svd};
+use super::{Modulus, Response};
+use crate::fem::Tangent;
+use crate::{Mat3, Vec3};
+
+/// Derivatives of the energy density by the principal stretches (Pa).
+#[derive(Clone, Copy, Debug)]
+pub struct Principal {
+    /// First derivatives: the principal stresses.
+    pub stress: Vec3,
+    /// Second derivatives.
+    pub stretch: Mat3,
+    /// `(psi_i + psi_j) / (s_i + s_j)` for the pairs 12, 02, 01: eigenvalues of the turns of one axis into
+    /// another.
+    pub twist: Vec3,
+    /// `(psi_i - psi_j) / (s_i - s_j)` for the same pairs: eigenvalues of the shears.
+    pub flip: Vec3,
+}
+
+/// The pairs of axes, by the axis that is left out.
+pub const PAIRS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
+
+/// Stress and modulus at `f` of the law with these derivatives.
+pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Response {
+    let Svd { u, s, v } = svd(f);
+    let mut p = law(&s);
+    if tangent == Tangent::Clipped {
+        p.stretch = clipped(&p.stretch);
+        p.twist = p.twist.sup(&Vec3::zeros());
+        p.flip = p.flip.sup(&Vec3::zeros());
+    }
+    // In principal axes: dP_ii by dF_jj; and dP_ij by dF_ij and dF_ji.
+    let same: Vec3 = (p.flip + p.twist) * 0.5;
+    let crossed: Vec3 = (p.flip - p.twist) * 0.5;
+    // The modulus of the term a_ij E_ij (x) E_kl, with E_ij = u_i v_j^T, has the block v_j[J] v_l[L]
+    // u_i u_k^T. Sum over what is not zero, for fixed right axes first.
+    let mut right = [[Mat3::zeros(); 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            right[i][j] += u.column(i) * u.column(j).transpose() * p.stretch[(i, j)];
+        }
+    }
+    for (k, [i, j]) in PAIRS.into_iter().enumerate() {
+        for (i, j) in [(i, j), (j, i)] {
+            right[j][j] += u.column(i) * u.column(i).transpose() * same[k];
+            right[j][i] += u.column(i) * u.column(j).transpose() * crossed[k];
+        }
+    }
+    let mut half = [[Mat3::zeros(); 3]; 3];
+    for j in 0..3 {
+        for big in 0..3 {
+            for l in 0..3 {
+                half[j][big] += right[j][l] * v[(big, l)];
+            }
+        }
+    }
+    let modulus: Modulus = core::array::from_fn(|a| {
+        core::array::from_fn(|b| {
+            half[0][b] * v[(a, 0)] + half[1][b] * v[(a, 1)] + half[2][b] * v[(a, 2)]
+        })
+    });
+    Response {
+        stress: u * Mat3::from_diagonal(&p.stress) * v.transpose(),
+        modulus,
+    }
+}
+
+/// A symmetric matrix with its negative eigenvalues replaced by zero.
+fn clipped(matrix: &Mat3) -> Mat3 {
+    // The singular values of a symmetric matrix are its eigenvalues but for signs: `(A + |A|) / 2`.
+    let Svd { s, v, .. } = svd(matrix);
+    let size = v * Mat3::from_diagonal(&s.abs()) * v.transpose();
+    let sum = (matrix + size) * 0.5;
+    (sum + sum.transpose()) * 0.5
+}

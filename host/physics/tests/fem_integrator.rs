@@ -1,0 +1,282 @@
+//! Time schemes: order, energy, momentum, recovery, and what is kept when a step fails.
+
+mod fem_support;
+
+use fem_support::{Random, cube};
+use nalgebra::Rotation3;
+use physics::Vec3;
+use physics::fem::{
+    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw,
+    SolidMaterial, StepError,
+};
+
+const RUBBER: SolidMaterial = SolidMaterial {
+    young: 1e4,
+    poisson: 0.3,
+    density: 1000.0,
+};
+
+fn config(mass_damping: f64, stiffness_damping: f64) -> BodyConfig {
+    BodyConfig {
+        gravity: Vec3::zeros(),
+        mass_damping,
+        stiffness_damping,
+        ..BodyConfig::default()
+    }
+}
+
+fn options(scheme: Scheme) -> IntegratorOptions {
+    IntegratorOptions {
+        scheme,
+        newton: NewtonOptions {
+            tolerance: 1e-12,
+            max_iterations: 50,
+        },
+        max_halvings: 0,
+        refuse_inversion: false,
+    }
+}
+
+/// A cube that hangs by one face, struck; stepped for a tenth of a second.
+fn swing(law: SolidLaw, scheme: Scheme, steps: u32, config: BodyConfig) -> Vec<Vec3> {
+    let mesh = cube(1, 0.0, true);
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config, &[]).unwrap();
+    let held: Vec<u32> = (0_u32..)
+        .zip(&mesh.positions)
+        .filter(|(_, x)| x.z == 0.0)
+        .map(|(vertex, _)| vertex)
+        .collect();
+    body.add_support(&held, [true; 3]).unwrap();
+    let struck: Vec<Vec3> = mesh
+        .positions
+        .iter()
+        .map(|x| Vec3::new(x.z, -0.5 * x.z, 0.3 * x.z * x.x))
+        .collect();
+    body.set_velocities(&struck).unwrap();
+    let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
+    for _ in 0..steps {
+        integrator
+            .step(&mut body, 0.1 / f64::from(steps), &[])
+            .unwrap();
+    }
+    body.positions().collect()
+}
+
+fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b).norm_squared())
+        .sum::<f64>()
+        .sqrt()
+}
+
+#[test]
+fn schemes_have_the_order_they_state() {
+    for law in [SolidLaw::Linear, SolidLaw::StableNeoHookean] {
+        for config in [config(0.0, 0.0), config(0.5, 0.005)] {
+            let exact = swing(law, Scheme::TrBdf2, 3200, config);
+            for (scheme, order, steps) in [
+                (Scheme::ImplicitEuler, 1.0, 800),
+                (Scheme::TrBdf2, 2.0, 100),
+            ] {
+                let error = |steps| distance(&swing(law, scheme, steps, config), &exact);
+                let found = (error(steps) / error(2 * steps)).log2();
+                println!("{law:?} {scheme:?}: order {found:.3}");
+                // The next term of the error is of the step's size against the fastest motion resolved.
+                assert!(
+                    (found - order).abs() < 0.1,
+                    "{law:?} {scheme:?} {config:?}: {found}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_energy_of_a_linear_body_never_grows() {
+    for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+        for damping in [0.0, 0.01] {
+            for h in [1e-3, 1e-2, 1e-1] {
+                let mesh = cube(2, 0.2, false);
+                let config = config(0.0, damping);
+                let mut body =
+                    Body::solid(&mesh, &[RUBBER], SolidLaw::Linear, config, &[]).unwrap();
+                let mut random = Random(4);
+                let v: Vec<Vec3> = mesh.positions.iter().map(|_| random.vector()).collect();
+                body.set_velocities(&v).unwrap();
+                let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
+                let start = body.kinetic_energy() + body.elastic_energy();
+                let mut last = start;
+                for _ in 0..200 {
+                    integrator.step(&mut body, h, &[]).unwrap();
+                    let energy = body.kinetic_energy() + body.elastic_energy();
+                    // Rounding of the sums and the solver's residual.
+                    assert!(
+                        energy <= last + 1e-11 * start,
+                        "{scheme:?} {damping} {h}: {energy} > {last}"
+                    );
+                    last = energy;
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_free_body_keeps_its_momentum() {
+    for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+        for law in [SolidLaw::Corotational, SolidLaw::StableNeoHookean] {
+            let mesh = cube(2, 0.2, false);
+            let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.01), &[]).unwrap();
+            let spin = Vec3::new(1.0, 2.0, 3.0);
+            let v: Vec<Vec3> = mesh
+                .positions
+                .iter()
+                .map(|x| spin.cross(x) + Vec3::x())
+                .collect();
+            body.set_velocities(&v).unwrap();
+            let start = body.momentum();
+            let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
+            for _ in 0..100 {
+                integrator.step(&mut body, 2e-3, &[]).unwrap();
+            }
+            assert!((body.momentum() - start).norm() < 1e-10 * start.norm());
+        }
+    }
+}
+
+#[test]
+fn angular_momentum_drifts_with_the_order_of_the_scheme() {
+    let drift = |scheme, steps: u32| {
+        let mesh = cube(1, 0.0, false);
+        let law = SolidLaw::StableNeoHookean;
+        let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &[]).unwrap();
+        let spin = Vec3::new(1.0, 2.0, 3.0);
+        let v: Vec<Vec3> = mesh.positions.iter().map(|x| spin.cross(x)).collect();
+        body.set_velocities(&v).unwrap();
+        let angular = |body: &Body| -> Vec3 {
+            // No handles: nodes are vertices.
+            let masses = body.node_masses();
+            body.positions()
+                .zip(body.velocities())
+                .zip(masses)
+                .map(|((x, v), m)| x.cross(&v) * *m)
+                .sum()
+        };
+        let start = angular(&body);
+        let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
+        for _ in 0..steps {
+            integrator
+                .step(&mut body, 0.1 / f64::from(steps), &[])
+                .unwrap();
+        }
+        (angular(&body) - start).norm() / start.norm()
+    };
+    for (scheme, order) in [(Scheme::ImplicitEuler, 1.0), (Scheme::TrBdf2, 2.0)] {
+        let found = (drift(scheme, 200) / drift(scheme, 400)).log2();
+        println!("{scheme:?}: drift of order {found:.3}");
+        // At least the scheme's.
+        assert!(found > order - 0.1, "{scheme:?} {found}");
+    }
+}
+
+#[test]
+fn an_inverted_cube_of_stable_neo_hookean_recovers() {
+    let law = SolidLaw::StableNeoHookean;
+    let mesh = cube(2, 0.0, false);
+    let mut random = Random(8);
+    let inverted: Vec<Vec3> = mesh
+        .positions
+        .iter()
+        .map(|x| Vec3::new(x.x, x.y, -x.z))
+        .collect();
+    let scrambled: Vec<Vec3> = mesh.positions.iter().map(|_| random.vector()).collect();
+    for start in [inverted, scrambled] {
+        let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.02), &[]).unwrap();
+        body.set_positions(&start).unwrap();
+        let bound = body.elastic_energy();
+        let options = IntegratorOptions::default();
+        let mut integrator = Integrator::new(&body, options).unwrap();
+        for _ in 0..400 {
+            integrator.step(&mut body, 0.02, &[]).unwrap();
+            let energy = body.kinetic_energy() + body.elastic_energy();
+            assert!(energy <= bound * (1.0 + 1e-9), "{energy} {bound}");
+        }
+        println!(
+            "left {:.3e} of {bound:.3e} J, {} inverted",
+            body.elastic_energy(),
+            body.inverted_count()
+        );
+        assert_eq!(body.inverted_count(), 0);
+        assert!(body.elastic_energy() < 1e-6 * bound);
+    }
+}
+
+#[test]
+fn a_turned_cube_stays_at_rest() {
+    let mesh = cube(2, 0.2, true);
+    let law = SolidLaw::Corotational;
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &[]).unwrap();
+    let turn = Rotation3::from_euler_angles(1.0, 2.0, -0.5);
+    let x: Vec<Vec3> = mesh.positions.iter().map(|x| turn * x).collect();
+    body.set_positions(&x).unwrap();
+    let mut integrator = Integrator::new(&body, options(Scheme::TrBdf2)).unwrap();
+    for _ in 0..100 {
+        integrator.step(&mut body, 0.01, &[]).unwrap();
+    }
+    for (now, x) in body.positions().zip(&x) {
+        assert!((now - x).norm() < 1e-12);
+    }
+}
+
+#[test]
+fn a_step_that_fails_leaves_the_body_as_it_was() {
+    let mesh = cube(1, 0.0, false);
+    let law = SolidLaw::StVenantKirchhoff;
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &[]).unwrap();
+    let v: Vec<Vec3> = mesh
+        .positions
+        .iter()
+        .map(|x| Vec3::z() * (-2.0 * x.z))
+        .collect();
+    body.set_velocities(&v).unwrap();
+    let before: Vec<Vec3> = body.positions().chain(body.velocities()).collect();
+    let none = IntegratorOptions {
+        newton: NewtonOptions {
+            tolerance: 1e-12,
+            max_iterations: 1,
+        },
+        ..options(Scheme::TrBdf2)
+    };
+    let result = Integrator::new(&body, none)
+        .unwrap()
+        .step(&mut body, 0.1, &[]);
+    assert!(
+        matches!(result, Err(StepError::NotConverged { .. })),
+        "{result:?}"
+    );
+    assert_eq!(
+        body.positions()
+            .chain(body.velocities())
+            .collect::<Vec<_>>(),
+        before
+    );
+    // The same step in as many parts as it takes.
+    let more = IntegratorOptions {
+        newton: NewtonOptions {
+            tolerance: 1e-9,
+            max_iterations: 3,
+        },
+        refuse_inversion: true,
+        max_halvings: 8,
+        ..IntegratorOptions::default()
+    };
+    let report = Integrator::new(&body, more)
+        .unwrap()
+        .step(&mut body, 0.1, &[])
+        .unwrap();
+    assert!(
+        report.substeps > 1 && body.inverted_count() == 0,
+        "{report:?}"
+    );
+}
