@@ -11,8 +11,11 @@ use super::material::{Material, SolidMaterial};
 use super::membrane::Membrane;
 use super::pcg::Pcg;
 use super::shape::{Tet4, Tet10};
+use super::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
 use super::solid::Solid;
 use super::support::Supports;
+use super::weave::Weave;
+use super::woven::Woven;
 use crate::Vec3;
 use crate::mesh::{Cells, TetMesh, TriMesh};
 
@@ -30,7 +33,46 @@ pub enum SolidLaw {
     StableNeoHookean,
 }
 
+/// The laws of woven sheets, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SheetLawName {
+    /// [`CorotationalSheet`]: linear in the stretch; for cloth that is not soft in shear.
+    Corotational,
+    /// [`StVenantKirchhoffSheet`]: linear in the Green strain.
+    #[default]
+    StVenantKirchhoff,
+}
+
 impl Body {
+    /// A woven sheet at rest in the shape of `mesh`, with one material for all triangles or one for each.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`]; bending has no model for a weave, so `config.bending` must be 0.
+    pub fn woven(
+        mesh: &TriMesh,
+        weaves: &[Weave],
+        law: SheetLawName,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        if config.bending != 0.0 {
+            return Err(BodyError::Config {
+                field: "bending",
+                found: config.bending,
+                expected: "0 for a woven sheet: its bending has no model",
+            });
+        }
+        check_positions(&mesh.positions)?;
+        let elements: Box<dyn Elements> = match law {
+            SheetLawName::Corotational => Box::new(Woven::<CorotationalSheet>::new(mesh, weaves)?),
+            SheetLawName::StVenantKirchhoff => {
+                Box::new(Woven::<StVenantKirchhoffSheet>::new(mesh, weaves)?)
+            }
+        };
+        Self::from_elements(&mesh.positions, vec![elements], config, handles)
+    }
+
     /// A sheet at rest in the shape of `mesh`.
     ///
     /// `materials` holds one for all triangles or one for each. `handles` may be empty: a free sheet.

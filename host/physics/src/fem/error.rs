@@ -64,6 +64,18 @@ pub enum BodyError {
         /// What is allowed.
         expected: &'static str,
     },
+    /// The warp of a woven material has no direction in the plane of a triangle.
+    #[error(
+        "the warp of triangle {triangle} stands on it: {share:e} of its length lies in the triangle's \
+         plane; give a direction along the cloth"
+    )]
+    Warp {
+        /// The triangle.
+        triangle: usize,
+        /// Sine of the angle between the warp and the triangle's normal; not a number for a warp that has
+        /// no direction at all.
+        share: f64,
+    },
     /// The number of materials is neither one nor that of the elements.
     #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
     MaterialCount {

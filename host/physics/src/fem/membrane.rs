@@ -62,18 +62,18 @@ pub struct Membrane {
 }
 
 /// Polar decomposition of a deformation gradient, and what the force and the tangent need of it.
-struct Polar {
+pub(crate) struct Polar {
     /// Columns of the 3 x 2 rotation.
-    r: [Vec3; 2],
-    n: Vec3,
+    pub(crate) r: [Vec3; 2],
+    pub(crate) n: Vec3,
     /// `U`: xx, xy, yy.
-    u: [f64; 3],
+    pub(crate) u: [f64; 3],
     /// `tr U`.
-    trace: f64,
+    pub(crate) trace: f64,
 }
 
 impl Polar {
-    fn new(f1: &Vec3, f2: &Vec3) -> Self {
+    pub(crate) fn new(f1: &Vec3, f2: &Vec3) -> Self {
         let c = [f1.dot(f1), f1.dot(f2), f2.dot(f2)];
         let trace_c = c[0] + c[2];
         // A triangle shrunk to a point has no direction at all: any frame will do.
@@ -102,7 +102,7 @@ impl Polar {
     }
 
     /// Principal stretches, the larger first.
-    fn stretches(&self) -> [f64; 2] {
+    pub(crate) fn stretches(&self) -> [f64; 2] {
         let mean = 0.5 * (self.u[0] + self.u[2]);
         let radius = libm::hypot(0.5 * (self.u[0] - self.u[2]), self.u[1]);
         [mean + radius, mean - radius]
@@ -143,7 +143,7 @@ pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     ))
 }
 
-fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
+pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
     let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
     BodyError::Degenerate {
         triangle,

@@ -3,6 +3,7 @@
 //! - [`law`] and [`shape`], joined in [`solid`]: tetrahedra of elastic solids.
 //! - [`membrane`] and [`bending`]: thin sheets.
 //! - [`load`]: tractions as forces on vertices.
+//! - [`sheet_law`], put onto triangles in [`woven`]: thin sheets with a grain.
 //! - [`elements`]: what any set of elements gives a body.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
@@ -33,12 +34,15 @@ pub mod membrane;
 pub mod newton;
 pub mod pcg;
 pub mod shape;
+pub mod sheet_law;
 pub mod solid;
 mod step;
 mod support;
+pub mod weave;
+pub mod woven;
 
 pub use body::{Body, BodyConfig};
-pub use build::SolidLaw;
+pub use build::{SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser};
 pub use elements::Elements;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
@@ -48,6 +52,8 @@ pub use integrator::{Integrator, IntegratorOptions, Scheme, StepReport};
 pub use material::{Material, SolidMaterial};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use pcg::{Budget, SolveReport};
+pub use weave::Weave;
+pub use woven::Woven;
 
 /// Which tangent an element gives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
