@@ -9,8 +9,10 @@ use crate::Vec3;
 
 pub mod adjacency;
 pub mod check;
+mod elevate;
 pub mod file;
 pub mod generate;
+pub mod generate_box;
 pub mod gmsh;
 mod lines;
 pub mod obj;
@@ -21,6 +23,7 @@ mod vtk_array;
 mod vtk_cells;
 pub mod vtk_legacy;
 pub mod vtk_xml;
+pub mod write_vtu;
 
 pub use adjacency::Adjacency;
 pub use check::MeshError;

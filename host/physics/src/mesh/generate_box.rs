@@ -1,0 +1,127 @@
+//! Boxes of tetrahedra.
+
+use super::generate::MAX_VERTICES;
+use super::{Cells, Group, TetMesh};
+use crate::Vec3;
+use thiserror::Error;
+
+/// Why a box cannot be made.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum BoxError {
+    /// A size is zero, negative or not a number.
+    #[error("box: its size along {axis} is {found:?} m, it must be positive and finite")]
+    Size {
+        /// "x", "y" or "z".
+        axis: &'static str,
+        /// The size (m).
+        found: f64,
+    },
+    /// There are no cells along one axis.
+    #[error("box: it has 0 cells along {axis}, at least 1 is needed")]
+    NoCells {
+        /// "x", "y" or "z".
+        axis: &'static str,
+    },
+    /// There would be too many vertices.
+    #[error("box: {cells:?} cells make {vertices} vertices, at most {MAX_VERTICES} are allowed")]
+    TooMany {
+        /// Cells along each axis.
+        cells: [u32; 3],
+        /// The vertices that they would make.
+        vertices: u64,
+    },
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A box centred at the origin, of `size` (m) in `cells` along each axis, each cut into six tetrahedra around
+/// the same diagonal (Kuhn's split: conforming without any choice).
+///
+/// Vertices are numbered along x first, then y, then z. The vertex groups "left" and "right" hold the faces
+/// at either end of x, "front" and "back" those of y, "bottom" and "top" those of z; edges are in two.
+///
+/// # Errors
+/// [`BoxError`] for sizes that are not positive, no cells, or more than [`MAX_VERTICES`] vertices.
+pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
+    for axis in 0..3 {
+        if !(size[axis] > 0.0 && size[axis].is_finite()) {
+            return Err(BoxError::Size {
+                axis: AXES[axis],
+                found: size[axis],
+            });
+        }
+        if cells[axis] == 0 {
+            return Err(BoxError::NoCells { axis: AXES[axis] });
+        }
+    }
+    let vertices = cells.iter().fold(1_u64, |product, &n| {
+        product.saturating_mul(u64::from(n) + 1)
+    });
+    if vertices > MAX_VERTICES {
+        return Err(BoxError::TooMany { cells, vertices });
+    }
+    let [nx, ny, nz] = cells;
+    let vertex = |at: [u32; 3]| (at[2] * (ny + 1) + at[1]) * (nx + 1) + at[0];
+    // Exactly antisymmetric, so that a symmetric load stays symmetric.
+    let across = |i: u32, n: u32| (2.0 * f64::from(i) - f64::from(n)) / (2.0 * f64::from(n));
+    let grid = |counts: [u32; 3]| {
+        (0..counts[2]).flat_map(move |k| {
+            (0..counts[1]).flat_map(move |j| (0..counts[0]).map(move |i| [i, j, k]))
+        })
+    };
+    let positions: Vec<Vec3> = grid(cells.map(|n| n + 1))
+        .map(|at| Vec3::from_fn(|axis, _| size[axis] * across(at[axis], cells[axis])))
+        .collect();
+    let tetrahedra = grid(cells)
+        .flat_map(|at| kuhn(at).map(|cell| cell.map(vertex)))
+        .collect();
+    let faces = [
+        ("left", 0, 0),
+        ("right", 0, nx),
+        ("front", 1, 0),
+        ("back", 1, ny),
+        ("bottom", 2, 0),
+        ("top", 2, nz),
+    ];
+    let vertex_groups = faces
+        .map(|(name, axis, at): (&str, usize, u32)| Group {
+            name: name.to_owned(),
+            members: grid(cells.map(|n| n + 1))
+                .filter(|place| place[axis] == at)
+                .map(vertex)
+                .collect(),
+        })
+        .to_vec();
+    Ok(TetMesh {
+        positions,
+        cells: Cells::Linear(tetrahedra),
+        vertex_groups,
+        cell_groups: Vec::new(),
+        cell_fields: Vec::new(),
+    })
+}
+
+/// The six tetrahedra of a cell: the paths along its edges from one end of the diagonal to the other.
+fn kuhn(at: [u32; 3]) -> [[[u32; 3]; 4]; 6] {
+    // The last three paths turn the other way: two vertices are exchanged, so that all volumes are positive.
+    let paths = [
+        [0, 1, 2],
+        [1, 2, 0],
+        [2, 0, 1],
+        [1, 0, 2],
+        [0, 2, 1],
+        [2, 1, 0],
+    ];
+    core::array::from_fn(|number| {
+        let mut corner = at;
+        let mut cell = [at; 4];
+        for (slot, axis) in paths[number].into_iter().enumerate() {
+            corner[axis] += 1;
+            cell[slot + 1] = corner;
+        }
+        if number >= 3 {
+            cell.swap(1, 2);
+        }
+        cell
+    })
+}

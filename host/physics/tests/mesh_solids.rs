@@ -1,0 +1,126 @@
+//! Generated solids, quadratic ones, and the files for ParaView.
+
+use physics::Vec3;
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::generate_box::{BoxError, solid_box};
+use physics::mesh::tet::MIDSIDE_ENDS;
+use physics::mesh::write_vtu::{Snapshot, Values};
+use physics::mesh::{self, Cells};
+use std::collections::BTreeMap;
+
+#[test]
+fn a_box_is_filled_once_and_conforms() {
+    let mesh = solid_box([0.3, 0.2, 0.1], [3, 2, 4]).unwrap();
+    let Cells::Linear(cells) = &mesh.cells else {
+        panic!()
+    };
+    assert_eq!(
+        (mesh.positions.len(), cells.len()),
+        (4 * 3 * 5, 3 * 2 * 4 * 6)
+    );
+    let mut volume = 0.0;
+    let mut faces = BTreeMap::new();
+    for cell in cells {
+        let [a, b, c, d] = cell.map(|v| mesh.positions[v as usize]);
+        let own = (b - a).cross(&(c - a)).dot(&(d - a)) / 6.0;
+        assert!(own > 0.0);
+        volume += own;
+        for out in 0..4 {
+            let mut face: Vec<u32> = (0..4).filter(|k| *k != out).map(|k| cell[k]).collect();
+            face.sort_unstable();
+            *faces.entry(face).or_insert(0) += 1;
+        }
+    }
+    // A few hundred roundings.
+    assert!((volume - 0.006).abs() < 1e-15);
+    assert!(faces.values().all(|&cells| cells <= 2));
+    let surface = faces.values().filter(|&&cells| cells == 1).count();
+    assert_eq!(surface, 2 * 2 * (3 * 2 + 2 * 4 + 3 * 4));
+    let top = mesh.group("top").unwrap();
+    assert_eq!(top.members.len(), 4 * 3);
+    assert!(
+        top.members
+            .iter()
+            .all(|&v| mesh.positions[v as usize].z == 0.05)
+    );
+}
+
+#[test]
+fn a_box_without_extent_or_cells_is_refused() {
+    let size = |size| solid_box(size, [1, 1, 1]).unwrap_err();
+    assert!(matches!(
+        size([1.0, 0.0, 1.0]),
+        BoxError::Size { axis: "y", .. }
+    ));
+    assert!(matches!(
+        size([1.0, 1.0, f64::NAN]),
+        BoxError::Size { axis: "z", .. }
+    ));
+    let cells = |cells| solid_box([1.0; 3], cells).unwrap_err();
+    assert_eq!(cells([0, 1, 1]), BoxError::NoCells { axis: "x" });
+    assert!(matches!(cells([u32::MAX; 3]), BoxError::TooMany { .. }));
+}
+
+#[test]
+fn middles_lie_in_the_middle_and_join_the_faces_of_their_edges() {
+    let linear = solid_box([1.0; 3], [2, 1, 1]).unwrap();
+    let mesh = linear.quadratic();
+    let Cells::Quadratic(cells) = &mesh.cells else {
+        panic!()
+    };
+    for cell in cells {
+        for (slot, [a, b]) in MIDSIDE_ENDS.into_iter().enumerate() {
+            let [a, b, middle] =
+                [cell[a], cell[b], cell[4 + slot]].map(|v| mesh.positions[v as usize]);
+            assert!((middle - (a + b) / 2.0).norm() < 1e-16);
+        }
+    }
+    // Every vertex of a face and no other: also where the box is one cell thick.
+    for (name, axis, at) in [("left", 0, -0.5), ("back", 1, 0.5), ("bottom", 2, -0.5)] {
+        let expected: Vec<u32> = (0_u32..)
+            .zip(&mesh.positions)
+            .filter(|(_, x)| x[axis] == at)
+            .map(|(vertex, _)| vertex)
+            .collect();
+        assert_eq!(mesh.group(name).unwrap().members, expected, "{name}");
+    }
+    assert_eq!(mesh.quadratic(), mesh);
+}
+
+#[test]
+fn a_written_sheet_reads_back_bit_for_bit() {
+    let mesh = sheet(0.1, 0.07, 5, 3, Pattern::Alternating).unwrap();
+    let mut snapshot = Snapshot::of_sheet(&mesh);
+    let vectors = mesh.positions.iter().map(|x| x / 3.0).collect();
+    snapshot
+        .at_vertices
+        .push(("u <m> & \"more\"".to_owned(), Values::Vector(vectors)));
+    let back = mesh::read("sheet.vtu", snapshot.vtu().as_bytes()).unwrap();
+    assert_eq!(
+        (back.positions, back.triangles),
+        (mesh.positions, mesh.triangles)
+    );
+}
+
+#[test]
+fn a_written_solid_has_its_cells_and_values() {
+    let mesh = solid_box([1.0; 3], [1, 1, 1]).unwrap().quadratic();
+    let mut snapshot = Snapshot::of_solid(&mesh);
+    let tensors = vec![physics::Mat3::from_diagonal(&Vec3::new(1.0, 2.0, 3.0)); 6];
+    snapshot
+        .in_cells
+        .push(("stress".to_owned(), Values::Tensor(tensors)));
+    let text = snapshot.vtu();
+    assert!(text.contains("<Piece NumberOfPoints=\"27\" NumberOfCells=\"6\">"));
+    assert!(
+        text.contains(&format!(
+            "Name=\"types\" format=\"ascii\">\n{}</DataArray>",
+            "24\n".repeat(6)
+        )),
+        "six quadratic tetrahedra"
+    );
+    assert_eq!(
+        text.matches("1.0 0.0 0.0 0.0 2.0 0.0 0.0 0.0 3.0").count(),
+        6
+    );
+}
