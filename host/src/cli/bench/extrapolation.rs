@@ -1,30 +1,21 @@
-//! `palpate bench`: measurements that the book quotes.
+//! `palpate bench extrapolation`: how well each force scheme bridges the time between publications.
 
-use super::CommandError;
+use super::super::CommandError;
+use super::progress_bar;
 use crate::atomic_file::write_atomically;
 use crate::plot::{self, Marker, Series};
 use crate::study::extrapolation::{self, Extrapolation, Motion, RATES};
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 
-/// Arguments of `palpate bench`.
+/// Arguments of `palpate bench extrapolation`.
 #[derive(Clone, Debug, clap::Args)]
-pub(super) struct BenchArguments {
-    #[command(subcommand)]
-    what: What,
-}
-
-#[derive(Clone, Debug, clap::Subcommand)]
-enum What {
-    /// Force error of each scheme against the rate at which the host publishes
-    Extrapolation {
-        /// Write the table as JSON, too
-        #[arg(long, value_name = "FILE")]
-        json: Option<PathBuf>,
-        /// Draw it (SVG)
-        #[arg(long, value_name = "FILE")]
-        plot: Option<PathBuf>,
-    },
+pub(super) struct ExtrapolationArguments {
+    /// Write the table as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw it (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
 }
 
 /// Blends that are compared: the default, and the shortest there is.
@@ -32,22 +23,18 @@ const BLENDS: [f64; 2] = [0.5, 0.0];
 /// Motion that is measured (s).
 const DURATION: f64 = 6.0;
 
-pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
-    let What::Extrapolation { json, plot } = &arguments.what;
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
-        bar.set_style(style);
-    }
+pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
+    let bar = progress_bar();
     let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
     let found = extrapolation::run(DURATION, &RATES, &BLENDS, progress);
     bar.finish_and_clear();
     let found = found?;
     print_tables(&found);
-    if let Some(path) = json {
+    if let Some(path) = &arguments.json {
         let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
         write_atomically(path, text.as_bytes())?;
     }
-    if let Some(path) = plot {
+    if let Some(path) = &arguments.plot {
         write_atomically(path, chart(&found).as_bytes())?;
     }
     Ok(())
