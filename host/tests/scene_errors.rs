@@ -242,7 +242,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh: found 3, allowed: a table
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = {}
-  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet` and `file`
+  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box` and `file`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = "file"
   x.toml:14: body[0].mesh: found "file", allowed: a table
@@ -254,7 +254,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet` or `file`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `file`, `order`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
@@ -269,7 +269,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.sheet.depth: unknown field, allowed: `length`, `width`, `cells`
 cells = [4, 2] }
   -> cells = [4, 2] }¶mesh.file = 'x'
-  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet` and `file`
+  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box` and `file`
 cells = [4, 2]
   -> cells = [4000, 2000]
   x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
@@ -286,19 +286,19 @@ young = 1e6
   x.toml:16: body[0].material: missing field `young`
 young = 1e6
   -> yong = 1e6
-  x.toml:17: body[0].material.yong: unknown field, allowed: `young`, `poisson`, `thickness`, `density`
+  x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `density`, `weave`, `fields`
 young = 1e6
   -> "yo\nung" = 1
-  x.toml:17: body[0].material.yo...: unknown field, allowed: `young`, `poisson`, `thickness`, `density`
+  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `density`, `weave`, `fields`
 name = "base"
   ->
   x.toml:1: missing field `name`
 [loop]
   -> [lop]
-  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `gravity`, `body`, `device`
+  x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `device`
 [body.material]
   -> [body.metal]
-  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `material`, `region`, `damping`, `bending`, `handle`
+  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
 hand = {}
   ->
   x.toml:36: device[0]: missing field `hand`
@@ -398,7 +398,7 @@ hand = {}
   x.toml:39: device[0].hand.recording: found "", allowed: the name of a file
 [[device]]¶name = "right"¶model = "touch"¶
   -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
-  x.toml:36: device: found 5, allowed: 1 to 4 of them
+  x.toml:36: device: found 5, allowed: up to 4 of them
 "#,
     );
 }

@@ -8,9 +8,11 @@ mod plan;
 mod replay;
 mod run;
 mod signals;
+mod solve;
 
 use crate::scene::{LoadedScene, Scene, SceneError};
 use clap::{Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -32,6 +34,7 @@ Examples:
   palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
   palpate run --replay run.mcap                the same ticks again, compared bit for bit
   palpate run my_scene.toml --seed 7           your own scene
+  palpate solve my_scene.toml --vtu out        equilibrium without devices, as files for ParaView
   palpate plan my_scene.toml                   which stages it needs, and why the others are skipped";
 
 #[derive(Debug, Subcommand)]
@@ -40,6 +43,8 @@ enum Command {
     Run(run::RunArguments),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
+    /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
+    Solve(solve::SolveArguments),
     /// Measure, and print the tables that the book quotes
     Bench(bench::BenchArguments),
 }
@@ -72,6 +77,10 @@ enum CommandError {
     #[error("the system gave no signals: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
+    Solve(physics::fem::CondenseError),
+    #[error("not everything was solved to the end")]
+    NotSolved,
+    #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
 }
 
@@ -93,6 +102,7 @@ pub fn main() -> ExitCode {
     let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Solve(arguments) => solve::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {
@@ -114,4 +124,13 @@ fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
 struct SceneArgument {
     /// Scene file (TOML); without one, the built-in scene
     scene: Option<PathBuf>,
+}
+
+/// A bar of a thousand parts, drawn only where a person looks: on a terminal.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
+        bar.set_style(style);
+    }
+    bar
 }

@@ -2,6 +2,7 @@
 
 use super::{CommandError, SceneArgument, load};
 use crate::atomic_file::write_atomically;
+use crate::bodies;
 use crate::engine::build;
 use crate::engine::plan::{Stage, plan};
 use serde::Serialize;
@@ -28,10 +29,13 @@ struct PlanJson<'a> {
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
     // No plan for a scene that cannot run: what its meshes lack is said here, too.
+    build::check(&loaded)?;
+    let mut kinds = Vec::new();
     for index in 0..loaded.scene.bodies.len() {
-        build::handle_origins(&loaded, index)?;
+        bodies::handle_origins(&loaded, index)?;
+        kinds.push(bodies::kind(&loaded, index)?);
     }
-    let stages = plan(&loaded.scene);
+    let stages = plan(&loaded.scene, &kinds);
     println!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };

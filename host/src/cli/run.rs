@@ -1,9 +1,8 @@
 //! `palpate run`: a scene from beginning to end.
 
-use super::{CommandError, SceneArgument, load, signals};
+use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use crate::engine::faults::HostFault;
 use crate::run::{Clock, RunOptions};
-use indicatif::{ProgressBar, ProgressStyle};
 use physics::fem::cholesky::Kernels;
 use runner::CallPolicy;
 use std::io::Write;
@@ -144,11 +143,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
         Clock::Virtual => None,
     };
-    // Drawn only where a person looks: on a terminal.
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
-        bar.set_style(style);
-    }
+    let bar = progress_bar();
     let result = crate::run::run(&loaded, &options, |progress| {
         bar.set_position((1000.0 * progress.share()) as u64);
         if arguments.report_progress {

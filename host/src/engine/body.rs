@@ -1,4 +1,4 @@
-//! One sheet in the host loop: its handles' paths, its step, and the local model it publishes.
+//! One body in the host loop: its handles' paths, its step, and the local model it publishes.
 
 use super::path::HandlePath;
 use super::stats::{EngineStats, StepFault, Stopwatch};
@@ -6,10 +6,10 @@ use physics::fem::dense::Square;
 use physics::fem::{Body, Condensed, Condenser, HandlePose, HandleReport};
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Wrench};
 
-/// A sheet, the paths of its handles, and how it publishes.
-pub struct SheetBody {
+/// A body, the paths of its handles, and how it publishes.
+pub struct HostBody {
     name: String,
-    sheet: Body,
+    body: Body,
     /// None where the scheme renders no published stiffness.
     condenser: Option<Condenser>,
     paths: Vec<HandlePath>,
@@ -22,15 +22,15 @@ pub struct SheetBody {
     model: LocalModel,
 }
 
-/// What a [`SheetBody`] is made of.
-pub struct SheetBodyParts {
+/// What a [`HostBody`] is made of.
+pub struct HostBodyParts {
     /// Name of the body.
     pub name: String,
-    /// The sheet, at rest.
-    pub sheet: Body,
+    /// The physics, at rest.
+    pub body: Body,
     /// Condenses it, where the scheme wants that.
     pub condenser: Option<Condenser>,
-    /// The handles' paths, in the sheet's order.
+    /// The handles' paths, in the body's order.
     pub paths: Vec<HandlePath>,
     /// The device of each handle.
     pub devices: Vec<u8>,
@@ -40,9 +40,9 @@ pub struct SheetBodyParts {
     pub period: f64,
 }
 
-impl SheetBody {
+impl HostBody {
     /// A body at rest, nothing published yet.
-    pub fn new(parts: SheetBodyParts) -> Self {
+    pub fn new(parts: HostBodyParts) -> Self {
         let mut model = LocalModel::empty();
         model.period = parts.period;
         model.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
@@ -52,7 +52,7 @@ impl SheetBody {
         Self {
             name: parts.name,
             targets: Vec::with_capacity(parts.paths.len()),
-            sheet: parts.sheet,
+            body: parts.body,
             condenser: parts.condenser,
             paths: parts.paths,
             devices: parts.devices,
@@ -67,9 +67,9 @@ impl SheetBody {
         &self.name
     }
 
-    /// The sheet.
-    pub fn sheet(&self) -> &Body {
-        &self.sheet
+    /// The physics.
+    pub fn body(&self) -> &Body {
+        &self.body
     }
 
     /// Takes one tick's record.
@@ -96,9 +96,9 @@ impl SheetBody {
         }));
 
         let start = watch.now_ns();
-        self.sheet.assemble();
+        self.body.assemble();
         let assembled = watch.now_ns();
-        let report = self.sheet.solve(self.step, &self.targets)?;
+        let report = self.body.solve(self.step, &self.targets)?;
         let solved = watch.now_ns();
         stats.assemble.record(assembled.saturating_sub(start));
         stats.solve.record(solved.saturating_sub(assembled));
@@ -123,7 +123,7 @@ impl SheetBody {
             .take(self.devices.len())
             .enumerate()
         {
-            if let Some(report) = self.sheet.handle_report(i) {
+            if let Some(report) = self.body.handle_report(i) {
                 *reference = reference_of(reference.device, report);
             }
         }
@@ -136,7 +136,7 @@ impl SheetBody {
         let Some(condenser) = &mut self.condenser else {
             return Ok(());
         };
-        let condensed = condenser.condense(&self.sheet, self.period)?;
+        let condensed = condenser.condense(&self.body, self.period)?;
         fill_blocks(&mut self.model, condensed);
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {

@@ -13,7 +13,7 @@ pub mod path;
 pub mod plan;
 pub mod stats;
 
-use body::SheetBody;
+use body::HostBody;
 use faults::Faults;
 use pacer::Due;
 use rt_core::{LocalModel, TickRecord};
@@ -21,14 +21,14 @@ use stats::{EngineStats, Stopwatch};
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
-    bodies: Vec<SheetBody>,
+    bodies: Vec<HostBody>,
     faults: Faults,
     stats: EngineStats,
 }
 
 impl Engine {
     /// An engine over `bodies`.
-    pub fn new(bodies: Vec<SheetBody>) -> Self {
+    pub fn new(bodies: Vec<HostBody>) -> Self {
         Self {
             bodies,
             faults: Faults::default(),
@@ -78,7 +78,7 @@ impl Engine {
     }
 
     /// The bodies.
-    pub fn bodies(&self) -> &[SheetBody] {
+    pub fn bodies(&self) -> &[HostBody] {
         &self.bodies
     }
 

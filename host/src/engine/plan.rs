@@ -3,7 +3,8 @@
 //! A scene pays only for what it needs. The plan is decided from the scene alone, before anything runs,
 //! and the engine is built from the same answers.
 
-use crate::scene::spec::{Body, Scene, SchemeName};
+use crate::bodies::{Kind, bending};
+use crate::scene::spec::{Scene, SchemeName};
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -16,28 +17,22 @@ pub struct Stage {
     pub why: String,
 }
 
-/// Whether a body's bending is computed.
-pub fn bends(body: &Body) -> bool {
-    body.bending > 0.0
-}
-
 /// Whether the scheme uses the published stiffness and damping.
 pub fn condenses(scene: &Scene) -> bool {
     scene.realtime.scheme == SchemeName::Linear
 }
 
-/// The stages of a host step in their order.
-pub fn plan(scene: &Scene) -> Vec<Stage> {
+/// The stages of a host step in their order, for bodies of these kinds.
+pub fn plan(scene: &Scene, kinds: &[Kind]) -> Vec<Stage> {
     let stage = |name, needed, why: String| Stage { name, needed, why };
     let handles: usize = scene.bodies.iter().map(|body| body.handles.len()).sum();
-    let count = |n: usize, what: &str| {
-        if n == 1 {
-            format!("1 {what}")
-        } else {
-            format!("{n} {what}s")
-        }
-    };
-    let bending = scene.bodies.iter().filter(|body| bends(body)).count();
+    let each = || scene.bodies.iter().zip(kinds);
+    let bent = each()
+        .filter(|(body, kind)| bending(body, **kind) > 0.0)
+        .count();
+    let of = |kind: Kind| kinds.iter().filter(|other| **other == kind).count();
+    let supports: usize = scene.bodies.iter().map(|body| body.supports.len()).sum();
+    let loads: usize = scene.bodies.iter().map(|body| body.loads.len()).sum();
     let weight = scene.gravity.iter().any(|g| *g != 0.0);
     let damped = scene
         .bodies
@@ -61,21 +56,38 @@ pub fn plan(scene: &Scene) -> Vec<Stage> {
         stage(
             "assemble",
             true,
-            format!(
-                "{}: membrane forces and tangent",
-                count(scene.bodies.len(), "body")
-            ),
+            elements(of(Kind::Sheet), of(Kind::Woven), of(Kind::Solid)),
         ),
         stage(
             "bending",
-            bending > 0,
-            if bending > 0 {
+            bent > 0,
+            if bent > 0 {
                 format!(
                     "bending > 0 in {}; its matrix is constant",
-                    count(bending, "body")
+                    count(bent, "body")
                 )
-            } else {
+            } else if of(Kind::Sheet) > 0 {
                 "bending = 0 in every body".into()
+            } else {
+                "no isotropic sheet".into()
+            },
+        ),
+        stage(
+            "supports",
+            supports > 0,
+            if supports > 0 {
+                format!("{}, left out of the solve", count(supports, "support"))
+            } else {
+                "no supports".into()
+            },
+        ),
+        stage(
+            "loads",
+            loads > 0,
+            if loads > 0 {
+                count(loads, "constant load")
+            } else {
+                "no loads beside weight".into()
             },
         ),
         stage(
@@ -125,4 +137,27 @@ pub fn plan(scene: &Scene) -> Vec<Stage> {
             format!("one local model a body at {} Hz", scene.host.publish_rate),
         ),
     ]
+}
+
+fn count(n: usize, what: &str) -> String {
+    match (n, what) {
+        (1, _) => format!("1 {what}"),
+        (_, "body") => format!("{n} bodies"),
+        _ => format!("{n} {what}s"),
+    }
+}
+
+/// What is assembled, for so many bodies of each kind.
+fn elements(sheets: usize, woven: usize, solids: usize) -> String {
+    let parts = [
+        (sheets, "isotropic membranes"),
+        (woven, "woven membranes"),
+        (solids, "tetrahedra"),
+    ];
+    let parts: Vec<_> = parts
+        .iter()
+        .filter(|(bodies, _)| *bodies > 0)
+        .map(|(bodies, what)| format!("{what} of {}", count(*bodies, "body")))
+        .collect();
+    format!("forces and tangent: {}", parts.join(", "))
 }

@@ -13,7 +13,7 @@ pub mod virtual_clock;
 pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::engine::body::SheetBody;
+use crate::engine::body::HostBody;
 use crate::engine::faults::{Faults, HostFault};
 use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
@@ -144,10 +144,10 @@ pub fn run(
         .engine
         .set_faults(Faults::new(options.faults.clone()));
     let prepared = prepared;
-    let sheets = || prepared.engine.bodies().iter().map(SheetBody::sheet);
+    let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
     let size = (
-        sheets().map(Body::element_count).sum(),
-        sheets().map(Body::vertex_count).sum(),
+        bodies().map(Body::element_count).sum(),
+        bodies().map(Body::vertex_count).sum(),
     );
 
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();

@@ -11,7 +11,7 @@ use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use rt_core::coupling::CouplingCounters;
 
-/// `size`: triangles and vertices of all bodies.
+/// `size`: elements and vertices of all bodies.
 pub(super) fn summarize(
     loaded: &LoadedScene,
     options: &RunOptions,
@@ -127,7 +127,7 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
         .collect()
 }
 
-fn host_summary(parts: &Parts, elapsed: f64, (triangles, vertices): (usize, usize)) -> HostSummary {
+fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize)) -> HostSummary {
     let fresh = EngineStats::new();
     let (stats, skipped_steps) = match &parts.host {
         Some(host) => (host.engine.stats(), host.pacer.skipped()),
@@ -139,7 +139,7 @@ fn host_summary(parts: &Parts, elapsed: f64, (triangles, vertices): (usize, usiz
         skipped_steps,
         step_rate: stats.steps as f64 / elapsed.max(f64::MIN_POSITIVE),
         publications: stats.publications,
-        triangles,
+        elements,
         vertices,
         assemble: stats.assemble.summary().into(),
         solve: stats.solve.summary().into(),

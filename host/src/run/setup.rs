@@ -1,6 +1,7 @@
 //! From a scene to everything that a run needs, before anything runs.
 
 use super::AnyDevice;
+use crate::bodies;
 use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
@@ -89,7 +90,7 @@ pub fn setup_with(
     kernels: Kernels,
 ) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
-    let bodies = build::bodies(loaded, kernels)?;
+    let held = build::bodies(loaded, kernels)?;
     let (config, devices) = controls(loaded, seed)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
@@ -100,7 +101,7 @@ pub fn setup_with(
         tick: TickLoop::new(Controller::new(&config), devices, end),
         host,
         log,
-        engine: Engine::new(bodies),
+        engine: Engine::new(held),
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         timing: Timing {
             period_ns: (1e9 * period).round() as u64,
@@ -189,7 +190,7 @@ fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Vec3, SceneError
             .iter()
             .position(|handle| handle.device == *name)
         {
-            return Ok(build::handle_origins(loaded, body)?[handle]);
+            return Ok(bodies::handle_origins(loaded, body)?[handle]);
         }
     }
     Ok(Vec3::zeros())

@@ -4,7 +4,7 @@ use serde::Serialize;
 use std::fmt;
 
 /// Version of the JSON that `--json` writes. A field that changes its meaning changes this.
-pub const SCHEMA: &str = "palpate.run/1";
+pub const SCHEMA: &str = "palpate.run/2";
 
 /// A distribution of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -115,8 +115,8 @@ pub struct HostSummary {
     /// Local models published.
     pub publications: u64,
     /// Triangles and vertices over all bodies.
-    pub triangles: usize,
-    /// See `triangles`.
+    pub elements: usize,
+    /// See `elements`.
     pub vertices: usize,
     /// Computing time of the stages, as measured; it does not enter the state.
     pub assemble: Distribution,
@@ -220,8 +220,8 @@ impl fmt::Display for RunSummary {
         let h = &self.host;
         writeln!(
             f,
-            "  host       {} steps ({:.0} Hz), {} skipped, {} models published; {} triangles",
-            h.steps, h.step_rate, h.skipped_steps, h.publications, h.triangles
+            "  host       {} steps ({:.0} Hz), {} skipped, {} models published; {} elements",
+            h.steps, h.step_rate, h.skipped_steps, h.publications, h.elements
         )?;
         writeln!(
             f,

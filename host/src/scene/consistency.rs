@@ -3,7 +3,7 @@
 use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, Scene};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 
-/// Most cells of a generated sheet, in all.
+/// Most cells of a generated mesh, in all.
 const MOST_CELLS: u64 = 1_000_000;
 /// Longest name, in characters.
 const LONGEST_NAME: usize = 64;
@@ -42,7 +42,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     name("name", &scene.name)?;
     rates(&scene.realtime, &scene.host)?;
     count("body", scene.bodies.len(), MAX_BODIES)?;
-    count("device", scene.devices.len(), MAX_DEVICES)?;
+    at_most("device", scene.devices.len(), MAX_DEVICES)?;
     names("body", scene.bodies.iter().map(|body| &body.name))?;
     names("device", scene.devices.iter().map(|device| &device.name))?;
     for (index, body) in scene.bodies.iter().enumerate() {
@@ -81,6 +81,15 @@ fn count(field: &str, found: usize, most: usize) -> Check {
     )
 }
 
+fn at_most(field: &str, found: usize, most: usize) -> Check {
+    require(
+        found <= most,
+        field,
+        found.to_string(),
+        format!("up to {most} of them"),
+    )
+}
+
 fn name(field: &str, name: &str) -> Check {
     let fits = !name.trim().is_empty()
         && name.chars().count() <= LONGEST_NAME
@@ -111,18 +120,17 @@ fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
 }
 
 fn check_body(at: &str, body: &Body) -> Check {
-    match &body.mesh {
-        MeshSource::Sheet { cells, .. } => {
-            let total = cells.iter().map(|&n| u64::from(n)).product::<u64>();
-            let found = format!("{} x {} = {total}", cells[0], cells[1]);
-            let allowed = format!("up to {MOST_CELLS} cells in all");
-            require(
-                total <= MOST_CELLS,
-                &format!("{at}.mesh.sheet.cells"),
-                found,
-                allowed,
-            )?;
-        }
+    let cells = |field: &str, cells: &[u32]| {
+        let total = cells.iter().map(|&n| u64::from(n)).product::<u64>();
+        let found: Vec<_> = cells.iter().map(u32::to_string).collect();
+        let found = format!("{} = {total}", found.join(" x "));
+        let allowed = format!("up to {MOST_CELLS} cells in all");
+        let field = format!("{at}.mesh.{field}.cells");
+        require(total <= MOST_CELLS, &field, found, allowed)
+    };
+    match &body.mesh.source {
+        MeshSource::Sheet { cells: n, .. } => cells("sheet", n)?,
+        MeshSource::Box { cells: n, .. } => cells("box", n)?,
         MeshSource::File(file) => file_name(&format!("{at}.mesh.file"), file)?,
     }
     for (index, region) in body.regions.iter().enumerate() {
@@ -132,17 +140,64 @@ fn check_body(at: &str, body: &Body) -> Check {
             region.in_box,
         )?;
     }
-    count(&format!("{at}.handle"), body.handles.len(), MAX_HANDLES)?;
+    at_most(&format!("{at}.handle"), body.handles.len(), MAX_HANDLES)?;
     names(
         &format!("{at}.handle"),
         body.handles.iter().map(|handle| &handle.name),
     )?;
+    check_supports(at, body)?;
+    check_loads(at, body)?;
     for (index, handle) in body.handles.iter().enumerate() {
         check_where(
             &format!("{at}.handle[{index}]"),
             handle.group.as_ref(),
             handle.in_box,
         )?;
+    }
+    Ok(())
+}
+
+fn check_supports(at: &str, body: &Body) -> Check {
+    names(
+        &format!("{at}.support"),
+        body.supports.iter().map(|support| &support.name),
+    )?;
+    for (index, support) in body.supports.iter().enumerate() {
+        let at = format!("{at}.support[{index}]");
+        check_where(&at, support.group.as_ref(), support.in_box)?;
+        let all = support.axes == [true; 3];
+        require(
+            all || support.rotation.is_none(),
+            &format!("{at}.axes"),
+            "some axes, and a rotation",
+            "all axes for a support that is turned",
+        )?;
+        for axis in 0..3 {
+            require(
+                support.axes[axis] || support.displacement[axis] == 0.0,
+                &format!("{at}.displacement[{axis}]"),
+                format!("{:?}", support.displacement[axis]),
+                "0 along an axis that is free",
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn check_loads(at: &str, body: &Body) -> Check {
+    names(
+        &format!("{at}.load"),
+        body.loads.iter().map(|load| &load.name),
+    )?;
+    for (index, load) in body.loads.iter().enumerate() {
+        let at = format!("{at}.load[{index}]");
+        check_where(&at, load.group.as_ref(), load.in_box)?;
+        let found = match (load.force, load.traction) {
+            (None, None) => "neither `force` nor `traction`",
+            (Some(_), Some(_)) => "both `force` and `traction`",
+            _ => continue,
+        };
+        require(false, &at, found, "exactly one of them")?;
     }
     Ok(())
 }

@@ -144,8 +144,8 @@ fn load(
 
     let mut meshes = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
-        meshes.push(match &body.mesh {
-            MeshSource::Sheet { .. } => None,
+        meshes.push(match &body.mesh.source {
+            MeshSource::Sheet { .. } | MeshSource::Box { .. } => None,
             MeshSource::File(file) => {
                 let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
                 Some(MeshFile { path, bytes })

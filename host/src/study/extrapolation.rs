@@ -8,8 +8,8 @@
 //! Hands that **pull apart** stretch the sheet; hands that **move together** hold it stretched and carry it
 //! around. Contents reach up to 5 Hz, what a hand can do on purpose.
 
+use crate::bodies::{self, Built};
 use crate::engine::body::{fill_blocks, reference_of};
-use crate::engine::build;
 use crate::scene::{LoadedScene, Scene, SceneError};
 use physics::fem::pcg::Budget;
 use physics::fem::{BodyError, CondenseError, Condenser, HandlePose, StepError};
@@ -230,7 +230,11 @@ fn race(
     rivals: &mut [Rival],
     mut progress: impl FnMut(f64),
 ) -> Result<Race, StudyError> {
-    let (mut sheet, handles) = build::sheet(loaded, 0)?;
+    let Built {
+        body: mut sheet,
+        handles,
+        ..
+    } = bodies::build(loaded, 0)?;
     // Far tighter than any error that is measured.
     sheet.set_budget(Budget {
         tolerance: 1e-9,
@@ -309,7 +313,7 @@ fn race(
 /// The best that equation 4.5 can be given: the sheet's own stiffness and damping along the pull, as the
 /// left hand feels it at 60 Hz.
 fn thesis_gains(loaded: &LoadedScene) -> Result<[f64; 2], StudyError> {
-    let (mut sheet, _) = build::sheet(loaded, 0)?;
+    let mut sheet = bodies::build(loaded, 0)?.body;
     let mut condenser = Condenser::new(&sheet)?;
     sheet.assemble();
     let condensed = condenser.condense(&sheet, 1.0 / 60.0)?;

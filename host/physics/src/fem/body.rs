@@ -145,6 +145,14 @@ impl Body {
         self.x.len()
     }
 
+    /// Number of scalars that a solve finds: three a vertex, less those that handles and supports prescribe.
+    pub fn unknown_count(&self) -> usize {
+        let free = 3 * self.stiffness.free();
+        let mask = self.supports.mask().unwrap_or_default();
+        let guided = mask.iter().flat_map(Vec3::iter).filter(|m| **m == 0.0);
+        free - guided.count()
+    }
+
     /// Number of elements, of all kinds together.
     pub fn element_count(&self) -> usize {
         self.elements.iter().map(|elements| elements.count()).sum()

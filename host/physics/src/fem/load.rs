@@ -1,7 +1,7 @@
-//! Loads that are given per area, as forces on vertices.
+//! Loads that are given per area or for a whole part of a mesh, as forces on vertices.
 
 use crate::Vec3;
-use crate::mesh::{Cells, TetMesh};
+use crate::mesh::{Cells, TetMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// Faces of a tetrahedron by corners, and for each the vertices at the middles of its edges.
@@ -12,18 +12,30 @@ const FACES: [([usize; 3], [usize; 3]); 4] = [
     ([0, 3, 2], [7, 9, 6]),
 ];
 
+/// How a force on a part of a mesh is spread over vertices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Spread {
+    /// The share of each vertex of the mesh; together 1.
+    pub shares: Vec<f64>,
+    /// The area at rest over which it is spread (m^2); 0 where it is spread over edges or vertices.
+    pub area: f64,
+}
+
 /// Forces (N), one per vertex, of a uniform dead traction (Pa at rest, world axes) on those faces of the
 /// mesh's surface whose corners all lie in `vertices`; and the area that they have (m^2).
-///
-/// They are consistent with the shape functions on flat faces: a third of the face's force at each corner of
-/// a linear one, a third at each middle of a quadratic one.
 pub fn traction(mesh: &TetMesh, vertices: &[u32], traction: Vec3) -> (Vec<Vec3>, f64) {
-    let mut chosen = vec![false; mesh.positions.len()];
-    for &vertex in vertices {
-        if let Some(chosen) = chosen.get_mut(vertex as usize) {
-            *chosen = true;
-        }
-    }
+    let Spread { shares, area } = spread_on_solid(mesh, vertices);
+    let force = traction * area;
+    (shares.iter().map(|share| force * *share).collect(), area)
+}
+
+/// Spreads a force over those faces of a solid's surface whose corners all lie in `vertices`; evenly over
+/// the vertices if there is no such face.
+///
+/// Faces are taken as flat, and shares are consistent with the shape functions: a third of the face's at each
+/// corner of a linear one, a third at each middle of a quadratic one.
+pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
+    let chosen = chosen(mesh.positions.len(), vertices);
     // A face on the surface belongs to one cell only.
     let mut faces: BTreeMap<[u32; 3], (usize, [u32; 3])> = BTreeMap::new();
     for cell in mesh.cells.vertices() {
@@ -41,15 +53,85 @@ pub fn traction(mesh: &TetMesh, vertices: &[u32], traction: Vec3) -> (Vec<Vec3>,
             faces.entry(key).or_insert((0, carriers)).0 += 1;
         }
     }
-    let mut forces = vec![Vec3::zeros(); mesh.positions.len()];
-    let mut whole = 0.0;
-    for (corners, (_, carriers)) in faces.into_iter().filter(|(_, (cells, _))| *cells == 1) {
+    let surface = faces.into_iter().filter(|(_, (cells, _))| *cells == 1);
+    let parts = surface.map(|(corners, (_, carriers))| {
         let [a, b, c] = corners.map(|vertex| mesh.positions[vertex as usize]);
-        let area = 0.5 * (b - a).cross(&(c - a)).norm();
-        whole += area;
-        for vertex in carriers {
-            forces[vertex as usize] += traction * (area / 3.0);
+        (carriers, 0.5 * (b - a).cross(&(c - a)).norm())
+    });
+    let (shares, area) = weigh(mesh.positions.len(), parts);
+    if area > 0.0 {
+        return Spread { shares, area };
+    }
+    evenly(&chosen)
+}
+
+/// Spreads a force over those triangles of a sheet whose corners all lie in `vertices`; if there is none,
+/// over such edges of its boundary by their length; if there is none either, evenly over the vertices.
+pub fn spread_on_sheet(mesh: &TriMesh, vertices: &[u32]) -> Spread {
+    let chosen = chosen(mesh.positions.len(), vertices);
+    let inside = |corners: &[u32]| corners.iter().all(|&vertex| chosen[vertex as usize]);
+    let at = |vertex: u32| mesh.positions[vertex as usize];
+    let triangles = mesh.triangles.iter().filter(|corners| inside(*corners));
+    let parts = triangles.map(|&corners| {
+        let [a, b, c] = corners.map(at);
+        (corners, 0.5 * (b - a).cross(&(c - a)).norm())
+    });
+    let (shares, area) = weigh(mesh.positions.len(), parts);
+    if area > 0.0 {
+        return Spread { shares, area };
+    }
+    let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for &[a, b, c] in &mesh.triangles {
+        for [from, to] in [[a, b], [b, c], [c, a]] {
+            *edges.entry([from.min(to), from.max(to)]).or_default() += 1;
         }
     }
-    (forces, whole)
+    let boundary = edges.into_iter().filter(|(_, triangles)| *triangles == 1);
+    let within = boundary.filter(|(ends, _)| inside(ends));
+    let parts = within.map(|(ends, _)| (ends, (at(ends[1]) - at(ends[0])).norm()));
+    let (shares, length) = weigh(mesh.positions.len(), parts);
+    if length > 0.0 {
+        return Spread { shares, area: 0.0 };
+    }
+    evenly(&chosen)
+}
+
+fn chosen(count: usize, vertices: &[u32]) -> Vec<bool> {
+    let mut chosen = vec![false; count];
+    for &vertex in vertices {
+        if let Some(chosen) = chosen.get_mut(vertex as usize) {
+            *chosen = true;
+        }
+    }
+    chosen
+}
+
+/// Shares of vertices that parts carry evenly by their size, and the sum of the sizes.
+fn weigh<const N: usize>(
+    count: usize,
+    parts: impl Iterator<Item = ([u32; N], f64)>,
+) -> (Vec<f64>, f64) {
+    let mut shares = vec![0.0; count];
+    let mut whole = 0.0;
+    for (carriers, size) in parts {
+        whole += size;
+        for vertex in carriers {
+            shares[vertex as usize] += size / N as f64;
+        }
+    }
+    if whole > 0.0 {
+        for share in &mut shares {
+            *share /= whole;
+        }
+    }
+    (shares, whole)
+}
+
+fn evenly(chosen: &[bool]) -> Spread {
+    let count = chosen.iter().filter(|chosen| **chosen).count().max(1);
+    let share = |&chosen: &bool| f64::from(u8::from(chosen)) / count as f64;
+    Spread {
+        shares: chosen.iter().map(share).collect(),
+        area: 0.0,
+    }
 }

@@ -1,0 +1,42 @@
+//! The loads of a body, as forces on vertices.
+
+use super::places;
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use physics::fem::load::{Spread, spread_on_sheet, spread_on_solid};
+use physics::mesh::Mesh;
+
+/// The scene's loads on one body together, a force for each vertex (N).
+pub(super) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+) -> Result<Vec<Vec3>, SceneError> {
+    let mut forces = vec![Vec3::zeros(); places::positions(mesh).len()];
+    for (number, load) in loaded.scene.bodies[index].loads.iter().enumerate() {
+        let field = format!("body[{index}].load[{number}]");
+        let group = load.group.as_deref();
+        let vertices = places::vertices(loaded, &field, group, load.in_box, mesh)?;
+        let Spread { shares, area } = match mesh {
+            Mesh::Sheet(mesh) => spread_on_sheet(mesh, &vertices),
+            Mesh::Solid(mesh) => spread_on_solid(mesh, &vertices),
+        };
+        // The scene's consistency was checked: it is one of the two.
+        let whole = match load.traction {
+            Some(traction) => {
+                if area == 0.0 {
+                    let field = format!("{field}.traction");
+                    let found = "a part of the mesh without a whole face";
+                    let allowed = "a part with an area, or `force` in its place";
+                    return Err(loaded.source.error(&field, found, allowed));
+                }
+                Vec3::from(traction) * area
+            }
+            None => Vec3::from(load.force.unwrap_or_default()),
+        };
+        for (force, share) in forces.iter_mut().zip(&shares) {
+            *force += whole * *share;
+        }
+    }
+    Ok(forces)
+}

@@ -1,0 +1,243 @@
+//! The material of every element, from the scene's base values, the mesh's fields and the scene's regions.
+
+use super::{Kind, places};
+use crate::scene::spec::body::{Body, LawName};
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use physics::fem::{Material, SolidMaterial, Weave};
+use physics::mesh::{Field, Mesh};
+
+/// What a body is made of.
+pub(super) struct Materials {
+    pub(super) law: LawName,
+    pub(super) bending: f64,
+    pub(super) elements: Elements,
+    pub(super) young: Vec<f64>,
+    pub(super) poisson: Vec<f64>,
+}
+
+/// One material for each element.
+pub(super) enum Elements {
+    Sheet(Vec<Material>),
+    Woven(Vec<Weave>),
+    Solid(Vec<SolidMaterial>),
+}
+
+/// What such a body is.
+pub(super) fn kind(body: &Body, mesh: &Mesh) -> Kind {
+    match (mesh, &body.material.weave) {
+        (Mesh::Solid(_), _) => Kind::Solid,
+        (Mesh::Sheet(_), Some(_)) => Kind::Woven,
+        (Mesh::Sheet(_), None) => Kind::Sheet,
+    }
+}
+
+/// The values of each element, one vector each.
+struct Values {
+    young: Vec<f64>,
+    poisson: Vec<f64>,
+    density: Vec<f64>,
+    thickness: Vec<f64>,
+}
+
+pub(super) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+) -> Result<Materials, SceneError> {
+    let body = &loaded.scene.bodies[index];
+    let kind = kind(body, mesh);
+    check(loaded, index, kind)?;
+    let mut values = from_mesh(loaded, index, mesh)?;
+    overwrite(loaded, index, mesh, &mut values)?;
+    let Values {
+        young,
+        poisson,
+        density,
+        thickness,
+    } = values;
+    let each = 0..young.len();
+    let elements = match (kind, body.material.weave) {
+        (Kind::Solid, _) => Elements::Solid(
+            each.map(|e| SolidMaterial {
+                young: young[e],
+                poisson: poisson[e],
+                density: density[e],
+            })
+            .collect(),
+        ),
+        (_, Some(weave)) => Elements::Woven(
+            each.map(|e| Weave {
+                warp: Vec3::from(weave.warp),
+                young_warp: young[e],
+                // A region or field changes the stiffness, not the weave.
+                young_weft: weave.young_weft * (young[e] / body.material.young),
+                poisson: poisson[e],
+                shear: weave.shear * (young[e] / body.material.young),
+                thickness: thickness[e],
+                density: density[e],
+            })
+            .collect(),
+        ),
+        (_, None) => Elements::Sheet(
+            each.map(|e| Material {
+                young: young[e],
+                poisson: poisson[e],
+                thickness: thickness[e],
+                density: density[e],
+            })
+            .collect(),
+        ),
+    };
+    Ok(Materials {
+        law: body.material.law.unwrap_or(match kind {
+            Kind::Woven => LawName::StVenantKirchhoff,
+            Kind::Sheet | Kind::Solid => LawName::Corotational,
+        }),
+        bending: super::bending(body, kind),
+        elements,
+        young,
+        poisson,
+    })
+}
+
+/// Whether a body of this kind has what the scene says of it, and nothing more.
+fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneError> {
+    let body = &loaded.scene.bodies[index];
+    let material = &body.material;
+    let refuse = |field: &str, found: &str, allowed: &str| {
+        let field = format!("body[{index}].{field}");
+        Err(loaded.source.error(&field, found, allowed))
+    };
+    match (kind, material.thickness) {
+        (Kind::Sheet | Kind::Woven, None) => {
+            return refuse("material", "no thickness", "`thickness`: sheets have one");
+        }
+        (Kind::Solid, Some(_)) => {
+            let allowed = "none: the mesh is a solid";
+            return refuse("material.thickness", "a thickness", allowed);
+        }
+        _ => {}
+    }
+    if kind == Kind::Solid && material.weave.is_some() {
+        let allowed = "none: the mesh is a solid";
+        return refuse("material.weave", "a weave", allowed);
+    }
+    let laws: &[LawName] = match kind {
+        Kind::Solid => &[
+            LawName::Linear,
+            LawName::Corotational,
+            LawName::StVenantKirchhoff,
+            LawName::StableNeoHookean,
+        ],
+        Kind::Woven => &[LawName::StVenantKirchhoff, LawName::Corotational],
+        Kind::Sheet => &[LawName::Corotational],
+    };
+    if material.law.is_some_and(|law| !laws.contains(&law)) {
+        let (found, allowed) = match kind {
+            Kind::Woven => (
+                "a law of solids",
+                "\"st_venant_kirchhoff\" or \"corotational\" for a woven sheet",
+            ),
+            _ => (
+                "a law of solids or woven sheets",
+                "\"corotational\" for an isotropic sheet",
+            ),
+        };
+        return refuse("material.law", found, allowed);
+    }
+    match (kind, body.bending) {
+        (Kind::Woven | Kind::Solid, Some(factor)) if factor > 0.0 => refuse(
+            "bending",
+            &format!("{factor:?}"),
+            "0: only isotropic sheets have a bending model",
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// The base values, and in their place what the mesh has.
+fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, SceneError> {
+    let material = &loaded.scene.bodies[index].material;
+    let fields = match mesh {
+        Mesh::Sheet(mesh) => &mesh.triangle_fields,
+        Mesh::Solid(mesh) => &mesh.cell_fields,
+    };
+    let count = places::element_count(mesh);
+    let take = |what: &str, name: &Option<String>, base: f64| match name {
+        None => Ok(vec![base; count]),
+        Some(name) => values(loaded, index, what, name, fields),
+    };
+    let names = &material.fields;
+    if let (Mesh::Solid(_), Some(_)) = (mesh, &names.thickness) {
+        let field = format!("body[{index}].material.fields.thickness");
+        let allowed = "none: the mesh is a solid";
+        return Err(loaded.source.error(&field, "a thickness", allowed));
+    }
+    Ok(Values {
+        young: take("young", &names.young, material.young)?,
+        poisson: take("poisson", &names.poisson, material.poisson)?,
+        density: take("density", &names.density, material.density)?,
+        thickness: take(
+            "thickness",
+            &names.thickness,
+            material.thickness.unwrap_or(0.0),
+        )?,
+    })
+}
+
+/// The mesh's values called `name`, in the range of the material's field `what`.
+fn values(
+    loaded: &LoadedScene,
+    index: usize,
+    what: &str,
+    name: &str,
+    fields: &[Field],
+) -> Result<Vec<f64>, SceneError> {
+    let field = format!("body[{index}].material.fields.{what}");
+    let names = fields.iter().map(|f| &f.name);
+    let nothing = "nothing (the mesh has no values by element)";
+    let found = places::named(loaded, &field, name, names, "field", nothing)?;
+    let values = fields[found].values.clone();
+    let (allowed, fits): (_, fn(f64) -> bool) = if what == "poisson" {
+        ("numbers above -1 and below 0.5", |v| v > -1.0 && v < 0.5)
+    } else {
+        ("numbers above 0", |v| v > 0.0)
+    };
+    match values.iter().position(|&v| !(v.is_finite() && fits(v))) {
+        Some(element) => {
+            let found = format!("{:?} in element {element} of the mesh", values[element]);
+            Err(loaded.source.error(&field, found, allowed))
+        }
+        None => Ok(values),
+    }
+}
+
+/// Writes the scene's regions over the values.
+fn overwrite(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+    values: &mut Values,
+) -> Result<(), SceneError> {
+    for (number, region) in loaded.scene.bodies[index].regions.iter().enumerate() {
+        let field = format!("body[{index}].region[{number}]");
+        if let (Mesh::Solid(_), Some(_)) = (mesh, region.thickness) {
+            let field = format!("{field}.thickness");
+            let allowed = "none: the mesh is a solid";
+            return Err(loaded.source.error(&field, "a thickness", allowed));
+        }
+        let group = region.group.as_deref();
+        for element in places::elements(loaded, &field, group, region.in_box, mesh)? {
+            let element = element as usize;
+            let write = |all: &mut Vec<f64>, value: Option<f64>| {
+                all[element] = value.unwrap_or(all[element]);
+            };
+            write(&mut values.young, region.young);
+            write(&mut values.poisson, region.poisson);
+            write(&mut values.density, region.density);
+            write(&mut values.thickness, region.thickness);
+        }
+    }
+    Ok(())
+}

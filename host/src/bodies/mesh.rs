@@ -1,0 +1,51 @@
+//! The mesh of a body: generated or read.
+
+use crate::scene::spec::MeshSource;
+use crate::scene::{LoadedScene, SceneError};
+use physics::mesh::generate::{self, Pattern};
+use physics::mesh::generate_box::solid_box;
+use physics::mesh::{self, Cells, Mesh};
+
+/// The mesh of one body, its elements in the file's order.
+pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneError> {
+    let spec = &loaded.scene.bodies[index].mesh;
+    let field = |name: &str| format!("body[{index}].mesh.{name}");
+    let refuse = |name: &str, found: &dyn std::fmt::Display, allowed: &str| {
+        loaded
+            .source
+            .error(&field(name), found.to_string(), allowed)
+    };
+    let mesh = match &spec.source {
+        MeshSource::Sheet {
+            length,
+            width,
+            cells: [nx, ny],
+        } => generate::sheet(*length, *width, *nx, *ny, Pattern::Alternating)
+            .map(Mesh::Sheet)
+            .map_err(|e| refuse("sheet", &e, "a sheet with an area"))?,
+        MeshSource::Box { size, cells } => solid_box(*size, *cells)
+            .map(Mesh::Solid)
+            .map_err(|e| refuse("box", &e, "a box with a volume"))?,
+        MeshSource::File(name) => {
+            let file = loaded.meshes[index].as_ref();
+            let bytes = file.map_or(&[][..], |file| &file.bytes);
+            mesh::read(name, bytes)
+                .map(Mesh::Sheet)
+                .map_err(|source| SceneError::Mesh {
+                    place: loaded.source.place(&field("file")),
+                    path: file.map_or_else(|| name.into(), |file| file.path.clone()),
+                    source: Box::new(source),
+                })?
+        }
+    };
+    match mesh {
+        Mesh::Solid(mesh) if spec.quadratic && matches!(mesh.cells, Cells::Linear(_)) => {
+            Ok(Mesh::Solid(mesh.quadratic()))
+        }
+        Mesh::Sheet(_) if spec.quadratic => {
+            let allowed = "1: triangles are linear";
+            Err(refuse("order", &"2 for a mesh of triangles", allowed))
+        }
+        mesh => Ok(mesh),
+    }
+}

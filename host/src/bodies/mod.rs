@@ -1,0 +1,248 @@
+//! From a scene's bodies to bodies of the physics, at rest.
+//!
+//! What only the mesh can tell is checked here: groups that do not exist, boxes that hold nothing, a
+//! thickness where there is a solid. Such errors carry the scene file's line and field like any other.
+
+mod load;
+mod material;
+mod mesh;
+mod places;
+
+use crate::scene::spec::{self, body::LawName};
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SheetLawName, SolidLaw};
+use physics::mesh::Mesh;
+
+/// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
+const ABSOLUTE_TOLERANCE: f64 = 1e-8;
+
+/// What a body is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// Isotropic triangles.
+    Sheet,
+    /// Orthotropic triangles.
+    Woven,
+    /// Tetrahedra.
+    Solid,
+}
+
+/// One body of a scene, at rest.
+#[derive(Debug)]
+pub struct Built {
+    /// What it is.
+    pub kind: Kind,
+    /// How stress follows from strain.
+    pub law: LawName,
+    /// Its mesh, in the file's order.
+    pub mesh: Mesh,
+    /// Young's modulus by element (Pa).
+    pub young: Vec<f64>,
+    /// Poisson's ratio by element.
+    pub poisson: Vec<f64>,
+    /// The physics. Supports are where they rest and loads act in full.
+    pub body: Body,
+    /// Its handles: those of the scene in their order, then the turned supports in theirs.
+    pub handles: Vec<HandleSpec>,
+    /// For each support of the scene, what carries it.
+    pub carriers: Vec<Carrier>,
+    /// The scene's loads together, a force for each vertex (N).
+    pub loads: Vec<Vec3>,
+}
+
+/// What holds a support's vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Carrier {
+    /// The support of this number in the body.
+    Support(usize),
+    /// The handle of this number: the support is turned.
+    Handle(usize),
+    /// Nothing: handles hold all its vertices.
+    Nothing,
+}
+
+/// What a body will be, as its mesh and material tell.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that cannot be built.
+pub fn kind(loaded: &LoadedScene, index: usize) -> Result<Kind, SceneError> {
+    let mesh = mesh::build(loaded, index)?;
+    Ok(material::kind(&loaded.scene.bodies[index], &mesh))
+}
+
+/// Where a body's handles are at rest: the centre of their vertices, in the body's order.
+///
+/// # Errors
+/// As [`kind`].
+pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, SceneError> {
+    let mesh = mesh::build(loaded, index)?;
+    Ok(handles(loaded, index, &mesh)?
+        .into_iter()
+        .map(|handle| handle.origin)
+        .collect())
+}
+
+/// Builds one body, at rest.
+///
+/// # Errors
+/// As [`kind`].
+pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
+    let scene = &loaded.scene;
+    let spec = &scene.bodies[index];
+    let mesh = mesh::build(loaded, index)?;
+    let material = material::build(loaded, index, &mesh)?;
+    let mut handles = handles(loaded, index, &mesh)?;
+    let parts = supports(loaded, index, &mesh, &mut handles)?;
+    let config = BodyConfig {
+        gravity: Vec3::from(scene.gravity),
+        mass_damping: spec.damping.mass,
+        stiffness_damping: spec.damping.stiffness,
+        bending: material.bending,
+        tolerance: scene.host.tolerance,
+        absolute_tolerance: ABSOLUTE_TOLERANCE,
+        max_iterations: scene.host.max_iterations,
+    };
+    let refuse = |what: &dyn std::fmt::Display| {
+        let field = format!("body[{index}]");
+        let allowed = "a body that can be simulated";
+        loaded.source.error(&field, what.to_string(), allowed)
+    };
+    let mut body = match (&mesh, &material.elements) {
+        (Mesh::Sheet(mesh), material::Elements::Sheet(materials)) => {
+            Body::sheet(mesh, materials, config, &handles)
+        }
+        (Mesh::Sheet(mesh), material::Elements::Woven(weaves)) => {
+            let law = match material.law {
+                LawName::Corotational => SheetLawName::Corotational,
+                _ => SheetLawName::StVenantKirchhoff,
+            };
+            Body::woven(mesh, weaves, law, config, &handles)
+        }
+        (Mesh::Solid(mesh), material::Elements::Solid(materials)) => {
+            let law = match material.law {
+                LawName::Linear => SolidLaw::Linear,
+                LawName::Corotational => SolidLaw::Corotational,
+                LawName::StVenantKirchhoff => SolidLaw::StVenantKirchhoff,
+                LawName::StableNeoHookean => SolidLaw::StableNeoHookean,
+            };
+            Body::solid(mesh, materials, law, config, &handles)
+        }
+        // The material was made for this mesh.
+        _ => return Err(refuse(&"a material for another kind of mesh")),
+    }
+    .map_err(|error| refuse(&error))?;
+
+    let mut carriers = Vec::new();
+    for (number, part) in parts.into_iter().enumerate() {
+        carriers.push(match part {
+            Part::Turned(handle) => Carrier::Handle(handle),
+            Part::Guided(vertices) if vertices.is_empty() => Carrier::Nothing,
+            Part::Guided(vertices) => {
+                let field = format!("body[{index}].support[{number}]");
+                let refuse = |e| loaded.source.error(&field, format!("{e}"), "a support");
+                let axes = spec.supports[number].axes;
+                Carrier::Support(body.add_support(&vertices, axes).map_err(refuse)?)
+            }
+        });
+    }
+    let loads = load::build(loaded, index, &mesh)?;
+    body.set_external_forces(&loads)
+        .map_err(|error| refuse(&error))?;
+    Ok(Built {
+        kind: material::kind(spec, &mesh),
+        law: material.law,
+        young: material.young,
+        poisson: material.poisson,
+        mesh,
+        body,
+        handles,
+        carriers,
+        loads,
+    })
+}
+
+/// The handles of a scene's body.
+fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<HandleSpec>, SceneError> {
+    let handles = loaded.scene.bodies[index].handles.iter().enumerate();
+    handles
+        .map(|(number, handle)| {
+            let field = format!("body[{index}].handle[{number}]");
+            let group = handle.group.as_deref();
+            let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
+            // The simulated devices actuate translations only: no rotation is condensed.
+            Ok(holding(vertices, mesh, Freedom::Translation))
+        })
+        .collect()
+}
+
+/// A handle about the centre of `vertices`.
+fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
+    let positions = places::positions(mesh);
+    let sum: Vec3 = vertices.iter().map(|&v| positions[v as usize]).sum();
+    let origin = sum / vertices.len().max(1) as f64;
+    HandleSpec {
+        vertices,
+        origin,
+        freedom,
+    }
+}
+
+/// How a support is carried.
+enum Part {
+    /// By this handle.
+    Turned(usize),
+    /// By a support of these vertices.
+    Guided(Vec<u32>),
+}
+
+/// Sorts supports into handles, which are added to `handles`, and guided vertices that no handle holds.
+fn supports(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+    handles: &mut Vec<HandleSpec>,
+) -> Result<Vec<Part>, SceneError> {
+    let supports = &loaded.scene.bodies[index].supports;
+    let find = |(number, support): (usize, &spec::Support)| {
+        let field = format!("body[{index}].support[{number}]");
+        let group = support.group.as_deref();
+        places::vertices(loaded, &field, group, support.in_box, mesh)
+    };
+    let all: Vec<_> = supports
+        .iter()
+        .enumerate()
+        .map(find)
+        .collect::<Result<_, _>>()?;
+    let mut parts: Vec<Option<Part>> = Vec::new();
+    for (support, vertices) in supports.iter().zip(&all) {
+        parts.push(support.rotation.map(|_| {
+            handles.push(holding(vertices.clone(), mesh, Freedom::Rigid));
+            Part::Turned(handles.len() - 1)
+        }));
+    }
+    let mut held = vec![false; places::positions(mesh).len()];
+    for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {
+        held[vertex as usize] = true;
+    }
+    let free = |vertices: Vec<u32>| {
+        vertices
+            .into_iter()
+            .filter(|&v| !held[v as usize])
+            .collect()
+    };
+    Ok(parts
+        .into_iter()
+        .zip(all)
+        .map(|(part, vertices)| part.unwrap_or_else(|| Part::Guided(free(vertices))))
+        .collect())
+}
+
+/// Factor on a body's bending stiffness: 0 where there is none.
+pub fn bending(body: &spec::Body, kind: Kind) -> f64 {
+    match kind {
+        Kind::Sheet => body.bending.unwrap_or(1.0),
+        Kind::Woven | Kind::Solid => 0.0,
+    }
+}

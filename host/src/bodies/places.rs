@@ -1,0 +1,150 @@
+//! Parts of a mesh: by group or by box.
+
+use crate::scene::source::cut;
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use physics::mesh::{Group, Mesh};
+
+/// Most groups of a mesh that an error lists, and longest name there, in characters.
+const MOST_NAMES: usize = 16;
+const LONGEST_NAME: usize = 64;
+
+/// Lowest and highest corner (m).
+type Box3 = [[f64; 3]; 2];
+
+/// Rest positions (m).
+pub(super) fn positions(mesh: &Mesh) -> &[Vec3] {
+    match mesh {
+        Mesh::Sheet(mesh) => &mesh.positions,
+        Mesh::Solid(mesh) => &mesh.positions,
+    }
+}
+
+/// Number of elements.
+pub(super) fn element_count(mesh: &Mesh) -> usize {
+    match mesh {
+        Mesh::Sheet(mesh) => mesh.triangles.len(),
+        Mesh::Solid(mesh) => mesh.cells.len(),
+    }
+}
+
+/// The vertices in the group or box that `field` gives.
+pub(super) fn vertices(
+    loaded: &LoadedScene,
+    field: &str,
+    name: Option<&str>,
+    in_box: Option<Box3>,
+    mesh: &Mesh,
+) -> Result<Vec<u32>, SceneError> {
+    let groups = match mesh {
+        Mesh::Sheet(mesh) => &mesh.vertex_groups,
+        Mesh::Solid(mesh) => &mesh.vertex_groups,
+    };
+    select(loaded, field, name, in_box, groups, "vertex", || {
+        positions(mesh).iter().copied()
+    })
+}
+
+/// The elements in the group, or with their barycentre in the box, that `field` gives.
+pub(super) fn elements(
+    loaded: &LoadedScene,
+    field: &str,
+    name: Option<&str>,
+    in_box: Option<Box3>,
+    mesh: &Mesh,
+) -> Result<Vec<u32>, SceneError> {
+    let centre = |corners: &[u32], positions: &[Vec3]| {
+        let sum: Vec3 = corners.iter().map(|&v| positions[v as usize]).sum();
+        sum / corners.len() as f64
+    };
+    match mesh {
+        Mesh::Sheet(mesh) => {
+            let what = "triangle's barycentre";
+            let centres = || mesh.triangles.iter().map(|t| centre(t, &mesh.positions));
+            let groups = &mesh.triangle_groups;
+            select(loaded, field, name, in_box, groups, what, centres)
+        }
+        Mesh::Solid(mesh) => {
+            let what = "cell's barycentre";
+            let cells = || mesh.cells.vertices();
+            let centres = || cells().map(|cell| centre(&cell[..4], &mesh.positions));
+            let groups = &mesh.cell_groups;
+            select(loaded, field, name, in_box, groups, what, centres)
+        }
+    }
+}
+
+fn select<P: Iterator<Item = Vec3>>(
+    loaded: &LoadedScene,
+    field: &str,
+    name: Option<&str>,
+    in_box: Option<Box3>,
+    groups: &[Group],
+    what: &str,
+    points: impl FnOnce() -> P,
+) -> Result<Vec<u32>, SceneError> {
+    // The scene's consistency was checked: it is one of the two.
+    if let Some(name) = name {
+        return Ok(group(loaded, &format!("{field}.group"), name, groups)?.to_vec());
+    }
+    let [low, high] = in_box.unwrap_or_default();
+    let inside = |p: &Vec3| (0..3).all(|axis| (low[axis]..=high[axis]).contains(&p[axis]));
+    let members: Vec<u32> = (0_u32..)
+        .zip(points())
+        .filter(|(_, point)| inside(point))
+        .map(|(member, _)| member)
+        .collect();
+    if members.is_empty() {
+        let field = format!("{field}.box");
+        let allowed = format!("one around at least one {what}");
+        return Err(loaded
+            .source
+            .error(&field, "a box that holds nothing", allowed));
+    }
+    Ok(members)
+}
+
+fn group<'a>(
+    loaded: &LoadedScene,
+    field: &str,
+    name: &str,
+    groups: &'a [Group],
+) -> Result<&'a [u32], SceneError> {
+    let names = groups.iter().map(|group| &group.name);
+    let nothing = "a box (the mesh has no such groups)";
+    let found = named(loaded, field, name, names, "group", nothing)?;
+    let members = &groups[found].members;
+    if members.is_empty() {
+        let allowed = "a group that is not empty";
+        return Err(loaded.source.error(field, format!("\"{name}\""), allowed));
+    }
+    Ok(members)
+}
+
+/// The place of `name` among `names`, each that of a `what`; `nothing` says what to write where there are
+/// none.
+pub(super) fn named<'a>(
+    loaded: &LoadedScene,
+    field: &str,
+    name: &str,
+    names: impl Iterator<Item = &'a String> + Clone,
+    what: &str,
+    nothing: &str,
+) -> Result<usize, SceneError> {
+    let found = names.clone().position(|other| other == name);
+    found.ok_or_else(|| {
+        // A file's names may be any text, and many.
+        let count = names.clone().count();
+        let listed: Vec<_> = names
+            .take(MOST_NAMES)
+            .map(|name| format!("\"{}\"", cut(name, LONGEST_NAME)))
+            .collect();
+        let more = if count > MOST_NAMES { ", ..." } else { "" };
+        let allowed = if listed.is_empty() {
+            nothing.to_owned()
+        } else {
+            format!("a {what} of the mesh: {}{more}", listed.join(", "))
+        };
+        loaded.source.error(field, format!("\"{name}\""), allowed)
+    })
+}

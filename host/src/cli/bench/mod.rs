@@ -1,0 +1,24 @@
+//! `palpate bench`: measurements that the book quotes.
+
+mod extrapolation;
+
+use super::{CommandError, progress_bar};
+
+/// Arguments of `palpate bench`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct BenchArguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Clone, Debug, clap::Subcommand)]
+enum What {
+    /// Force error of each scheme against the rate at which the host publishes
+    Extrapolation(extrapolation::ExtrapolationArguments),
+}
+
+pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
+    match &arguments.what {
+        What::Extrapolation(arguments) => extrapolation::run(arguments),
+    }
+}

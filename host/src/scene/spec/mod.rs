@@ -1,0 +1,157 @@
+//! What a scene file says, field by field, with its defaults. Units are SI.
+//!
+//! Each field that has a range checks it while it is read, so that the error carries the file's line and
+//! the field's path.
+
+pub mod body;
+pub mod device;
+pub mod mesh;
+pub mod solve;
+
+use super::check;
+use serde::Deserialize;
+
+pub use body::{Body, Handle, Load, Material, MeshSource, Support};
+pub use device::{Device, DeviceName, Hand};
+pub use solve::{Analysis, Solve};
+
+/// A whole scene.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    /// Short name, used in logs and plots.
+    pub name: String,
+    /// One line for people.
+    #[serde(default)]
+    pub description: String,
+    /// How long a run or a dynamic solve lasts (s), at most a day.
+    #[serde(default = "one", deserialize_with = "check::duration")]
+    pub duration: f64,
+    /// Fixes every random choice; `--seed` overrides it.
+    #[serde(default)]
+    pub seed: u64,
+    /// The realtime loop.
+    #[serde(default, rename = "loop", deserialize_with = "check::table")]
+    pub realtime: Realtime,
+    /// The host's physics.
+    #[serde(default, deserialize_with = "check::table")]
+    pub host: Host,
+    /// What `palpate solve` does.
+    #[serde(default, deserialize_with = "check::table")]
+    pub solve: Solve,
+    /// Acceleration of gravity (m/s^2).
+    #[serde(default = "earth", deserialize_with = "check::finite3")]
+    pub gravity: [f64; 3],
+    /// Deformable bodies.
+    #[serde(rename = "body", deserialize_with = "check::tables")]
+    pub bodies: Vec<Body>,
+    /// Haptic devices and the hands that hold them; a run needs at least one.
+    #[serde(default, rename = "device", deserialize_with = "check::tables")]
+    pub devices: Vec<Device>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+fn earth() -> [f64; 3] {
+    [0.0, 0.0, -9.81]
+}
+
+/// `[loop]`: the realtime loop and its force scheme.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Realtime {
+    /// Ticks a second (Hz).
+    #[serde(deserialize_with = "check::tick_rate")]
+    pub rate: f64,
+    /// Force between publications.
+    #[serde(deserialize_with = "check::word")]
+    pub scheme: SchemeName,
+    /// `thesis` only: spring from handle to proxy (N/m).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub thesis_stiffness: f64,
+    /// `thesis` only: damping of the proxy (N s/m).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub thesis_damping: f64,
+    /// Share of a publication period over which a new model takes over.
+    #[serde(deserialize_with = "check::share")]
+    pub blend: f64,
+    /// Age beyond which a model is not trusted (s).
+    #[serde(deserialize_with = "check::positive")]
+    pub age_limit: f64,
+    /// Time in which the force then fades (s).
+    #[serde(deserialize_with = "check::positive")]
+    pub decay: f64,
+    /// Time in which it comes back (s).
+    #[serde(deserialize_with = "check::positive")]
+    pub recovery: f64,
+    /// Damping of the safe hold (N s/m).
+    #[serde(deserialize_with = "check::not_negative")]
+    pub hold_damping: f64,
+}
+
+impl Default for Realtime {
+    fn default() -> Self {
+        Self {
+            rate: 1000.0,
+            scheme: SchemeName::Linear,
+            thesis_stiffness: 200.0,
+            thesis_damping: 2.0,
+            blend: 0.5,
+            age_limit: 0.1,
+            decay: 0.3,
+            recovery: 0.2,
+            hold_damping: 2.0,
+        }
+    }
+}
+
+/// Names of the force schemes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SchemeName {
+    /// The published wrench, held.
+    Hold,
+    /// Held, plus a spring to the proxy and damping (thesis, equation 4.5).
+    Thesis,
+    /// The local model's extrapolation.
+    Linear,
+}
+
+/// `[host]`: rates and solver.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Host {
+    /// Physics steps a second (Hz).
+    #[serde(deserialize_with = "check::rate")]
+    pub step_rate: f64,
+    /// Local models a second (Hz); at most `step_rate`, which it divides.
+    #[serde(deserialize_with = "check::rate")]
+    pub publish_rate: f64,
+    /// Virtual clock: time from reading the hands to the model's arrival (s), at most 1.
+    #[serde(deserialize_with = "check::latency")]
+    pub latency: f64,
+    /// Cut-off of the filter that smooths the handles' paths (Hz).
+    #[serde(deserialize_with = "check::positive")]
+    pub smoothing: f64,
+    /// Solver: residual relative to the step's first.
+    #[serde(deserialize_with = "check::tolerance")]
+    pub tolerance: f64,
+    /// Solver: most iterations a step.
+    #[serde(deserialize_with = "check::iterations")]
+    pub max_iterations: usize,
+}
+
+impl Default for Host {
+    fn default() -> Self {
+        Self {
+            step_rate: 250.0,
+            publish_rate: 250.0,
+            latency: 0.004,
+            smoothing: 30.0,
+            tolerance: 1e-6,
+            max_iterations: 1000,
+        }
+    }
+}

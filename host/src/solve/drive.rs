@@ -1,0 +1,336 @@
+//! One body, driven to equilibrium or through time.
+
+use super::result::{BodySolution, Extreme, Reaction, Row};
+use crate::bodies::{Built, Carrier};
+use crate::scene::spec::solve::TimeScheme;
+use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
+use nalgebra::UnitQuaternion;
+use physics::fem::{
+    BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
+    IntegratorOptions, NewtonOptions, Scheme, StepError,
+};
+use physics::mesh::write_vtu::{Snapshot, Values};
+use physics::mesh::{Cells, Mesh};
+use physics::{Mat3, Vec3};
+
+/// Where a body is after a step.
+pub(super) struct State {
+    /// Number of the frame that it is, if it is one.
+    pub(super) frame: Option<usize>,
+    /// Time (s), or share of the loads.
+    pub(super) at: f64,
+    /// Share of the steps done.
+    pub(super) done: f64,
+}
+
+enum Method {
+    Static(Equilibrium),
+    Dynamic(Integrator),
+}
+
+/// A body on its way.
+pub(super) struct Drive<'a> {
+    spec: &'a BodySpec,
+    built: Built,
+    method: Method,
+    rest: Vec<Vec3>,
+    targets: Vec<HandlePose>,
+    forces: Vec<Vec3>,
+    steps: usize,
+    /// Length of a step (s), or share of the loads.
+    step: f64,
+    /// Time in which displacements and loads grow (s), or 1.
+    ramp: f64,
+    frames: usize,
+    done: usize,
+    rows: Vec<Row>,
+}
+
+/// Why a step failed.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum DriveError {
+    #[error(transparent)]
+    Step(#[from] StepError),
+    #[error(transparent)]
+    Body(#[from] BodyError),
+}
+
+impl<'a> Drive<'a> {
+    pub(super) fn new(
+        scene: &'a Scene,
+        index: usize,
+        mut built: Built,
+    ) -> Result<Self, CondenseError> {
+        let solve = &scene.solve;
+        let newton = NewtonOptions {
+            tolerance: solve.tolerance,
+            max_iterations: solve.max_iterations,
+        };
+        let (method, steps, step, ramp, frames) = match solve.analysis {
+            Analysis::Static => {
+                let options = EquilibriumOptions {
+                    newton,
+                    refuse_inversion: solve.refuse_inversion,
+                    ..EquilibriumOptions::default()
+                };
+                // Weight and loads grow from nothing. A share of 0 is a finite number.
+                let _ = built.body.set_load_factor(0.0);
+                let method = Method::Static(Equilibrium::new(&built.body, options)?);
+                let steps = solve.load_steps;
+                (method, steps, 1.0 / steps as f64, 1.0, steps)
+            }
+            Analysis::Dynamic => {
+                let options = IntegratorOptions {
+                    scheme: match solve.scheme {
+                        TimeScheme::ImplicitEuler => Scheme::ImplicitEuler,
+                        TimeScheme::TrBdf2 => Scheme::TrBdf2,
+                    },
+                    newton,
+                    refuse_inversion: solve.refuse_inversion,
+                    ..IntegratorOptions::default()
+                };
+                let method = Method::Dynamic(Integrator::new(&built.body, options)?);
+                let steps = (scene.duration / solve.step).round().max(1.0);
+                let ramp = solve.ramp.unwrap_or(scene.duration);
+                (
+                    method,
+                    steps as usize,
+                    scene.duration / steps,
+                    ramp,
+                    solve.frames,
+                )
+            }
+        };
+        let rest: Vec<Vec3> = built.body.positions().collect();
+        let targets = built.handles.iter().map(|h| HandlePose::at(h.origin));
+        Ok(Self {
+            spec: &scene.bodies[index],
+            targets: targets.collect(),
+            forces: vec![Vec3::zeros(); rest.len()],
+            built,
+            method,
+            rest,
+            steps,
+            step,
+            ramp,
+            frames: frames.min(steps),
+            done: 0,
+            rows: Vec::new(),
+        })
+    }
+
+    /// Time (s) or share of the loads that was reached.
+    pub(super) fn reached(&self) -> f64 {
+        self.rows.last().map_or(0.0, |row| row.at)
+    }
+
+    /// One more step, or `None` at the end. After an error the body is where it was before.
+    pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
+        if self.done == self.steps {
+            return Ok(None);
+        }
+        let next = self.done + 1;
+        // The last step ends exactly where it should.
+        let at = if next == self.steps {
+            self.step * self.steps as f64
+        } else {
+            self.step * next as f64
+        };
+        let share = if at < self.ramp { at / self.ramp } else { 1.0 };
+        self.aim(share)?;
+        let body = &mut self.built.body;
+        let (substeps, refused, iterations, residual) = match &mut self.method {
+            Method::Static(equilibrium) => {
+                let report = equilibrium.solve(body, &self.targets, share)?;
+                let last = report.last;
+                let residual = last.residual / last.reference.max(f64::MIN_POSITIVE);
+                (
+                    report.load_steps,
+                    report.refused,
+                    report.iterations,
+                    residual,
+                )
+            }
+            Method::Dynamic(integrator) => {
+                for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
+                    *force = load * share;
+                }
+                body.set_external_forces(&self.forces)?;
+                let report = integrator.step(body, self.step, &self.targets)?;
+                (
+                    report.substeps,
+                    report.refused,
+                    report.iterations,
+                    report.relative_residual,
+                )
+            }
+        };
+        self.done = next;
+        let reactions = self.reactions();
+        self.rows.push(Row {
+            at,
+            substeps,
+            refused,
+            iterations,
+            residual,
+            elastic_energy: self.built.body.elastic_energy(),
+            kinetic_energy: self.built.body.kinetic_energy(),
+            forces: reactions.iter().map(|reaction| reaction.force).collect(),
+        });
+        // Frame k is the first step at or after k parts of the whole.
+        let part = |step: usize| step * self.frames / self.steps;
+        Ok(Some(State {
+            frame: (part(next) > part(next - 1)).then(|| part(next)),
+            at,
+            done: next as f64 / self.steps as f64,
+        }))
+    }
+
+    /// Moves supports `share` of their way.
+    fn aim(&mut self, share: f64) -> Result<(), BodyError> {
+        for (support, carrier) in self.spec.supports.iter().zip(&self.built.carriers) {
+            let displacement = Vec3::from(support.displacement) * share;
+            match *carrier {
+                Carrier::Support(number) => self.built.body.set_support(number, displacement)?,
+                Carrier::Handle(number) => {
+                    let turn = Vec3::from(support.rotation.unwrap_or_default()) * share;
+                    self.targets[number] = HandlePose {
+                        position: self.built.handles[number].origin + displacement,
+                        rotation: UnitQuaternion::from_scaled_axis(turn),
+                    };
+                }
+                Carrier::Nothing => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn reactions(&self) -> Vec<Reaction> {
+        let body = &self.built.body;
+        let of_handle = |number: usize, name: &String, by| {
+            let wrench = body.handle_report(number).map(|report| report.reaction);
+            let wrench = wrench.unwrap_or_default();
+            Reaction {
+                name: name.clone(),
+                by,
+                force: wrench.force.into(),
+                moment: Some(wrench.moment.into()),
+            }
+        };
+        let handles = self.spec.handles.iter().enumerate();
+        let handles = handles.map(|(number, handle)| of_handle(number, &handle.name, "handle"));
+        let supports = self.spec.supports.iter().zip(&self.built.carriers);
+        let supports = supports.map(|(support, carrier)| match *carrier {
+            Carrier::Handle(number) => of_handle(number, &support.name, "turned support"),
+            Carrier::Support(number) => Reaction {
+                name: support.name.clone(),
+                by: "support",
+                force: body.support_reaction(number).unwrap_or_default().into(),
+                moment: None,
+            },
+            Carrier::Nothing => Reaction {
+                name: support.name.clone(),
+                by: "support",
+                force: [0.0; 3],
+                moment: None,
+            },
+        });
+        handles.chain(supports).collect()
+    }
+
+    /// Cauchy stress of each element (Pa).
+    fn stresses(&self) -> Vec<Mat3> {
+        let body = &self.built.body;
+        let sets = body.elements().iter();
+        sets.flat_map(|set| (0..set.count()).map(|e| set.stress(e, body.node_positions())))
+            .collect()
+    }
+
+    /// The present state. Positions are those of the deformed body.
+    pub(super) fn snapshot(&self) -> Snapshot {
+        let mut snapshot = match &self.built.mesh {
+            Mesh::Sheet(mesh) => Snapshot::of_sheet(mesh),
+            Mesh::Solid(mesh) => Snapshot::of_solid(mesh),
+        };
+        let body = &self.built.body;
+        snapshot.positions = body.positions().collect();
+        let moved = snapshot.positions.iter().zip(&self.rest);
+        let mut at_vertices = |name: &str, values: Vec<Vec3>| {
+            let values = Values::Vector(values);
+            snapshot.at_vertices.push((name.to_owned(), values));
+        };
+        at_vertices(
+            "displacement",
+            moved.map(|(now, rest)| now - rest).collect(),
+        );
+        if matches!(self.method, Method::Dynamic(_)) {
+            at_vertices("velocity", body.velocities().collect());
+        }
+        let stresses = self.stresses();
+        let mut in_cells = |name: &str, values: Values| {
+            // What the mesh file calls so is told apart.
+            for (other, _) in &mut snapshot.in_cells {
+                if other == name {
+                    other.push_str("_in_file");
+                }
+            }
+            snapshot.in_cells.push((name.to_owned(), values));
+        };
+        in_cells(
+            "von_mises",
+            Values::Scalar(stresses.iter().map(von_mises).collect()),
+        );
+        in_cells("stress", Values::Tensor(stresses));
+        in_cells("young", Values::Scalar(self.built.young.clone()));
+        in_cells("poisson", Values::Scalar(self.built.poisson.clone()));
+        snapshot
+    }
+
+    /// What there is to say at the end.
+    pub(super) fn finish(self) -> BodySolution {
+        let body = &self.built.body;
+        let moved = body.positions().zip(&self.rest);
+        let stresses = self.stresses();
+        BodySolution {
+            name: self.spec.name.clone(),
+            kind: self.built.kind,
+            law: self.built.law,
+            vertices_of_element: match &self.built.mesh {
+                Mesh::Sheet(_) => 3,
+                Mesh::Solid(mesh) => match mesh.cells {
+                    Cells::Linear(_) => 4,
+                    Cells::Quadratic(_) => 10,
+                },
+            },
+            elements: body.element_count(),
+            vertices: body.vertex_count(),
+            unknowns: body.unknown_count(),
+            mass: body.total_mass(),
+            reactions: self.reactions(),
+            applied: body.total_external_force().into(),
+            displacement: largest(moved.map(|(now, rest)| (now - rest).norm())),
+            von_mises: largest(stresses.iter().map(von_mises)),
+            elastic_energy: body.elastic_energy(),
+            kinetic_energy: body.kinetic_energy(),
+            inverted: body.inverted_count(),
+            steps: self.rows,
+        }
+    }
+}
+
+fn largest(values: impl Iterator<Item = f64>) -> Extreme {
+    let start = Extreme::default();
+    values.enumerate().fold(start, |most, (at, value)| {
+        if value > most.value {
+            Extreme { value, at }
+        } else {
+            most
+        }
+    })
+}
+
+/// `sqrt(3/2 s : s)` with the deviatoric stress `s`.
+fn von_mises(stress: &Mat3) -> f64 {
+    let deviator = stress - Mat3::identity() * (stress.trace() / 3.0);
+    (1.5 * deviator.norm_squared()).sqrt()
+}

@@ -1,0 +1,109 @@
+//! A scene solved without devices: equilibrium under displacements and loads, or motion in time.
+//!
+//! Handles are held where they rest. Supports move and loads grow evenly, over the load steps of a static
+//! solve or the ramp of a dynamic one. Bodies do not touch each other here, so each is solved on its own.
+
+mod drive;
+pub mod frames;
+mod report;
+mod result;
+
+use crate::bodies;
+use crate::scene::spec::Analysis;
+use crate::scene::{LoadedScene, SceneError};
+use physics::fem::CondenseError;
+use physics::mesh::write_vtu::Snapshot;
+
+pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
+
+/// A state of one body, worth keeping.
+#[derive(Debug)]
+pub struct Frame<'a> {
+    /// The body's name.
+    pub body: &'a str,
+    /// Number of the frame, from 0 at rest.
+    pub number: usize,
+    /// Time (s), or share of the loads.
+    pub at: f64,
+    /// Positions, displacement, velocity, stress, material.
+    pub snapshot: Snapshot,
+}
+
+/// Why a scene could not be solved at all. A solve that gets stuck is a [`Solution`] with a failure.
+#[derive(Debug, thiserror::Error)]
+pub enum SolveError<E> {
+    /// The scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// There is no memory for the matrix.
+    #[error(transparent)]
+    Matrix(#[from] CondenseError),
+    /// A frame could not be kept.
+    #[error(transparent)]
+    Frame(E),
+}
+
+/// Solves every body of a scene. `frame` is given each state worth keeping, if `wants_frames`, and may end
+/// the solve; `progress` is given the share done.
+///
+/// # Errors
+/// [`SolveError`].
+pub fn solve<E>(
+    loaded: &LoadedScene,
+    wants_frames: bool,
+    mut progress: impl FnMut(f64),
+    mut frame: impl FnMut(Frame<'_>) -> Result<(), E>,
+) -> Result<Solution, SolveError<E>> {
+    let scene = &loaded.scene;
+    let count = scene.bodies.len();
+    // All are built before any is solved: a mistake in the last costs no time in the first.
+    let built = (0..count)
+        .map(|index| bodies::build(loaded, index))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut solution = Solution {
+        schema: SCHEMA,
+        scene: scene.name.clone(),
+        analysis: scene.solve.analysis,
+        scheme: (scene.solve.analysis == Analysis::Dynamic).then_some(scene.solve.scheme),
+        bodies: Vec::new(),
+        failures: Vec::new(),
+    };
+    for (index, built) in built.into_iter().enumerate() {
+        let mut drive = drive::Drive::new(scene, index, built)?;
+        let mut keep = |drive: &drive::Drive, number: usize, at: f64| {
+            if !wants_frames {
+                return Ok(());
+            }
+            frame(Frame {
+                body: &scene.bodies[index].name,
+                number,
+                at,
+                snapshot: drive.snapshot(),
+            })
+            .map_err(SolveError::Frame)
+        };
+        keep(&drive, 0, 0.0)?;
+        let failure = loop {
+            match drive.advance() {
+                Ok(Some(state)) => {
+                    if let Some(number) = state.frame {
+                        keep(&drive, number, state.at)?;
+                    }
+                    progress((index as f64 + state.done) / count as f64);
+                }
+                Ok(None) => break None,
+                Err(error) => break Some(error),
+            }
+        };
+        if let Some(error) = failure {
+            let (name, at) = (&scene.bodies[index].name, drive.reached());
+            let at = match scene.solve.analysis {
+                Analysis::Static => format!("at {at:.4} of the loads"),
+                Analysis::Dynamic => format!("at {at} s"),
+            };
+            solution.failures.push(format!("{name}: {at}: {error}"));
+        }
+        solution.bodies.push(drive.finish());
+    }
+    Ok(solution)
+}

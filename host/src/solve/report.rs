@@ -1,0 +1,153 @@
+//! A solution in words.
+
+use super::result::{BodySolution, Reaction, Solution};
+use crate::bodies::Kind;
+use crate::scene::spec::Analysis;
+use crate::scene::spec::body::LawName;
+use crate::scene::spec::solve::TimeScheme;
+use std::fmt;
+
+impl fmt::Display for Solution {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match (self.analysis, self.scheme) {
+            (Analysis::Static, _) => "equilibrium",
+            (Analysis::Dynamic, Some(TimeScheme::ImplicitEuler)) => "motion, implicit Euler",
+            (Analysis::Dynamic, _) => "motion, TR-BDF2",
+        };
+        writeln!(to, "{}: {what}", self.scene)?;
+        for body in &self.bodies {
+            write_body(to, body, self.analysis)?;
+        }
+        for failure in &self.failures {
+            writeln!(to, "  not solved {failure}")?;
+        }
+        Ok(())
+    }
+}
+
+fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) -> fmt::Result {
+    let elements = match (body.kind, body.vertices_of_element) {
+        (Kind::Sheet, _) => "triangles",
+        (Kind::Woven, _) => "woven triangles",
+        (Kind::Solid, 10) => "quadratic tetrahedra",
+        (Kind::Solid, _) => "tetrahedra",
+    };
+    let law = match body.law {
+        LawName::Linear => "linear",
+        LawName::Corotational => "corotational",
+        LawName::StVenantKirchhoff => "St. Venant-Kirchhoff",
+        LawName::StableNeoHookean => "stable neo-Hookean",
+    };
+    writeln!(
+        to,
+        "  {:<10} {} {elements}, {law}; {} vertices, {} unknowns, {}",
+        body.name,
+        body.elements,
+        body.vertices,
+        body.unknowns,
+        si(body.mass * 1e3, "g"),
+    )?;
+    let steps = body.steps.len();
+    let sum = |pick: fn(&super::Row) -> usize| body.steps.iter().map(pick).sum::<usize>();
+    let residual = body.steps.iter().map(|row| row.residual);
+    writeln!(
+        to,
+        "    {:<10} {}, taken in {}, {} refused; {} iterations; residual at most {:.1e} of the forces",
+        "solve",
+        match (what, steps) {
+            (Analysis::Static, 1) => "1 load step".to_owned(),
+            (Analysis::Static, _) => format!("{steps} load steps"),
+            (Analysis::Dynamic, 1) => "1 time step".to_owned(),
+            (Analysis::Dynamic, _) => format!("{steps} time steps"),
+        },
+        sum(|row| row.substeps),
+        sum(|row| row.refused),
+        sum(|row| row.iterations),
+        residual.fold(0.0, f64::max),
+    )?;
+    // Of forces as large as these, and of their moments about points a metre away.
+    let forces = body.reactions.iter().map(|reaction| reaction.force);
+    let forces = forces.chain([body.applied]).flatten();
+    let noise = 1e-9 * forces.fold(0.0, |most: f64, x| most.max(x.abs()));
+    for Reaction {
+        name,
+        by,
+        force,
+        moment,
+    } in &body.reactions
+    {
+        write!(to, "    {name:<10} {by}: force {} N", vector(*force, noise))?;
+        if let Some(moment) = moment {
+            write!(to, ", moment {} N m", vector(*moment, noise))?;
+        }
+        writeln!(to)?;
+    }
+    writeln!(
+        to,
+        "    {:<10} force {} N, weight and loads",
+        "applied",
+        vector(body.applied, noise)
+    )?;
+    writeln!(
+        to,
+        "    {:<10} moved {} at most (vertex {}); von Mises stress {} at most (element {})",
+        "extremes",
+        si(body.displacement.value, "m"),
+        body.displacement.at,
+        si(body.von_mises.value, "Pa"),
+        body.von_mises.at,
+    )?;
+    write!(
+        to,
+        "    {:<10} {} elastic",
+        "energy",
+        si(body.elastic_energy, "J")
+    )?;
+    if what == Analysis::Dynamic {
+        write!(to, ", {} kinetic", si(body.kinetic_energy, "J"))?;
+    }
+    writeln!(to)?;
+    if body.inverted > 0 {
+        let count = body.inverted;
+        writeln!(to, "    {:<10} {count} elements inside out", "inverted")?;
+    }
+    Ok(())
+}
+
+/// What is below a millionth of the largest entry, or below `noise`, is rounding; the JSON has it.
+fn vector(v: [f64; 3], noise: f64) -> String {
+    let most = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+    let part = |x: f64| {
+        let x = if x.abs() < 1e-6 * most { 0.0 } else { x };
+        let digits = (4.0 - most.log10().floor()).clamp(0.0, 12.0) as usize;
+        format!("{x:.digits$}")
+    };
+    if most <= noise {
+        return "(0, 0, 0)".to_owned();
+    }
+    format!("({}, {}, {})", part(v[0]), part(v[1]), part(v[2]))
+}
+
+/// Four digits and a prefix.
+fn si(value: f64, unit: &str) -> String {
+    const PREFIXES: [(f64, &str); 8] = [
+        (1e9, "G"),
+        (1e6, "M"),
+        (1e3, "k"),
+        (1.0, ""),
+        (1e-3, "m"),
+        (1e-6, "u"),
+        (1e-9, "n"),
+        (1e-12, "p"),
+    ];
+    let size = value.abs();
+    let fits = PREFIXES.iter().find(|(scale, _)| size >= 0.99995 * scale);
+    match fits {
+        Some((scale, prefix)) => {
+            let value = value / scale;
+            let digits = (3.0 - value.abs().max(1.0).log10().floor()).clamp(0.0, 3.0) as usize;
+            format!("{value:.digits$} {prefix}{unit}")
+        }
+        None => format!("0 {unit}"),
+    }
+}

@@ -1,0 +1,445 @@
+//! `palpate solve`: scenes with supports and loads against reference forces, statics and beam theory.
+
+use host::scene::{LoadedScene, Scene};
+use host::solve::{BodySolution, Frame, Solution, solve};
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::process::Command;
+
+fn load(text: &str) -> LoadedScene {
+    match Scene::load_texts("x.toml", text, &BTreeMap::new()) {
+        Ok(loaded) => loaded,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn solved(text: &str) -> Solution {
+    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    match solve(&load(text), false, |_| {}, keep) {
+        Ok(solution) => solution,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn body(text: &str) -> BodySolution {
+    let solution = solved(text);
+    assert!(solution.failures.is_empty(), "{:?}", solution.failures);
+    solution.bodies.into_iter().next().unwrap()
+}
+
+fn refusal(text: &str) -> String {
+    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    match solve(&load(text), false, |_| {}, keep) {
+        Ok(_) => "solved".to_owned(),
+        Err(error) => error.to_string(),
+    }
+}
+
+fn force(body: &BodySolution, name: &str) -> [f64; 3] {
+    body.reactions
+        .iter()
+        .find(|reaction| reaction.name == name)
+        .unwrap()
+        .force
+}
+
+/// A cube of 10 cm, 20 kPa, compressed by 10 % between its plates.
+fn cube(law: &str, axes: &str) -> String {
+    format!(
+        r#"
+name = "cube"
+gravity = [0, 0, 0]
+[solve]
+load_steps = 2
+[[body]]
+name = "cube"
+mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [6, 6, 6] }}
+material = {{ law = "{law}", young = 20e3, poisson = 0.3, density = 1000 }}
+[[body.support]]
+name = "bottom"
+group = "bottom"
+axes = {axes}
+[[body.support]]
+name = "top"
+group = "top"
+axes = {axes}
+displacement = [0, 0, -0.01]
+[[body.support]]
+name = "centre line x"
+box = [[-0.001, -1, -1], [0.001, 1, 1]]
+axes = ["x"]
+[[body.support]]
+name = "centre line y"
+box = [[-1, -0.001, -1], [1, 0.001, 1]]
+axes = ["y"]
+"#
+    )
+}
+
+/// The reference's forces, four digits after the point (an independent program's).
+#[test]
+fn a_bonded_cube_pushes_back_as_the_reference_says() {
+    for (law, expected) in [("linear", 21.8183), ("corotational", 21.6604)] {
+        // The supports across the middle change nothing by symmetry only if the mesh had it: leave them out.
+        let text = cube(law, r#"["x", "y", "z"]"#);
+        let cut = text
+            .find("[[body.support]]\nname = \"centre line x\"")
+            .unwrap();
+        let body = body(&text[..cut]);
+        let [bottom, top] = ["bottom", "top"].map(|name| force(&body, name)[2]);
+        // Half a unit of the reference's last digit.
+        assert!((bottom - expected).abs() < 5.1e-5, "{law}: {bottom}");
+        assert!((bottom + top).abs() < 1e-6 * expected, "{law}: {top}");
+    }
+}
+
+/// Free to slide, strain is uniform: E A times the strain, exactly.
+#[test]
+fn a_sliding_cube_pushes_back_exactly() {
+    for law in ["linear", "corotational"] {
+        let body = body(&cube(law, r#"["z"]"#));
+        let bottom = force(&body, "bottom");
+        assert!((bottom[2] - 20.0).abs() < 1e-6, "{law}: {bottom:?}");
+        assert_eq!([bottom[0], bottom[1]], [0.0, 0.0], "{law}: it slides");
+        // The guides hold what is at rest anyway.
+        for name in ["centre line x", "centre line y"] {
+            let guide = force(&body, name);
+            assert!(guide.iter().all(|f| f.abs() < 1e-6), "{law}: {guide:?}");
+        }
+        assert_eq!(body.steps.len(), 2);
+    }
+}
+
+/// A block hanging from the ceiling, with a load: the ceiling carries both, and their moment.
+#[test]
+fn a_support_carries_weight_and_loads() {
+    for order in [1, 2] {
+        let body = body(&format!(
+            r#"
+name = "block"
+[[body]]
+name = "block"
+mesh = {{ box = {{ size = [0.1, 0.1, 0.2], cells = [2, 2, 4] }}, order = {order} }}
+material = {{ young = 1e6, poisson = 0.3, density = 1000 }}
+[[body.support]]
+name = "ceiling"
+group = "top"
+rotation = [0, 0, 0]
+[[body.load]]
+name = "pull"
+group = "bottom"
+traction = [0, 0, -100]
+[[body.load]]
+name = "push"
+group = "right"
+force = [0, 0.5, 0]
+"#
+        ));
+        let expected = [0.0, -0.5, 2.0 * 9.81 + 1.0];
+        let found = force(&body, "ceiling");
+        for (found, expected) in found.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        }
+        // The push acts at mid height, 0.1 m below the ceiling, and 0.05 m beside its middle; what the
+        // body moves by changes the arms by some of its displacement.
+        let moment = body.reactions[0].moment.unwrap();
+        let slack = 21.0 * body.displacement.value;
+        assert!((moment[0] + 0.05).abs() < slack, "{moment:?}");
+        assert!((moment[2] + 0.025).abs() < slack, "{moment:?}");
+        assert!(slack < 0.02, "the arms are known: {slack}");
+    }
+}
+
+/// A bar turned at its end: moment against Saint-Venant's torsion of a square bar, 0.1406 G a^4 / L per
+/// radian (Timoshenko and Goodier, "Theory of elasticity", section 109).
+#[test]
+fn a_turned_bar_resists_as_saint_venant_says() {
+    let torsion = |cells: usize| {
+        let body = body(&format!(
+            r#"
+name = "bar"
+gravity = [0, 0, 0]
+[[body]]
+name = "bar"
+mesh = {{ box = {{ size = [0.4, 0.04, 0.04], cells = [{}, {cells}, {cells}] }}, order = 2 }}
+material = {{ law = "linear", young = 1e6, poisson = 0.25, density = 1000 }}
+[[body.support]]
+name = "wall"
+group = "left"
+[[body.support]]
+name = "wrench"
+group = "right"
+rotation = [1e-3, 0, 0]
+"#,
+            5 * cells
+        ));
+        body.reactions.last().unwrap().moment.unwrap()[0]
+    };
+    let expected = 0.1406 * 0.4e6 * 0.04_f64.powi(4) / 0.4 * 1e-3;
+    let [coarse, fine] = [2, 4].map(|cells| torsion(cells) / expected - 1.0);
+    // The ends are held flat where Saint-Venant lets them warp: about one width of the ten is stiffer.
+    assert!(fine > 0.0 && fine < 0.04, "{fine}");
+    assert!(coarse > fine, "{coarse}: it converges from above");
+}
+
+const HANGING: &str = r#"
+name = "hanging"
+duration = 2.0
+[solve]
+analysis = "dynamic"
+step = 0.01
+ramp = 0.5
+frames = 4
+[[body]]
+name = "block"
+damping = { mass = 20.0 }
+mesh.box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] }
+material = { law = "stable_neo_hookean", young = 20e3, poisson = 0.3, density = 1000 }
+[[body.support]]
+name = "ceiling"
+group = "top"
+displacement = [0, 0, 0.05]
+[[body.load]]
+name = "pull"
+group = "bottom"
+force = [0, 0, -2]
+"#;
+
+/// In time, damped, it ends where equilibrium is.
+#[test]
+fn motion_comes_to_rest_in_equilibrium() {
+    let moving = body(HANGING);
+    let still = body(&HANGING.replace("\"dynamic\"", "\"static\""));
+    let (a, b) = (force(&moving, "ceiling")[2], force(&still, "ceiling")[2]);
+    assert!((b - 11.81).abs() < 1e-6, "{b}");
+    // What is left after 1.5 s of damping at 10 /s: e^-15 of some newtons.
+    assert!((a - b).abs() < 1e-5, "{a} {b}");
+    let lengths = (moving.displacement.value, still.displacement.value);
+    assert!((lengths.0 - lengths.1).abs() < 1e-6, "{lengths:?}");
+    assert_eq!(moving.steps.len(), 200);
+    assert!(moving.steps.iter().all(|row| row.residual <= 1e-8));
+}
+
+#[test]
+fn frames_come_evenly_and_hold_the_state() {
+    let mut frames = Vec::new();
+    let keep = |frame: Frame<'_>| {
+        frames.push((frame.number, frame.at, frame.snapshot));
+        Ok::<(), Infallible>(())
+    };
+    let _ = solve(&load(HANGING), true, |_| {}, keep).unwrap();
+    let times: Vec<_> = frames
+        .iter()
+        .map(|(number, at, _)| (*number, *at))
+        .collect();
+    assert_eq!(times, [(0, 0.0), (1, 0.5), (2, 1.0), (3, 1.5), (4, 2.0)]);
+    let names = |s: &physics::mesh::write_vtu::Snapshot| {
+        let all = s.at_vertices.iter().chain(&s.in_cells);
+        all.map(|(name, _)| name.clone()).collect::<Vec<_>>()
+    };
+    let expected = [
+        "displacement",
+        "velocity",
+        "von_mises",
+        "stress",
+        "young",
+        "poisson",
+    ];
+    assert_eq!(names(&frames[4].2), expected);
+    let top = |s: &physics::mesh::write_vtu::Snapshot| {
+        s.positions.iter().map(|p| p.z).fold(-1.0, f64::max)
+    };
+    assert!((top(&frames[0].2) - 0.05).abs() < 1e-15);
+    assert!(
+        (top(&frames[1].2) - 0.10).abs() < 1e-15,
+        "the ramp ends at 0.5 s"
+    );
+}
+
+/// A solve that gets stuck says where and why, and keeps what it had.
+#[test]
+fn a_solve_that_gets_stuck_keeps_the_last_good_state() {
+    // St. Venant-Kirchhoff collapses under compression; 80 % is beyond what it can bear.
+    let text = cube("st_venant_kirchhoff", r#"["x", "y", "z"]"#)
+        .replace("-0.01", "-0.08")
+        .replace("load_steps = 2", "load_steps = 8");
+    let cut = text
+        .find("[[body.support]]\nname = \"centre line x\"")
+        .unwrap();
+    let solution = solved(&text[..cut]);
+    assert_eq!(solution.failures.len(), 1, "{:?}", solution.failures);
+    let failure = &solution.failures[0];
+    assert!(failure.starts_with("cube: at 0."), "{failure}");
+    assert!(failure.contains("the last state is kept"), "{failure}");
+    let body = &solution.bodies[0];
+    let reached = body.steps.last().unwrap().at;
+    assert!(!body.steps.is_empty() && reached < 1.0, "{reached}");
+    let moved = body.displacement.value;
+    assert!(
+        moved >= 0.08 * reached - 1e-12 && moved.is_finite(),
+        "{moved}"
+    );
+    assert_eq!(body.inverted, 0);
+}
+
+#[test]
+fn bodies_get_what_their_kind_has_and_nothing_else() {
+    let base = r#"
+name = "x"
+[[body]]
+name = "b"
+mesh.box = { size = [1, 1, 1], cells = [1, 1, 1] }
+material = { young = 1e3, poisson = 0.3, density = 1 }
+"#;
+    let sheet = base
+        .replace(
+            "box = { size = [1, 1, 1], cells = [1, 1, 1] }",
+            "sheet = { length = 1, width = 1, cells = [1, 1] }",
+        )
+        .replace("density = 1", "density = 1, thickness = 1e-3");
+    let cases = [
+        (
+            base.replace("density = 1", "density = 1, thickness = 1"),
+            "x.toml:6: body[0].material.thickness: found a thickness, allowed: none: the mesh is a solid",
+        ),
+        (
+            base.replace(
+                "density = 1",
+                "density = 1, weave = { young_weft = 1, shear = 1 }",
+            ),
+            "x.toml:6: body[0].material.weave: found a weave, allowed: none: the mesh is a solid",
+        ),
+        (
+            base.replace("mesh", "bending = 1\nmesh"),
+            "x.toml:5: body[0].bending: found 1.0, allowed: 0: only isotropic sheets have a bending model",
+        ),
+        (
+            sheet.replace("young = 1e3", "young = 1e3, law = \"linear\""),
+            "x.toml:6: body[0].material.law: found a law of solids or woven sheets, allowed: \"corotational\" for an isotropic sheet",
+        ),
+        (
+            sheet.replace(", thickness = 1e-3", ""),
+            "x.toml:6: body[0].material: found no thickness, allowed: `thickness`: sheets have one",
+        ),
+        (
+            sheet.replace("sheet = {", "order = 2\nmesh.sheet = {"),
+            "x.toml:5: body[0].mesh.order: found 2 for a mesh of triangles, allowed: 1: triangles are linear",
+        ),
+        (
+            base.replace("density = 1", "density = 1, fields = { young = \"E\" }"),
+            "x.toml:6: body[0].material.fields.young: found \"E\", allowed: nothing (the mesh has no values by element)",
+        ),
+        (
+            format!("{sheet}[[body.load]]\nname = \"l\"\ngroup = \"left\"\ntraction = [1, 0, 0]\n"),
+            "x.toml:10: body[0].load[0].traction: found a part of the mesh without a whole face, allowed: a part with an area, or `force` in its place",
+        ),
+        (
+            format!("{base}[[body.support]]\nname = \"s\"\ngroup = \"lid\"\n"),
+            "x.toml:9: body[0].support[0].group: found \"lid\", allowed: a group of the mesh: \"left\", \"right\", \"front\", \"back\", \"bottom\", \"top\"",
+        ),
+    ];
+    for (text, expected) in cases {
+        assert_eq!(refusal(&text), expected, "{text}");
+    }
+}
+
+/// A woven strip pulled along its warp, free to contract: E A times the Green strain's force.
+#[test]
+fn a_woven_strip_pulls_back_along_its_warp() {
+    let body = body(
+        r#"
+name = "strip"
+gravity = [0, 0, 0]
+[[body]]
+name = "strip"
+mesh.sheet = { length = 0.1, width = 0.04, cells = [10, 4] }
+[body.material]
+young = 1e6
+poisson = 0.2
+thickness = 0.001
+density = 300
+weave = { warp = [1, 0, 0], young_weft = 0.4e6, shear = 0.05e6 }
+[[body.support]]
+name = "left"
+group = "left"
+axes = ["x"]
+[[body.support]]
+name = "right"
+group = "right"
+axes = ["x"]
+displacement = [0.02, 0, 0]
+[[body.support]]
+name = "edge"
+group = "bottom"
+axes = ["y"]
+[[body.support]]
+name = "plane"
+box = [[-1, -1, -1], [1, 1, 1]]
+axes = ["z"]
+"#,
+    );
+    // E w t l (l^2 - 1) / 2 at a stretch of 1.2.
+    let found = force(&body, "right")[0];
+    assert!((found - 10.56).abs() < 1e-6, "{found}");
+}
+
+/// The program: what it prints, writes and answers.
+#[test]
+fn the_program_writes_what_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let palpate = |scene: &str| {
+        std::fs::write(file("scene.toml"), scene).unwrap();
+        Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .arg("solve")
+            .arg(file("scene.toml"))
+            .arg("--vtu")
+            .arg(file("frames"))
+            .arg("--plot")
+            .arg(file("plot.svg"))
+            .arg("--json")
+            .arg(file("solution.json"))
+            .output()
+            .unwrap()
+    };
+    let output = palpate(&cube("linear", r#"["z"]"#));
+    assert_eq!(output.status.code(), Some(0));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let bottom = printed
+        .lines()
+        .find(|line| line.contains("bottom"))
+        .unwrap();
+    assert!(
+        bottom.contains("force (0.000, 0.000, 20.000) N"),
+        "{bottom}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(file("solution.json")).unwrap()).unwrap();
+    assert_eq!(json["schema"], "palpate.solve/1");
+    assert_eq!(json["bodies"][0]["elements"], 1296);
+    assert_eq!(json["bodies"][0]["reactions"][1]["name"], "top");
+    assert!(
+        std::fs::read_to_string(file("plot.svg"))
+            .unwrap()
+            .contains("cube, bottom")
+    );
+    let list = std::fs::read_to_string(file("frames/frames.pvd")).unwrap();
+    for number in 0..=2 {
+        let name = format!("cube_{number:04}.vtu");
+        assert!(list.contains(&name), "{list}");
+        let frame = std::fs::read_to_string(file("frames").join(name)).unwrap();
+        assert!(frame.ends_with("</VTKFile>\n"));
+    }
+
+    // One that gets stuck: what it has is written, and the answer is 1.
+    let stuck = cube("st_venant_kirchhoff", r#"["x", "y", "z"]"#).replace("-0.01", "-0.09");
+    let output = palpate(&stuck);
+    assert_eq!(output.status.code(), Some(1));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("not solved cube: at 0."), "{printed}");
+    assert!(file("frames/cube_0000.vtu").exists());
+
+    // One that is wrong.
+    let output = palpate("name = 3");
+    assert_eq!(output.status.code(), Some(2));
+}
