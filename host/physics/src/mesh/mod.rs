@@ -3,7 +3,8 @@
 //!
 //! A mesh comes from a generator ([`generate`], [`generate_box`]) or from a file's bytes ([`read`],
 //! [`read_mesh`]: [`gmsh`], [`obj`], [`vtk_legacy`], [`vtk_xml`]); what is read ends in [`TriMesh::new`] or
-//! [`TetMesh::new`], so what holds for one mesh holds for all (see [`check`], [`check_solid`]).
+//! [`TetMesh::new`], so what holds for one mesh holds for all (see [`check`], [`check_solid`]). It goes back
+//! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
 
 use crate::Vec3;
 
@@ -28,6 +29,8 @@ mod vtk_cells;
 mod vtk_fields;
 pub mod vtk_legacy;
 pub mod vtk_xml;
+pub mod write_gmsh;
+pub mod write_vtk;
 pub mod write_vtu;
 
 pub use adjacency::Adjacency;
