@@ -4,7 +4,8 @@
 //! vertex no stiffness at all. They say nothing about quality beyond that: a mesh may be coarse, curved,
 //! in several pieces, or wound differently from triangle to triangle.
 
-use super::{Adjacency, Group, TriMesh};
+use super::check_named::{check_fields, check_groups};
+use super::{Adjacency, TriMesh};
 use crate::Vec3;
 use std::cmp::Ordering;
 use thiserror::Error;
@@ -31,7 +32,7 @@ pub enum MeshError {
     /// There are more vertices or triangles than can be numbered.
     #[error("the mesh has {found} {what}, at most {MAX_COUNT} are allowed")]
     TooMany {
-        /// "vertices" or "triangles".
+        /// "vertices", "triangles" or "cells".
         what: &'static str,
         /// How many there are.
         found: usize,
@@ -141,12 +142,38 @@ pub enum MeshError {
         position: usize,
         /// What stands there.
         found: u32,
-        /// How many vertices or triangles there are.
+        /// How many vertices, triangles or cells there are.
         count: usize,
     },
     /// Two groups of the same kind have one name.
     #[error("group {name:?}: the name is used by two groups of the same kind, each needs its own")]
     GroupName {
+        /// The name.
+        name: String,
+    },
+    /// A field has more or fewer values than there are triangles or cells.
+    #[error("field {name:?}: it has {found} values, {count} are needed")]
+    FieldLength {
+        /// The field's name.
+        name: String,
+        /// How many values it has.
+        found: usize,
+        /// How many triangles or cells there are.
+        count: usize,
+    },
+    /// A value of a field is not a number, or infinite.
+    #[error("field {name:?}: value number {position} is {found:?}, it must be finite")]
+    FieldValue {
+        /// The field's name.
+        name: String,
+        /// The triangle or cell.
+        position: usize,
+        /// What stands there.
+        found: f64,
+    },
+    /// Two fields have one name.
+    #[error("field {name:?}: the name is used by two fields, each needs its own")]
+    FieldName {
         /// The name.
         name: String,
     },
@@ -156,7 +183,8 @@ pub enum MeshError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Culprit {
     Vertex(u32),
-    Triangle(u32),
+    /// A triangle, or a cell of a solid.
+    Cell(u32),
     Mesh,
 }
 
@@ -175,11 +203,14 @@ impl MeshError {
             | Self::CrowdedEdge {
                 triangles: [_, _, triangle],
                 ..
-            } => Culprit::Triangle(triangle),
+            } => Culprit::Cell(triangle),
             Self::Empty
             | Self::TooMany { .. }
             | Self::GroupMember { .. }
-            | Self::GroupName { .. } => Culprit::Mesh,
+            | Self::GroupName { .. }
+            | Self::FieldLength { .. }
+            | Self::FieldValue { .. }
+            | Self::FieldName { .. } => Culprit::Mesh,
         }
     }
 }
@@ -199,7 +230,7 @@ impl TriMesh {
         Ok(mesh)
     }
 
-    /// Checks the whole mesh, groups included. For a mesh that was changed through its public fields.
+    /// Checks the whole mesh, groups and fields included. For a mesh that was changed through its public fields.
     ///
     /// # Errors
     /// The first [`MeshError`] found.
@@ -212,7 +243,8 @@ impl TriMesh {
         check_duplicates(&adjacency)?;
         check_all_used(self)?;
         check_groups(&self.vertex_groups, self.positions.len())?;
-        check_groups(&self.triangle_groups, self.triangles.len())
+        check_groups(&self.triangle_groups, self.triangles.len())?;
+        check_fields(&self.triangle_fields, self.triangles.len())
     }
 }
 
@@ -232,7 +264,7 @@ fn check_counts(mesh: &TriMesh) -> Result<(), MeshError> {
     }
 }
 
-fn check_coordinates(positions: &[Vec3]) -> Result<(), MeshError> {
+pub(super) fn check_coordinates(positions: &[Vec3]) -> Result<(), MeshError> {
     for (vertex, position) in (0_u32..).zip(positions) {
         for (axis, &found) in ["x", "y", "z"].into_iter().zip(position.iter()) {
             // Not-a-number fails every comparison, and so this one.
@@ -355,29 +387,4 @@ pub(super) fn check_distinct(positions: &[Vec3]) -> Result<(), MeshError> {
         Some((vertex, first)) => Err(MeshError::Coincident { vertex, first }),
         None => Ok(()),
     }
-}
-
-fn check_groups(groups: &[Group], count: usize) -> Result<(), MeshError> {
-    for (index, Group { name, members }) in groups.iter().enumerate() {
-        let mut least = 0_u64;
-        for (position, &found) in members.iter().enumerate() {
-            if u64::from(found) < least || found as usize >= count {
-                return Err(MeshError::GroupMember {
-                    name: name.clone(),
-                    position,
-                    found,
-                    count,
-                });
-            }
-            least = u64::from(found) + 1;
-        }
-        if groups
-            .iter()
-            .take(index)
-            .any(|earlier| earlier.name == *name)
-        {
-            return Err(MeshError::GroupName { name: name.clone() });
-        }
-    }
-    Ok(())
 }

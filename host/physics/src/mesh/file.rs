@@ -1,18 +1,62 @@
-//! A mesh from the bytes of a file, whatever its format.
+//! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of sheet and solid
+//! it is ([`read_mesh`]).
 //!
 //! The format follows from the end of the file's name and, where that says nothing, from how the file
 //! begins. All formats are held to the same: every number is checked, every count compared with what
 //! follows, memory taken in proportion to the file and never to a number in it. Vertices that no triangle
-//! uses are dropped; what [`TriMesh::validate`] refuses, and two vertices at one place, is an error.
+//! or cell uses are dropped; what [`TriMesh::validate`] or [`TetMesh::validate`] refuses, and two vertices
+//! at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
 
 use super::gmsh::{self, GmshError};
 use super::lines::Unexpected;
-use super::{MeshError, TriMesh, obj, vtk_legacy, vtk_xml};
+use super::{Field, MeshError, SolidError, TetMesh, TriMesh, obj, vtk_legacy, vtk_xml};
 use std::fmt;
 use thiserror::Error;
 
 /// The most named groups that a file may have.
 pub const MAX_GROUPS: usize = 256;
+/// The most named fields that a file may have, those that are passed over not counted.
+pub const MAX_FIELDS: usize = 256;
+
+/// A mesh of either kind.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mesh {
+    /// Triangles only.
+    Sheet(TriMesh),
+    /// Tetrahedra.
+    Solid(TetMesh),
+}
+
+impl Mesh {
+    /// Where the values per triangle or cell go.
+    pub(super) fn fields_mut(&mut self) -> &mut Vec<Field> {
+        match self {
+            Self::Sheet(mesh) => &mut mesh.triangle_fields,
+            Self::Solid(mesh) => &mut mesh.cell_fields,
+        }
+    }
+
+    /// The sheet. Readers that are asked for one refuse tetrahedra by themselves, with their place.
+    pub(super) fn into_sheet(self) -> Result<TriMesh, MeshFileError> {
+        match self {
+            Self::Sheet(mesh) => Ok(mesh),
+            Self::Solid(_) => Err(MeshFileError::syntax(
+                Place::Line(1),
+                "a sheet",
+                "a file of tetrahedra",
+            )),
+        }
+    }
+}
+
+/// Which meshes a reader takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Sheets alone; a tetrahedron is an error.
+    Sheet,
+    /// Sheets, and solids where the file has a tetrahedron.
+    Any,
+}
 
 /// Why a file is no mesh. Every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -43,6 +87,15 @@ pub enum MeshFileError {
         place: Place,
         /// What is wrong with it.
         source: MeshError,
+    },
+    /// The tetrahedra make no usable mesh. Vertices and cells are counted from zero here, as they would be
+    /// in the mesh.
+    #[error("{place}: {source}")]
+    Solid {
+        /// Where the cell or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: SolidError,
     },
     /// A Gmsh file is wrong.
     #[error(transparent)]
@@ -99,41 +152,76 @@ impl MeshFileError {
     }
 }
 
-/// Reads a mesh from the bytes of a file called `name`. Coordinates are taken as metres.
+/// Reads a sheet from the bytes of a file called `name`. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found; a tetrahedron is one.
+pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    Ok(match Format::of(name, bytes)? {
+        Format::Obj => obj::parse(bytes)?,
+        Format::Gmsh => gmsh::parse_bytes(bytes)?,
+        Format::VtkLegacy => vtk_legacy::parse(bytes)?,
+        Format::VtkXml => vtk_xml::parse(bytes)?,
+    })
+}
+
+/// Reads a mesh from the bytes of a file called `name`: a solid if there is a tetrahedron in it, otherwise a
+/// sheet. Coordinates are taken as metres.
+///
+/// Of a solid's file, triangles, lines and points only name vertices: where the format has named groups,
+/// theirs become groups of vertices, otherwise they are passed over.
 ///
 /// # Errors
 /// The first [`MeshFileError`] found.
-pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    let extension = name
-        .rsplit_once('.')
-        .map(|(_, end)| end.to_ascii_lowercase());
-    match extension.as_deref() {
-        Some("obj") => obj::parse(bytes),
-        Some("msh") => Ok(gmsh::parse_bytes(bytes)?),
-        Some("vtk") => vtk_legacy::parse(bytes),
-        Some("vtu" | "vtp") => vtk_xml::parse(bytes),
-        _ => read_by_beginning(bytes),
-    }
+pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    Ok(match Format::of(name, bytes)? {
+        Format::Obj => Mesh::Sheet(obj::parse(bytes)?),
+        Format::Gmsh => gmsh::parse_mesh(bytes)?,
+        Format::VtkLegacy => vtk_legacy::parse_mesh(bytes)?,
+        Format::VtkXml => vtk_xml::parse_mesh(bytes)?,
+    })
 }
 
-fn read_by_beginning(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
-    let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-    let start = text.trim_ascii_start();
-    if start.starts_with(b"$MeshFormat") {
-        Ok(gmsh::parse_bytes(bytes)?)
-    } else if start.starts_with(b"# vtk DataFile") {
-        vtk_legacy::parse(bytes)
-    } else if start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile") {
-        vtk_xml::parse(bytes)
-    } else {
-        let found = if start.is_empty() {
-            "an empty file".to_owned()
+enum Format {
+    Obj,
+    Gmsh,
+    VtkLegacy,
+    VtkXml,
+}
+
+impl Format {
+    fn of(name: &str, bytes: &[u8]) -> Result<Self, MeshFileError> {
+        let extension = name
+            .rsplit_once('.')
+            .map(|(_, end)| end.to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("obj") => Ok(Self::Obj),
+            Some("msh") => Ok(Self::Gmsh),
+            Some("vtk") => Ok(Self::VtkLegacy),
+            Some("vtu" | "vtp") => Ok(Self::VtkXml),
+            _ => Self::by_beginning(bytes),
+        }
+    }
+
+    fn by_beginning(bytes: &[u8]) -> Result<Self, MeshFileError> {
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        let start = text.trim_ascii_start();
+        if start.starts_with(b"$MeshFormat") {
+            Ok(Self::Gmsh)
+        } else if start.starts_with(b"# vtk DataFile") {
+            Ok(Self::VtkLegacy)
+        } else if start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile") {
+            Ok(Self::VtkXml)
         } else {
-            format!(
-                "a file that begins with {}",
-                super::text::quoted_bytes(start)
-            )
-        };
-        Err(MeshFileError::Format { found })
+            let found = if start.is_empty() {
+                "an empty file".to_owned()
+            } else {
+                format!(
+                    "a file that begins with {}",
+                    super::text::quoted_bytes(start)
+                )
+            };
+            Err(MeshFileError::Format { found })
+        }
     }
 }

@@ -1,14 +1,18 @@
 //! Meshes of triangles ([`TriMesh`]) and of tetrahedra ([`TetMesh`]): positions, cells, and named groups of
 //! either.
 //!
-//! A mesh comes from a generator ([`generate`]) or from a file's bytes ([`read`]: [`gmsh`], [`obj`],
-//! [`vtk_legacy`], [`vtk_xml`]); all end in [`TriMesh::new`], so what holds for one mesh holds for all
-//! (see [`check`]).
+//! A mesh comes from a generator ([`generate`], [`generate_box`]) or from a file's bytes ([`read`],
+//! [`read_mesh`]: [`gmsh`], [`obj`], [`vtk_legacy`], [`vtk_xml`]); what is read ends in [`TriMesh::new`] or
+//! [`TetMesh::new`], so what holds for one mesh holds for all (see [`check`], [`check_solid`]). It goes back
+//! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
 
 use crate::Vec3;
 
 pub mod adjacency;
 pub mod check;
+mod check_named;
+mod check_neighbours;
+pub mod check_solid;
 mod elevate;
 pub mod file;
 pub mod generate;
@@ -17,17 +21,22 @@ pub mod gmsh;
 mod lines;
 pub mod obj;
 mod soup;
+mod soup_solid;
 pub mod tet;
 mod text;
 mod vtk_array;
 mod vtk_cells;
+mod vtk_fields;
 pub mod vtk_legacy;
 pub mod vtk_xml;
+pub mod write_gmsh;
+pub mod write_vtk;
 pub mod write_vtu;
 
 pub use adjacency::Adjacency;
 pub use check::MeshError;
-pub use file::{MeshFileError, Place, read};
+pub use check_solid::SolidError;
+pub use file::{Mesh, MeshFileError, Place, read, read_mesh};
 pub use tet::{Cells, TetMesh};
 
 /// A triangle mesh with named groups, as a generator or a file gives it.

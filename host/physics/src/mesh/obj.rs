@@ -209,7 +209,7 @@ impl Reader {
         self.soup.into_mesh().map_err(|Fault { source, culprit }| {
             let place = match culprit {
                 Culprit::Vertex(vertex) => line(&self.vertex_lines, vertex),
-                Culprit::Triangle(triangle) => line(&self.triangle_lines, triangle),
+                Culprit::Cell(triangle) => line(&self.triangle_lines, triangle),
                 Culprit::Mesh => Place::Line(last_line),
             };
             MeshFileError::Mesh { place, source }

@@ -4,8 +4,8 @@ use super::check::{Culprit, MAX_COUNT, check_distinct};
 use super::{Group, MeshError, TriMesh};
 use crate::Vec3;
 
-/// A vertex that no triangle uses.
-const UNUSED: u32 = u32::MAX;
+/// The number of a vertex that no triangle or cell uses.
+pub(super) const UNUSED: u32 = u32::MAX;
 
 /// Vertices and triangles as a file lists them. Every corner of a triangle is one of the vertices.
 #[derive(Default)]
@@ -65,10 +65,13 @@ impl Soup {
     }
 }
 
-/// Drops the vertices that no triangle uses; gives the new number of each old one.
-fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) -> Vec<u32> {
+/// Drops the vertices that no triangle or cell uses; gives the new number of each old one.
+pub(super) fn drop_unused<const N: usize>(
+    positions: &mut Vec<Vec3>,
+    cells: &mut [[u32; N]],
+) -> Vec<u32> {
     let mut numbers = vec![UNUSED; positions.len()];
-    for &vertex in triangles.iter().flatten() {
+    for &vertex in cells.iter().flatten() {
         if let Some(number) = numbers.get_mut(vertex as usize) {
             *number = 0;
         }
@@ -79,7 +82,7 @@ fn drop_unused(positions: &mut Vec<Vec3>, triangles: &mut [[u32; 3]]) -> Vec<u32
     }
     let mut kept = numbers.iter().map(|&number| number != UNUSED);
     positions.retain(|_| kept.next().unwrap_or(false));
-    for vertex in triangles.iter_mut().flatten() {
+    for vertex in cells.iter_mut().flatten() {
         *vertex = numbers.get(*vertex as usize).copied().unwrap_or(UNUSED);
     }
     numbers

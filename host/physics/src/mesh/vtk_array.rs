@@ -118,23 +118,28 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// The numbers as coordinates, all finite.
-    pub(super) fn reals(&self) -> impl Iterator<Item = Result<f64, MeshFileError>> {
+    /// The numbers as they are, all finite, which `expected` says what they are.
+    pub(super) fn reals(
+        &self,
+        expected: &'static str,
+    ) -> impl Iterator<Item = Result<f64, MeshFileError>> {
         let from_text = |word: &[u8]| std::str::from_utf8(word).ok()?.parse::<f64>().ok();
         let from_bytes = |bytes: &[u8], scalar, big| match scalar {
             Scalar::F32 => f64::from(f32::from_le_bytes(little(bytes, big))),
             Scalar::F64 => f64::from_le_bytes(little(bytes, big)),
-            _ => integer(bytes, scalar, big).unwrap_or(i64::MAX) as f64,
+            Scalar::U64 => u64::from_le_bytes(little(bytes, big)) as f64,
+            _ => integer(bytes, scalar, big).unwrap_or_default() as f64,
         };
         let text = self.words().map(move |word| (from_text(word), word));
         let bytes = self
             .chunks()
             .map(move |(bytes, scalar, big)| (Some(from_bytes(bytes, scalar, big)), bytes));
-        text.chain(bytes).enumerate().map(|(item, (number, raw))| {
+        let numbers = text.chain(bytes).enumerate();
+        numbers.map(move |(item, (number, raw))| {
             number.filter(|number| number.is_finite()).ok_or_else(|| {
                 let found =
                     number.map_or_else(|| quoted_bytes(raw), |number| format!("{number:?}"));
-                MeshFileError::syntax(self.place(item), "a finite coordinate", found)
+                MeshFileError::syntax(self.place(item), expected, found)
             })
         })
     }

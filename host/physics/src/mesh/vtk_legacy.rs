@@ -4,16 +4,20 @@
 //! 5.1. Read are the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format knows no units: coordinates
 //! are taken as metres.
 //!
-//! Triangles become the mesh's triangles; points and lines are passed over; any other cell is an error,
-//! for a mesh without it would have holes. So are what belongs to points and cells (`POINT_DATA`,
-//! `CELL_DATA`, which end a file) and fields before them: passed over. The file makes no groups.
+//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
+//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
+//! error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
+//! component becomes a field; its other attributes, `POINT_DATA` and what stands before both are passed
+//! over. The file makes no groups.
 
+mod attributes;
 mod cursor;
 
-use super::TriMesh;
-use super::file::{MeshFileError, Place};
+use super::file::{Mesh, MeshFileError, Place, Wanted};
 use super::vtk_array::{Array, Scalar};
 use super::vtk_cells::{Cells, POLYGON};
+use super::{TriMesh, vtk_fields};
+use attributes::CellArray;
 use cursor::{Cursor, Line};
 
 /// What a data set holds, as far as it was read.
@@ -22,6 +26,9 @@ struct Sections<'a> {
     points: Option<Array<'a>>,
     cells: Option<Connectivity<'a>>,
     types: Option<Array<'a>>,
+    /// How many points and lines there are beside a `POLYDATA` file's polygons.
+    others: usize,
+    cell_data: Vec<CellArray<'a>>,
 }
 
 /// Which points make which cell.
@@ -34,11 +41,23 @@ struct Connectivity<'a> {
     numbers: Array<'a>,
 }
 
-/// Reads a mesh from the bytes of a legacy VTK file. Coordinates are taken as metres.
+/// Reads a sheet from the bytes of a legacy VTK file. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found.
+/// The first [`MeshFileError`] found; a tetrahedron is one.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    read(bytes, Wanted::Sheet)?.into_sheet()
+}
+
+/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+///
+/// # Errors
+/// As [`parse`], but for tetrahedra.
+pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any)
+}
+
+fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
     let mut cursor = Cursor::new(bytes);
     let version_5 = header(&mut cursor)?;
     let mut line = cursor.expect("DATASET")?;
@@ -55,22 +74,27 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     let missing = |what: &str| MeshFileError::syntax(end, what, "the end of the data set");
     let points = sections.points.ok_or_else(|| missing("POINTS"))?;
     let name = if is_grid { "CELLS" } else { "POLYGONS" };
-    let cells = sections.cells.ok_or_else(|| missing(name))?;
-    if !is_grid {
-        return mesh(points, &cells, |count| {
-            std::iter::repeat_n(Ok(POLYGON), count)
-        });
+    let connectivity = sections.cells.ok_or_else(|| missing(name))?;
+    let cells = Cells::new(points, sections.others, wanted)?;
+    let (mut mesh, count, kept) = if is_grid {
+        let types = sections.types.ok_or_else(|| missing("CELL_TYPES"))?;
+        if types.len() != connectivity.cells {
+            let expected = format!("{} cells, as CELL_TYPES has", types.len());
+            return Err(MeshFileError::syntax(
+                connectivity.place,
+                expected,
+                connectivity.cells.to_string(),
+            ));
+        }
+        mesh(cells, &connectivity, types.integers())?
+    } else {
+        let types = std::iter::repeat_n(Ok(POLYGON), connectivity.cells);
+        mesh(cells, &connectivity, types)?
+    };
+    for CellArray { place, name, array } in &sections.cell_data {
+        vtk_fields::add(&mut mesh, (count, &kept), (*place, name), array)?;
     }
-    let types = sections.types.ok_or_else(|| missing("CELL_TYPES"))?;
-    if types.len() != cells.cells {
-        let expected = format!("{} cells, as CELL_TYPES has", types.len());
-        return Err(MeshFileError::syntax(
-            cells.place,
-            expected,
-            cells.cells.to_string(),
-        ));
-    }
-    mesh(points, &cells, |_| types.integers())
+    Ok(mesh)
 }
 
 /// Reads the three lines before the data set; says whether cells are laid out as from version 5 on.
@@ -125,10 +149,16 @@ fn sections<'a>(
                     return Err(again());
                 }
             }
-            ("VERTICES" | "LINES", false) => drop(connectivity(cursor, line, version_5)?),
-            ("FIELD", _) => field(cursor, line)?,
+            ("VERTICES" | "LINES", false) => {
+                let others = connectivity(cursor, line, version_5)?.cells;
+                found.others = found.others.saturating_add(others);
+            }
+            ("FIELD", _) => drop(attributes::field(cursor, line, |_| false)?),
             ("METADATA", _) => cursor.skip_paragraph(),
-            ("POINT_DATA" | "CELL_DATA", _) => break,
+            // Nothing but attributes follows.
+            ("POINT_DATA" | "CELL_DATA", _) => {
+                found.cell_data = attributes::read(cursor, whole)?;
+            }
             ("TRIANGLE_STRIPS", false) => {
                 let expected = "POLYGONS (cut strips to triangles first, as ParaView's filter \
                                 Triangulate does)";
@@ -177,24 +207,6 @@ fn connectivity<'a>(
     })
 }
 
-/// Passes over fields: arrays with a name, a number of components, one of tuples and a type.
-fn field<'a>(cursor: &mut Cursor<'a>, mut line: Line<'a>) -> Result<(), MeshFileError> {
-    line.word("a field's name")?;
-    for _ in 0..line.count("a number of arrays")? {
-        let mut line = cursor.expect("an array of the field")?;
-        if line.rest().eq_ignore_ascii_case("METADATA") {
-            cursor.skip_paragraph();
-            line = cursor.expect("an array of the field")?;
-        }
-        line.word("an array's name")?;
-        let components = line.count("a number of components")?;
-        let tuples = line.count("a number of tuples")?;
-        let scalar = scalar(&mut line)?;
-        cursor.array(&line, components.checked_mul(tuples), scalar)?;
-    }
-    Ok(())
-}
-
 /// The next word as a type of numbers.
 fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
     const EXPECTED: &str = "a type of numbers, such as float or int";
@@ -214,15 +226,13 @@ fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
     })
 }
 
-/// The mesh of some cells whose types `types` gives for a number of cells.
-fn mesh<T: Iterator<Item = Result<i64, MeshFileError>>>(
-    points: Array,
+/// The mesh of cells of these types, and which of how many cells of the file those of the mesh are.
+fn mesh(
+    mut cells: Cells,
     connectivity: &Connectivity,
-    types: impl Fn(usize) -> T,
-) -> Result<TriMesh, MeshFileError> {
-    let mut cells = Cells::new(points)?;
+    types: impl Iterator<Item = Result<i64, MeshFileError>>,
+) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
     let numbers = &connectivity.numbers;
-    let types = types(connectivity.cells);
     if let Some(offsets) = &connectivity.offsets {
         let mut ends = offsets.integers();
         if let Some(first) = ends.next().transpose()?

@@ -4,21 +4,24 @@
 //! (`ascii`), in base64 (`binary`) and appended, raw or in base64, uncompressed or compressed by zlib,
 //! in both byte orders. The format knows no units: coordinates are taken as metres.
 //!
-//! Triangles become the mesh's triangles; points and lines are passed over; any other cell is an error,
-//! for a mesh without it would have holes. What belongs to points, cells and the file (`PointData`,
-//! `CellData`, `FieldData`) is passed over. The file makes no groups.
+//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
+//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
+//! error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
+//! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are passed over. The
+//! file makes no groups.
 //!
 //! What unpacks to much more than the file's own size is refused: see [`MAX_RATIO`].
 
 mod data;
 mod document;
+mod tag;
 
-use super::TriMesh;
-use super::file::{MeshFileError, Place};
+use super::file::{Mesh, MeshFileError, Place, Wanted};
 use super::vtk_array::Array;
 use super::vtk_cells::{Cells, POLYGON};
+use super::{TriMesh, vtk_fields};
 use data::Unpacker;
-use document::{Document, Piece, Role};
+use document::{Document, NamedArray, Piece, Role};
 
 /// The most bytes that a file's compressed arrays unpack to, over the file's own length.
 ///
@@ -30,11 +33,23 @@ pub const MIN_UNPACKED: usize = 64 << 10;
 /// The most that they may unpack to, however long the file (bytes): a grid of three million vertices.
 pub const MAX_UNPACKED: usize = 256 << 20;
 
-/// Reads a mesh from the bytes of a VTU or VTP file. Coordinates are taken as metres.
+/// Reads a sheet from the bytes of a VTU or VTP file. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found.
+/// The first [`MeshFileError`] found; a tetrahedron is one.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    read(bytes, Wanted::Sheet)?.into_sheet()
+}
+
+/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+///
+/// # Errors
+/// As [`parse`], but for tetrahedra.
+pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any)
+}
+
+fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
     let document = document::read(bytes)?;
     let mut unpacker = Unpacker::new(bytes, &document.encoding);
     let piece = &document.piece;
@@ -54,7 +69,7 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     count(piece, "ends of cells", Some(piece.cells), &ends)?;
     let end_place = |cell| ends.place(cell);
 
-    let mut cells = Cells::new(points)?;
+    let mut cells = Cells::new(points, piece.others, wanted)?;
     if document.is_grid {
         let types = array(&document, &mut unpacker, Role::Types)?;
         count(piece, "types of cells", Some(piece.cells), &types)?;
@@ -63,7 +78,13 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
         let types = std::iter::repeat_n(Ok(POLYGON), ends.len());
         cells.add(types, ends.integers(), end_place, &numbers)?;
     }
-    cells.finish(&numbers)
+    let (mut mesh, count, kept) = cells.finish(&numbers)?;
+    for NamedArray { name, array } in &piece.cell_data {
+        let place = Place::Line(array.line);
+        let array = unpacker.array(array)?;
+        vtk_fields::add(&mut mesh, (count, &kept), (place, name), &array)?;
+    }
+    Ok(mesh)
 }
 
 /// The array of this role. A file without points or cells may leave it out.
@@ -73,8 +94,8 @@ fn array<'a>(
     role: Role,
 ) -> Result<Array<'a>, MeshFileError> {
     let piece = &document.piece;
-    match piece.arrays.iter().find(|array| array.role == role) {
-        Some(array) => unpacker.array(array),
+    match piece.arrays.iter().find(|(of, _)| *of == role) {
+        Some((_, array)) => unpacker.array(array),
         None if piece.points == 0 || piece.cells == 0 => Ok(Array::none(piece.line)),
         None => Err(MeshFileError::syntax(
             Place::Line(piece.line),

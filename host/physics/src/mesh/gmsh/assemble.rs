@@ -1,17 +1,21 @@
-//! From a file's sections to a mesh: node tags to indices, unused nodes dropped, groups filled.
+//! From a file's sections to a sheet: node tags to indices, unused nodes dropped, groups filled.
 
-use super::GmshError;
-use super::sections::{Block, Element, Node, PhysicalName, Sections};
+use super::elements::of_dimension;
+use super::groups::groups;
+use super::sections::{Node, Sections};
+use super::{GmshError, elements::Element, fields};
 use crate::mesh::check::{Culprit, check_distinct};
-use crate::mesh::{Group, MeshError, TriMesh};
+use crate::mesh::soup::UNUSED;
+use crate::mesh::{MeshError, TriMesh};
 use std::collections::BTreeMap;
 
-/// A node that no triangle uses.
-const UNUSED: u32 = u32::MAX;
+/// Where each node tag stands in the list of nodes.
+pub(super) type Places = BTreeMap<u64, usize>;
 
-pub(super) fn mesh(sections: &Sections) -> Result<TriMesh, GmshError> {
+/// The sheet of all triangles.
+pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
     let places = places(&sections.nodes)?;
-    let used = triangles(&sections.blocks)
+    let used = of_dimension(&sections.blocks, 2)
         .map(|element| nodes_of(element, &places))
         .collect::<Result<Vec<_>, _>>()?;
 
@@ -39,16 +43,17 @@ pub(super) fn mesh(sections: &Sections) -> Result<TriMesh, GmshError> {
     };
     let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
     check_distinct(&mesh.positions).map_err(refused)?;
-    let groups = groups(sections);
-    mesh.vertex_groups = vertex_groups(sections, &groups, &places, &vertices)?;
-    mesh.triangle_groups = triangle_groups(sections, &groups);
+    let groups = groups(sections, 0..=3);
+    mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
+    mesh.triangle_groups = groups.of_cells(2);
+    mesh.triangle_fields = fields::per_cell(sections, 2)?;
     Ok(mesh)
 }
 
 /// Where each node tag stands in the list of nodes. Tags may be sparse: they are looked up, never used as
 /// indices.
-fn places(nodes: &[Node]) -> Result<BTreeMap<u64, usize>, GmshError> {
-    let mut places = BTreeMap::new();
+pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
+    let mut places = Places::new();
     for (place, node) in nodes.iter().enumerate() {
         if let Some(earlier) = places.insert(node.tag, place) {
             let what = format!("node tag {}", node.tag);
@@ -63,24 +68,25 @@ fn places(nodes: &[Node]) -> Result<BTreeMap<u64, usize>, GmshError> {
     Ok(places)
 }
 
-fn triangles(blocks: &[Block]) -> impl Iterator<Item = &Element> {
-    blocks
-        .iter()
-        .filter(|block| block.dim == 2)
-        .flat_map(|block| &block.elements)
-}
-
 /// The places of an element's nodes.
-fn nodes_of(element: &Element, places: &BTreeMap<u64, usize>) -> Result<[usize; 3], GmshError> {
-    let mut found = [0; 3];
-    for (place, tag) in found.iter_mut().zip(element.nodes) {
-        *place = *places.get(&tag).ok_or_else(|| GmshError::Syntax {
-            line: element.line,
-            expected: "the tag of a node in $Nodes".to_owned(),
-            found: tag.to_string(),
-        })?;
+pub(super) fn nodes_of<const N: usize>(
+    element: Element,
+    places: &Places,
+) -> Result<[usize; N], GmshError> {
+    let mut found = [0; N];
+    for (place, &tag) in found.iter_mut().zip(element.nodes) {
+        *place = place_of(tag, element.line, places)?;
     }
     Ok(found)
+}
+
+/// The place of a node that is named in a line.
+pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, GmshError> {
+    places.get(&tag).copied().ok_or_else(|| GmshError::Syntax {
+        line,
+        expected: "the tag of a node in $Nodes".to_owned(),
+        found: tag.to_string(),
+    })
 }
 
 /// The line of the vertex or triangle that an error is about.
@@ -92,110 +98,10 @@ fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> us
                 .find(|&(_, &vertex)| vertex == index)
                 .map(|(node, _)| node.line)
         }
-        Culprit::Triangle(index) => triangles(&sections.blocks)
+        Culprit::Cell(index) => of_dimension(&sections.blocks, 2)
             .nth(index as usize)
             .map(|element| element.line),
         Culprit::Mesh => None,
     };
     line.unwrap_or(sections.last_line)
-}
-
-/// The blocks of one group, as indices into the file's blocks.
-struct Members<'a> {
-    name: &'a str,
-    blocks: Vec<usize>,
-}
-
-/// The groups by name, in the file's order, each with its blocks. Found in one pass over the blocks, so
-/// that many small blocks in many groups cost no more time than they take room in the file.
-fn groups(sections: &Sections) -> Vec<Members<'_>> {
-    let mut groups: Vec<Members> = Vec::new();
-    let mut by_tag: BTreeMap<(u8, u32), usize> = BTreeMap::new();
-    for PhysicalName { dim, tag, name, .. } in &sections.names {
-        let known = groups.iter().position(|group| group.name == name);
-        let index = known.unwrap_or(groups.len());
-        if known.is_none() {
-            let blocks = Vec::new();
-            groups.push(Members { name, blocks });
-        }
-        by_tag.insert((*dim, *tag), index);
-    }
-    for (number, block) in sections.blocks.iter().enumerate() {
-        let entity = sections.entities.get(&(block.dim, block.entity));
-        for tag in entity.into_iter().flat_map(|entity| &entity.physical) {
-            let index = by_tag.get(&(block.dim, *tag));
-            let group = index.and_then(|&index| groups.get_mut(index));
-            if let Some(group) = group.filter(|group| group.blocks.last() != Some(&number)) {
-                group.blocks.push(number);
-            }
-        }
-    }
-    groups
-}
-
-fn vertex_groups(
-    sections: &Sections,
-    groups: &[Members],
-    places: &BTreeMap<u64, usize>,
-    vertices: &[u32],
-) -> Result<Vec<Group>, GmshError> {
-    // Lines and points have to name existing nodes whether or not they are in a group.
-    for element in sections.blocks.iter().flat_map(|block| &block.elements) {
-        nodes_of(element, places)?;
-    }
-    let mut found = Vec::new();
-    for group in groups {
-        let mut members = Vec::new();
-        let blocks = group.blocks.iter().filter_map(|&k| sections.blocks.get(k));
-        for element in blocks.flat_map(|block| &block.elements) {
-            for node in nodes_of(element, places)? {
-                members.extend(vertices.get(node).filter(|&&vertex| vertex != UNUSED));
-            }
-        }
-        push_group(&mut found, group.name, members);
-    }
-    Ok(found)
-}
-
-fn triangle_groups(sections: &Sections, groups: &[Members]) -> Vec<Group> {
-    // Where the triangles of each block start.
-    let starts: Vec<u32> = sections
-        .blocks
-        .iter()
-        .scan(0, |next, block| {
-            let start = *next;
-            *next += if block.dim == 2 {
-                block.elements.len() as u32
-            } else {
-                0
-            };
-            Some(start)
-        })
-        .collect();
-    let mut found = Vec::new();
-    for group in groups {
-        let mut members = Vec::new();
-        for &number in &group.blocks {
-            if let (Some(block), Some(&start)) = (sections.blocks.get(number), starts.get(number))
-                && block.dim == 2
-            {
-                members.extend((start..).take(block.elements.len()));
-            }
-        }
-        push_group(&mut found, group.name, members);
-    }
-    found
-}
-
-/// Adds the group of these members, unless there are none.
-fn push_group(groups: &mut Vec<Group>, name: &str, mut members: Vec<u32>) {
-    members.sort_unstable();
-    members.dedup();
-    members.shrink_to_fit();
-    if !members.is_empty() {
-        groups.push(Group {
-            name: name.to_owned(),
-            members,
-        });
-    }
 }

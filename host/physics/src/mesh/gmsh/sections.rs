@@ -1,7 +1,10 @@
 //! The sections of an MSH 4.1 file as they stand, each checked for itself.
 
+use super::elements::{self, Block};
+use super::fields::{self, Data};
 use super::{GmshError, MAX_GROUPS, MAX_TAGS};
 use crate::Vec3;
+use crate::mesh::file::Wanted;
 use crate::mesh::lines::{Fields, Lines};
 use crate::mesh::text::shortened;
 use std::collections::BTreeMap;
@@ -14,6 +17,7 @@ pub(super) struct Sections {
     pub(super) entities: BTreeMap<(u8, i32), Entity>,
     pub(super) nodes: Vec<Node>,
     pub(super) blocks: Vec<Block>,
+    pub(super) data: Vec<Data>,
     /// The number of the file's last line.
     pub(super) last_line: usize,
 }
@@ -40,27 +44,14 @@ pub(super) struct Node {
     pub(super) line: usize,
 }
 
-/// The elements of one entity: triangles where `dim` is 2, lines where it is 1, points where it is 0.
-pub(super) struct Block {
-    pub(super) dim: u8,
-    pub(super) entity: i32,
-    pub(super) elements: Vec<Element>,
-}
-
-/// An element's nodes; where it has fewer than three, the last is repeated.
-pub(super) struct Element {
-    pub(super) nodes: [u64; 3],
-    pub(super) line: usize,
-}
-
-/// Room for as many items as a file claims to hold, but no more than its text can hold: a node takes at
-/// least eight bytes there ("1" and "0 0 0" with their lines' ends), and so does a triangle ("1 1 2 3").
-fn room<T>(claimed: usize, text: &str) -> Vec<T> {
-    Vec::with_capacity(claimed.min(text.len() / 8))
+/// Room for as many items as a file claims to hold, but no more than its text can hold if each takes `least`
+/// bytes there.
+pub(super) fn room<T>(claimed: usize, text: &str, least: usize) -> Vec<T> {
+    Vec::with_capacity(claimed.min(text.len() / least))
 }
 
 /// Reads all sections.
-pub(super) fn read(text: &str) -> Result<Sections, GmshError> {
+pub(super) fn read(text: &str, wanted: Wanted) -> Result<Sections, GmshError> {
     let mut lines = Lines::new(text);
     format(&mut lines)?;
     let mut sections = Sections::default();
@@ -93,7 +84,10 @@ pub(super) fn read(text: &str) -> Result<Sections, GmshError> {
             "$PhysicalNames" => sections.names = physical_names(&mut lines)?,
             "$Entities" => sections.entities = entities(&mut lines)?,
             "$Nodes" => sections.nodes = nodes(&mut lines, text)?,
-            "$Elements" => sections.blocks = elements(&mut lines, text)?,
+            "$Elements" => sections.blocks = elements::read(&mut lines, text, wanted)?,
+            "$ElementData" => sections
+                .data
+                .extend(fields::read(&mut lines, text, &sections.data)?),
             other => skip(&mut lines, other)?,
         }
     }
@@ -145,7 +139,7 @@ fn version(lines: &mut Lines) -> Result<(), GmshError> {
     })
 }
 
-fn skip(lines: &mut Lines, section: &str) -> Result<(), GmshError> {
+pub(super) fn skip(lines: &mut Lines, section: &str) -> Result<(), GmshError> {
     let end = format!("$End{}", section.trim_start_matches('$'));
     while lines.expect(&end)?.rest() != end {}
     Ok(())
@@ -241,7 +235,8 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
 
 fn nodes(lines: &mut Lines, text: &str) -> Result<Vec<Node>, GmshError> {
     let (head, blocks, count) = head(lines)?;
-    let mut nodes: Vec<Node> = room(count, text);
+    // "1" and "0 0 0" with their lines' ends.
+    let mut nodes: Vec<Node> = room(count, text, 8);
     for _ in 0..blocks {
         let mut fields = lines.expect("a block of nodes")?;
         let dim = dimension(&mut fields)?;
@@ -278,70 +273,8 @@ fn nodes(lines: &mut Lines, text: &str) -> Result<Vec<Node>, GmshError> {
     Ok(nodes)
 }
 
-fn elements(lines: &mut Lines, text: &str) -> Result<Vec<Block>, GmshError> {
-    let (head, block_count, count) = head(lines)?;
-    let mut blocks = room(block_count, text);
-    let mut total_found = 0;
-    for _ in 0..block_count {
-        let mut fields = lines.expect("a block of elements")?;
-        let start = fields;
-        let dim = dimension(&mut fields)?;
-        let entity = fields.number("an entity's tag")?;
-        let code: u32 = fields.number("an element type")?;
-        let in_block: usize = fields.number("a number of elements")?;
-        fields.end()?;
-        let (nodes_each, expected_dim) = match code {
-            15 => (1, 0),
-            1 => (2, 1),
-            2 => (3, 2),
-            _ => {
-                let (name, advice) = unsupported(code);
-                return Err(GmshError::Element {
-                    line: start.line,
-                    code,
-                    name,
-                    advice,
-                });
-            }
-        };
-        if dim != expected_dim {
-            let expected = format!("dimension {expected_dim} for elements of type {code}");
-            return Err(start.unexpected(&expected).into());
-        }
-        let mut elements = room(in_block, text);
-        for _ in 0..in_block {
-            let mut fields = lines.expect("an element")?;
-            let line = fields.line;
-            fields.number::<u64>("an element's tag")?;
-            let mut tag = 0;
-            let mut nodes = [0_u64; 3];
-            for (k, node) in nodes.iter_mut().enumerate() {
-                if k < nodes_each {
-                    tag = fields.number("the tag of an element's node")?;
-                }
-                *node = tag;
-            }
-            fields.end()?;
-            elements.push(Element { nodes, line });
-        }
-        total_found += elements.len();
-        elements.shrink_to_fit();
-        if elements.is_empty() {
-            continue;
-        }
-        blocks.push(Block {
-            dim,
-            entity,
-            elements,
-        });
-    }
-    total(&head, count, total_found, "elements")?;
-    lines.marker("$EndElements")?;
-    Ok(blocks)
-}
-
 /// The first line of `$Nodes` and `$Elements`: the line, the number of blocks and that of items.
-fn head<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
+pub(super) fn head<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, usize, usize), GmshError> {
     const EXPECTED: &str = "numbers of blocks and items, least and greatest tag";
     let mut fields = lines.expect(EXPECTED)?;
     let start = fields;
@@ -353,7 +286,12 @@ fn head<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, usize, usize), GmshErr
     Ok((start, blocks, items))
 }
 
-fn total(head: &Fields, claimed: usize, found: usize, what: &str) -> Result<(), GmshError> {
+pub(super) fn total(
+    head: &Fields,
+    claimed: usize,
+    found: usize,
+    what: &str,
+) -> Result<(), GmshError> {
     if claimed == found {
         return Ok(());
     }
@@ -364,32 +302,10 @@ fn total(head: &Fields, claimed: usize, found: usize, what: &str) -> Result<(), 
     })
 }
 
-fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
+pub(super) fn dimension(fields: &mut Fields) -> Result<u8, GmshError> {
     let before = *fields;
     match fields.number("a dimension from 0 to 3")? {
         dim @ 0..=3 => Ok(dim),
         _ => Err(before.unexpected("a dimension from 0 to 3").into()),
-    }
-}
-
-/// Names for the element types that people are likely to have, and what to do about them.
-fn unsupported(code: u32) -> (&'static str, &'static str) {
-    const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
-    const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
-    const SURFACE: &str = "mesh the surface only, with `gmsh -2`";
-    match code {
-        3 => ("4-node quadrangles", TRIANGLES),
-        4 => ("4-node tetrahedra", SURFACE),
-        5 => ("8-node hexahedra", SURFACE),
-        6 => ("6-node prisms", SURFACE),
-        7 => ("5-node pyramids", SURFACE),
-        8 => ("3-node lines of second order", FIRST_ORDER),
-        9 => ("6-node triangles of second order", FIRST_ORDER),
-        10 => ("9-node quadrangles of second order", FIRST_ORDER),
-        11 => ("10-node tetrahedra of second order", SURFACE),
-        16 => ("8-node quadrangles of second order", FIRST_ORDER),
-        20 | 21 => ("triangles of third order", FIRST_ORDER),
-        26 => ("4-node lines of third order", FIRST_ORDER),
-        _ => ("another kind", "mesh again with triangles of first order"),
     }
 }

@@ -100,9 +100,7 @@ impl<'a> Cursor<'a> {
         count: Option<usize>,
         scalar: Scalar,
     ) -> Result<Array<'a>, MeshFileError> {
-        if !line.rest.is_empty() {
-            return Err(line.unexpected("the end of the line"));
-        }
+        line.end()?;
         let too_few = |found: String| {
             let claimed = count.map_or_else(|| "too many".to_owned(), |count| count.to_string());
             let expected = format!("{claimed} numbers after this line, as it says");
@@ -177,5 +175,14 @@ impl<'a> Line<'a> {
         let before = *self;
         let word = self.word(expected)?;
         word.parse().map_err(|_| before.unexpected(expected))
+    }
+
+    /// Checks that nothing is left of the line.
+    pub(super) fn end(&self) -> Result<(), MeshFileError> {
+        if self.rest.is_empty() {
+            Ok(())
+        } else {
+            Err(self.unexpected("the end of the line"))
+        }
     }
 }

@@ -1,16 +1,15 @@
 //! The tags of a VTU or VTP file: which arrays there are, and where. No number of an array is read here.
 
+use super::tag::Tag;
 use crate::mesh::file::{MeshFileError, Place};
 use crate::mesh::text::{line_of, newlines, quoted};
 use crate::mesh::vtk_array::Scalar;
+use crate::mesh::vtk_fields::check_name;
 use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::Event;
 
 /// Deepest nesting of tags; VTK's own go to six.
 const MAX_DEPTH: usize = 32;
-/// Most arrays of use in a file: the four that a mesh needs, and as many again that repeat them.
-const MAX_ARRAYS: usize = 8;
-
 /// What a file's tags say.
 pub(super) struct Document<'a> {
     /// An unstructured grid, otherwise polygons.
@@ -45,12 +44,21 @@ pub(super) struct Piece<'a> {
     pub(super) points: usize,
     pub(super) cells: usize,
     pub(super) strips: usize,
-    pub(super) arrays: Vec<DataArray<'a>>,
+    /// How many points and lines there are beside polygons.
+    pub(super) others: usize,
+    pub(super) arrays: Vec<(Role, DataArray<'a>)>,
+    /// What there is of cells with one component.
+    pub(super) cell_data: Vec<NamedArray<'a>>,
+}
+
+/// An array of cell data.
+pub(super) struct NamedArray<'a> {
+    pub(super) name: String,
+    pub(super) array: DataArray<'a>,
 }
 
 /// One array of use.
 pub(super) struct DataArray<'a> {
-    pub(super) role: Role,
     pub(super) line: usize,
     pub(super) scalar: Scalar,
     pub(super) data: Data<'a>,
@@ -84,12 +92,6 @@ impl Role {
             Self::Types => "types",
         }
     }
-}
-
-/// A tag with its place.
-struct Tag<'a, 'e> {
-    line: usize,
-    start: &'e BytesStart<'a>,
 }
 
 /// Reads a file's tags.
@@ -152,14 +154,19 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             }
             ("DataArray", Some((is_grid, _)), Some(piece)) => {
                 if let Some(role) = tag.role(parent, *is_grid)? {
-                    let array = tag.array(role, file, at)?;
-                    if piece.arrays.len() >= MAX_ARRAYS
-                        || piece.arrays.iter().any(|other| other.role == role)
-                    {
+                    let array = tag.array(role == Role::Points, file, at)?;
+                    if piece.arrays.iter().any(|(other, _)| *other == role) {
                         let expected = format!("one DataArray of {}", role.name());
                         return Err(wrong(&expected, "another".to_owned()));
                     }
-                    piece.arrays.push(array);
+                    piece.arrays.push((role, array));
+                } else if parent == "CellData"
+                    && let Some(name) = tag.name_of_scalars()?
+                {
+                    let names = piece.cell_data.iter().map(|array| &array.name[..]);
+                    check_name(names, place, &name)?;
+                    let array = tag.array(false, file, at)?;
+                    piece.cell_data.push(NamedArray { name, array });
                 }
             }
             ("AppendedData", Some((_, encoding)), _) => {
@@ -182,178 +189,4 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
         encoding,
         piece,
     })
-}
-
-impl<'a> Tag<'a, '_> {
-    /// An attribute's value, if it is there.
-    fn attribute(&self, name: &str) -> Result<Option<String>, MeshFileError> {
-        // Without checks for repetition, which take time in the square of the number of attributes.
-        let mut attributes = self.start.attributes();
-        for attribute in attributes.with_checks(false) {
-            let attribute = attribute.map_err(|error| {
-                let found = quoted(&error.to_string());
-                self.wrong("well-formed attributes", found)
-            })?;
-            if attribute.key.as_ref() == name {
-                return Ok(Some(attribute.value.into_owned()));
-            }
-        }
-        Ok(None)
-    }
-
-    /// An attribute as one of several words; the first if it is left out and `optional`.
-    fn choice<T: Copy>(
-        &self,
-        name: &str,
-        optional: bool,
-        choices: &[(&str, T)],
-    ) -> Result<T, MeshFileError> {
-        let value = self.attribute(name)?;
-        let chosen = match &value {
-            Some(value) => choices.iter().find(|(word, _)| word == value),
-            None => choices.first().filter(|_| optional),
-        };
-        chosen.map(|(_, choice)| *choice).ok_or_else(|| {
-            let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
-            let found = value.map_or_else(|| "none".to_owned(), |value| quoted(&value));
-            self.wrong(&format!("{name} to be {}", words.join(" or ")), found)
-        })
-    }
-
-    /// An attribute as a number.
-    fn number(&self, name: &str) -> Result<Option<u64>, MeshFileError> {
-        let Some(value) = self.attribute(name)? else {
-            return Ok(None);
-        };
-        let number = value.trim().parse().map_err(|_| {
-            let expected = format!("{name} to be a whole number");
-            self.wrong(&expected, quoted(&value))
-        })?;
-        Ok(Some(number))
-    }
-
-    /// An attribute as a count that has to be there.
-    fn count(&self, name: &str) -> Result<usize, MeshFileError> {
-        let number = self.number(name)?;
-        let number = number.ok_or_else(|| self.wrong(name, "none".to_owned()))?;
-        Ok(usize::try_from(number).unwrap_or(usize::MAX))
-    }
-
-    fn wrong(&self, expected: &str, found: String) -> MeshFileError {
-        MeshFileError::syntax(Place::Line(self.line), expected, found)
-    }
-
-    /// `VTKFile`: whether it is a grid, and how arrays are written.
-    fn root(&self) -> Result<(bool, Encoding<'a>), MeshFileError> {
-        let kinds = [("UnstructuredGrid", true), ("PolyData", false)];
-        let is_grid = self.choice("type", false, &kinds)?;
-        let orders = [("LittleEndian", false), ("BigEndian", true)];
-        let encoding = Encoding {
-            big_endian: self.choice("byte_order", true, &orders)?,
-            long_lengths: self.choice(
-                "header_type",
-                true,
-                &[("UInt32", false), ("UInt64", true)],
-            )?,
-            compressed: match self.attribute("compressor")?.as_deref() {
-                None | Some("") => false,
-                Some(_) => self.choice("compressor", true, &[("vtkZLibDataCompressor", true)])?,
-            },
-            appended: None,
-        };
-        Ok((is_grid, encoding))
-    }
-
-    /// `Piece`: how many points and cells there are.
-    fn piece(&self) -> Result<Piece<'a>, MeshFileError> {
-        let cells = match self.number("NumberOfCells")? {
-            Some(cells) => usize::try_from(cells).unwrap_or(usize::MAX),
-            None => self.count("NumberOfPolys")?,
-        };
-        Ok(Piece {
-            line: self.line,
-            points: self.count("NumberOfPoints")?,
-            cells,
-            strips: self.number("NumberOfStrips")?.map_or(0, |n| n as usize),
-            arrays: Vec::new(),
-        })
-    }
-
-    /// What a `DataArray` within `parent` is for, if a mesh needs it.
-    fn role(&self, parent: &str, is_grid: bool) -> Result<Option<Role>, MeshFileError> {
-        if parent == "Points" {
-            return Ok(Some(Role::Points));
-        }
-        if parent != if is_grid { "Cells" } else { "Polys" } {
-            return Ok(None);
-        }
-        Ok(match self.attribute("Name")?.as_deref() {
-            Some("connectivity") => Some(Role::Connectivity),
-            Some("offsets") => Some(Role::Offsets),
-            Some("types") => Some(Role::Types),
-            _ => None,
-        })
-    }
-
-    /// A `DataArray` whose tag ends at byte `at` of the file.
-    fn array(&self, role: Role, file: &'a [u8], at: usize) -> Result<DataArray<'a>, MeshFileError> {
-        let types = [
-            ("Int8", Scalar::I8),
-            ("UInt8", Scalar::U8),
-            ("Int16", Scalar::I16),
-            ("UInt16", Scalar::U16),
-            ("Int32", Scalar::I32),
-            ("UInt32", Scalar::U32),
-            ("Int64", Scalar::I64),
-            ("UInt64", Scalar::U64),
-            ("Float32", Scalar::F32),
-            ("Float64", Scalar::F64),
-        ];
-        let scalar = self.choice("type", false, &types)?;
-        if role == Role::Points && self.number("NumberOfComponents")?.is_some_and(|n| n != 3) {
-            return Err(self.wrong(
-                "NumberOfComponents to be 3 for Points",
-                "another".to_owned(),
-            ));
-        }
-        let content = file.get(at..).unwrap_or_default();
-        let end = content.iter().position(|&byte| byte == b'<');
-        let content = content
-            .get(..end.unwrap_or(content.len()))
-            .unwrap_or_default();
-        let formats = [("ascii", 0), ("binary", 1), ("appended", 2)];
-        let data = match self.choice("format", true, &formats)? {
-            0 => Data::Ascii {
-                text: content,
-                offset: at,
-            },
-            1 => Data::Base64(content),
-            _ => {
-                let offset = self.number("offset")?;
-                Data::Appended(offset.ok_or_else(|| self.wrong("an offset", "none".to_owned()))?)
-            }
-        };
-        Ok(DataArray {
-            role,
-            line: self.line,
-            scalar,
-            data,
-        })
-    }
-
-    /// `AppendedData`, whose tag ends at byte `at` of the file.
-    fn appended(&self, file: &'a [u8], at: usize) -> Result<Appended<'a>, MeshFileError> {
-        let base64 = self.choice("encoding", false, &[("raw", false), ("base64", true)])?;
-        let content = file.get(at..).unwrap_or_default();
-        let blank = content.len() - content.trim_ascii_start().len();
-        let bytes = content
-            .get(blank..)
-            .and_then(|content| content.strip_prefix(b"_"))
-            .ok_or_else(|| self.wrong("an underscore before the data", "none".to_owned()))?;
-        Ok(Appended {
-            bytes,
-            offset: at + blank + 1,
-            base64,
-        })
-    }
 }

@@ -1,0 +1,331 @@
+//! What every mesh of tetrahedra is checked for before anything computes with it.
+//!
+//! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by
+//! zero, reads out of bounds, gives a vertex no stiffness or takes one body for two.
+
+use super::check::{Culprit, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check_named::{check_fields, check_groups};
+use super::check_neighbours::{check_faces, check_midsides};
+use super::{Cells, MeshError, TetMesh};
+use crate::{Mat3, Vec3};
+use thiserror::Error;
+
+/// The least determinant of a cell's Jacobian, six times the volume, over the third power of its longest
+/// edge; below it the cell counts as having no volume. (A regular tetrahedron has 0.71.)
+pub const MIN_VOLUME_RATIO: f64 = 1e-9;
+
+/// Why arrays of positions, tetrahedra, groups and fields are no mesh.
+///
+/// Vertices and cells are named by their index, from zero.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum SolidError {
+    /// What sheets are checked for as well: coordinates, vertices at one place, groups, fields.
+    #[error(transparent)]
+    Common(#[from] MeshError),
+    /// There is no cell.
+    #[error("the mesh has no tetrahedra, at least 1 is needed")]
+    Empty,
+    /// A cell names a vertex that does not exist.
+    #[error("cell {cell}: there is no vertex {found}, the mesh has {vertices}, counted from 0")]
+    Index {
+        /// The cell.
+        cell: u32,
+        /// The vertex that it names.
+        found: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A cell names a vertex more than once.
+    #[error("cell {cell}: vertex {vertex} is named twice, all must differ")]
+    RepeatedVertex {
+        /// The cell.
+        cell: u32,
+        /// The vertex that it names more than once.
+        vertex: u32,
+    },
+    /// A cell has no volume, measured against its own size.
+    #[error(
+        "cell {cell}: it is flat, six times its volume is {found:.3e} of its longest edge cubed; \
+         more than {MIN_VOLUME_RATIO:e} is needed"
+    )]
+    Flat {
+        /// The cell.
+        cell: u32,
+        /// Six times its volume, over the third power of its longest edge.
+        found: f64,
+    },
+    /// A cell's corners are in the wrong order. (Readers put them right.)
+    #[error(
+        "cell {cell}: its volume is {found:.3e} m^3, it must be positive; exchange two corners, and the \
+         midsides with them"
+    )]
+    Inverted {
+        /// The cell.
+        cell: u32,
+        /// Its volume (m³).
+        found: f64,
+    },
+    /// A cell is too small to be resolved by the coordinates of its mesh.
+    #[error(
+        "cell {cell}: its longest edge is {found:.3e} m; \
+         in a mesh of this extent at least {least:.3e} m is needed"
+    )]
+    Tiny {
+        /// The cell.
+        cell: u32,
+        /// Its longest edge (m).
+        found: f64,
+        /// The least that is allowed (m).
+        least: f64,
+    },
+    /// A cell's midsides are so far from the middles of its edges, or in such an order, that it folds.
+    #[error(
+        "cell {cell}: its midsides fold it, the least determinant of its Jacobian is {found:.3e} of what \
+         straight edges give; are they in VTK's order?"
+    )]
+    Folded {
+        /// The cell.
+        cell: u32,
+        /// The least determinant at a quadrature point, over that of the cell with straight edges.
+        found: f64,
+    },
+    /// Two cells lie on the same side of a face, or are one and the same.
+    #[error(
+        "cell {cell}: it overlaps cell {first}, both lie on one side of the face {0}-{1}-{2}",
+        face[0], face[1], face[2]
+    )]
+    Overlap {
+        /// The later cell.
+        cell: u32,
+        /// The earlier one.
+        first: u32,
+        /// The face's vertices, ascending.
+        face: [u32; 3],
+    },
+    /// An edge has one middle in one cell and another in another.
+    #[error(
+        "cell {cell}: the edge {0}-{1} has its middle at vertex {2}, in cell {first} at vertex {3}, where \
+         the mesh would come apart",
+        ends[0], ends[1], middles[1], middles[0]
+    )]
+    TwoMiddles {
+        /// The later cell.
+        cell: u32,
+        /// The earlier one.
+        first: u32,
+        /// The edge's vertices, ascending.
+        ends: [u32; 2],
+        /// The middle in the earlier cell and that in the later.
+        middles: [u32; 2],
+    },
+    /// A vertex is in the middle of two edges.
+    #[error(
+        "cell {cell}: vertex {vertex} is the middle of the edge {0}-{1}, and of another in cell {first}",
+        ends[0], ends[1]
+    )]
+    SharedMiddle {
+        /// The later cell.
+        cell: u32,
+        /// The earlier one.
+        first: u32,
+        /// The vertex.
+        vertex: u32,
+        /// The edge in the later cell, its vertices ascending.
+        ends: [u32; 2],
+    },
+    /// A vertex is in the middle of an edge and a corner of a cell.
+    #[error(
+        "cell {cell}: vertex {vertex} is the middle of an edge, but a corner of cell {corner_of}"
+    )]
+    MiddleIsCorner {
+        /// The cell where it is in the middle.
+        cell: u32,
+        /// The vertex.
+        vertex: u32,
+        /// A cell of which it is a corner.
+        corner_of: u32,
+    },
+    /// A vertex belongs to no cell.
+    #[error("vertex {vertex}: it belongs to no cell, every vertex must")]
+    Unused {
+        /// The vertex.
+        vertex: u32,
+    },
+}
+
+impl SolidError {
+    /// What a person should look at: of several cells or vertices, the last.
+    pub(super) fn culprit(&self) -> Culprit {
+        match *self {
+            Self::Common(ref error) => error.culprit(),
+            Self::Unused { vertex } => Culprit::Vertex(vertex),
+            Self::Index { cell, .. }
+            | Self::RepeatedVertex { cell, .. }
+            | Self::Flat { cell, .. }
+            | Self::Inverted { cell, .. }
+            | Self::Tiny { cell, .. }
+            | Self::Folded { cell, .. }
+            | Self::Overlap { cell, .. }
+            | Self::TwoMiddles { cell, .. }
+            | Self::SharedMiddle { cell, .. }
+            | Self::MiddleIsCorner { cell, .. } => Culprit::Cell(cell),
+            Self::Empty => Culprit::Mesh,
+        }
+    }
+}
+
+impl TetMesh {
+    /// A mesh without groups and fields from rest positions (m) and cells.
+    ///
+    /// # Errors
+    /// The first [`SolidError`] found.
+    pub fn new(positions: Vec<Vec3>, cells: Cells) -> Result<Self, SolidError> {
+        let mesh = Self {
+            positions,
+            cells,
+            vertex_groups: Vec::new(),
+            cell_groups: Vec::new(),
+            cell_fields: Vec::new(),
+        };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+
+    /// Checks the whole mesh, groups and fields included. For a mesh that was changed through its public
+    /// fields.
+    ///
+    /// # Errors
+    /// The first [`SolidError`] found.
+    pub fn validate(&self) -> Result<(), SolidError> {
+        check_counts(self)?;
+        check_coordinates(&self.positions)?;
+        check_indices(self)?;
+        check_shapes(self)?;
+        check_faces(&self.cells)?;
+        if let Cells::Quadratic(cells) = &self.cells {
+            check_midsides(cells, self.positions.len())?;
+        }
+        check_all_used(self)?;
+        check_groups(&self.vertex_groups, self.positions.len())?;
+        check_groups(&self.cell_groups, self.cells.len())?;
+        Ok(check_fields(&self.cell_fields, self.cells.len())?)
+    }
+}
+
+fn check_counts(mesh: &TetMesh) -> Result<(), SolidError> {
+    for (what, found) in [
+        ("vertices", mesh.positions.len()),
+        ("cells", mesh.cells.len()),
+    ] {
+        if found > MAX_COUNT {
+            return Err(MeshError::TooMany { what, found }.into());
+        }
+    }
+    if mesh.cells.is_empty() {
+        Err(SolidError::Empty)
+    } else {
+        Ok(())
+    }
+}
+
+fn check_indices(mesh: &TetMesh) -> Result<(), SolidError> {
+    let vertices = mesh.positions.len();
+    for (cell, all) in (0_u32..).zip(mesh.cells.vertices()) {
+        for (k, &vertex) in all.iter().enumerate() {
+            if vertex as usize >= vertices {
+                return Err(SolidError::Index {
+                    cell,
+                    found: vertex,
+                    vertices,
+                });
+            }
+            if all.iter().take(k).any(|&other| other == vertex) {
+                return Err(SolidError::RepeatedVertex { cell, vertex });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Six times the signed volume of a cell with straight edges (m³), and its longest edge (m).
+pub(super) fn size(positions: &[Vec3], cell: &[u32]) -> (f64, f64) {
+    let at = |k: usize| positions[cell[k] as usize];
+    let edges = Mat3::from_columns(&[at(1) - at(0), at(2) - at(0), at(3) - at(0)]);
+    let longest = (0..4)
+        .flat_map(|a| (0..a).map(move |b| (a, b)))
+        .map(|(a, b)| (at(a) - at(b)).norm())
+        .fold(0.0, f64::max);
+    (edges.determinant(), longest)
+}
+
+fn check_shapes(mesh: &TetMesh) -> Result<(), SolidError> {
+    let diagonal = mesh.bounds().map_or(0.0, |bounds| bounds.size().norm());
+    let least = MIN_EDGE_RATIO * diagonal;
+    for (cell, all) in (0_u32..).zip(mesh.cells.vertices()) {
+        let (volume, longest) = size(&mesh.positions, all);
+        let smallest = MIN_VOLUME_RATIO * longest.powi(3);
+        if volume.abs() <= smallest {
+            let found = if longest > 0.0 {
+                volume.abs() / longest.powi(3)
+            } else {
+                0.0
+            };
+            return Err(SolidError::Flat { cell, found });
+        }
+        if volume < 0.0 {
+            let found = volume / 6.0;
+            return Err(SolidError::Inverted { cell, found });
+        }
+        if longest < least {
+            return Err(SolidError::Tiny {
+                cell,
+                found: longest,
+                least,
+            });
+        }
+        if all.len() == 10 {
+            let determinant = least_determinant(&mesh.positions, all);
+            if determinant <= smallest {
+                let found = determinant / volume;
+                return Err(SolidError::Folded { cell, found });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The least determinant of a quadratic cell's Jacobian at the four points where the physics looks.
+///
+/// The Jacobian is linear in the barycentric coordinates, so it follows from its values at the corners;
+/// there, the derivative along an edge from `a` to `b` with the middle `m` is `4 m - 3 a - b`.
+fn least_determinant(positions: &[Vec3], cell: &[u32]) -> f64 {
+    // The points of the rule of degree two: (5 - sqrt 5) / 20 for three coordinates, the rest for one.
+    const NEAR: f64 = 0.138_196_601_125_010_5;
+    const MIDDLE: [[usize; 4]; 4] = [[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3]];
+    let at = |k: usize| positions[cell[k] as usize];
+    let corners: [Mat3; 4] = core::array::from_fn(|a| {
+        let along = |b: usize| {
+            if a == b {
+                return Vec3::zeros();
+            }
+            // By differences from the corner: far from the origin no digit is lost.
+            (at(MIDDLE[a][b]) - at(a)) * 4.0 - (at(b) - at(a))
+        };
+        Mat3::from_columns(&[1, 2, 3].map(|b| along(b) - along(0)))
+    });
+    let sum: Mat3 = corners.iter().sum();
+    let determinants =
+        corners.map(|corner| (sum * NEAR + corner * (1.0 - 4.0 * NEAR)).determinant());
+    determinants.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+fn check_all_used(mesh: &TetMesh) -> Result<(), SolidError> {
+    let mut used = vec![false; mesh.positions.len()];
+    for &vertex in mesh.cells.vertices().flatten() {
+        used[vertex as usize] = true;
+    }
+    match (0_u32..).zip(used).find(|&(_, used)| !used) {
+        Some((vertex, _)) => Err(SolidError::Unused { vertex }),
+        None => Ok(()),
+    }
+}
