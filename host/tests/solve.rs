@@ -443,3 +443,87 @@ fn the_program_writes_what_was_asked_for() {
     let output = palpate("name = 3");
     assert_eq!(output.status.code(), Some(2));
 }
+
+/// A mesh written in each format and read again, with its material by element, gives the same solution.
+#[test]
+fn a_mesh_travels_with_its_material() {
+    let scene = |mesh: &str, material: &str, region: &str, hold: &str, pull: &str| {
+        format!(
+            r#"
+name = "bar"
+[solve]
+tolerance = 1e-10
+[[body]]
+name = "bar"
+mesh = {{ {mesh} }}
+material = {{ law = "linear", young = 1e6, poisson = 0.3, density = 1000{material} }}
+{region}
+[[body.support]]
+name = "wall"
+{hold}
+[[body.load]]
+name = "pull"
+{pull}
+force = [1, 0, -1]
+"#
+        )
+    };
+    let boxes = [
+        "box = [[-1, -1, -1], [-0.0999, 1, 1]]",
+        "box = [[0.0999, -1, -1], [1, 1, 1]]",
+    ];
+    let core = r"
+[[body.region]]
+box = [[-0.05, -1, -1], [0.05, 1, 1]]
+young = 3e6
+poisson = 0.4
+";
+    let generated = "box = { size = [0.2, 0.04, 0.04], cells = [8, 2, 2] }, order = 2";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let text = scene(generated, "", core, boxes[0], boxes[1]);
+    std::fs::write(&path, &text).unwrap();
+    let expected = body(&text);
+    for (ending, by) in [
+        ("msh", ["group = \"left\"", "group = \"right\""]),
+        ("vtk", boxes),
+        ("vtu", boxes),
+    ] {
+        let file = format!("bar.{ending}");
+        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .arg("mesh")
+            .arg(&path)
+            .arg(folder.path().join(&file))
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{ending}");
+        let printed = String::from_utf8(output.stdout).unwrap();
+        assert!(printed.contains("young 1000000 to 3000000"), "{printed}");
+
+        let fields = ", fields = { young = \"young\", poisson = \"poisson\" }";
+        let text = scene(&format!("file = \"{file}\""), fields, "", by[0], by[1]);
+        let second = folder.path().join("second.toml");
+        std::fs::write(&second, text).unwrap();
+        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let solution = solve(&Scene::load(&second).unwrap(), false, |_| {}, keep).unwrap();
+        let found = &solution.bodies[0];
+        assert_eq!(
+            (found.elements, found.vertices),
+            (expected.elements, expected.vertices)
+        );
+        // Formats number vertices in another order, so sums round differently, and the tolerance is 1e-10.
+        let (a, b) = (found.displacement.value, expected.displacement.value);
+        assert!((a - b).abs() < 1e-8 * b, "{ending}: {a} {b}");
+        let (a, b) = (force(found, "wall"), force(&expected, "wall"));
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() < 1e-8, "{ending}: {a} {b}");
+        }
+    }
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("mesh")
+        .arg(&path)
+        .arg(folder.path().join("bar.stl"))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+}

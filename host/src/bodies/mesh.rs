@@ -29,13 +29,11 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneErr
         MeshSource::File(name) => {
             let file = loaded.meshes[index].as_ref();
             let bytes = file.map_or(&[][..], |file| &file.bytes);
-            mesh::read(name, bytes)
-                .map(Mesh::Sheet)
-                .map_err(|source| SceneError::Mesh {
-                    place: loaded.source.place(&field("file")),
-                    path: file.map_or_else(|| name.into(), |file| file.path.clone()),
-                    source: Box::new(source),
-                })?
+            mesh::read_mesh(name, bytes).map_err(|source| SceneError::Mesh {
+                place: loaded.source.place(&field("file")),
+                path: file.map_or_else(|| name.into(), |file| file.path.clone()),
+                source: Box::new(source),
+            })?
         }
     };
     match mesh {

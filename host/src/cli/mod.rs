@@ -4,6 +4,7 @@
 //! number of a signal (130 for Ctrl-C): asked to end before its time, and ended in order.
 
 mod bench;
+mod mesh;
 mod plan;
 mod replay;
 mod run;
@@ -45,6 +46,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
+    /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
+    Mesh(mesh::MeshArguments),
     /// Measure, and print the tables that the book quotes
     Bench(bench::BenchArguments),
 }
@@ -78,6 +81,10 @@ enum CommandError {
     Signals(std::io::Error),
     #[error(transparent)]
     Solve(physics::fem::CondenseError),
+    #[error("{}: a mesh is written as .msh, .vtk or .vtu; give the file one of these endings", .0.display())]
+    MeshFormat(PathBuf),
+    #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]
+    NoSuchBody { found: String, allowed: Vec<String> },
     #[error("not everything was solved to the end")]
     NotSolved,
     #[error(transparent)]
@@ -89,6 +96,8 @@ impl CommandError {
         match self {
             Self::Scene(_)
             | Self::Run(crate::run::RunError::Scene(_))
+            | Self::MeshFormat(_)
+            | Self::NoSuchBody { .. }
             | Self::StrictWithoutRealClock => 2,
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
@@ -103,6 +112,7 @@ pub fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
+        Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
     };
     match result {

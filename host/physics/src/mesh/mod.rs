@@ -56,15 +56,6 @@ pub struct TriMesh {
     pub triangle_fields: Vec<Field>,
 }
 
-/// A mesh of either kind.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Mesh {
-    /// Triangles.
-    Sheet(TriMesh),
-    /// Tetrahedra.
-    Solid(TetMesh),
-}
-
 /// A named set of vertices or triangles.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
