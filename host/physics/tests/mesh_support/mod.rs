@@ -1,6 +1,7 @@
 //! Random solids, groups and fields, and files as VTK writes them: what the tests of mesh files share.
 #![allow(dead_code)]
 
+pub(crate) mod dense;
 pub(crate) mod vtk;
 
 use physics::mesh::generate_box::solid_box;
