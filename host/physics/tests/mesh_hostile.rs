@@ -1,6 +1,6 @@
 //! No bytes make a reader of meshes panic, and what it accepts is a mesh.
 
-use physics::mesh::read;
+use physics::mesh::{Mesh, read, read_mesh};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use std::path::Path;
@@ -9,11 +9,13 @@ use std::{fs, io};
 /// Valid files, and what the fuzzers found worth keeping: one folder a target.
 const FUZZ: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz");
 /// Targets that are meshes, with a name that picks the format.
-const TARGETS: [(&str, &str); 4] = [
+const TARGETS: [(&str, &str); 5] = [
     ("gmsh", "x.msh"),
     ("obj", "x.obj"),
     ("vtk_legacy", "x.vtk"),
     ("vtk_xml", "x.vtu"),
+    // Solids of every format, which follows from how a file begins.
+    ("solid", "x"),
 ];
 
 /// All files of a target in one of the folders, sorted by name.
@@ -27,12 +29,22 @@ fn files(folder: &str, target: &str) -> io::Result<Vec<Vec<u8>>> {
 }
 
 fn read_and_check(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
-    match read(name, bytes) {
-        Ok(mesh) => prop_assert_eq!(mesh.validate(), Ok(())),
-        Err(error) => {
-            let text = error.to_string();
-            prop_assert!(!text.contains('\n') && text.len() < 600, "{}", text);
+    let sheet = read(name, bytes);
+    let mesh = read_mesh(name, bytes);
+    match &mesh {
+        Ok(Mesh::Sheet(mesh)) => prop_assert_eq!(mesh.validate(), Ok(())),
+        Ok(Mesh::Solid(mesh)) => {
+            prop_assert_eq!(mesh.validate(), Ok(()));
+            prop_assert!(sheet.is_err());
         }
+        Err(_) => {}
+    }
+    if let Ok(sheet) = &sheet {
+        prop_assert_eq!(&mesh, &Ok(Mesh::Sheet(sheet.clone())));
+    }
+    for error in [sheet.err(), mesh.err()].into_iter().flatten() {
+        let text = error.to_string();
+        prop_assert!(!text.contains('\n') && text.len() < 600, "{}", text);
     }
     Ok(())
 }

@@ -4,21 +4,28 @@
 //! each other would be counted together.
 #![allow(unsafe_code)]
 
+mod mesh_support;
+
+use mesh_support::dense::{
+    bomb, dense_box, dense_msh, dense_obj, packed_fields, packed_tetrahedra, packed_triangles,
+};
 use physics::mesh::vtk_xml::{MAX_RATIO, MIN_UNPACKED};
-use physics::mesh::{TriMesh, read};
+use physics::mesh::{Mesh, read_mesh};
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::fmt::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The most bytes that reading takes at once, over the file's length.
 ///
 /// The densest file is one of short lines. A triangle of eight bytes (`f 1 2 3` and the line's end)
 /// becomes 12 bytes of corners, 4 of line and 4 for each of its ten groups at most, up to three times as
-/// much while a list grows, and 48 bytes of edges: some 27 bytes for each of the file.
+/// much while a list grows, and 48 bytes of edges: some 27 bytes for each of the file. A tetrahedron of ten
+/// bytes (`1 1 2 3 4`) becomes 48 bytes of tags and line, 16 of corners and 80 of faces: some 15 for each.
 const MOST_PER_BYTE: usize = 32;
 /// The same where arrays are compressed. They unpack to at most `MAX_RATIO` times the file; a triangle
 /// takes at least 7 bytes there (three numbers of one byte, and its end of four, for smaller ones do not
-/// count far), and grows as above, but has no groups: some 14 bytes for each that is unpacked.
+/// count far), and grows as above, but has no groups: some 14 bytes for each that is unpacked. A tetrahedron
+/// takes at least 9 and becomes 16 bytes of corners, 8 of places and 80 of faces; a value of a field takes
+/// at least 1 and becomes 8.
 const MOST_PER_PACKED_BYTE: usize = 16 * MAX_RATIO;
 /// What reading takes in any case (bytes): zlib's window, a small file's arrays unpacked, messages.
 const CONSTANT: usize = (64 << 10) + 16 * MIN_UNPACKED;
@@ -59,10 +66,10 @@ unsafe impl GlobalAlloc for Counting {
 static ALLOCATOR: Counting = Counting;
 
 /// The most bytes taken at once while a file is read, and whether it is a mesh.
-fn peak(name: &str, bytes: &[u8]) -> (usize, Result<TriMesh, String>) {
+fn peak(name: &str, bytes: &[u8]) -> (usize, Result<Mesh, String>) {
     let before = NOW.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);
-    let result = read(name, bytes).map_err(|error| error.to_string());
+    let result = read_mesh(name, bytes).map_err(|error| error.to_string());
     (PEAK.load(Ordering::Relaxed) - before, result)
 }
 
@@ -94,6 +101,21 @@ fn hostile() -> Vec<(String, Vec<u8>)> {
             )
             .into_bytes(),
         );
+        add(
+            "x.msh",
+            format!(
+                "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Elements\n{n} {n} 1 1\n3 1 11 {n}\n1 1 2 3\n"
+            )
+            .into_bytes(),
+        );
+        add(
+            "x.msh",
+            format!(
+                "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n\
+                 $ElementData\n1\n\"a\"\n0\n3\n0\n1\n{n}\n1 1\n"
+            )
+            .into_bytes(),
+        );
         for kind in ["ASCII", "BINARY"] {
             let head =
                 format!("# vtk DataFile Version 5.1\nt\n{kind}\nDATASET UNSTRUCTURED_GRID\n");
@@ -111,6 +133,14 @@ fn hostile() -> Vec<(String, Vec<u8>)> {
                 format!("{head}FIELD f {n}\na {n} {n} double\n").into_bytes(),
             );
             add("x.vtk", format!("{head}CELL_TYPES {n}\n5\n").into_bytes());
+            for data in [
+                format!("CELL_DATA {n}\nSCALARS a int\nLOOKUP_TABLE b\n1\n"),
+                format!("CELL_DATA {n}\nFIELD a {n}\nb 1 {n} int\n1\n"),
+                format!("POINT_DATA {n}\nTENSORS a double\n1\n"),
+                format!("CELL_DATA 1\nLOOKUP_TABLE a {n}\n1\n"),
+            ] {
+                add("x.vtk", format!("{head}{data}").into_bytes());
+            }
         }
         // Lengths of appended and compressed arrays: {n} as the first bytes, and counts in the tags.
         let number = n.parse::<u64>().unwrap_or(u64::MAX).to_le_bytes();
@@ -128,92 +158,6 @@ fn hostile() -> Vec<(String, Vec<u8>)> {
         }
     }
     files
-}
-
-/// A file of polygons whose arrays are compressed, each in one block.
-fn packed(points: usize, cells: usize, arrays: [(&str, &str, Vec<u8>); 3]) -> Vec<u8> {
-    use flate2::{Compression, write::ZlibEncoder};
-    use std::io::Write as _;
-    let mut tags = Vec::new();
-    let mut data = Vec::new();
-    for (name, kind, bytes) in arrays {
-        tags.push(format!(
-            "<DataArray Name=\"{name}\" type=\"{kind}\" format=\"appended\" offset=\"{}\"/>",
-            data.len()
-        ));
-        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
-        encoder.write_all(&bytes).expect("memory takes all");
-        let packed = encoder.finish().expect("memory takes all");
-        for length in [1, bytes.len(), bytes.len(), packed.len()] {
-            data.extend((length as u64).to_le_bytes());
-        }
-        data.extend(packed);
-    }
-    let mut file = format!(
-        "<VTKFile type=\"PolyData\" header_type=\"UInt64\" compressor=\"vtkZLibDataCompressor\"><PolyData>\
-         <Piece NumberOfPoints=\"{points}\" NumberOfPolys=\"{cells}\"><Points>{}</Points>\
-         <Polys>{}{}</Polys></Piece></PolyData><AppendedData encoding=\"raw\">_",
-        tags[0], tags[1], tags[2]
-    )
-    .into_bytes();
-    file.extend(data);
-    file
-}
-
-/// Points that are packed a thousand times.
-fn bomb(points: usize) -> Vec<u8> {
-    let none = |name| (name, "Int32", Vec::new());
-    packed(
-        points,
-        0,
-        [
-            ("Points", "Float32", vec![0; 12 * points]),
-            none("connectivity"),
-            none("offsets"),
-        ],
-    )
-}
-
-/// One triangle again and again, in as few bytes as the format allows.
-fn packed_triangles(cells: usize) -> Vec<u8> {
-    let corners = [[0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let points = corners
-        .iter()
-        .flatten()
-        .flat_map(|x| x.to_le_bytes())
-        .collect();
-    let numbers = [0, 1, 2].repeat(cells);
-    let ends = (1..=cells)
-        .flat_map(|cell| (3 * cell as u32).to_le_bytes())
-        .collect();
-    let arrays = [
-        ("Points", "Float32", points),
-        ("connectivity", "UInt8", numbers),
-        ("offsets", "UInt32", ends),
-    ];
-    packed(3, cells, arrays)
-}
-
-/// A flat grid of `n` by `n` cells, each cut into two. With `groups`,
-/// each triangle is in ten.
-fn dense_obj(n: usize, groups: bool) -> Vec<u8> {
-    let mut text = String::new();
-    if groups {
-        text += "g a b c d e f g h\no i\nusemtl j\n";
-    }
-    for i in 0..=n {
-        for j in 0..=n {
-            writeln!(text, "v {i} {j} 0").expect("memory takes all");
-        }
-    }
-    for i in 0..n {
-        for j in 0..n {
-            let a = i * (n + 1) + j + 1;
-            let (b, c, d) = (a + 1, a + n + 2, a + n + 1);
-            writeln!(text, "f {a} {b} {c}\nf {a} {c} {d}").expect("memory takes all");
-        }
-    }
-    text.into_bytes()
 }
 
 #[test]
@@ -244,6 +188,36 @@ fn memory_is_bounded_by_the_length_of_the_file() {
     // Small enough in all, and just below the greatest ratio.
     files.push(("small.vtp".to_owned(), packed_triangles(9_000)));
     files.push(("packed.vtp".to_owned(), packed_triangles(1_000_000)));
+    // The same for tetrahedra, in as few bytes as each format allows.
+    let nodes = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"].map(str::to_owned);
+    let same = vec!["1 1 2 3 4".to_owned(); 100_000];
+    files.push(("t.msh".to_owned(), dense_msh(&same, &nodes, 4, 0)));
+    let head = "# vtk DataFile Version 3.0\nt\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 int\n\
+                0 0 0 1 0 0 0 1 0 0 0 1\n";
+    let text = format!(
+        "{head}CELLS 100000 500000\n{}CELL_TYPES 100000\n{}",
+        "4 0 1 2 3\n".repeat(100_000),
+        "10\n".repeat(100_000)
+    );
+    files.push(("t.vtk".to_owned(), text.clone().into_bytes()));
+    // Many fields without values, and many values of fields that are refused.
+    let none = format!(
+        "{text}CELL_DATA 0\nFIELD f 100000\n{}",
+        "a 1 0 int\n".repeat(100_000)
+    );
+    files.push(("n.vtk".to_owned(), none.into_bytes()));
+    let attributes = "SCALARS a int\nLOOKUP_TABLE b\n".repeat(100_000);
+    let attributes = format!("{text}CELL_DATA 0\n{attributes}");
+    files.push(("s.vtk".to_owned(), attributes.into_bytes()));
+    let arrays = "<DataArray type=\"Int8\" Name=\"\"/>".repeat(100_000);
+    let arrays = format!(
+        "<VTKFile type=\"UnstructuredGrid\"><UnstructuredGrid><Piece NumberOfPoints=\"0\" \
+         NumberOfCells=\"0\"><CellData>{arrays}"
+    );
+    files.push(("c.vtu".to_owned(), arrays.into_bytes()));
+    files.push(("small.vtu".to_owned(), packed_tetrahedra(7_000, 10)));
+    files.push(("linear.vtu".to_owned(), packed_tetrahedra(500_000, 10)));
+    files.push(("quadratic.vtu".to_owned(), packed_tetrahedra(300_000, 24)));
     for (name, bytes) in files {
         let (peak, result) = peak(&name, &bytes);
         let compressed = bytes.windows(10).any(|piece| piece == b"compressor");
@@ -276,6 +250,38 @@ fn memory_is_bounded_by_the_length_of_the_file() {
             "{peak} bytes for {}",
             bytes.len()
         );
-        assert_eq!(result.map(|mesh| mesh.triangles.len()), Ok(80_000));
+        let count = result.map(|mesh| match mesh {
+            Mesh::Sheet(mesh) => mesh.triangles.len(),
+            Mesh::Solid(_) => 0,
+        });
+        assert_eq!(count, Ok(80_000));
+    }
+    let solids = [
+        ("x.msh", dense_box(20, false, 0), 0),
+        ("x.msh", dense_box(12, true, 0), 0),
+        ("x.msh", dense_box(12, false, 40), 40),
+        ("x.vtu", packed_fields(20, 12), 12),
+    ];
+    for (name, bytes, fields) in solids {
+        let (peak, result) = peak(name, &bytes);
+        println!(
+            "{name}: {} bytes, peak {peak}, {:.1} a byte",
+            bytes.len(),
+            peak as f64 / bytes.len() as f64
+        );
+        let each = if name == "x.vtu" {
+            MOST_PER_PACKED_BYTE
+        } else {
+            MOST_PER_BYTE
+        };
+        assert!(
+            peak <= each * bytes.len(),
+            "{peak} bytes for {}",
+            bytes.len()
+        );
+        let Ok(Mesh::Solid(mesh)) = result else {
+            panic!("{name}: {result:?}")
+        };
+        assert_eq!(mesh.cell_fields.len(), fields, "{name}");
     }
 }

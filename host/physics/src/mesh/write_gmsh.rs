@@ -2,8 +2,8 @@
 //!
 //! Source: the Gmsh reference manual, "MSH file format". [`read_mesh`](super::read_mesh) gives the same mesh
 //! back, numbers bit for bit, but for what the format cannot say: groups without members and names that are
-//! blank are left out, control characters in names become blanks, groups beyond
-//! [`MAX_TAGS`](super::gmsh::MAX_TAGS) of one cell are not read again. The caller writes the file.
+//! blank are left out, in names control characters become blanks and double quotes single ones. A cell that
+//! is in more than [`MAX_TAGS`](super::gmsh::MAX_TAGS) groups is not read again. The caller writes the file.
 //!
 //! A physical group belongs to entities, so cells become as many entities as there are sets of groups that
 //! some cell is in. A group of vertices becomes an entity of points, one at each of them. Of a sheet, a group
@@ -97,9 +97,9 @@ fn names<'a>(vertices: &'a [Group], cells: &'a [Group]) -> Vec<&'a str> {
     all.filter(|name| seen.insert(*name)).collect()
 }
 
-/// A name without what would end its line, or nothing if it is blank.
+/// A name without what would end it or its line, or nothing if it is blank.
 fn legible(name: &str) -> Option<String> {
-    let legible = name.replace(char::is_control, " ");
+    let legible = name.replace(char::is_control, " ").replace('"', "'");
     Some(legible).filter(|name| !name.trim().is_empty())
 }
 

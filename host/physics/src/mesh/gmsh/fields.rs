@@ -221,6 +221,6 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
         .filter(|element| element.tag == tag)
         .map(|element| element.line);
     let (first, line) = (lines.next().unwrap_or(1), lines.next().unwrap_or(1));
-    let what = format!("element tag {tag}, which a field names,");
+    let what = format!("element tag {tag}");
     Err(GmshError::Repeated { line, what, first })
 }

@@ -122,26 +122,31 @@ fn pass_over<'a>(
 ) -> Result<(), MeshFileError> {
     let whole = line;
     let keyword = line.word("an attribute")?.to_ascii_uppercase();
-    line.word("a name")?;
-    // Colours are bytes, or numbers from 0 to 1 where the file is text.
-    let (each, scalar) = match keyword.as_str() {
-        "COLOR_SCALARS" => (line.count("a number of components")?, Scalar::U8),
-        "LOOKUP_TABLE" => {
-            let colours = line.count("a number of colours")?;
-            cursor.array(&line, colours.checked_mul(4), Scalar::U8)?;
-            return Ok(());
-        }
-        "TEXTURE_COORDINATES" => (line.count("a number of components")?, scalar(&mut line)?),
-        "VECTORS" | "NORMALS" => (3, scalar(&mut line)?),
-        "TENSORS" => (9, scalar(&mut line)?),
-        "TENSORS6" => (6, scalar(&mut line)?),
-        "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => (1, scalar(&mut line)?),
-        _ => {
-            let expected = "an attribute of points or cells, such as SCALARS, VECTORS or FIELD";
-            return Err(whole.unexpected(expected));
-        }
+    // Components, or 0 where the line says how many.
+    let known = match keyword.as_str() {
+        "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => Some(1),
+        "VECTORS" | "NORMALS" => Some(3),
+        "TENSORS6" => Some(6),
+        "TENSORS" => Some(9),
+        "COLOR_SCALARS" | "LOOKUP_TABLE" | "TEXTURE_COORDINATES" => Some(0),
+        _ => None,
     };
-    cursor.array(&line, each.checked_mul(tuples), scalar)?;
+    let Some(components) = known else {
+        let expected = "an attribute of points or cells, such as SCALARS, VECTORS or FIELD";
+        return Err(whole.unexpected(expected));
+    };
+    line.word("a name")?;
+    let components = match components {
+        0 => line.count("a number of components or colours")?,
+        _ => components,
+    };
+    // Colours are bytes, or numbers from 0 to 1 where the file is text.
+    let (count, scalar) = match keyword.as_str() {
+        "LOOKUP_TABLE" => (components.checked_mul(4), Scalar::U8),
+        "COLOR_SCALARS" => (components.checked_mul(tuples), Scalar::U8),
+        _ => (components.checked_mul(tuples), scalar(&mut line)?),
+    };
+    cursor.array(&line, count, scalar)?;
     Ok(())
 }
 
