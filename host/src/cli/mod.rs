@@ -73,6 +73,8 @@ enum CommandError {
     Signals(std::io::Error),
     #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
+    #[error(transparent)]
+    Accuracy(#[from] crate::study::accuracy::AccuracyError),
 }
 
 impl CommandError {
