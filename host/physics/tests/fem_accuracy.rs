@@ -1,15 +1,13 @@
-//! Solids against solutions of elasticity: manufactured, of beams, and near incompressibility.
+//! Solids against solutions of beams. More of the kind, by mesh and order: `palpate bench accuracy`, whose
+//! study has its own tests.
 
 mod fem_support;
 
-use core::f64::consts::PI;
 use fem_support::{block, cube};
-use physics::fem::law::Lame;
+use physics::Vec3;
 use physics::fem::load::traction;
-use physics::fem::shape::{Shape, Tet4, Tet10};
 use physics::fem::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SolidLaw, SolidMaterial};
 use physics::mesh::{Cells, TetMesh};
-use physics::{Mat3, Vec3};
 
 fn weightless() -> BodyConfig {
     BodyConfig {
@@ -51,107 +49,6 @@ fn displaced(
         .zip(&mesh.positions)
         .map(|(x, rest)| x - rest)
         .collect()
-}
-
-/// The manufactured displacement (small, so that no cell turns over), zero on the cube's surface: `c sin(pi x) sin(pi y) sin(pi z)`.
-const DIRECTION: Vec3 = Vec3::new(1e-3, -0.5e-3, 0.7e-3);
-
-fn bump(at: &Vec3) -> f64 {
-    at.iter().map(|c| (PI * c).sin()).product()
-}
-
-/// `-div sigma` of it: `-(lambda + mu) grad div u - mu laplacian u`.
-fn body_force(lame: Lame, at: &Vec3) -> Vec3 {
-    let (s, c) = (at.map(|c| (PI * c).sin()), at.map(|c| (PI * c).cos()));
-    let second = Mat3::from_fn(|i, j| {
-        if i == j {
-            return -bump(at);
-        }
-        let k = 3 - i - j;
-        c[i] * c[j] * s[k]
-    }) * (PI * PI);
-    -(second * DIRECTION * (lame.lambda + lame.mu) + DIRECTION * (lame.mu * second.trace()))
-}
-
-/// Points of a rule of degree 7 on the reference tetrahedron: Gauss-Legendre points of a cube, collapsed
-/// (Duffy). Weights include the map.
-fn fine_rule() -> Vec<(Vec3, f64)> {
-    let (a, b) = (
-        (3.0_f64 / 7.0 - 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt()).sqrt(),
-        (3.0_f64 / 7.0 + 2.0 / 7.0 * (6.0_f64 / 5.0).sqrt()).sqrt(),
-    );
-    let (wa, wb) = (
-        (18.0 + 30.0_f64.sqrt()) / 36.0,
-        (18.0 - 30.0_f64.sqrt()) / 36.0,
-    );
-    let line = [(-b, wb), (-a, wa), (a, wa), (b, wb)].map(|(x, w)| (0.5 * (x + 1.0), 0.5 * w));
-    let mut rule = Vec::new();
-    for (u, wu) in line {
-        for (v, wv) in line {
-            for (w, ww) in line {
-                let at = Vec3::new(u, v * (1.0 - u), w * (1.0 - u) * (1.0 - v));
-                rule.push((at, wu * wv * ww * (1.0 - u) * (1.0 - u) * (1.0 - v)));
-            }
-        }
-    }
-    rule
-}
-
-/// Error of the finite elements in the mean square over the cube.
-fn manufactured<const N: usize, const Q: usize, S: Shape<N, Q>>(n: usize) -> f64 {
-    let mesh = cube(n, 0.0, N == 10);
-    let material = SolidMaterial {
-        young: 1.0,
-        poisson: 0.3,
-        density: 1.0,
-    };
-    let lame = Lame::new(material.young, material.poisson);
-    let rule = fine_rule();
-    let cells: Vec<&[u32]> = mesh.cells.vertices().collect();
-    let place = |cell: &[u32], at: &Vec3| -> (Vec3, [f64; N]) {
-        let values = S::values(at);
-        let x = cell
-            .iter()
-            .zip(values)
-            .map(|(&v, w)| mesh.positions[v as usize] * w)
-            .sum();
-        (x, values)
-    };
-    // Every cell of the split has a sixth of a cube's cell: its Jacobian is 6 times that.
-    let jacobian = (1.0 / n as f64).powi(3);
-    let mut forces = vec![Vec3::zeros(); mesh.positions.len()];
-    for cell in &cells {
-        for (at, weight) in &rule {
-            let (x, values) = place(cell, at);
-            for (&vertex, value) in cell.iter().zip(values) {
-                forces[vertex as usize] += body_force(lame, &x) * (value * weight * jacobian);
-            }
-        }
-    }
-    let fixed = vertices(&mesh, |x| x.iter().any(|c| *c < 1e-9 || *c > 1.0 - 1e-9));
-    let u = displaced(&mesh, SolidLaw::Linear, material, &fixed, &forces, 1);
-    let mut error = 0.0;
-    for cell in &cells {
-        for (at, weight) in &rule {
-            let (x, values) = place(cell, at);
-            let found: Vec3 = cell
-                .iter()
-                .zip(values)
-                .map(|(&v, w)| u[v as usize] * w)
-                .sum();
-            error += (found - DIRECTION * bump(&x)).norm_squared() * weight * jacobian;
-        }
-    }
-    error.sqrt()
-}
-
-#[test]
-fn errors_fall_with_the_square_and_the_cube_of_the_element() {
-    let linear = (manufactured::<4, 1, Tet4>(8) / manufactured::<4, 1, Tet4>(16)).log2();
-    let quadratic = (manufactured::<10, 4, Tet10>(4) / manufactured::<10, 4, Tet10>(8)).log2();
-    println!("slopes: linear {linear:.3}, quadratic {quadratic:.3}");
-    assert!((linear - 2.0).abs() < 0.1, "{linear}");
-    assert!((quadratic - 3.0).abs() < 0.1, "{quadratic}");
 }
 
 /// A beam along x, 1 m long with a square section of edge `thick`, one end held, its other end pulled down
@@ -219,39 +116,6 @@ fn a_cantilever_under_large_loads_bends_as_the_elastica() {
             assert!((-u.x - back).abs() < 2e-3, "{law:?} {load} {u}");
         }
     }
-}
-
-#[test]
-fn near_incompressibility_locks_linear_elements_and_not_quadratic_ones() {
-    // The same beam, its end's deflection relative to nu = 0.3: Timoshenko's hardly changes.
-    let (thick, force) = (0.1, 1e-3);
-    let ratio = |quadratic: bool| {
-        let deflection = |poisson: f64| {
-            let mut mesh = block([20, 2, 2], 0.0, quadratic);
-            for x in &mut mesh.positions {
-                x.y *= thick;
-                x.z *= thick;
-            }
-            let material = SolidMaterial {
-                young: 1e6,
-                poisson,
-                density: 1000.0,
-            };
-            let end = vertices(&mesh, |x| x.x > 1.0 - 1e-9);
-            let fixed = vertices(&mesh, |x| x.x < 1e-9);
-            let (forces, _) = traction(&mesh, &end, Vec3::z() * (-force / (thick * thick)));
-            let u = displaced(&mesh, SolidLaw::Linear, material, &fixed, &forces, 1);
-            end.iter().map(|&v| u[v as usize].z).sum::<f64>()
-        };
-        deflection(0.4999) / deflection(0.3)
-    };
-    let (linear, quadratic) = (ratio(false), ratio(true));
-    println!(
-        "deflection at nu 0.4999 over that at 0.3: linear {linear:.3}, quadratic {quadratic:.3}"
-    );
-    assert!(linear < 0.5, "linear tetrahedra lock: {linear}");
-    // The held end, which may not contract, costs a share of the order of nu^2 times the slenderness.
-    assert!(quadratic > 0.9, "quadratic ones do not: {quadratic}");
 }
 
 #[test]

@@ -89,6 +89,8 @@ enum CommandError {
     NotSolved,
     #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
+    #[error(transparent)]
+    Accuracy(#[from] crate::study::accuracy::AccuracyError),
 }
 
 impl CommandError {

@@ -1,7 +1,7 @@
 //! Loads that are given per area or for a whole part of a mesh, as forces on vertices.
 
 use crate::Vec3;
-use crate::mesh::{Cells, TetMesh, TriMesh};
+use crate::mesh::{Adjacency, Cells, MeshError, TetMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// Faces of a tetrahedron by corners, and for each the vertices at the middles of its edges.
@@ -134,4 +134,45 @@ fn evenly(chosen: &[bool]) -> Spread {
         shares: chosen.iter().map(share).collect(),
         area: 0.0,
     }
+}
+
+/// Forces (N), one per vertex, on those edges of a sheet's border whose ends both lie in `vertices`; and the
+/// length that they have (m).
+///
+/// `per_length` gives the force per length at rest (N/m, world axes) at a place, from there and the outward
+/// normal in the sheet's plane. It is integrated with two Gauss points an edge against the linear shape
+/// functions: exactly, where it is quadratic along the edge.
+///
+/// # Errors
+///
+/// [`MeshError::CrowdedEdge`], where a mesh has no border to speak of.
+pub fn edge_traction(
+    mesh: &TriMesh,
+    vertices: &[u32],
+    per_length: impl Fn(&Vec3, &Vec3) -> Vec3,
+) -> Result<(Vec<Vec3>, f64), MeshError> {
+    let count = mesh.positions.len();
+    let chosen = chosen(count, vertices);
+    let mut forces = vec![Vec3::zeros(); count];
+    let mut whole = 0.0;
+    // Half the distance between the Gauss points, as a share of the edge.
+    let offset = 0.5 / libm::sqrt(3.0);
+    for edge in Adjacency::new(&mesh.triangles)?.boundary {
+        if !edge.vertices.iter().all(|&vertex| chosen[vertex as usize]) {
+            continue;
+        }
+        let [a, b] = edge.vertices.map(|vertex| mesh.positions[vertex as usize]);
+        let along = b - a;
+        let length = along.norm();
+        let inward = mesh.positions[edge.opposite as usize] - a;
+        let outward = along * (inward.dot(&along) / (length * length)) - inward;
+        let normal = outward / outward.norm();
+        for share in [0.5 - offset, 0.5 + offset] {
+            let force = per_length(&(a + along * share), &normal) * (0.5 * length);
+            forces[edge.vertices[0] as usize] += force * (1.0 - share);
+            forces[edge.vertices[1] as usize] += force * share;
+        }
+        whole += length;
+    }
+    Ok((forces, whole))
 }

@@ -17,6 +17,7 @@ mod elevate;
 pub mod file;
 pub mod generate;
 pub mod generate_box;
+pub mod generate_plate;
 pub mod gmsh;
 mod lines;
 pub mod obj;

@@ -1,5 +1,6 @@
 //! `palpate bench`: measurements that the book quotes.
 
+mod accuracy;
 mod extrapolation;
 
 use super::{CommandError, progress_bar};
@@ -13,12 +14,15 @@ pub(super) struct BenchArguments {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum What {
+    /// Error of sheets and solids against exact solutions and independent programs
+    Accuracy(accuracy::AccuracyArguments),
     /// Force error of each scheme against the rate at which the host publishes
     Extrapolation(extrapolation::ExtrapolationArguments),
 }
 
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
     match &arguments.what {
+        What::Accuracy(arguments) => accuracy::run(arguments),
         What::Extrapolation(arguments) => extrapolation::run(arguments),
     }
 }
