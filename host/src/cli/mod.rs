@@ -73,6 +73,8 @@ enum CommandError {
     Signals(std::io::Error),
     #[error(transparent)]
     Study(#[from] crate::study::extrapolation::StudyError),
+    #[error("{failed} of the suite's cases fail; they are listed above")]
+    Unstable { failed: usize },
 }
 
 impl CommandError {

@@ -1,3 +1,4 @@
 //! Experiments whose figures the book quotes. Each can be run again with `palpate bench`.
 
 pub mod extrapolation;
+pub mod stability;

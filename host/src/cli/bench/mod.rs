@@ -1,6 +1,7 @@
 //! `palpate bench`: measurements that the book quotes.
 
 mod extrapolation;
+mod stability;
 
 use super::CommandError;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -16,11 +17,14 @@ pub(super) struct BenchArguments {
 enum What {
     /// Force error of each scheme against the rate at which the host publishes
     Extrapolation(extrapolation::ExtrapolationArguments),
+    /// Stress every law, element and scheme; fails if a number is not finite or energy comes from nowhere
+    Stability(stability::StabilityArguments),
 }
 
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Extrapolation(arguments) => extrapolation::run(arguments),
+        What::Stability(arguments) => stability::run(arguments),
     }
 }
 

@@ -1,0 +1,130 @@
+//! Free bodies, kicked: any stiffness, any compressibility, any step; lightly, hard, and for long.
+
+use super::specimen::{Kind, Stuff, quiet};
+use super::trial::{Method, Trial};
+use super::{CaseError, Job, Level, Outcome, Plan};
+
+pub(super) const GROWTH: &str = "growth of energy, as a share of the start's";
+
+/// A kick of a hundredth of the speed of sound: strains of a few hundredths.
+pub(super) fn light(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::all() {
+        for young in level.ends(&[1.0, 1e3, 1e6, 1e9]) {
+            for poisson in level.ends(&[0.0, 0.3, 0.45, 0.499]) {
+                for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+                    let kick = Kick {
+                        stuff: Stuff::new(young, poisson),
+                        share: 0.01,
+                        h,
+                    };
+                    let steps = level.choose(5, 20);
+                    jobs.push(kick.job(kind, method, steps));
+                }
+            }
+        }
+    }
+    Plan {
+        name: "materials and steps",
+        stress: "free bodies kicked at 0.01 of their speed of sound; E 1 Pa to 1 GPa, nu 0 to 0.499, \
+                 h 0.1 to 100 ms",
+        figure: GROWTH,
+        unit: "",
+        jobs,
+    }
+}
+
+/// A kick at the speed of sound: cells are crushed and turned inside out.
+pub(super) fn hard(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::all() {
+        for poisson in level.ends(&[0.3, 0.45, 0.499]) {
+            for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+                let kick = Kick {
+                    stuff: Stuff::new(1e5, poisson),
+                    share: 1.0,
+                    h,
+                };
+                jobs.push(kick.job(kind, method, level.choose(5, 100)));
+            }
+        }
+    }
+    Plan {
+        name: "hard kicks",
+        stress: "free bodies kicked at their speed of sound; nu 0.3 to 0.499, h 0.1 to 100 ms",
+        figure: GROWTH,
+        unit: "",
+        jobs,
+    }
+}
+
+/// Thousands of steps without any damping of the body's own.
+pub(super) fn long(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::all() {
+        for h in level.ends(&[1e-4, 1e-3, 1e-2]) {
+            let kick = Kick {
+                stuff: Stuff::new(1e5, 0.3),
+                share: 0.05,
+                h,
+            };
+            jobs.push(kick.job(kind, method, level.choose(20, 3000)));
+        }
+    }
+    Plan {
+        name: "long vibration",
+        stress: "free bodies kicked at 0.05 of their speed of sound, undamped, for 3000 steps",
+        figure: GROWTH,
+        unit: "",
+        jobs,
+    }
+}
+
+/// A free body of one material that starts at a random speed.
+#[derive(Clone, Copy)]
+struct Kick {
+    stuff: Stuff,
+    /// The largest speed along an axis, as a share of that of sound.
+    share: f64,
+    h: f64,
+}
+
+impl Kick {
+    fn job(self, kind: Kind, method: Method, steps: usize) -> Job {
+        let Stuff { young, poisson, .. } = self.stuff;
+        let name = format!("E {young:e} Pa, nu {poisson}, h {} s", self.h);
+        Job::new(name, (kind, method), steps, move || {
+            self.run(kind, method, steps)
+        })
+    }
+
+    fn run(self, kind: Kind, method: Method, steps: usize) -> Result<Outcome, CaseError> {
+        let shape = kind.mesh(2)?;
+        let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
+        body.set_velocities(&shape.kick(self.share * self.stuff.sound()))?;
+        let trial = Trial::new(body, method)?;
+        Ok(Outcome::of_growth(trial, kind, method, |trial| {
+            trial.run(self.h, steps, &[]);
+        }))
+    }
+}
+
+impl Outcome {
+    /// What a free undamped body makes of its energy in `run`.
+    pub(super) fn of_growth(
+        mut trial: Trial,
+        kind: Kind,
+        method: Method,
+        run: impl FnOnce(&mut Trial),
+    ) -> Self {
+        let start = super::trial::energy(&trial.body);
+        run(&mut trial);
+        Self {
+            figure: trial.rise() / start,
+            limit: Some(method.allowed_growth(kind)),
+            reason: trial.unexpected(),
+            account: trial.account,
+            ..Self::default()
+        }
+    }
+}
