@@ -80,7 +80,7 @@ pub(super) fn pendulum(level: Level) -> Plan {
     Plan {
         name: "hung by one vertex",
         stress: "held by one vertex, let go under gravity, undamped",
-        figure: "growth of energy, as a share of m g L",
+        figure: "energy above the start's, as a share of m g L",
         unit: "",
         jobs,
     }
@@ -102,8 +102,8 @@ fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, C
     let mut trial = Trial::new(body, method)?;
     trial.run(h, steps, &rest_poses(&handles));
     Ok(Outcome {
-        figure: trial.rise() / scale,
-        limit: Some(method.allowed_growth(kind)),
+        figure: trial.energy().excess() / scale,
+        limit: Some(method.allowed_excess(kind)),
         reason: trial.unexpected(),
         account: trial.account,
         ..Outcome::default()

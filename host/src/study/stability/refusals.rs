@@ -41,7 +41,7 @@ impl Request {
         match self {
             Self::Length(h) => format!("a step of {h} s"),
             Self::Targets => "one pose for two handles".to_owned(),
-            Self::Far(distance) => format!("a handle {distance} m away"),
+            Self::Far(distance) => format!("a handle {distance:e} m away"),
             Self::Hasty => "a jerk with one Newton iteration".to_owned(),
             Self::Through => "through the other handle, none inside out".to_owned(),
             Self::Speed(speed) => format!("vertices at {speed:e} m/s"),
@@ -104,7 +104,7 @@ pub(super) fn plan() -> Plan {
 }
 
 fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, CaseError> {
-    let shape = kind.mesh(1)?;
+    let shape = kind.mesh(2)?;
     let handles = match request {
         Request::Unheld => Vec::new(),
         _ => vec![shape.end(-1.0), shape.end(1.0)],

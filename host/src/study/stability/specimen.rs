@@ -54,6 +54,11 @@ impl Kind {
             .flat_map(Self::with_methods)
     }
 
+    /// Every kind with both schemes that are solved to a tolerance.
+    pub(super) fn solved() -> impl Iterator<Item = (Self, Method)> {
+        Self::all().filter(|(_, method)| *method != Method::Linearized)
+    }
+
     /// This kind with every way to step it.
     pub(super) fn with_methods(self) -> impl Iterator<Item = (Self, Method)> {
         let methods: &[Method] = match self {
@@ -217,6 +222,20 @@ impl Shape {
             origin: Vec3::x() * (0.5 * side),
             freedom: Freedom::Rigid,
         }
+    }
+
+    /// Waves about as long as the body, of up to `speed` along each axis: strains no larger in small elements
+    /// than in large ones.
+    pub(super) fn waves(&self, speed: f64) -> Vec<Vec3> {
+        let wave = |x: &Vec3| {
+            let along = |a: f64, b: f64, c: f64| libm::sin(a * x.x + b * x.y + c * x.z + a);
+            Vec3::new(
+                along(3.0, 1.0, -2.0),
+                along(1.0, -3.0, 2.0),
+                along(-2.0, 2.0, 3.0),
+            ) * speed
+        };
+        self.positions().iter().map(wave).collect()
     }
 
     /// Every vertex at a random speed of up to `speed` along each axis.
