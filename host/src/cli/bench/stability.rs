@@ -114,8 +114,10 @@ fn laws(family: &Family) -> Vec<&'static str> {
 fn print_recovery(report: &Report) {
     for family in starts(report) {
         println!("\nRecovery, {}:\n", family.name);
-        println!("| law | body | starts | recovered | cells right at the end |");
-        println!("|---|---|---|---|---|");
+        println!(
+            "| law | body | starts | cells right at the end | all right | back at rest | refused |"
+        );
+        println!("|---|---|---|---|---|---|---|");
         for law in laws(family) {
             for body in ["linear tetrahedra", "quadratic tetrahedra"] {
                 let these = || {
@@ -125,11 +127,13 @@ fn print_recovery(report: &Report) {
                         .filter(|case| case.law == law && case.body == body)
                 };
                 let count = these().count();
-                let recovered = these().filter(|case| case.figure == 0.0).count();
                 let right: f64 = these().map(|case| 1.0 - case.figure).sum::<f64>() / count as f64;
+                let all_right = these().filter(|case| case.figure == 0.0).count();
+                let recovered = these().filter(|case| case.recovered()).count();
+                let refused = these().filter(|case| case.account.refused > 0).count();
+                let right = 100.0 * right;
                 println!(
-                    "| {law} | {body} | {count} | {recovered} | {:.1} % |",
-                    100.0 * right
+                    "| {law} | {body} | {count} | {right:.1} % | {all_right} | {recovered} | {refused} |"
                 );
             }
         }

@@ -12,7 +12,7 @@ const JERK: Vec3 = Vec3::new(7.0, 3.0, -6.5);
 pub(super) fn plan(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::all() {
-        for h in level.ends(&[1e-3, 1e-2, 1e-1]) {
+        for h in level.choose(vec![1e-2], vec![1e-3, 1e-2, 1e-1]) {
             for back in [true, false] {
                 let steps = level.choose(30, 300);
                 let what = if back { "out and back" } else { "out for good" };

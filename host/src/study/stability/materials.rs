@@ -34,7 +34,8 @@ pub(super) fn light(level: Level) -> Plan {
     }
 }
 
-/// A kick at the speed of sound: cells are crushed and turned inside out.
+/// A kick at the speed of sound: cells are crushed and turned inside out. TR-BDF2 may overshoot there, where a
+/// step is as long as the motion; it must be below the start's energy again in the end.
 pub(super) fn hard(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::solved() {
@@ -45,7 +46,18 @@ pub(super) fn hard(level: Level) -> Plan {
                     share: 1.0,
                     h,
                 };
-                jobs.push(kick.job(kind, method, level.choose(5, 100)));
+                let steps = level.choose(20, 100);
+                jobs.push(Job::new(kick.name(), (kind, method), steps, move || {
+                    let mut trial = kick.trial(kind, method)?;
+                    let mut outcome = Outcome::of_energy(&mut trial, kind, method, |trial| {
+                        trial.run(h, steps, &[]);
+                    });
+                    if !method.never_gains(kind) {
+                        outcome.limit = None;
+                        outcome.reason = outcome.reason.or_else(|| trial.energy().unsettled());
+                    }
+                    Ok(outcome)
+                }));
             }
         }
     }
@@ -90,35 +102,38 @@ struct Kick {
 }
 
 impl Kick {
-    fn job(self, kind: Kind, method: Method, steps: usize) -> Job {
+    fn name(self) -> String {
         let Stuff { young, poisson, .. } = self.stuff;
-        let name = format!("E {young:e} Pa, nu {poisson}, h {} s", self.h);
-        Job::new(name, (kind, method), steps, move || {
-            self.run(kind, method, steps)
+        format!("E {young:e} Pa, nu {poisson}, h {} s", self.h)
+    }
+
+    fn job(self, kind: Kind, method: Method, steps: usize) -> Job {
+        Job::new(self.name(), (kind, method), steps, move || {
+            let mut trial = self.trial(kind, method)?;
+            Ok(Outcome::of_energy(&mut trial, kind, method, |trial| {
+                trial.run(self.h, steps, &[]);
+            }))
         })
     }
 
-    fn run(self, kind: Kind, method: Method, steps: usize) -> Result<Outcome, CaseError> {
+    fn trial(self, kind: Kind, method: Method) -> Result<Trial, CaseError> {
         let shape = kind.mesh(2)?;
         let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
         body.set_velocities(&shape.kick(self.share * self.stuff.sound()))?;
-        let trial = Trial::new(body, method)?;
-        Ok(Outcome::of_energy(trial, kind, method, |trial| {
-            trial.run(self.h, steps, &[]);
-        }))
+        Trial::new(body, method)
     }
 }
 
 impl Outcome {
     /// What a free undamped body makes of its energy in `run`.
     pub(super) fn of_energy(
-        mut trial: Trial,
+        trial: &mut Trial,
         kind: Kind,
         method: Method,
         run: impl FnOnce(&mut Trial),
     ) -> Self {
         let start = energy(&trial.body);
-        run(&mut trial);
+        run(trial);
         let energy = trial.energy();
         let regained = energy.rise() / start;
         let reason = (method.never_gains(kind) && regained > ROUNDING)
@@ -127,7 +142,7 @@ impl Outcome {
             figure: energy.excess() / start,
             limit: Some(method.allowed_excess(kind)),
             reason: trial.unexpected().or(reason),
-            account: trial.account,
+            account: std::mem::take(&mut trial.account),
             ..Self::default()
         }
     }

@@ -71,6 +71,9 @@ pub struct Case {
     pub account: Account,
     /// Why it fails.
     pub reason: Option<String>,
+    /// Starts: elastic energy at the end, as a share of the start's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub left: Option<f64>,
     /// Starts: share of the cells that are the right way round, over time (s).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub recovery: Vec<(f64, f64)>,
@@ -89,6 +92,13 @@ pub struct Family {
     pub unit: &'static str,
     /// The cases.
     pub cases: Vec<Case>,
+}
+
+impl Case {
+    /// Starts: whether every cell is the right way round again and no energy to speak of is left.
+    pub fn recovered(&self) -> bool {
+        self.figure == 0.0 && self.left.is_some_and(|left| left < starts::RECOVERED)
+    }
 }
 
 impl Family {
@@ -162,6 +172,7 @@ struct Outcome {
     account: Account,
     /// Why it fails, besides its figure.
     reason: Option<String>,
+    left: Option<f64>,
     recovery: Vec<(f64, f64)>,
 }
 
@@ -228,6 +239,7 @@ impl Job {
             limit: outcome.limit,
             account: outcome.account,
             reason,
+            left: outcome.left,
             recovery: outcome.recovery,
         }
     }

@@ -13,7 +13,7 @@ const DRIFT: f64 = 1e-9;
 
 /// Held at one end, under gravity, from its equilibrium.
 pub(super) fn loaded(level: Level) -> Plan {
-    let steps = level.choose(2000, 1_000_000);
+    let steps = level.choose(500, 1_000_000);
     let jobs = Kind::all().map(|(kind, method)| {
         let name = format!("{steps} steps of 1 ms");
         Job::new(name, (kind, method), steps / 50, move || {
@@ -31,7 +31,7 @@ pub(super) fn loaded(level: Level) -> Plan {
 
 /// Free, turned and far from the origin: rounding pulls at it, nothing holds it.
 pub(super) fn turned(level: Level) -> Plan {
-    let steps = level.choose(2000, 1_000_000);
+    let steps = level.choose(500, 1_000_000);
     let nonlinear = Kind::all().filter(|(kind, _)| !kind.is_quadratic_in_energy());
     let jobs = nonlinear.map(|(kind, method)| {
         let name = format!("{steps} steps of 1 ms");

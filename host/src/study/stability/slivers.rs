@@ -72,8 +72,8 @@ pub(super) fn plan(level: Level) -> Plan {
                     let kick = shape.waves(0.01 * stuff.sound());
                     let kick: Vec<Vec3> = kick.iter().map(|v| v.component_mul(&extent)).collect();
                     body.set_velocities(&kick)?;
-                    let trial = Trial::new(body, method)?;
-                    Ok(Outcome::of_energy(trial, kind, method, |trial| {
+                    let mut trial = Trial::new(body, method)?;
+                    Ok(Outcome::of_energy(&mut trial, kind, method, |trial| {
                         trial.run(h, steps, &[]);
                     }))
                 }));

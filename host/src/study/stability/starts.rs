@@ -4,18 +4,20 @@ use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial, energy};
 use super::{CaseError, Job, Level, Outcome, Plan};
 use physics::Vec3;
-use physics::fem::BodyConfig;
+use physics::fem::{BodyConfig, SolidLaw};
 
 /// The step (s).
-const STEP: f64 = 0.01;
+const STEP: f64 = 0.02;
 /// Elastic energy, as a share of the start's, below which a body counts as recovered.
-const RECOVERED: f64 = 1e-6;
+pub(super) const RECOVERED: f64 = 1e-6;
 
 /// Where the vertices start.
 #[derive(Clone, Copy)]
 enum Start {
     /// Mirrored along an axis.
     Mirrored(usize),
+    /// Mirrored along x, then each vertex moved by up to a hundredth of the body.
+    Shaken,
     /// Each anywhere in the box, by a seed.
     Scrambled(u64),
 }
@@ -24,6 +26,7 @@ impl Start {
     fn name(self) -> String {
         match self {
             Self::Mirrored(axis) => format!("mirrored along {}", ["x", "y", "z"][axis]),
+            Self::Shaken => "mirrored along x and shaken".to_owned(),
             Self::Scrambled(seed) => format!("seed {seed}"),
         }
     }
@@ -38,6 +41,14 @@ impl Start {
                 };
                 rest.iter().map(mirrored).collect()
             }
+            Self::Shaken => {
+                let mut random = Random(5);
+                let mirrored = Self::Mirrored(0).positions(rest);
+                mirrored
+                    .iter()
+                    .map(|x| x + random.vector() * 0.01)
+                    .collect()
+            }
             Self::Scrambled(seed) => {
                 let mut random = Random(seed);
                 rest.iter().map(|_| random.vector() * 0.5).collect()
@@ -48,10 +59,13 @@ impl Start {
 
 /// Every cell inside out.
 pub(super) fn inverted(level: Level) -> Plan {
-    let starts = level.ends(&[0, 1, 2].map(Start::Mirrored));
+    let starts = level.choose(
+        vec![Start::Shaken],
+        vec![Start::Mirrored(0), Start::Mirrored(2), Start::Shaken],
+    );
     Plan {
         name: "inverted starts",
-        stress: "solids that start mirrored, free or held at one end; h 10 ms, damped, 6 s",
+        stress: "solids that start mirrored, free or held at one end; h 20 ms, damped, 12 s",
         figure: "share of the cells still inside out",
         unit: "",
         jobs: solids(level, &starts),
@@ -64,7 +78,7 @@ pub(super) fn scrambled(level: Level) -> Plan {
     let starts: Vec<Start> = (1..=seeds).map(Start::Scrambled).collect();
     Plan {
         name: "scrambled starts",
-        stress: "solids whose vertices start anywhere in their box, free or held at one end; h 10 ms, damped, 6 s",
+        stress: "solids whose vertices start anywhere in their box, free or held at one end; h 20 ms, damped, 12 s",
         figure: "share of the cells still inside out",
         unit: "",
         jobs: solids(level, &starts),
@@ -74,10 +88,10 @@ pub(super) fn scrambled(level: Level) -> Plan {
 fn solids(level: Level, starts: &[Start]) -> Vec<Job> {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::solids().flat_map(Kind::with_methods) {
-        for poisson in level.ends(&[0.3, 0.45]) {
-            for held in [false, true] {
+        for poisson in level.choose(vec![0.3], vec![0.3, 0.45]) {
+            for held in level.choose(vec![true], vec![false, true]) {
                 for &start in starts {
-                    let steps = level.choose(300, 600);
+                    let steps = level.choose(200, 600);
                     let name = format!(
                         "{}, {}, nu {poisson}",
                         start.name(),
@@ -137,7 +151,11 @@ fn recover(
         }
     }
     let left = trial.body.elastic_energy() / first;
-    let recovered = trial.body.inverted_count() == 0 && left < RECOVERED;
+    let inverted = trial.body.inverted_count();
+    let recovered = inverted == 0 && left < RECOVERED;
+    // Smith et al. promise that no cell stays inside out. Where cells bend (quadratic) or hardly change their
+    // volume, a body can still settle in a balance other than rest: tangled, all cells the right way round.
+    let must_recover = kind == Kind::Linear(SolidLaw::StableNeoHookean) && poisson <= 0.3;
     let excess = trial.energy().excess() / first;
     let reason = {
         if excess > method.allowed_excess(kind) {
@@ -146,10 +164,9 @@ fn recover(
             ))
         } else if kind.recovers() && trial.account.refused > 0 {
             trial.unexpected()
-        } else if kind.recovers() && !recovered {
+        } else if (kind.recovers() && inverted > 0) || (must_recover && !recovered) {
             Some(format!(
-                "it does not recover: {} cells are inside out, {left:.3e} of the energy is left",
-                trial.body.inverted_count()
+                "it does not recover: {inverted} cells are inside out, {left:.3e} of the energy is left"
             ))
         } else {
             None
@@ -161,6 +178,7 @@ fn recover(
         account: trial.account,
         reason,
         recovery,
+        left: Some(left),
     })
 }
 
@@ -180,7 +198,7 @@ pub(super) fn crumpled(level: Level) -> Plan {
     }
     Plan {
         name: "crumpled sheets",
-        stress: "sheets whose vertices start anywhere in a box, free or held at one end; h 10 ms, damped, 6 s",
+        stress: "sheets whose vertices start anywhere in a box, free or held at one end; h 20 ms, damped, 12 s",
         figure: "energy above the start's, as a share",
         unit: "",
         jobs,

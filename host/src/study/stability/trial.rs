@@ -101,6 +101,7 @@ pub(super) struct Trial {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Energy {
     start: f64,
+    last: f64,
     highest: f64,
     least: f64,
     rise: f64,
@@ -110,6 +111,7 @@ impl Energy {
     pub(super) fn new(start: f64) -> Self {
         Self {
             start,
+            last: start,
             highest: start,
             least: start,
             rise: 0.0,
@@ -123,9 +125,17 @@ impl Energy {
         } else {
             energy
         };
+        self.last = energy;
         self.rise = self.rise.max(energy - self.least);
         self.highest = self.highest.max(energy);
         self.least = self.least.min(energy);
+    }
+
+    /// What is wrong where it may overshoot, but must end below the start.
+    pub(super) fn unsettled(&self) -> Option<String> {
+        let end = self.last / self.start;
+        (end.is_nan() || end > 1.0)
+            .then(|| format!("its energy ends at {end:.3e} times the start's"))
     }
 
     /// How far it has been above the start.
