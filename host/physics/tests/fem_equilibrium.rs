@@ -217,3 +217,37 @@ fn a_free_body_without_loads_stays_where_it_is() {
         assert!((x - rest).norm() < 1e-12 * EDGE);
     }
 }
+
+#[test]
+fn a_body_held_all_over_is_refused_what_is_no_number() {
+    let mesh = small_cube(1, false);
+    let handles = [0.0, EDGE].map(|at| HandleSpec {
+        vertices: face(&mesh, 2, at),
+        origin: Vec3::zeros(),
+        freedom: Freedom::Rigid,
+    });
+    let law = SolidLaw::StVenantKirchhoff;
+    let config = BodyConfig::default();
+    let mut body = Body::solid(&mesh, &[gelatine(0.3)], law, config, &handles).unwrap();
+    let before: Vec<Vec3> = body.positions().collect();
+    let felt = *body.handle_report(0).unwrap();
+    let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
+    // No node is free, so that no residual tells of either.
+    let here = HandlePose::at(Vec3::zeros());
+    let error = equilibrium.solve(&mut body, &[here; 2], f64::INFINITY);
+    assert_eq!(
+        error.unwrap_err(),
+        StepError::Load {
+            found: f64::INFINITY
+        }
+    );
+    // Stress grows with the cube of the stretch.
+    let far = HandlePose::at(Vec3::z() * 1e200);
+    let error = equilibrium.solve(&mut body, &[here, far], 1.0);
+    assert!(
+        matches!(error, Err(StepError::Diverged { .. })),
+        "{error:?}"
+    );
+    assert_eq!(body.positions().collect::<Vec<_>>(), before);
+    assert_eq!(*body.handle_report(0).unwrap(), felt);
+}

@@ -6,8 +6,8 @@ use fem_support::{Random, cube};
 use nalgebra::Rotation3;
 use physics::Vec3;
 use physics::fem::{
-    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw,
-    SolidMaterial, StepError,
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
+    NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError,
 };
 
 const RUBBER: SolidMaterial = SolidMaterial {
@@ -279,4 +279,45 @@ fn a_step_that_fails_leaves_the_body_as_it_was() {
         report.substeps > 1 && body.inverted_count() == 0,
         "{report:?}"
     );
+}
+
+#[test]
+fn a_refused_attempt_leaves_no_trace_at_the_handles() {
+    let mesh = cube(2, 0.0, false);
+    let handles = [0.0, 1.0].map(|at| HandleSpec {
+        vertices: (0_u32..)
+            .zip(&mesh.positions)
+            .filter(|(_, x)| (x.z - at).abs() < 1e-9)
+            .map(|(vertex, _)| vertex)
+            .collect(),
+        origin: Vec3::new(0.5, 0.5, at),
+        freedom: Freedom::Rigid,
+    });
+    let law = SolidLaw::StableNeoHookean;
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &handles).unwrap();
+    let careful = IntegratorOptions {
+        scheme: Scheme::TrBdf2,
+        max_halvings: 4,
+        refuse_inversion: true,
+        ..IntegratorOptions::default()
+    };
+    let mut integrator = Integrator::new(&body, careful).unwrap();
+    let below = HandlePose::at(handles[0].origin);
+    let to = |z: f64| [below, HandlePose::at(handles[1].origin + Vec3::z() * z)];
+
+    // Pressed to a tenth, the whole step turns cells inside out, and its halves do not.
+    let report = integrator.step(&mut body, 1.0, &to(-0.9)).unwrap();
+    assert!(report.refused > 0 && report.substeps > 1, "{report:?}");
+    let felt = *body.handle_report(1).unwrap();
+    // Constant velocity over the step; exact up to the rounding of a difference of positions.
+    let off = (felt.linear_velocity - Vec3::z() * -0.9).norm();
+    assert!(off < 1e-14, "{off}");
+
+    // Pulled through the other face, no part of the step does without.
+    let result = integrator.step(&mut body, 0.01, &to(-2.0));
+    assert!(
+        matches!(result, Err(StepError::Inverted { .. })),
+        "{result:?}"
+    );
+    assert_eq!(*body.handle_report(1).unwrap(), felt);
 }

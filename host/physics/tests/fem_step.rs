@@ -265,6 +265,27 @@ fn a_refused_step_keeps_the_last_state() {
 }
 
 #[test]
+fn a_velocity_beyond_all_numbers_is_refused() {
+    let mut sheet = Body::sheet(
+        &grid(1, 1, 1.0, 1.0, Split::Right),
+        &[rubber(0.3)],
+        tight(),
+        &[],
+    )
+    .unwrap();
+    let support = sheet.add_support(&[0, 1, 2, 3], [true; 3]).unwrap();
+    // The move is a number, its speed is not.
+    sheet.set_support(support, Vec3::x() * 1e306).unwrap();
+    let before: Vec<Vec3> = sheet.positions().collect();
+    assert_eq!(
+        sheet.step(1e-4, &[]),
+        Err(StepError::Diverged { iterations: 0 })
+    );
+    assert_eq!(sheet.positions().collect::<Vec<_>>(), before);
+    assert!(sheet.velocities().all(|v| v == Vec3::zeros()));
+}
+
+#[test]
 fn two_runs_give_the_same_bytes() {
     let run = || {
         let config = BodyConfig {

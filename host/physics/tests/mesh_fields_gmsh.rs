@@ -32,12 +32,9 @@ $EndElements
 /// A section of values, each a line.
 fn data(name: &str, components: usize, values: &[&str]) -> String {
     format!(
-        "$ElementData\n2\n\"{name}\"\n\"interpolation\"\n1\n0.5\n4\n0\n{components}\n{}\n0\n{}$EndElementData\n",
+        "$ElementData\n2\n\"{name}\"\n\"interpolation\"\n1\n0.5\n4\n0\n{components}\n{}\n0\n{}\n$EndElementData\n",
         values.len(),
-        values
-            .iter()
-            .map(|line| format!("{line}\n"))
-            .collect::<String>()
+        values.join("\n")
     )
 }
 

@@ -24,8 +24,8 @@ pub(super) struct State {
 }
 
 enum Method {
-    Static(Equilibrium),
-    Dynamic(Integrator),
+    Static(Box<Equilibrium>),
+    Dynamic(Box<Integrator>),
 }
 
 /// A body on its way.
@@ -75,7 +75,7 @@ impl<'a> Drive<'a> {
                 };
                 // Weight and loads grow from nothing. A share of 0 is a finite number.
                 let _ = built.body.set_load_factor(0.0);
-                let method = Method::Static(Equilibrium::new(&built.body, options)?);
+                let method = Method::Static(Box::new(Equilibrium::new(&built.body, options)?));
                 let steps = solve.load_steps;
                 (method, steps, 1.0 / steps as f64, 1.0, steps)
             }
@@ -89,7 +89,7 @@ impl<'a> Drive<'a> {
                     refuse_inversion: solve.refuse_inversion,
                     ..IntegratorOptions::default()
                 };
-                let method = Method::Dynamic(Integrator::new(&built.body, options)?);
+                let method = Method::Dynamic(Box::new(Integrator::new(&built.body, options)?));
                 let steps = (scene.duration / solve.step).round().max(1.0);
                 let ramp = solve.ramp.unwrap_or(scene.duration);
                 (

@@ -355,47 +355,6 @@ impl Body {
     pub fn support_reaction(&self, support: usize) -> Option<Vec3> {
         self.supports.list.get(support).map(|s| s.reaction)
     }
-
-    /// Total mass (kg).
-    pub fn total_mass(&self) -> f64 {
-        self.mass.iter().sum()
-    }
-
-    /// Linear momentum (kg m/s).
-    pub fn momentum(&self) -> Vec3 {
-        let mut sum = Vec3::zeros();
-        for (v, &mass) in self.v.iter().zip(&self.mass) {
-            sum += v * mass;
-        }
-        sum
-    }
-
-    /// Gravity and the host's forces together, as far as they act (N).
-    pub fn total_external_force(&self) -> Vec3 {
-        self.external.iter().sum::<Vec3>() * self.load_factor
-    }
-
-    /// Kinetic energy (J).
-    pub fn kinetic_energy(&self) -> f64 {
-        self.v
-            .iter()
-            .zip(&self.mass)
-            .map(|(v, &mass)| 0.5 * mass * v.norm_squared())
-            .sum()
-    }
-
-    /// Elastic energy (J) at the present state, bending included.
-    pub fn elastic_energy(&self) -> f64 {
-        let sets = self.elements.iter();
-        sets.map(|set| set.energy(&self.x)).sum::<f64>() + self.bending_energy()
-    }
-
-    /// Bending energy (J) at the present state; 0 without bending.
-    pub fn bending_energy(&self) -> f64 {
-        self.bending
-            .as_ref()
-            .map_or(0.0, |bending| bending.energy(&self.stiffness, &self.x))
-    }
 }
 
 fn scatter(node_of_vertex: &[u32], values: &[Vec3], nodes: &mut [Vec3]) {

@@ -88,6 +88,9 @@ impl Equilibrium {
         load_factor: f64,
     ) -> Result<EquilibriumReport, StepError> {
         body.check_step(1.0, targets)?;
+        if !load_factor.is_finite() {
+            return Err(StepError::Load { found: load_factor });
+        }
         self.first.copy_from_slice(&body.x);
         let load = body.load_factor;
         let result = self.advance(body, targets, load, load_factor);

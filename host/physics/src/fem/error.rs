@@ -203,6 +203,12 @@ pub enum StepError {
         /// The length (s).
         found: f64,
     },
+    /// The share of the loads is not finite.
+    #[error("the load factor is {found}, expected a finite number")]
+    Load {
+        /// The factor.
+        found: f64,
+    },
     /// The number of target poses differs from that of the handles.
     #[error("{found} target poses given for {expected} handles")]
     Targets {

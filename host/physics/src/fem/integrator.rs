@@ -12,7 +12,7 @@
 
 use super::body::Body;
 use super::error::{CondenseError, StepError};
-use super::handle::HandlePose;
+use super::handle::{HandlePose, HandleReport};
 use super::newton::{Newton, NewtonOptions, NewtonReport, Stage};
 use crate::Vec3;
 
@@ -82,9 +82,11 @@ pub struct Integrator {
     v: Vec<Vec3>,
     /// Positions after the first stage.
     middle: Vec<Vec3>,
-    /// State at the start of the step, and the handles' poses.
+    /// State at the start of the step, and what was reported of it.
     kept: (Vec<Vec3>, Vec<Vec3>),
-    poses: Vec<HandlePose>,
+    reports: Vec<HandleReport>,
+    reactions: Vec<Vec3>,
+    grip: Vec<Vec3>,
     aims: Vec<HandlePose>,
 }
 
@@ -108,7 +110,7 @@ impl Integrator {
     /// [`CondenseError::Symbolic`].
     pub fn new(body: &Body, options: IntegratorOptions) -> Result<Self, CondenseError> {
         let zeros = vec![Vec3::zeros(); body.x.len()];
-        let poses: Vec<HandlePose> = body.handles.iter().map(|h| h.report.pose).collect();
+        let reports: Vec<HandleReport> = body.handles.iter().map(|h| h.report).collect();
         Ok(Self {
             options,
             newton: Newton::new(body, options.newton)?,
@@ -119,8 +121,10 @@ impl Integrator {
             v: zeros.clone(),
             middle: zeros.clone(),
             kept: (zeros.clone(), zeros),
-            aims: poses.clone(),
-            poses,
+            aims: reports.iter().map(|report| report.pose).collect(),
+            reports,
+            reactions: Vec::with_capacity(body.supports.list.len()),
+            grip: body.grip.clone(),
         })
     }
 
@@ -138,16 +142,24 @@ impl Integrator {
         body.check_step(h, targets)?;
         self.kept.0.copy_from_slice(&body.x);
         self.kept.1.copy_from_slice(&body.v);
-        for (pose, handle) in self.poses.iter_mut().zip(&body.handles) {
-            *pose = handle.report.pose;
+        for (report, handle) in self.reports.iter_mut().zip(&body.handles) {
+            *report = handle.report;
         }
+        self.reactions.clear();
+        self.reactions
+            .extend(body.supports.list.iter().map(|support| support.reaction));
+        self.grip.copy_from_slice(&body.grip);
         let result = self.halve(body, h, targets);
         if result.is_err() {
             body.x.copy_from_slice(&self.kept.0);
             body.v.copy_from_slice(&self.kept.1);
-            for (handle, pose) in body.handles.iter_mut().zip(&self.poses) {
-                handle.report.pose = *pose;
+            for (handle, report) in body.handles.iter_mut().zip(&self.reports) {
+                handle.report = *report;
             }
+            for (support, reaction) in body.supports.list.iter_mut().zip(&self.reactions) {
+                support.reaction = *reaction;
+            }
+            body.grip.copy_from_slice(&self.grip);
             body.fresh = false;
         }
         result
@@ -173,7 +185,7 @@ impl Integrator {
             };
             for i in 0..self.aims.len() {
                 let share = (done + size) as f64 / whole as f64;
-                self.aims[i] = between(&self.poses[i], &targets[i], share);
+                self.aims[i] = between(&self.reports[i].pose, &targets[i], share);
             }
             let share = size as f64 / (whole - done) as f64;
             let dt = h * size as f64 / whole as f64;
@@ -184,6 +196,8 @@ impl Integrator {
             };
             match outcome {
                 Ok(newton) if good(&newton) => {
+                    // Only now: a refused attempt must leave the handles' poses for the next.
+                    body.report_stage(dt, &self.aims, &self.v);
                     done += size;
                     report.substeps += 1;
                     report.iterations += newton.iterations;
@@ -272,10 +286,7 @@ impl Integrator {
             *v = (body.x[node] - self.anchor[node]) / g;
         }
         report.converged &= body.v.iter().flat_map(Vec3::iter).all(|v| v.is_finite());
-        if report.converged {
-            body.report_stage(h, &self.aims, &self.v);
-            body.fresh = false;
-        }
+        body.fresh = false;
         Ok(report)
     }
 

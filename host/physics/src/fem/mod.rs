@@ -7,7 +7,7 @@
 //! - [`elements`]: what any set of elements gives a body.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
-//! - [`body`], `build` and `step`: the body, its construction and its realtime step.
+//! - [`body`], `build`, `energy` and `step`: the body, its construction, its sums and its realtime step.
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 //! - [`cholesky`] and [`condense`]: what the hands feel, as small dense matrices between handles.
@@ -23,6 +23,7 @@ pub mod cholesky;
 pub mod condense;
 pub mod dense;
 pub mod elements;
+mod energy;
 pub mod equilibrium;
 pub mod error;
 pub mod handle;

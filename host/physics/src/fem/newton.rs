@@ -151,7 +151,8 @@ impl Newton {
         loop {
             self.balance(body, stage);
             self.judge(body, stage, &mut report);
-            if !report.residual.is_finite() {
+            // Held nodes have no residual; their forces are in the reference.
+            if !(report.residual.is_finite() && report.reference.is_finite()) {
                 return Err(StepError::Diverged {
                     iterations: report.iterations,
                 });

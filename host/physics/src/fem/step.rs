@@ -76,8 +76,12 @@ impl Body {
             self.grip[node - free] =
                 self.imbalance(node, h, mass_factor, stiffness_factor) - inertia;
         }
-        let all = self.displacement.iter().chain(&self.grip);
-        if !all.flat_map(Vec3::iter).all(|value| value.is_finite()) {
+        let moves = self.displacement.iter().flat_map(Vec3::iter);
+        let grip = self.grip.iter().flat_map(Vec3::iter);
+        // The velocity leaves the range of numbers before the motion; a residual that has left it has been
+        // no guide.
+        let mut all = moves.map(|u| u / h).chain(grip.copied());
+        if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
             // They are not those of the state kept; without them a condensation has no lever term.
             self.grip.fill(Vec3::zeros());
             return Err(StepError::Diverged {

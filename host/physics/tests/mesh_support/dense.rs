@@ -26,10 +26,8 @@ fn packed_file(
             "connectivity" | "offsets" | "types" => 1,
             _ => 2,
         };
-        tags[place] += &format!(
-            "<DataArray Name=\"{name}\" type=\"{kind}\" format=\"appended\" offset=\"{}\"/>",
-            data.len()
-        );
+        let tag = format!("<DataArray Name=\"{name}\" type=\"{kind}\" format=\"appended\"");
+        tags[place].extend([tag, format!(" offset=\"{}\"/>", data.len())]);
         let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
         encoder.write_all(&bytes).expect("memory takes all");
         let packed = encoder.finish().expect("memory takes all");
@@ -159,13 +157,14 @@ pub(crate) fn packed_fields(n: u32, fields: usize) -> Vec<u8> {
 
 /// An MSH file of one tetrahedron again and again, or of a box, with values; each cell is in 16 groups.
 pub(crate) fn dense_msh(elements: &[String], nodes: &[String], code: u8, fields: usize) -> Vec<u8> {
-    let names: String = (1..=16).map(|k| format!("3 {k} \"{k}\"\n")).collect();
+    let names = concat((1..=16).map(|k| format!("3 {k} \"{k}\"\n")));
     let (n, m) = (nodes.len(), elements.len());
-    let tags: String = (1..=n).map(|k| format!("{k}\n")).collect();
-    let values: String = (1..=m).map(|k| format!("{k} 1\n")).collect();
-    let data: String = (0..fields)
-        .map(|k| format!("$ElementData\n1\n\"{k}\"\n0\n3\n0\n1\n{m}\n{values}$EndElementData\n"))
-        .collect();
+    let tags = concat((1..=n).map(|k| format!("{k}\n")));
+    let values = concat((1..=m).map(|k| format!("{k} 1\n")));
+    let data =
+        concat((0..fields).map(|k| {
+            format!("$ElementData\n1\n\"{k}\"\n0\n3\n0\n1\n{m}\n{values}$EndElementData\n")
+        }));
     format!(
         "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n16\n{names}$EndPhysicalNames\n\
          $Entities\n0 0 0 1\n1 0 0 0 1 1 1 16 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 0\n$EndEntities\n\
@@ -175,6 +174,10 @@ pub(crate) fn dense_msh(elements: &[String], nodes: &[String], code: u8, fields:
         elements.join("\n")
     )
     .into_bytes()
+}
+
+fn concat(lines: impl Iterator<Item = String>) -> String {
+    lines.collect::<Vec<_>>().concat()
 }
 
 /// A box of `n`^3 cells as [`dense_msh`].

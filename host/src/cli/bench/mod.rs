@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod extrapolation;
+mod stability;
 
 use super::{CommandError, progress_bar};
 
@@ -18,11 +19,14 @@ enum What {
     Accuracy(accuracy::AccuracyArguments),
     /// Force error of each scheme against the rate at which the host publishes
     Extrapolation(extrapolation::ExtrapolationArguments),
+    /// Stress every law, element and scheme; fails if a number is not finite or energy comes from nowhere
+    Stability(stability::StabilityArguments),
 }
 
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Accuracy(arguments) => accuracy::run(arguments),
         What::Extrapolation(arguments) => extrapolation::run(arguments),
+        What::Stability(arguments) => stability::run(arguments),
     }
 }

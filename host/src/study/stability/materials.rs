@@ -1,0 +1,149 @@
+//! Free bodies, kicked: any stiffness, any compressibility, any step; lightly, hard, and for long.
+
+use super::specimen::{Kind, Stuff, quiet};
+use super::trial::{Method, ROUNDING, Trial, energy};
+use super::{CaseError, Job, Level, Outcome, Plan};
+
+pub(super) const EXCESS: &str = "energy above the start's, as a share";
+
+/// A kick of a hundredth of the speed of sound: strains of a few hundredths.
+pub(super) fn light(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::solved() {
+        for young in level.ends(&[1.0, 1e3, 1e6, 1e9]) {
+            for poisson in level.ends(&[0.0, 0.3, 0.45, 0.499]) {
+                for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+                    let kick = Kick {
+                        stuff: Stuff::new(young, poisson),
+                        share: 0.01,
+                        h,
+                    };
+                    let steps = level.choose(5, 20);
+                    jobs.push(kick.job(kind, method, steps));
+                }
+            }
+        }
+    }
+    Plan {
+        name: "materials and steps",
+        stress: "free bodies kicked at 0.01 of their speed of sound; E 1 Pa to 1 GPa, nu 0 to 0.499, \
+                 h 0.1 to 100 ms",
+        figure: EXCESS,
+        unit: "",
+        jobs,
+    }
+}
+
+/// A kick at the speed of sound: cells are crushed and turned inside out. TR-BDF2 may overshoot there, where a
+/// step is as long as the motion; it must be below the start's energy again in the end.
+pub(super) fn hard(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::solved() {
+        for poisson in level.ends(&[0.3, 0.45, 0.499]) {
+            for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+                let kick = Kick {
+                    stuff: Stuff::new(1e5, poisson),
+                    share: 1.0,
+                    h,
+                };
+                let steps = level.choose(20, 100);
+                jobs.push(Job::new(kick.name(), (kind, method), steps, move || {
+                    let mut trial = kick.trial(kind, method)?;
+                    let mut outcome = Outcome::of_energy(&mut trial, kind, method, |trial| {
+                        trial.run(h, steps, &[]);
+                    });
+                    if !method.never_gains(kind) {
+                        outcome.limit = None;
+                        outcome.reason = outcome.reason.or_else(|| trial.energy().unsettled());
+                    }
+                    Ok(outcome)
+                }));
+            }
+        }
+    }
+    Plan {
+        name: "hard kicks",
+        stress: "free bodies kicked at their speed of sound; nu 0.3 to 0.499, h 0.1 to 100 ms",
+        figure: EXCESS,
+        unit: "",
+        jobs,
+    }
+}
+
+/// Thousands of steps without any damping of the body's own.
+pub(super) fn long(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::solved() {
+        for h in level.ends(&[1e-4, 1e-3, 1e-2]) {
+            let kick = Kick {
+                stuff: Stuff::new(1e5, 0.3),
+                share: 0.05,
+                h,
+            };
+            jobs.push(kick.job(kind, method, level.choose(20, 3000)));
+        }
+    }
+    Plan {
+        name: "long vibration",
+        stress: "free bodies kicked at 0.05 of their speed of sound, undamped, for 3000 steps",
+        figure: EXCESS,
+        unit: "",
+        jobs,
+    }
+}
+
+/// A free body of one material that starts at a random speed.
+#[derive(Clone, Copy)]
+struct Kick {
+    stuff: Stuff,
+    /// The largest speed along an axis, as a share of that of sound.
+    share: f64,
+    h: f64,
+}
+
+impl Kick {
+    fn name(self) -> String {
+        let Stuff { young, poisson, .. } = self.stuff;
+        format!("E {young:e} Pa, nu {poisson}, h {} s", self.h)
+    }
+
+    fn job(self, kind: Kind, method: Method, steps: usize) -> Job {
+        Job::new(self.name(), (kind, method), steps, move || {
+            let mut trial = self.trial(kind, method)?;
+            Ok(Outcome::of_energy(&mut trial, kind, method, |trial| {
+                trial.run(self.h, steps, &[]);
+            }))
+        })
+    }
+
+    fn trial(self, kind: Kind, method: Method) -> Result<Trial, CaseError> {
+        let shape = kind.mesh(2)?;
+        let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
+        body.set_velocities(&shape.kick(self.share * self.stuff.sound()))?;
+        Trial::new(body, method)
+    }
+}
+
+impl Outcome {
+    /// What a free undamped body makes of its energy in `run`.
+    pub(super) fn of_energy(
+        trial: &mut Trial,
+        kind: Kind,
+        method: Method,
+        run: impl FnOnce(&mut Trial),
+    ) -> Self {
+        let start = energy(&trial.body);
+        run(trial);
+        let energy = trial.energy();
+        let regained = energy.rise() / start;
+        let reason = (method.never_gains(kind) && regained > ROUNDING)
+            .then(|| format!("its energy falls, and rises again by {regained:.3e} of the start's"));
+        Self {
+            figure: energy.excess() / start,
+            limit: Some(method.allowed_excess(kind)),
+            reason: trial.unexpected().or(reason),
+            account: std::mem::take(&mut trial.account),
+            ..Self::default()
+        }
+    }
+}

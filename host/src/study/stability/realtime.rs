@@ -1,0 +1,79 @@
+//! The realtime step: one linearization, so that a fast turn stretches what it turns. It may overshoot; what it
+//! has put in by that must go again.
+
+use super::specimen::{Kind, Stuff, quiet};
+use super::trial::{Method, Trial, energy};
+use super::{CaseError, Job, Level, Outcome, Plan};
+
+pub(super) fn plan(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    let method = Method::Linearized;
+    for kind in Kind::sheets() {
+        for young in level.ends(&[1.0, 1e3, 1e6, 1e9]) {
+            for contrast in [1.0, 1e6] {
+                for poisson in level.ends(&[0.0, 0.3, 0.499]) {
+                    for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+                        for share in [0.01, 1.0] {
+                            let name = format!(
+                                "E {young:e} Pa, {contrast:e} : 1, nu {poisson}, h {h} s, kicked at {share} c"
+                            );
+                            let kick = Kick {
+                                stuff: Stuff::new(young, poisson),
+                                contrast,
+                                share,
+                            };
+                            jobs.push(Job::new(name, (kind, method), 200, move || {
+                                kick.run(kind, h)
+                            }));
+                        }
+                    }
+                }
+            }
+        }
+    }
+    Plan {
+        name: "realtime step",
+        stress: "free sheets kicked at 0.01 and 1 of their speed of sound, stepped with one linearization; E 1 Pa \
+                 to 1 GPa and contrasts of 1e6, nu 0 to 0.499, h 0.1 to 100 ms; after 200 steps the energy must be \
+                 below the start's",
+        figure: "overshoot of energy in the first steps, as a share of the start's",
+        unit: "",
+        jobs,
+    }
+}
+
+#[derive(Clone, Copy)]
+struct Kick {
+    stuff: Stuff,
+    /// Between elements, of their stiffness.
+    contrast: f64,
+    /// The largest speed along an axis, as a share of that of sound in what is soft.
+    share: f64,
+}
+
+impl Kick {
+    fn run(self, kind: Kind, h: f64) -> Result<Outcome, CaseError> {
+        let shape = kind.mesh(2)?;
+        let stuff = |element: usize| Stuff {
+            young: if element.is_multiple_of(2) {
+                self.stuff.young
+            } else {
+                self.stuff.young / self.contrast
+            },
+            ..self.stuff
+        };
+        let soft = stuff(1);
+        let mut body = kind.build(&shape, stuff, quiet(), &[])?;
+        body.set_velocities(&shape.kick(self.share * soft.sound()))?;
+        let mut trial = Trial::new(body, Method::Linearized)?;
+        let start = energy(&trial.body);
+        trial.run(h, 200, &[]);
+        Ok(Outcome {
+            figure: trial.energy().excess() / start,
+            limit: None,
+            reason: trial.unexpected().or_else(|| trial.energy().unsettled()),
+            account: trial.account,
+            ..Outcome::default()
+        })
+    }
+}
