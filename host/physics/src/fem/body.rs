@@ -8,6 +8,7 @@ use super::bending::Bending;
 use super::block_matrix::BlockMatrix;
 use super::elements::Elements;
 use super::error::BodyError;
+use super::guard::Guard;
 use super::handle::{Handle, HandleReport};
 use super::pcg::{Budget, Pcg};
 use super::support::Supports;
@@ -111,6 +112,9 @@ pub struct Body {
     pub(crate) pcg: Pcg,
     /// Force of the hand on each handle node less the node's inertia, in the last step (N).
     pub(crate) grip: Vec<Vec3>,
+    pub(crate) guard: Guard,
+    /// Positions after the step, before it is taken.
+    pub(crate) ahead: Vec<Vec3>,
     /// Whether stiffness and internal forces are those of the present state.
     pub(crate) fresh: bool,
     /// Whether `assemble` has ever run.

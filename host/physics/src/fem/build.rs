@@ -5,6 +5,7 @@ use super::block_matrix::BlockMatrix;
 use super::body::{Body, BodyConfig};
 use super::elements::Elements;
 use super::error::BodyError;
+use super::guard::Guard;
 use super::handle::{Handle, HandleSpec};
 use super::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
 use super::material::{Material, SolidMaterial};
@@ -211,6 +212,8 @@ impl Body {
             load,
             internal: vec![Vec3::zeros(); count],
             displacement: vec![Vec3::zeros(); count],
+            guard: Guard::default(),
+            ahead: vec![Vec3::zeros(); count],
             pcg: Pcg::new(free),
             grip: vec![Vec3::zeros(); count - free],
             fresh: false,

@@ -34,8 +34,14 @@ impl Body {
 
     /// Elastic energy (J) at the present state, bending included.
     pub fn elastic_energy(&self) -> f64 {
-        let sets = self.elements.iter();
-        sets.map(|set| set.energy(&self.x)).sum::<f64>() + self.bending_energy()
+        self.elastic_energy_at(&self.x)
+    }
+
+    /// The same at positions `x` (m) by node.
+    pub(crate) fn elastic_energy_at(&self, x: &[Vec3]) -> f64 {
+        let bending = self.bending.as_ref();
+        let bending = bending.map_or(0.0, |bending| bending.energy(&self.stiffness, x));
+        self.elements.iter().map(|set| set.energy(x)).sum::<f64>() + bending
     }
 
     /// Bending energy (J) at the present state; 0 without bending.
@@ -48,7 +54,12 @@ impl Body {
     /// Potential energy (J) of gravity and the host's forces at the present state, as far as they act: minus
     /// their work from the origin.
     pub fn load_potential(&self) -> f64 {
-        let work = self.external.iter().zip(&self.x).map(|(f, x)| f.dot(x));
+        self.load_potential_at(&self.x)
+    }
+
+    /// The same at positions `x` (m) by node.
+    pub(crate) fn load_potential_at(&self, x: &[Vec3]) -> f64 {
+        let work = self.external.iter().zip(x).map(|(f, x)| f.dot(x));
         -self.load_factor * work.sum::<f64>()
     }
 }

@@ -7,11 +7,13 @@
 //! L-stable, so by von Neumann's theorem the energy of a linear, dissipative body never grows. It costs two
 //! solves a step.
 //!
-//! A handle moves at constant velocity over a step. A step that does not converge is taken in halves; one
+//! A substep of TR-BDF2 that would make energy in a body that is not linear is taken by implicit Euler instead
+//! (`guard`). A handle moves at constant velocity over a step. A step that does not converge is taken in halves; one
 //! that cannot be taken leaves the body as it was.
 
 use super::body::Body;
 use super::error::{CondenseError, StepError};
+use super::guard::{Energy, Guard};
 use super::handle::{HandlePose, HandleReport};
 use super::newton::{Newton, NewtonOptions, NewtonReport, Stage};
 use crate::Vec3;
@@ -57,6 +59,8 @@ pub struct StepReport {
     pub substeps: usize,
     /// Attempts that were thrown away.
     pub refused: usize,
+    /// Substeps taken by implicit Euler, for TR-BDF2 would have made energy.
+    pub damped: usize,
     /// Newton iterations, all together.
     pub iterations: usize,
     /// The worst residual of any solve kept, as a share of the forces that balance.
@@ -88,6 +92,9 @@ pub struct Integrator {
     reactions: Vec<Vec3>,
     grip: Vec<Vec3>,
     aims: Vec<HandlePose>,
+    guard: Guard,
+    /// The most that hands can have put in over the substep (J).
+    work: f64,
 }
 
 /// `share` of the way between two poses.
@@ -125,6 +132,8 @@ impl Integrator {
             reports,
             reactions: Vec::with_capacity(body.supports.list.len()),
             grip: body.grip.clone(),
+            guard: Guard::default(),
+            work: 0.0,
         })
     }
 
@@ -189,17 +198,19 @@ impl Integrator {
             }
             let share = size as f64 / (whole - done) as f64;
             let dt = h * size as f64 / whole as f64;
-            let outcome = self.attempt(body, dt, share);
+            let guard = self.guard;
+            let outcome = self.substep(body, dt, share);
             let good = |newton: &NewtonReport| {
                 newton.converged
                     && !(self.options.refuse_inversion && body.inverted_count() > inverted)
             };
             match outcome {
-                Ok(newton) if good(&newton) => {
+                Ok((newton, damped)) if good(&newton) => {
                     // Only now: a refused attempt must leave the handles' poses for the next.
                     body.report_stage(dt, &self.aims, &self.v);
                     done += size;
                     report.substeps += 1;
+                    report.damped += usize::from(damped);
                     report.iterations += newton.iterations;
                     let relative = newton.residual / newton.reference.max(f64::MIN_POSITIVE);
                     report.relative_residual = report.relative_residual.max(relative);
@@ -218,10 +229,11 @@ impl Integrator {
                     let count = body.inverted_count();
                     body.x.copy_from_slice(&self.x);
                     body.v.copy_from_slice(&self.v);
+                    self.guard = guard;
                     if size == 1 {
                         return Err(match other {
-                            Ok(newton) if newton.converged => StepError::Inverted { count },
-                            Ok(newton) => StepError::NotConverged {
+                            Ok((newton, _)) if newton.converged => StepError::Inverted { count },
+                            Ok((newton, _)) => StepError::NotConverged {
                                 iterations: newton.iterations,
                                 residual: newton.residual,
                                 reference: newton.reference,
@@ -236,15 +248,53 @@ impl Integrator {
         Ok(report)
     }
 
-    /// One substep of `h`, guided axes going `share` of what is left.
-    fn attempt(&mut self, body: &mut Body, h: f64, share: f64) -> Result<NewtonReport, StepError> {
-        let mut report = match self.options.scheme {
+    /// One substep of `h`, guided axes going `share` of what is left; whether it had to be taken by implicit
+    /// Euler instead of the scheme.
+    fn substep(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        share: f64,
+    ) -> Result<(NewtonReport, bool), StepError> {
+        let scheme = self.options.scheme;
+        if scheme == Scheme::ImplicitEuler {
+            return Ok((self.attempt(body, scheme, h, share)?, false));
+        }
+        self.guard.begin(Energy::now(body));
+        let found = self.attempt(body, scheme, h, share)?;
+        if !found.converged {
+            return Ok((found, false));
+        }
+        let after = Energy::now(body);
+        if self.guard.allows(body, after, self.work) {
+            self.guard.end(after, self.work);
+            return Ok((found, false));
+        }
+        body.x.copy_from_slice(&self.x);
+        body.v.copy_from_slice(&self.v);
+        let mut safer = self.attempt(body, Scheme::ImplicitEuler, h, share)?;
+        safer.iterations += found.iterations;
+        self.guard.end(Energy::now(body), self.work);
+        Ok((safer, true))
+    }
+
+    /// One substep of `h` by `scheme`, guided axes going `share` of what is left.
+    fn attempt(
+        &mut self,
+        body: &mut Body,
+        scheme: Scheme,
+        h: f64,
+        share: f64,
+    ) -> Result<NewtonReport, StepError> {
+        let mut report = match scheme {
             Scheme::ImplicitEuler => {
                 for node in 0..self.x.len() {
                     self.anchor[node] = self.x[node];
                     self.predicted[node] = self.x[node] + self.v[node] * h;
                 }
-                self.solve(body, h, 1.0, share, h)?
+                let report = self.solve(body, h, 1.0, share, h)?;
+                self.work = self.hands(body, &self.x);
+                report
             }
             Scheme::TrBdf2 => {
                 let g = D * h;
@@ -259,6 +309,7 @@ impl Integrator {
                 if !first.converged {
                     return Ok(first);
                 }
+                self.work = self.hands(body, &self.x);
                 self.middle.copy_from_slice(&body.x);
                 let to_middle = 1.0 / (GAMMA * (2.0 - GAMMA));
                 let to_start = to_middle - 1.0;
@@ -271,23 +322,44 @@ impl Integrator {
                 // What is left of the way after the first stage.
                 let left = share * (1.0 - GAMMA) / (1.0 - share * GAMMA);
                 let mut second = self.solve(body, g, 1.0, left, h)?;
+                self.work += self.hands(body, &self.middle);
                 second.iterations += first.iterations;
                 second.clipped += first.clipped;
                 second.halvings += first.halvings;
                 second
             }
         };
-        let g = if self.options.scheme == Scheme::TrBdf2 {
-            D * h
-        } else {
-            h
-        };
+        let g = if scheme == Scheme::TrBdf2 { D * h } else { h };
         for (node, v) in body.v.iter_mut().enumerate() {
             *v = (body.x[node] - self.anchor[node]) / g;
         }
+        self.work += self.push(body);
         report.converged &= body.v.iter().flat_map(Vec3::iter).all(|v| v.is_finite());
         body.fresh = false;
         Ok(report)
+    }
+
+    /// The most work (J) that handles and supports can have done on what they hold `from` these positions to
+    /// the end of the stage just solved, its inertia left out.
+    fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
+        let force = self.newton.residual();
+        let moved = |node: usize| body.x[node] - from[node];
+        let held = body.stiffness.free()..body.x.len();
+        let work: f64 = held
+            .map(|node| force[node].norm() * moved(node).norm())
+            .sum();
+        work + body.supports.work(|node| force[node], moved)
+    }
+
+    /// The same that its inertia took.
+    fn push(&self, body: &Body) -> f64 {
+        let gained = |node: usize| {
+            let (now, then) = (&body.v[node], &self.v[node]);
+            (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.mass[node])
+        };
+        let held = body.stiffness.free()..body.x.len();
+        let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
+        work + body.supports.work(gained, |_| Vec3::repeat(1.0))
     }
 
     /// Solves a stage that ends `part` of a substep of `h` after its start.

@@ -9,6 +9,7 @@
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - [`body`], `build`, `energy` and `step`: the body, its construction, its sums and its realtime step.
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
+//! - `guard`: a bound on the energy that a step may leave.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 //! - [`cholesky`] and [`condense`]: what the hands feel, as small dense matrices between handles.
 //!
@@ -26,6 +27,7 @@ pub mod elements;
 mod energy;
 pub mod equilibrium;
 pub mod error;
+mod guard;
 pub mod handle;
 pub mod integrator;
 pub mod law;

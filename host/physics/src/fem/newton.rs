@@ -183,6 +183,12 @@ impl Newton {
         }
     }
 
+    /// What the last solve left over, by node (N): on held nodes and guided axes the force of hand or support,
+    /// the node's inertia left out.
+    pub(crate) fn residual(&self) -> &[Vec3] {
+        &self.residual
+    }
+
     /// The residual at the present positions, by node: on held nodes the force of the hand.
     fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
         let damping = body.config.stiffness_damping;

@@ -55,6 +55,9 @@ pub struct SolveReport {
     pub final_residual: f64,
     /// Whether a tolerance was met within the budget.
     pub converged: bool,
+    /// Share of the motion that was held back, for with all of it the body would have made energy; 0 is the
+    /// rule.
+    pub held_back: f64,
 }
 
 impl SolveReport {
@@ -120,6 +123,7 @@ impl Pcg {
             initial_residual: initial,
             final_residual: initial,
             converged: initial <= goal,
+            held_back: 0.0,
         };
         while !report.converged && report.iterations < budget.max_iterations {
             let curvature = matrix.product(&self.direction, &mut self.image);

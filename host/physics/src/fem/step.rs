@@ -9,7 +9,7 @@
 //!
 //! on the free nodes, while the handle nodes move as their handles prescribe (Baraff and Witkin, "Large
 //! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
-//! that the hand had to give.
+//! that the hand had to give. A step that would make energy is shortened (`guard`).
 
 use super::body::Body;
 use super::error::StepError;
@@ -65,17 +65,13 @@ impl Body {
             mass_factor,
             mask: self.supports.mask(),
         };
-        let report = self.pcg.solve(
+        let mut report = self.pcg.solve(
             &matrix,
             &mut self.displacement[..free],
             &self.config.budget(),
         );
 
-        for node in free..self.x.len() {
-            let inertia = self.inertia(node, h);
-            self.grip[node - free] =
-                self.imbalance(node, h, mass_factor, stiffness_factor) - inertia;
-        }
+        let mut work = self.take_grip(h, mass_factor, stiffness_factor);
         let moves = self.displacement.iter().flat_map(Vec3::iter);
         let grip = self.grip.iter().flat_map(Vec3::iter);
         // The velocity leaves the range of numbers before the motion; a residual that has left it has been
@@ -87,6 +83,14 @@ impl Body {
             return Err(StepError::Diverged {
                 iterations: report.iterations,
             });
+        }
+        work += self.supports.work(
+            |node| self.imbalance(node, h, mass_factor, stiffness_factor),
+            |node| self.displacement[node],
+        );
+        report.held_back = self.hold_back(h, work);
+        if report.held_back > 0.0 {
+            self.take_grip(h, mass_factor, stiffness_factor);
         }
         self.report_handles(h, targets);
         let mut supports = core::mem::take(&mut self.supports);
@@ -113,6 +117,18 @@ impl Body {
             return Err(StepError::Target { handle });
         }
         Ok(())
+    }
+
+    /// Finds what the hands have to give; returns the most work (J) that they can have done.
+    fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
+        let free = self.stiffness.free();
+        let mut work = 0.0;
+        for node in free..self.x.len() {
+            let force = self.imbalance(node, h, mass_factor, stiffness_factor);
+            self.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.displacement[node].norm();
+        }
+        work
     }
 
     /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force

@@ -97,6 +97,18 @@ impl Supports {
         }
     }
 
+    /// The most work (J) that the supports can have done where they gave `force` and moved a node by `moved`.
+    pub(crate) fn work(&self, force: impl Fn(usize) -> Vec3, moved: impl Fn(usize) -> Vec3) -> f64 {
+        let nodes = self.guided.iter().map(|&node| node as usize);
+        nodes
+            .map(|node| {
+                let guided = Vec3::repeat(1.0) - self.mask[node];
+                let work = force(node).component_mul(&moved(node)).abs();
+                work.dot(&guided)
+            })
+            .sum()
+    }
+
     /// Sums the forces that the supports must give, from the imbalance of each guided node.
     pub(crate) fn collect_reactions(&mut self, imbalance: impl Fn(usize) -> Vec3) {
         for support in &mut self.list {

@@ -4,7 +4,7 @@ use super::super::CommandError;
 use super::progress_bar;
 use crate::atomic_file::write_atomically;
 use crate::plot::{self, Marker, Series};
-use crate::study::stability::{self, Case, Family, Level, Report, Verdict};
+use crate::study::stability::{self, Account, Case, Family, Level, Report, Verdict};
 use std::path::PathBuf;
 
 /// Arguments of `palpate bench stability`.
@@ -52,13 +52,17 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
 
 fn print_families(report: &Report) {
     println!(
-        "| family | cases | pass | reported | fail | refused steps | figure | worst | allowed | where |"
+        "| family | cases | pass | reported | fail | refused | damped | figure | worst | allowed | where |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
     for family in &report.families {
         let [pass, reported, fail] =
             [Verdict::Pass, Verdict::Reported, Verdict::Fail].map(|verdict| family.count(verdict));
-        let refused: usize = family.cases.iter().map(|case| case.account.refused).sum();
+        let sum = |count: fn(&Account) -> usize| -> usize {
+            family.cases.iter().map(|case| count(&case.account)).sum()
+        };
+        let refused = sum(|account| account.refused);
+        let damped = sum(|account| account.damped);
         let (worst, allowed, at) = family.worst().map_or_else(Default::default, |case| {
             let allowed = case
                 .limit
@@ -70,14 +74,16 @@ fn print_families(report: &Report) {
             )
         });
         println!(
-            "| {} | {} | {pass} | {reported} | {fail} | {refused} | {} | {} | {allowed} | {at} |",
+            "| {} | {} | {pass} | {reported} | {fail} | {refused} | {damped} | {} | {} | {allowed} | {at} |",
             family.name,
             family.cases.len(),
             family.figure,
             worst.trim_end(),
         );
     }
-    println!();
+    println!(
+        "\nrefused: steps that ended in a typed error; damped: steps that would have made energy.\n"
+    );
     for family in &report.families {
         println!("- {}: {}.", family.name, family.stress);
     }

@@ -6,8 +6,9 @@
 //! state is the last good one, bit for bit. Beside its verdict each case has one figure, the smaller the better.
 //!
 //! Energy is kinetic, elastic and of the loads together. It may never get above what there was at the start, and
-//! under implicit Euler, and for linear bodies, never rise again once it has fallen. TR-BDF2 makes no such promise
-//! for bodies that are not linear (it hides some energy between steps and gives it back): a hundredth is allowed.
+//! under implicit Euler, and for linear bodies, never rise again once it has fallen. TR-BDF2 and the linearized
+//! step make no such promise for bodies that are not linear (they hide some energy between steps and give it
+//! back): a hundredth is allowed.
 
 mod contrasts;
 mod free;
@@ -26,7 +27,8 @@ mod trial;
 use physics::fem::{BodyError, CondenseError, StepError};
 use serde::Serialize;
 use specimen::Kind;
-use trial::{Account, Method};
+pub use trial::Account;
+use trial::Method;
 
 /// How much is done.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

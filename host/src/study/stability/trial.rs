@@ -78,12 +78,23 @@ pub struct Account {
     pub refused: usize,
     /// Substeps of all steps taken; as many as these where none was halved.
     pub substeps: usize,
+    /// Substeps of TR-BDF2 taken by implicit Euler, and linearized steps of which a part was held back: what
+    /// keeps them from making energy.
+    pub damped: usize,
     /// The worst residual of any step taken, as a share of the forces that balance.
     pub residual: f64,
     /// The first error.
     pub error: Option<String>,
     /// What no step may do: a number that is not finite, or a refused step that moved the body.
     pub broken: Option<String>,
+}
+
+/// How a step went, as [`Account`] counts it.
+#[derive(Default)]
+struct Taken {
+    substeps: usize,
+    damped: usize,
+    residual: f64,
 }
 
 /// A body, how it is stepped, and what it has done.
@@ -101,7 +112,6 @@ pub(super) struct Trial {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Energy {
     start: f64,
-    last: f64,
     highest: f64,
     least: f64,
     rise: f64,
@@ -111,7 +121,6 @@ impl Energy {
     pub(super) fn new(start: f64) -> Self {
         Self {
             start,
-            last: start,
             highest: start,
             least: start,
             rise: 0.0,
@@ -125,17 +134,9 @@ impl Energy {
         } else {
             energy
         };
-        self.last = energy;
         self.rise = self.rise.max(energy - self.least);
         self.highest = self.highest.max(energy);
         self.least = self.least.min(energy);
-    }
-
-    /// What is wrong where it may overshoot, but must end below the start.
-    pub(super) fn unsettled(&self) -> Option<String> {
-        let end = self.last / self.start;
-        (end.is_nan() || end > 1.0)
-            .then(|| format!("its energy ends at {end:.3e} times the start's"))
     }
 
     /// How far it has been above the start.
@@ -183,12 +184,16 @@ impl Trial {
     /// One step; whether it was taken.
     pub(super) fn step(&mut self, h: f64, targets: &[HandlePose]) -> bool {
         self.watch(|body, integrator| match integrator {
-            Some(integrator) => integrator
-                .step(body, h, targets)
-                .map(|report| (report.substeps, report.relative_residual)),
-            None => body
-                .step(h, targets)
-                .map(|report| (1, report.relative_residual())),
+            Some(integrator) => integrator.step(body, h, targets).map(|report| Taken {
+                substeps: report.substeps,
+                damped: report.damped,
+                residual: report.relative_residual,
+            }),
+            None => body.step(h, targets).map(|report| Taken {
+                substeps: 1,
+                damped: usize::from(report.held_back > 0.0),
+                residual: report.relative_residual(),
+            }),
         })
     }
 
@@ -197,13 +202,13 @@ impl Trial {
         &mut self,
         what: impl FnOnce(&mut Body) -> Result<T, E>,
     ) -> bool {
-        self.watch(|body, _| what(body).map(|_| (0, 0.0)))
+        self.watch(|body, _| what(body).map(|_| Taken::default()))
     }
 
-    /// Watches what gives the number of its substeps and its relative residual, or an error.
+    /// Watches what says how it went, or gives an error.
     fn watch<E: Display>(
         &mut self,
-        act: impl FnOnce(&mut Body, Option<&mut Integrator>) -> Result<(usize, f64), E>,
+        act: impl FnOnce(&mut Body, Option<&mut Integrator>) -> Result<Taken, E>,
     ) -> bool {
         state(&self.body, &mut self.before);
         self.account.steps += 1;
@@ -218,9 +223,10 @@ impl Trial {
         }
         let granted = result.is_ok();
         match result {
-            Ok((substeps, residual)) => {
-                self.account.substeps += substeps;
-                self.account.residual = self.account.residual.max(residual);
+            Ok(taken) => {
+                self.account.substeps += taken.substeps;
+                self.account.damped += taken.damped;
+                self.account.residual = self.account.residual.max(taken.residual);
             }
             Err(error) => {
                 self.account.refused += 1;

@@ -1,0 +1,168 @@
+//! A bound on the energy that a step may leave.
+//!
+//! Implicit Euler, solved to its end, takes energy from any body. TR-BDF2 promises that for linear ones only,
+//! and one linearization promises nothing where a step is so long that it does not hold: a kick may then be
+//! given back many times over. Each of them is checked here, and taken in a safer way where it fails, so that
+//! what no hand puts in never comes (after Dinev, Liu and Kavan, "Stabilizing integrators for real-time
+//! physics", 2018, who blend with implicit Euler by the energy).
+
+use super::body::Body;
+use crate::Vec3;
+
+/// Share of kinetic and elastic energy that a step may regain. A scheme of second order swings about the right
+/// energy, and must be let: half of the hundredth that is promised.
+const SLACK: f64 = 0.005;
+/// Energies are known to this share of stiffness times position squared, and of the loads' work.
+const ROUNDING: f64 = 1e-14;
+/// A kick of a thousand cells in a step, in cells that resist with the fourth power.
+const MOST_HALVINGS: usize = 30;
+
+/// What a body's energy may be after the next step.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Guard {
+    /// Energy after the last step (J): another one now means that the body was changed from outside.
+    last: f64,
+    /// The bound (J), but for the work of hands.
+    limit: f64,
+}
+
+/// Energy of a body (J).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Energy {
+    /// Kinetic and elastic.
+    own: f64,
+    /// With that of the loads; infinite where it is not a number.
+    total: f64,
+}
+
+impl Energy {
+    /// At positions `x` (m) and velocities `v` (m/s) by node.
+    pub(crate) fn of(body: &Body, x: &[Vec3], v: impl Iterator<Item = Vec3>) -> Self {
+        let kinetic: f64 = v
+            .zip(&body.mass)
+            .map(|(v, mass)| 0.5 * mass * v.norm_squared())
+            .sum();
+        let own = kinetic + body.elastic_energy_at(x);
+        let total = own + body.load_potential_at(x);
+        Self {
+            own,
+            total: if total.is_nan() { f64::INFINITY } else { total },
+        }
+    }
+
+    pub(crate) fn now(body: &Body) -> Self {
+        Self::of(body, &body.x, body.v.iter().copied())
+    }
+
+    pub(crate) fn is_below(&self, other: &Self) -> bool {
+        self.total < other.total
+    }
+}
+
+impl Default for Guard {
+    fn default() -> Self {
+        Self {
+            last: f64::NAN,
+            limit: f64::INFINITY,
+        }
+    }
+}
+
+impl Guard {
+    /// Before a step, from the energy as it is.
+    pub(crate) fn begin(&mut self, before: Energy) {
+        if before.total.to_bits() != self.last.to_bits() {
+            self.limit = before.total + SLACK * before.own;
+        }
+    }
+
+    /// Whether a step may end at `after`, when hands have put in at most `work` (J).
+    pub(crate) fn allows(&self, body: &Body, after: Energy, work: f64) -> bool {
+        let limit = self.limit + work;
+        // Rounding costs a pass over the body: only where it decides.
+        after.total <= limit || after.total <= limit + rounding(body)
+    }
+
+    /// The step is taken: what is lost may not come back, whatever hands have put in may.
+    pub(crate) fn end(&mut self, after: Energy, work: f64) {
+        self.last = after.total;
+        self.limit = (self.limit + work).min(after.total + SLACK * after.own);
+    }
+}
+
+impl Body {
+    /// Holds back so much of the displacement over a step of `h` that the body ends with no more energy than it
+    /// had and hands have put in, at most `work` (J). Returns the share held back; 0 is the rule.
+    ///
+    /// A body that stays where it is gains nothing, so some share will do unless hands tear it along. One that
+    /// nothing holds keeps its momentum: the motion of its centre of mass is not touched.
+    pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
+        let mut guard = self.guard;
+        guard.begin(Energy::now(self));
+        let mut found = self.energy_ahead(h);
+        let mut kept = 1.0;
+        if !guard.allows(self, found, work) {
+            let drift = self.free_drift();
+            for _ in 0..MOST_HALVINGS {
+                self.scale_motion(0.5, &drift);
+                let shorter = self.energy_ahead(h);
+                if !shorter.is_below(&found) {
+                    // Not where the energy comes from.
+                    self.scale_motion(2.0, &drift);
+                    break;
+                }
+                found = shorter;
+                kept *= 0.5;
+                if guard.allows(self, found, work) {
+                    break;
+                }
+            }
+        }
+        guard.end(found, work);
+        self.guard = guard;
+        1.0 - kept
+    }
+
+    /// Energy after a step of `h` by the displacement as it is.
+    fn energy_ahead(&mut self, h: f64) -> Energy {
+        let mut ahead = core::mem::take(&mut self.ahead);
+        for ((ahead, x), u) in ahead.iter_mut().zip(&self.x).zip(&self.displacement) {
+            *ahead = x + u;
+        }
+        let energy = Energy::of(self, &ahead, self.displacement.iter().map(|u| u / h));
+        self.ahead = ahead;
+        energy
+    }
+
+    /// How far the centre of mass goes in the step (m), where nothing but itself decides that.
+    fn free_drift(&self) -> Vec3 {
+        if !self.handles.is_empty() || !self.supports.list.is_empty() {
+            return Vec3::zeros();
+        }
+        let moved = self.displacement.iter().zip(&self.mass);
+        moved.map(|(u, mass)| u * *mass).sum::<Vec3>() / self.total_mass()
+    }
+
+    /// Multiplies what nothing prescribes of the displacement, less `drift`.
+    fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
+        let free = self.stiffness.free();
+        let mask = self.supports.mask();
+        for (node, u) in self.displacement[..free].iter_mut().enumerate() {
+            let change = (*u - drift) * (factor - 1.0);
+            *u += mask.map_or(change, |mask| change.component_mul(&mask[node]));
+        }
+    }
+}
+
+/// What cannot be told from a sum of energies (J).
+fn rounding(body: &Body) -> f64 {
+    let free = body.stiffness.free();
+    let mut sum = 0.0;
+    for (node, x) in body.x.iter().enumerate() {
+        sum += body.external[node].dot(x).abs();
+        if node < free {
+            sum += body.stiffness.diagonal(node).amax() * x.norm_squared();
+        }
+    }
+    ROUNDING * sum
+}
