@@ -242,7 +242,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh: found 3, allowed: a table
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = {}
-  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box` and `file`
+  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate` and `file`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = "file"
   x.toml:14: body[0].mesh: found "file", allowed: a table
@@ -254,7 +254,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `file`, `order`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `file`, `order`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
@@ -266,10 +266,19 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.sheet: missing field `cells`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = { length = 0.2, depth = 0.1 }
-  x.toml:14: body[0].mesh.sheet.depth: unknown field, allowed: `length`, `width`, `cells`
+  x.toml:14: body[0].mesh.sheet.depth: unknown field, allowed: `length`, `width`, `cells`, `pattern`
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2], pattern = "crossed" }
+  x.toml:14: body[0].mesh.sheet.pattern: found "crossed", allowed: `regular` or `alternating`
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.plate = { width = 0.2, height = 0.1, radius = 0, cells = [4, 2] }
+  x.toml:14: body[0].mesh.plate.radius: found 0, allowed: a number above 0
+mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
+  -> mesh.plate = { width = 0.2, height = 0.1, radius = 0.01, cells = [4000, 2000] }
+  x.toml:14: body[0].mesh.plate.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
 cells = [4, 2] }
   -> cells = [4, 2] }¶mesh.file = 'x'
-  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box` and `file`
+  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate` and `file`
 cells = [4, 2]
   -> cells = [4000, 2000]
   x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all

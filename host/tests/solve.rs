@@ -93,6 +93,53 @@ fn a_bonded_cube_pushes_back_as_the_reference_says() {
     }
 }
 
+/// A plate with a hole and the quarter of it that its symmetries leave are the same problem.
+#[test]
+fn a_quarter_of_a_plate_with_a_hole_carries_half_of_its_force() {
+    let plate = |quarter: bool, supports: &str| {
+        let text = format!(
+            r#"
+name = "plate"
+gravity = [0, 0, 0]
+[[body]]
+name = "plate"
+bending = 0
+mesh.plate = {{ width = 0.2, height = 0.1, radius = 0.02, cells = [6, 8], quarter = {quarter} }}
+material = {{ young = 1e6, poisson = 0.3, thickness = 0.001, density = 1000 }}
+{supports}
+[[body.support]]
+name = "right"
+group = "right"
+axes = ["x"]
+displacement = [0.001, 0, 0]
+[[body.support]]
+name = "plane"
+box = [[-1, -1, -1], [1, 1, 1]]
+axes = ["z"]
+"#
+        );
+        force(&body(&text), "right")[0]
+    };
+    let support = |name: &str, group: &str, axis: &str, way: f64| {
+        format!(
+            "[[body.support]]\nname = \"{name}\"\ngroup = \"{group}\"\naxes = [\"{axis}\"]\n\
+             displacement = [{way}, 0, 0]\n"
+        )
+    };
+    let quarter = plate(
+        true,
+        &(support("x", "symmetry_x", "x", 0.0) + &support("y", "symmetry_y", "y", 0.0)),
+    );
+    // Nothing keeps the whole from sliding along y but its own symmetry, and Newton's shift.
+    let whole = plate(false, &support("left", "left", "x", -0.001));
+    assert!(
+        (whole - 2.0 * quarter).abs() < 1e-8 * whole,
+        "{whole} {quarter}"
+    );
+    // Softer than without a hole, E t height strain = 1 N, and the ligament alone would carry 0.6 N.
+    assert!((0.6..1.0).contains(&whole), "{whole}");
+}
+
 /// Free to slide, strain is uniform: E A times the strain, exactly.
 #[test]
 fn a_sliding_cube_pushes_back_exactly() {

@@ -1,9 +1,10 @@
 //! The mesh of a body: generated or read.
 
-use crate::scene::spec::MeshSource;
+use crate::scene::spec::{MeshSource, PatternName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
+use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
 use physics::mesh::{self, Cells, Mesh};
 
 /// The mesh of one body, its elements in the file's order.
@@ -20,9 +21,25 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneErr
             length,
             width,
             cells: [nx, ny],
-        } => generate::sheet(*length, *width, *nx, *ny, Pattern::Alternating)
-            .map(Mesh::Sheet)
-            .map_err(|e| refuse("sheet", &e, "a sheet with an area"))?,
+            pattern,
+        } => {
+            let pattern = match pattern {
+                PatternName::Regular => Pattern::Regular,
+                PatternName::Alternating => Pattern::Alternating,
+            };
+            generate::sheet(*length, *width, *nx, *ny, pattern)
+                .map(Mesh::Sheet)
+                .map_err(|e| refuse("sheet", &e, "a sheet with an area"))?
+        }
+        MeshSource::Plate { plate, quarter } => {
+            let made = if *quarter {
+                quarter_plate_with_hole(plate)
+            } else {
+                plate_with_hole(plate)
+            };
+            made.map(Mesh::Sheet)
+                .map_err(|e| refuse("plate", &e, "a plate around its hole"))?
+        }
         MeshSource::Box { size, cells } => solid_box(*size, *cells)
             .map(Mesh::Solid)
             .map_err(|e| refuse("box", &e, "a box with a volume"))?,

@@ -131,6 +131,7 @@ fn check_body(at: &str, body: &Body) -> Check {
     match &body.mesh.source {
         MeshSource::Sheet { cells: n, .. } => cells("sheet", n)?,
         MeshSource::Box { cells: n, .. } => cells("box", n)?,
+        MeshSource::Plate { plate, .. } => cells("plate", &[plate.around, plate.outward])?,
         MeshSource::File(file) => file_name(&format!("{at}.mesh.file"), file)?,
     }
     for (index, region) in body.regions.iter().enumerate() {

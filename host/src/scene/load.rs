@@ -145,7 +145,7 @@ fn load(
     let mut meshes = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         meshes.push(match &body.mesh.source {
-            MeshSource::Sheet { .. } | MeshSource::Box { .. } => None,
+            MeshSource::Sheet { .. } | MeshSource::Box { .. } | MeshSource::Plate { .. } => None,
             MeshSource::File(file) => {
                 let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
                 Some(MeshFile { path, bytes })

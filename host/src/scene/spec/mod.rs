@@ -11,7 +11,7 @@ pub mod solve;
 use super::check;
 use serde::Deserialize;
 
-pub use body::{Body, Handle, Load, Material, MeshSource, Support};
+pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
 pub use device::{Device, DeviceName, Hand};
 pub use solve::{Analysis, Solve};
 
