@@ -5,10 +5,12 @@
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
 //! - [`mesh`]: triangle and tetrahedral meshes, generators and file formats.
+//! - [`fast`]: the realtime step of a body, without assembling anything.
 //! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the
 //!   condensation of a body onto its handles.
 #![forbid(unsafe_code)]
 
+pub mod fast;
 pub mod fem;
 pub mod mesh;
 

@@ -104,6 +104,57 @@ impl BlockMatrix {
         }
     }
 
+    /// A zero matrix of the same pattern over nodes numbered anew: node `i` becomes `place[i]`, free nodes
+    /// staying free.
+    pub(crate) fn renumbered(&self, place: &[u32]) -> Self {
+        let mut cliques = Vec::with_capacity(self.columns.len());
+        for row in 0..self.nodes() {
+            let (columns, _) = self.row(row);
+            let pair = |&column: &u32| [place[row], place[column as usize]];
+            cliques.extend(columns.iter().map(pair));
+        }
+        Self::new(
+            self.nodes(),
+            self.free,
+            cliques.iter().map(<[u32; 2]>::as_slice),
+        )
+    }
+
+    /// `weights` by slot of this matrix, by slot of `to`, which is [`renumbered`](Self::renumbered).
+    pub(crate) fn renumbered_weights(&self, weights: &[f64], place: &[u32], to: &Self) -> Vec<f64> {
+        let mut renumbered = vec![0.0; to.columns.len()];
+        for row in 0..self.nodes() {
+            let (columns, first) = self.row(row);
+            for (offset, &column) in columns.iter().enumerate() {
+                if let Some(slot) = to.slot(place[row], place[column as usize]) {
+                    renumbered[slot as usize] = weights[first + offset];
+                }
+            }
+        }
+        renumbered
+    }
+
+    /// Adds a matrix of the same pattern.
+    pub(crate) fn add_all(&mut self, other: &Self) {
+        for (block, other) in self.blocks.iter_mut().zip(&other.blocks) {
+            *block += other;
+        }
+    }
+
+    /// Adds to every block its entry of `weights` times the identity.
+    pub(crate) fn add_scalar(&mut self, weights: &[f64]) {
+        for (block, &weight) in self.blocks.iter_mut().zip(weights) {
+            for i in 0..3 {
+                block[(i, i)] += weight;
+            }
+        }
+    }
+
+    /// Blocks of a row, with the columns (counted over all nodes).
+    pub(crate) fn blocks(&self, row: usize) -> impl Iterator<Item = (usize, &Mat3)> {
+        self.entries(self.row_start[row], self.row_start[row + 1])
+    }
+
     /// Adds to the block stored at `slot`.
     #[inline]
     pub fn add(&mut self, slot: u32, block: &Mat3) {

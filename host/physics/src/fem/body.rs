@@ -95,6 +95,8 @@ pub struct Body {
     pub(crate) supports: Supports,
 
     // State and constants by node.
+    /// Positions at rest (m).
+    pub(crate) rest: Vec<Vec3>,
     pub(crate) x: Vec<Vec3>,
     pub(crate) v: Vec<Vec3>,
     pub(crate) mass: Vec<f64>,

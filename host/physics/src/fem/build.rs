@@ -204,6 +204,7 @@ impl Body {
             stiffness,
             handles,
             supports: Supports::default(),
+            rest: x.clone(),
             x,
             v: vec![Vec3::zeros(); count],
             external: load.iter().map(|&load| config.gravity * load).collect(),

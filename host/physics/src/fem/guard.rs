@@ -15,7 +15,7 @@ const SLACK: f64 = 0.005;
 /// Energies are known to this share of stiffness times position squared, and of the loads' work.
 const ROUNDING: f64 = 1e-14;
 /// A kick of a thousand cells in a step, in cells that resist with the fourth power.
-const MOST_HALVINGS: usize = 30;
+pub(crate) const MOST_HALVINGS: usize = 30;
 
 /// What a body's energy may be after the next step.
 #[derive(Clone, Copy, Debug)]
@@ -42,8 +42,15 @@ impl Energy {
             .zip(&body.mass)
             .map(|(v, mass)| 0.5 * mass * v.norm_squared())
             .sum();
-        let own = kinetic + body.elastic_energy_at(x);
-        let total = own + body.load_potential_at(x);
+        Self::new(
+            kinetic + body.elastic_energy_at(x),
+            body.load_potential_at(x),
+        )
+    }
+
+    /// Kinetic and elastic energy together, and that of the loads (J).
+    pub(crate) fn new(own: f64, loads: f64) -> Self {
+        let total = own + loads;
         Self {
             own,
             total: if total.is_nan() { f64::INFINITY } else { total },
@@ -135,7 +142,7 @@ impl Body {
     }
 
     /// How far the centre of mass goes in the step (m), where nothing but itself decides that.
-    fn free_drift(&self) -> Vec3 {
+    pub(crate) fn free_drift(&self) -> Vec3 {
         if !self.handles.is_empty() || !self.supports.list.is_empty() {
             return Vec3::zeros();
         }
@@ -144,7 +151,7 @@ impl Body {
     }
 
     /// Multiplies what nothing prescribes of the displacement, less `drift`.
-    fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
+    pub(crate) fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
         let free = self.stiffness.free();
         let mask = self.supports.mask();
         for (node, u) in self.displacement[..free].iter_mut().enumerate() {

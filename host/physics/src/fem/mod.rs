@@ -11,7 +11,7 @@
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
 //! - `guard`: a bound on the energy that a step may leave.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
-//! - [`cholesky`] and [`condense`]: what the hands feel, as small dense matrices between handles.
+//! - [`cholesky`], [`condense`] and `reduction`: what the hands feel, as small dense matrices between handles.
 //!
 //! A realtime step goes `assemble`, `solve`, and, where a local model is published, `condense`. The three
 //! are separate so that the caller can time each and leave out what a scene does not need.
@@ -27,7 +27,7 @@ pub mod elements;
 mod energy;
 pub mod equilibrium;
 pub mod error;
-mod guard;
+pub(crate) mod guard;
 pub mod handle;
 pub mod integrator;
 pub mod law;
@@ -36,6 +36,7 @@ pub mod material;
 pub mod membrane;
 pub mod newton;
 pub mod pcg;
+pub(crate) mod reduction;
 pub mod shape;
 pub mod sheet_law;
 pub mod solid;
@@ -44,6 +45,7 @@ mod support;
 pub mod weave;
 pub mod woven;
 
+pub use block_matrix::BlockMatrix;
 pub use body::{Body, BodyConfig};
 pub use build::{SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser};

@@ -48,13 +48,7 @@ impl Body {
         for (u, v) in self.displacement[..free].iter_mut().zip(&self.v) {
             *u = v * h;
         }
-        for (handle, target) in self.handles.iter().zip(targets) {
-            for (node, offset) in handle.nodes().zip(&handle.offsets) {
-                self.displacement[node] = target.position + target.rotation * offset - self.x[node];
-            }
-        }
-        self.supports
-            .prescribe(&self.x, 1.0, &mut self.displacement);
+        self.prescribe(targets);
         for node in 0..free {
             self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
@@ -104,6 +98,17 @@ impl Body {
         Ok(report)
     }
 
+    /// Sets the displacements that handles and supports prescribe.
+    pub(crate) fn prescribe(&mut self, targets: &[HandlePose]) {
+        for (handle, target) in self.handles.iter().zip(targets) {
+            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+                self.displacement[node] = target.position + target.rotation * offset - self.x[node];
+            }
+        }
+        self.supports
+            .prescribe(&self.x, 1.0, &mut self.displacement);
+    }
+
     /// Refuses a step length or targets that make no sense.
     pub(crate) fn check_step(&self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
         if !(h > 0.0 && h.is_finite()) {
@@ -129,6 +134,32 @@ impl Body {
             work += force.norm() * self.displacement[node].norm();
         }
         work
+    }
+
+    /// The same from a step that was solved elsewhere, of which `imbalance` is what is left over; the work of
+    /// supports with it.
+    pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
+        let free = self.stiffness.free();
+        let mut work = 0.0;
+        for node in free..self.x.len() {
+            let force = imbalance(node);
+            self.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.displacement[node].norm();
+        }
+        work + self
+            .supports
+            .work(imbalance, |node| self.displacement[node])
+    }
+
+    /// Reports handles and supports of such a step, before it is taken.
+    pub(crate) fn report_step(
+        &mut self,
+        h: f64,
+        targets: &[HandlePose],
+        imbalance: impl Fn(usize) -> Vec3,
+    ) {
+        self.report_handles(h, targets);
+        self.supports.collect_reactions(imbalance);
     }
 
     /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force

@@ -1,0 +1,179 @@
+//! Local models at the rate of the steps: shapes that are kept up instead of found anew.
+//!
+//! What [`Condenser`](crate::fem::Condenser) finds with a factorization of its own, conjugate gradients on the
+//! stepper's frozen factor find from the shapes of last time: a body's shapes change little from one model to
+//! the next. Columns may be renewed in turn, a few with each model; the others are then a little older.
+
+use super::stepper::{Limits, Stepper};
+use super::{Real, to_node, to_vec};
+use crate::Vec3;
+use crate::fem::reduction::Reduction;
+use crate::fem::{Body, CondenseError, Condensed};
+
+/// How shapes are kept up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShapeOptions {
+    /// The residual of a shape to reach, as a share of the forces that make it.
+    pub tolerance: f64,
+    /// Most iterations for a shape at a time.
+    pub max_iterations: usize,
+    /// How many shapes are renewed with each model, in turn; the first model has them all.
+    pub at_a_time: usize,
+}
+
+impl Default for ShapeOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-5,
+            max_iterations: 50,
+            at_a_time: usize::MAX,
+        }
+    }
+}
+
+/// How a model was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShapeReport {
+    /// Shapes renewed.
+    pub renewed: usize,
+    /// Iterations, all together.
+    pub iterations: usize,
+    /// The worst residual of a renewed shape, as a share of the forces that make it.
+    pub residual: f64,
+}
+
+/// The shapes of a stepper's body.
+#[derive(Debug)]
+pub(super) struct Shapes {
+    reduction: Reduction,
+    /// Factors of mass and stiffness for which they are found.
+    factors: (f64, f64),
+    /// The norm of the forces that make each, from when it was first found (N).
+    references: Vec<f64>,
+    next: usize,
+}
+
+impl<T: Real> Stepper<T> {
+    /// Condenses the body onto its handles as they are after the last step, for local models published every
+    /// `period` seconds. Allocates the first time.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`].
+    pub fn condense(
+        &mut self,
+        body: &Body,
+        period: f64,
+        options: &ShapeOptions,
+    ) -> Result<(&Condensed, ShapeReport), CondenseError> {
+        if !(period > 0.0 && period.is_finite()) {
+            return Err(CondenseError::Period { found: period });
+        }
+        if !self.is_ready() {
+            return Err(CondenseError::NotAssembled);
+        }
+        let factors = (
+            1.0 / (period * period) + body.config.mass_damping / period,
+            1.0 + body.config.stiffness_damping / period,
+        );
+        let mut shapes = match self.shapes.take() {
+            Some(shapes) if shapes.factors == factors => shapes,
+            _ => {
+                let reduction = Reduction::new(body);
+                Box::new(Shapes {
+                    references: vec![0.0; reduction.columns.len()],
+                    reduction,
+                    factors,
+                    next: 0,
+                })
+            }
+        };
+        let report = self.renew(body, &mut shapes, options);
+        let shapes = self.shapes.insert(shapes);
+        let condensed = shapes.reduction.reduce(body, factors.0 / factors.1);
+        Ok((condensed, report))
+    }
+
+    fn renew(&mut self, body: &Body, shapes: &mut Shapes, options: &ShapeOptions) -> ShapeReport {
+        let count = shapes.reduction.columns.len();
+        shapes.reduction.take_arms(body);
+        let cold = shapes.references.contains(&0.0);
+        let turns = if cold {
+            count
+        } else {
+            options.at_a_time.min(count)
+        };
+        let mut report = ShapeReport::default();
+        for _ in 0..turns {
+            let column = shapes.next;
+            shapes.next = (column + 1) % count;
+            if shapes.references[column] == 0.0 {
+                self.lay(body, shapes, column);
+                shapes.references[column] = self.norm().max(f64::MIN_POSITIVE);
+            }
+            self.lay(body, shapes, column);
+            let limits = Limits {
+                goal: options.tolerance * shapes.references[column],
+                max_iterations: options.max_iterations,
+            };
+            let found = self.iterate(shapes.factors, limits, &mut || false);
+            self.keep(shapes, column);
+            report.renewed += 1;
+            report.iterations += found.iterations;
+            report.residual = report
+                .residual
+                .max(found.residual / shapes.references[column]);
+        }
+        report
+    }
+
+    /// Puts a column and its residual where conjugate gradients work; a column never found is zero.
+    fn lay(&mut self, body: &Body, shapes: &Shapes, column: usize) {
+        let Shapes {
+            reduction,
+            factors: (mass_factor, stiffness_factor),
+            ..
+        } = shapes;
+        let free = self.free;
+        let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
+        let motion = reduction.columns[column];
+        for place in 0..self.u.len() {
+            let node = self.node[place] as usize;
+            let u = if node < free {
+                Vec3::new(shape[3 * node], shape[3 * node + 1], shape[3 * node + 2])
+            } else if reduction.holder[node - free] as usize == motion.handle {
+                motion.at(&reduction.arms[node - free])
+            } else {
+                Vec3::zeros()
+            };
+            self.u[place] = to_node(&u);
+            self.residual[place] = to_node(&(u * (-mass_factor * body.mass[node])));
+        }
+        for kernel in &self.kernels {
+            kernel.product(T::of(-stiffness_factor), &self.u, &mut self.residual);
+        }
+    }
+
+    /// Takes a column back, with what the stiffness makes of it on held nodes.
+    fn keep(&mut self, shapes: &mut Shapes, column: usize) {
+        let (mass_factor, stiffness_factor) = shapes.factors;
+        let free = self.free;
+        let Reduction {
+            shapes: all,
+            pulls,
+            holder,
+            ..
+        } = &mut shapes.reduction;
+        let shape = &mut all[3 * free * column..3 * free * (column + 1)];
+        for place in 0..self.u.len() {
+            let node = self.node[place] as usize;
+            let u = to_vec(&self.u[place]);
+            if node < free {
+                shape[3 * node..3 * node + 3].copy_from_slice(u.as_slice());
+            } else {
+                let force = -to_vec(&self.residual[place]) - u * (mass_factor * self.mass[place]);
+                pulls[column * holder.len() + node - free] = force / stiffness_factor;
+            }
+        }
+    }
+}
