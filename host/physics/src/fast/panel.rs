@@ -101,13 +101,13 @@ fn forward_block<const C: usize>(lines: &[Line], x: &[f32], rows: &mut [[f32; LA
         return;
     };
     for (lines, row) in lines.iter().zip(rows) {
-        let mut sum = *row;
-        for c in 0..C {
-            for lane in 0..LANES {
-                sum[lane] += lines[c].0[lane] * x[c];
+        for lane in 0..LANES {
+            let mut sum = row[lane];
+            for c in 0..C {
+                sum += lines[c].0[lane] * x[c];
             }
+            row[lane] = sum;
         }
-        *row = sum;
     }
 }
 
@@ -124,8 +124,8 @@ fn backward_block<const C: usize>(lines: &[Line], rows: &[[f32; LANES]], x: &mut
     let (lines, _) = lines.as_chunks::<C>();
     let mut sums = [[0.0_f32; LANES]; C];
     for (lines, row) in lines.iter().zip(rows) {
-        for c in 0..C {
-            for lane in 0..LANES {
+        for lane in 0..LANES {
+            for c in 0..C {
                 sums[c][lane] += lines[c].0[lane] * row[lane];
             }
         }
