@@ -19,12 +19,10 @@ use multiversion::multiversion;
 /// Numbers in a line of the cache, and rows of a strip of a panel.
 const LANES: usize = 16;
 
-/// Columns of a panel that are worked on together: four nodes.
-const WIDE: usize = 12;
-/// Two nodes.
-const HALF: usize = 6;
-/// One node.
-const NARROW: usize = 3;
+/// Columns of a panel that are worked on together: two nodes.
+const PAIR: usize = 6;
+/// Three nodes: the last block where their number is odd.
+const TRIPLE: usize = 9;
 
 /// Sixteen rows of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,17 +66,15 @@ fn strips(block: &Supernode) -> usize {
     (3 * (block.width() + block.height())).div_ceil(LANES)
 }
 
-/// First column and width of each block of `count` columns.
+/// First column and width of each block of `count` columns; a single node is filled up to two.
 #[inline(always)]
 fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut first = 0;
     core::iter::from_fn(move || {
-        let left = count - first;
-        let width = match left {
-            0..NARROW => return None,
-            NARROW..HALF => NARROW,
-            HALF..WIDE => HALF,
-            _ => WIDE,
+        let width = match count - first.min(count) {
+            0 => return None,
+            TRIPLE => TRIPLE,
+            _ => PAIR,
         };
         let block = (first, width);
         first += width;
@@ -139,9 +135,8 @@ fn backward_block<const C: usize>(lines: &[Line], rows: &[[f32; LANES]], x: &mut
 macro_rules! by_width {
     ($width:expr, $kernel:ident($($argument:expr),*)) => {
         match $width {
-            WIDE => $kernel::<WIDE>($($argument),*),
-            HALF => $kernel::<HALF>($($argument),*),
-            _ => $kernel::<NARROW>($($argument),*),
+            TRIPLE => $kernel::<TRIPLE>($($argument),*),
+            _ => $kernel::<PAIR>($($argument),*),
         }
     };
 }
@@ -170,28 +165,24 @@ fn solve(
         let (first, end) = (block.first as usize, block.end as usize);
         let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
-        let rows = &mut rows[..strips(block)];
-        let own = &mut r[first..end];
-        for (x, node) in columns.as_chunks_mut::<3>().0.iter_mut().zip(own.iter()) {
-            *x = [node[0], node[1], node[2]];
-        }
-        rows.fill([0.0; LANES]);
+        let strips = strips(block);
+        pack(&r[first..end], columns);
+        columns[width..].first_chunk_mut::<4>().map(|fill| *fill = [0.0; 4]);
+        rows[..strips].fill([0.0; LANES]);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
             let lines;
-            (lines, rest) = rest.split_at(count * (rows.len() - strip));
-            by_width!(count, forward_block(lines, &columns[column..], &mut rows[strip..]));
+            (lines, rest) = rest.split_at(count * (strips - strip));
+            by_width!(count, forward_block(lines, &columns[column..], &mut rows[strip..strips]));
         }
         let flat = rows.as_flattened();
-        let (own_rows, below_rows) = flat.split_at(width);
-        for (node, row) in own.iter_mut().zip(own_rows.as_chunks::<3>().0) {
-            *node = [row[0], row[1], row[2], 0.0];
-        }
-        for (&place, row) in below.iter().zip(below_rows.as_chunks::<3>().0) {
-            let node = &mut r[place as usize];
-            node[0] += row[0];
-            node[1] += row[1];
-            node[2] += row[2];
+        unpack(flat, &mut r[first..end]);
+        for (at, &place) in below.iter().enumerate() {
+            if let Some(row) = flat[width + 3 * at..].first_chunk::<4>() {
+                // The fourth is the next node's; it is never read.
+                let node = &mut r[place as usize];
+                *node = core::array::from_fn(|i| node[i] + row[i]);
+            }
         }
     }
     let mut rest = values;
@@ -199,24 +190,43 @@ fn solve(
         let (first, end) = (block.first as usize, block.end as usize);
         let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
-        let rows = &mut rows[..strips(block)];
-        let lines;
+        let strips = strips(block);
+        let mut lines;
         (rest, lines) = rest.split_at(rest.len() - self::lines(block));
-        let nodes = r[first..end].iter().chain(below.iter().map(|&place| &r[place as usize]));
         let flat = rows.as_flattened_mut();
-        for (row, node) in flat.as_chunks_mut::<3>().0.iter_mut().zip(nodes) {
-            *row = [node[0], node[1], node[2]];
+        pack(&r[first..end], flat);
+        for (at, &place) in below.iter().enumerate() {
+            if let Some(row) = flat[width + 3 * at..].first_chunk_mut::<4>() {
+                *row = r[place as usize];
+            }
         }
-        flat[width + 3 * below.len()..].fill(0.0);
-        let mut lines = lines;
+        flat[width + 3 * below.len()..LANES * strips].fill(0.0);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
             let here;
-            (here, lines) = lines.split_at(count * (rows.len() - strip));
-            by_width!(count, backward_block(here, &rows[strip..], &mut columns[column..column + count]));
+            (here, lines) = lines.split_at(count * (strips - strip));
+            by_width!(count, backward_block(here, &rows[strip..strips], &mut columns[column..column + count]));
         }
-        for (node, x) in r[first..end].iter_mut().zip(columns.as_chunks::<3>().0) {
-            *node = [x[0], x[1], x[2], 0.0];
+        unpack(columns, &mut r[first..end]);
+    }
+}
+
+/// Nodes' three numbers one after the other; each writes four, the next overwrites the last.
+#[inline(always)]
+fn pack(nodes: &[Node<f32>], flat: &mut [f32]) {
+    for (at, node) in nodes.iter().enumerate() {
+        if let Some(row) = flat[3 * at..].first_chunk_mut::<4>() {
+            *row = *node;
+        }
+    }
+}
+
+/// The reverse of [`pack`].
+#[inline(always)]
+fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
+    for (at, node) in nodes.iter_mut().enumerate() {
+        if let Some(row) = flat[3 * at..].first_chunk::<4>() {
+            *node = [row[0], row[1], row[2], 0.0];
         }
     }
 }
@@ -293,14 +303,14 @@ impl Build {
             let end = if rows <= width { rows } else { width };
             solve_strip(strip, diagonal, width, end);
         }
-        let mut lines = panel.iter_mut();
+        let mut panel = panel;
         for (column, block) in column_blocks(width) {
             for strip in column / LANES..count {
-                for column in column..column + block {
-                    let source = &strips[strip * width + column];
-                    if let Some(line) = lines.next() {
-                        line.0 = source.map(|value| value as f32);
-                    }
+                let source = &strips[strip * width..][..width];
+                let lines;
+                (lines, panel) = core::mem::take(&mut panel).split_at_mut(block);
+                for (source, line) in source[column..].iter().zip(lines) {
+                    line.0 = source.map(|value| value as f32);
                 }
             }
         }
@@ -328,8 +338,8 @@ impl Panels {
         let mut panels = Self {
             start,
             values: vec![Line::ZERO; total],
-            rows: vec![0.0; LANES * (most(strips) + 1)],
-            columns: vec![0.0; width],
+            rows: vec![0.0; LANES * (most(strips) + 2)],
+            columns: vec![0.0; width + 4],
             build: Build {
                 local: vec![u32::MAX; factor.order().len()],
                 diagonal: vec![0.0; width * width],
