@@ -1,73 +1,36 @@
-//! The realtime step, fast: one linearization, without assembling anything.
+//! The realtime step made for speed: one linearization, without assembling anything, numbers laid out for vector
+//! instructions and for the caches.
 //!
-//! - [`Stepper`]: one step of a body by preconditioned conjugate gradients.
-//! - `kernel`: what it needs of a set of elements.
+//! - [`Stepper`]: one step of a body by conjugate gradients on a frozen factor; [`ShapeOptions`]: its local
+//!   models.
+//! - `kernel`: what a step needs of a set of elements.
+//! - [`lanes`]: numbers of either precision, and node vectors to and from arrays over elements.
+//! - [`polar`]: rotations of elements, from where they last were.
+//! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
+//! - `tet_kernels`: what is computed on such a block.
+//! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
+//!   preconditioner.
 
 mod condense;
-mod factor;
+pub mod factor;
 mod kernel;
-mod order;
-mod panel;
+pub mod lanes;
+pub mod order;
+pub mod panel;
+pub mod polar;
 mod stepper;
+pub mod supernodes;
+pub mod tet;
+mod tet_kernels;
 
 pub use condense::{ShapeOptions, ShapeReport};
+pub use lanes::Real;
 pub use stepper::{Guess, Stepper, StepperOptions, StepperReport};
 
 use crate::Vec3;
-use core::fmt::Debug;
-use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A vector at a node, padded so that one load brings it: x, y, z, 0.
+/// Three numbers of a node (x, y, z) and a fourth, zero, that fills a vector register.
 pub type Node<T> = [T; 4];
-
-/// `f32` or `f64`.
-pub trait Real:
-    Copy
-    + Debug
-    + Default
-    + PartialOrd
-    + Send
-    + Sync
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + AddAssign
-    + SubAssign
-    + 'static
-{
-    /// Zero.
-    const ZERO: Self;
-    /// The nearest.
-    fn of(value: f64) -> Self;
-    /// The same.
-    fn to_f64(self) -> f64;
-}
-
-impl Real for f64 {
-    const ZERO: Self = 0.0;
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value
-    }
-    #[inline(always)]
-    fn to_f64(self) -> f64 {
-        self
-    }
-}
-
-impl Real for f32 {
-    const ZERO: Self = 0.0;
-    #[inline(always)]
-    fn of(value: f64) -> Self {
-        value as f32
-    }
-    #[inline(always)]
-    fn to_f64(self) -> f64 {
-        f64::from(self)
-    }
-}
 
 #[inline(always)]
 pub(crate) fn to_vec<T: Real>(node: &Node<T>) -> Vec3 {

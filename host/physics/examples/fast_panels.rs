@@ -1,0 +1,144 @@
+//! How long the frozen factor takes: factorization, refresh of the panels, solve, in microseconds (the
+//! least and the median of many), with the numbers stored.
+//!
+//! `cargo run --release -p palpate-physics --example fast_panels`
+
+use physics::Vec3;
+use physics::fast::factor::Factor;
+use physics::fast::order::order;
+use physics::fast::panel::Panels;
+use physics::fast::supernodes::Costs;
+use physics::fem::cholesky::{Cholesky, Kernels};
+use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial};
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::generate_box::solid_box;
+use std::time::Instant;
+
+fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {
+    HandleSpec {
+        vertices: vertices.to_vec(),
+        origin,
+        freedom: Freedom::Rigid,
+    }
+}
+
+fn config() -> BodyConfig {
+    BodyConfig {
+        bending: 1.0,
+        ..BodyConfig::default()
+    }
+}
+
+/// A cube of 10 cm bonded at the bottom and at the top.
+fn cube(cells: [u32; 3]) -> Body {
+    let mesh = solid_box([0.1; 3], cells).unwrap();
+    let members = |name: &str| mesh.group(name).unwrap().members.clone();
+    let handles = [
+        handle(&members("bottom"), Vec3::z() * -0.05),
+        handle(&members("top"), Vec3::z() * 0.05),
+    ];
+    let material = SolidMaterial {
+        young: 2e4,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    Body::solid(&mesh, &[material], SolidLaw::Corotational, config(), &handles).unwrap()
+}
+
+/// A sheet with bending, held at two ends.
+fn cloth() -> Body {
+    let mesh = sheet(0.27, 0.26, 27, 26, Pattern::Alternating).unwrap();
+    let members = |name: &str| mesh.group(name).unwrap().members.clone();
+    let handles = [
+        handle(&members("left"), Vec3::x() * -0.135),
+        handle(&members("right"), Vec3::x() * 0.135),
+    ];
+    let material = Material {
+        young: 1e6,
+        poisson: 0.3,
+        thickness: 1e-3,
+        density: 1000.0,
+    };
+    Body::sheet(&mesh, &[material], config(), &handles).unwrap()
+}
+
+/// Least and median of `times` runs (us).
+fn time(times: usize, mut run: impl FnMut()) -> [f64; 2] {
+    let mut all: Vec<f64> = (0..times)
+        .map(|_| {
+            let start = Instant::now();
+            run();
+            start.elapsed().as_secs_f64() * 1e6
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    [all[0], all[times / 2]]
+}
+
+fn show(name: &str, body: &mut Body) {
+    body.assemble();
+    let (matrix, mass) = (body.stiffness(), body.node_masses());
+    // Implicit Euler, 10 ms, Rayleigh damping 0.1 and 0.1.
+    let (by_mass, by_stiffness) = (1e4 + 10.0, 11.0);
+    let mut old = Cholesky::new(matrix, 1, Kernels::Fastest).unwrap();
+    old.factorize(matrix, mass, by_mass, by_stiffness, None).unwrap();
+    let order = order(matrix, body.node_positions());
+    let mut factor = Factor::new(matrix, &order).unwrap();
+    let repeat = 4_000_000 / old.factor_entries() + 3;
+    let factorize = time(repeat, || {
+        factor.factorize(matrix, mass, by_mass, by_stiffness, None).unwrap();
+    });
+    let var = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
+    let costs = Costs { supernode: var("CS", 600.0), below: var("CB", 40.0) };
+    let mut panels = Panels::with_costs(matrix, &factor, costs);
+    let refresh = time(repeat, || panels.refresh(&factor));
+    let unknowns = factor.unknowns();
+    let b: Vec<f64> = (0..unknowns).map(|i| (i as f64 * 0.37).sin()).collect();
+    let mut x = b.clone();
+    let exact = time(10 * repeat, || {
+        x.copy_from_slice(&b);
+        factor.solve(&mut x);
+    });
+    let mut r = vec![[0.0_f32; 4]; unknowns / 3];
+    let solve = time(100 * repeat, || {
+        for (node, b) in r.iter_mut().zip(b.chunks_exact(3)) {
+            *node = [b[0] as f32, b[1] as f32, b[2] as f32, 0.0];
+        }
+        panels.solve(&mut r);
+    });
+    let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let error: Vec<f64> = r
+        .iter()
+        .zip(x.chunks_exact(3))
+        .flat_map(|(r, x)| (0..3).map(|i| f64::from(r[i]) - x[i]))
+        .collect();
+    println!(
+        "{name:>8} {:>6} {:>9} {:>9} {:>9} {:>9} {:>5} | {:>8.0} {:>8.0} | {:>8.0} {:>8.0} | {:>7.1} {:>7.1} | {:>7.1} {:>7.1} | {:.1e}",
+        unknowns,
+        old.factor_entries(),
+        factor.factor_entries(),
+        panels.supernodes().entries(),
+        panels.stored(),
+        panels.supernodes().blocks.len(),
+        factorize[0],
+        factorize[1],
+        refresh[0],
+        refresh[1],
+        exact[0],
+        exact[1],
+        solve[0],
+        solve[1],
+        norm(&error) / norm(&x),
+    );
+}
+
+fn main() {
+    println!("    body unknowns  amd  entries panel stored supernodes | factorize | refresh | f64 solve | f32 solve | error");
+    show("1,296", &mut cube([6; 3]));
+    show("3,072", &mut cube([8; 3]));
+    show("6,000", &mut cube([10; 3]));
+    show("sheet", &mut cloth());
+    if std::env::var("BIG").is_ok() {
+    show("20,250", &mut cube([15; 3]));
+    }
+}

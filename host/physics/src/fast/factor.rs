@@ -1,0 +1,327 @@
+//! Sparse Cholesky factorization of the free nodes' step matrix in a given order: numbers by `faer`.
+//!
+//! As [`crate::fem::cholesky`], but numbered by places of an order that the caller gives, so that the
+//! factor's columns can be read ([`super::panel`] does). All memory is set aside once per topology.
+
+use super::order::places;
+use crate::Vec3;
+use crate::fem::block_matrix::BlockMatrix;
+use crate::fem::cholesky::Kernels;
+use crate::fem::error::CondenseError;
+use core::fmt;
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::linalg::cholesky::llt::factor::{LltError as Pivot, LltRegularization};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side, Spec};
+
+/// Right-hand sides that [`Factor::solve`] takes in one go.
+const COLUMNS: usize = 6;
+
+/// A block that is not stored: it lies in the lower triangle.
+const LOWER: u32 = u32::MAX;
+
+/// A factorization of `mass_factor M + stiffness_factor K` on the free nodes, refreshed in place.
+///
+/// Unknown `3 p + i` is axis `i` of the node at place `p` of the order.
+pub struct Factor {
+    order: Vec<u32>,
+    places: Vec<u32>,
+    /// Upper triangle by columns, both by places.
+    column_start: Vec<u32>,
+    row_index: Vec<u32>,
+    values: Vec<f64>,
+    /// For each free block of the matrix as stored: how many blocks precede it in its column.
+    rank: Vec<u32>,
+    symbolic: SymbolicCholesky<u32>,
+    factor: Vec<f64>,
+    scratch: MemBuffer,
+}
+
+impl fmt::Debug for Factor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Factor")
+            .field("unknowns", &self.unknowns())
+            .field("entries", &self.values.len())
+            .field("factor_entries", &self.factor.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl Factor {
+    /// Analyzes the pattern of `matrix`, its free nodes eliminated in `order`, and sets memory aside.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Topology`] when `order` is no order of the free nodes, and
+    /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
+    pub fn new(matrix: &BlockMatrix, order: &[u32]) -> Result<Self, CondenseError> {
+        Self::with_kernels(matrix, order, Kernels::Fastest)
+    }
+
+    /// [`new`](Self::new) with a choice of the code that factorizes.
+    ///
+    /// # Errors
+    ///
+    /// As `new`.
+    pub fn with_kernels(
+        matrix: &BlockMatrix,
+        order: &[u32],
+        kernels: Kernels,
+    ) -> Result<Self, CondenseError> {
+        let unknowns = 3 * matrix.free();
+        let mut sorted = order.to_vec();
+        sorted.sort_unstable();
+        if !sorted.iter().copied().eq(0..matrix.free() as u32) {
+            return Err(CondenseError::Topology);
+        }
+        let places = places(order);
+        let mut column_start = Vec::with_capacity(unknowns + 1);
+        let mut row_index = Vec::new();
+        let mut rank = Vec::with_capacity(matrix.block_count());
+        let mut upper = Vec::new();
+        column_start.push(0);
+        for (place, &node) in order.iter().enumerate() {
+            let rows = matrix.free_blocks(node as usize);
+            upper.clear();
+            upper.extend(rows.map(|(row, _)| places[row]).filter(|&row| row as usize <= place));
+            upper.sort_unstable();
+            for axis in 0..3 {
+                for &row in &upper {
+                    let end = if row as usize == place { axis + 1 } else { 3 };
+                    row_index.extend((0..end).map(|i| 3 * row + i));
+                }
+                column_start.push(row_index.len() as u32);
+            }
+        }
+        for node in 0..matrix.free() {
+            // The first of the node's three columns lists all blocks of the column, the last in part.
+            let start = column_start[3 * places[node] as usize] as usize;
+            let end = column_start[3 * places[node] as usize + 1] as usize;
+            for (row, _) in matrix.free_blocks(node) {
+                let found = row_index[start..end].binary_search(&(3 * places[row]));
+                rank.push(found.map_or(LOWER, |at| (at / 3) as u32));
+            }
+        }
+        let failed = |reason: &dyn fmt::Debug| CondenseError::Symbolic {
+            unknowns,
+            reason: format!("{reason:?}"),
+        };
+        let pattern = SymbolicSparseColMatRef::new_checked(
+            unknowns,
+            unknowns,
+            &column_start,
+            None,
+            &row_index,
+        );
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: match kernels {
+                Kernels::Fastest => SupernodalThreshold::FORCE_SUPERNODAL,
+                Kernels::Portable => SupernodalThreshold::FORCE_SIMPLICIAL,
+            },
+            ..CholeskySymbolicParams::default()
+        };
+        let symbolic =
+            factorize_symbolic_cholesky(pattern, Side::Upper, SymmetricOrdering::Identity, params)
+                .map_err(|error| failed(&error))?;
+        let need = StackReq::any_of(&[
+            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
+            symbolic.solve_in_place_scratch::<f64>(COLUMNS, Par::Seq),
+        ]);
+        let scratch = MemBuffer::try_new(need).map_err(|error| failed(&error))?;
+        Ok(Self {
+            order: order.to_vec(),
+            places,
+            values: vec![0.0; row_index.len()],
+            factor: vec![0.0; symbolic.len_val()],
+            column_start,
+            row_index,
+            rank,
+            symbolic,
+            scratch,
+        })
+    }
+
+    /// Number of scalar unknowns.
+    pub fn unknowns(&self) -> usize {
+        3 * self.order.len()
+    }
+
+    /// Number of entries that the factor stores.
+    pub fn factor_entries(&self) -> usize {
+        self.factor.len()
+    }
+
+    /// The free node at each place.
+    pub fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// The place of each free node.
+    pub fn places(&self) -> &[u32] {
+        &self.places
+    }
+
+    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and
+    /// `mass` is by its nodes.
+    ///
+    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are
+    /// uncoupled, with 1 on the diagonal. After an error the factor's numbers are of no use until it
+    /// succeeds again.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Topology`] when the pattern has another size, and
+    /// [`CondenseError::NotPositiveDefinite`].
+    pub fn factorize(
+        &mut self,
+        matrix: &BlockMatrix,
+        mass: &[f64],
+        mass_factor: f64,
+        stiffness_factor: f64,
+        mask: Option<&[Vec3]>,
+    ) -> Result<(), CondenseError> {
+        self.gather(matrix, mass, mass_factor, stiffness_factor, mask)
+            .ok_or(CondenseError::Topology)?;
+        let unknowns = self.unknowns();
+        let pattern = SymbolicSparseColMatRef::new_checked(
+            unknowns,
+            unknowns,
+            &self.column_start,
+            None,
+            &self.row_index,
+        );
+        let result = self.symbolic.factorize_numeric_llt(
+            &mut self.factor,
+            SparseColMatRef::new(pattern, &self.values),
+            Side::Upper,
+            LltRegularization::default(),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+            Spec::default(),
+        );
+        match result {
+            Ok(_) => Ok(()),
+            Err(Pivot::NonPositivePivot { index }) => {
+                Err(CondenseError::NotPositiveDefinite { pivot: index })
+            }
+        }
+    }
+
+    /// Writes the upper triangle by columns; `None` where the pattern is another.
+    fn gather(
+        &mut self,
+        matrix: &BlockMatrix,
+        mass: &[f64],
+        mass_factor: f64,
+        stiffness_factor: f64,
+        mask: Option<&[Vec3]>,
+    ) -> Option<()> {
+        if matrix.free() != self.order.len() || mass.len() < matrix.free() {
+            return None;
+        }
+        let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
+        let mut ranks = self.rank.iter();
+        for node in 0..matrix.free() {
+            let place = self.places[node] as usize;
+            for (row, block) in matrix.free_blocks(node) {
+                let &rank = ranks.next()?;
+                if rank == LOWER {
+                    continue;
+                }
+                for axis in 0..3 {
+                    // The matrix is symmetric: row `node` read along is its column read down.
+                    let start = self.column_start[3 * place + axis] as usize + 3 * rank as usize;
+                    let end = if row == node { axis + 1 } else { 3 };
+                    let column = self.values.get_mut(start..start + end)?;
+                    for (i, value) in column.iter_mut().enumerate() {
+                        let coupled = !is_guided(node, axis) && !is_guided(row, i);
+                        *value = if coupled {
+                            stiffness_factor * block[(axis, i)]
+                        } else {
+                            0.0
+                        };
+                    }
+                    if row == node {
+                        if is_guided(node, axis) {
+                            column[axis] = 1.0;
+                        } else {
+                            column[axis] += mass_factor * mass[node];
+                        }
+                    }
+                }
+            }
+        }
+        ranks.next().is_none().then_some(())
+    }
+
+    /// Solves in place for the right-hand sides in `columns`, one after the other, each with
+    /// [`unknowns`](Self::unknowns) entries (x, y, z of the node at each place).
+    pub fn solve(&mut self, columns: &mut [f64]) {
+        let unknowns = self.unknowns();
+        if unknowns == 0 {
+            return;
+        }
+        for columns in columns.chunks_mut(COLUMNS * unknowns) {
+            let count = columns.len() / unknowns;
+            let columns = &mut columns[..count * unknowns];
+            LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+                Conj::No,
+                MatMut::from_column_major_slice_mut(columns, unknowns, count),
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+            );
+        }
+    }
+
+    /// Gives the column of each of the unknowns in `range`, ascending, in pieces: its number, rows of the
+    /// piece (ascending) and their values, from the diagonal down.
+    pub(super) fn columns(
+        &self,
+        range: core::ops::Range<usize>,
+        mut piece: impl FnMut(usize, Rows<'_>, &[f64]),
+    ) {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(symbolic) => {
+                for column in range {
+                    let start = symbolic.col_ptr()[column] as usize;
+                    let end = symbolic.col_ptr()[column + 1] as usize;
+                    let rows = Rows::Listed(&symbolic.row_idx()[start..end]);
+                    piece(column, rows, &self.factor[start..end]);
+                }
+            }
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                let ends = symbolic.supernode_end();
+                let mut index = ends.partition_point(|&end| end as usize <= range.start);
+                let factor = SupernodalLltRef::new(symbolic, &self.factor);
+                for column in range {
+                    if ends[index] as usize <= column {
+                        index += 1;
+                    }
+                    let supernode = factor.supernode(index);
+                    let (first, end) = (supernode.start(), ends[index] as usize);
+                    let Some(values) = supernode.val().col(column - first).try_as_col_major() else {
+                        continue;
+                    };
+                    let (own, below) = values.as_slice().split_at(end - first);
+                    piece(column, Rows::From(column as u32), &own[column - first..]);
+                    piece(column, Rows::Listed(supernode.pattern()), below);
+                }
+            }
+        }
+    }
+}
+
+/// Rows of a piece of a column.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Rows<'a> {
+    /// One after the other.
+    From(u32),
+    /// Any, ascending.
+    Listed(&'a [u32]),
+}
