@@ -4,11 +4,13 @@
 //! files or printing, and no knowledge of devices: files arrive as text, time as a step length, and every
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
+//! - [`fast`]: the same realtime step for corotational solids, in blocks of elements and without a matrix.
 //! - [`mesh`]: triangle and tetrahedral meshes, generators and file formats.
 //! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the
 //!   condensation of a body onto its handles.
 #![forbid(unsafe_code)]
 
+pub mod fast;
 pub mod fem;
 pub mod mesh;
 
