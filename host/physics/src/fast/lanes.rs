@@ -78,8 +78,7 @@ real!(f64, 1e-13);
 /// Differences of the vectors `of` at each element's last three nodes from that at its first: component `i`
 /// of difference `a` in row `3 a + i`.
 #[inline(always)]
-pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>]) -> [Lanes<T>; 9] {
-    let mut rows = [[T::ZERO; LANES]; 9];
+pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], rows: &mut [Lanes<T>; 9]) {
     for (lane, &[first, others @ ..]) in nodes.iter().enumerate() {
         let first = of[first as usize];
         for (a, other) in others.into_iter().enumerate() {
@@ -89,7 +88,6 @@ pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>]) -> [Lanes<T>; 
             }
         }
     }
-    rows
 }
 
 /// Adds `rows`, laid out as in [`gather`], to the vectors `to` at each element's last three nodes, and

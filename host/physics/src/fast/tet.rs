@@ -10,13 +10,11 @@
 //! Displacements are those from rest, so that single precision keeps the digits of small strains.
 
 use super::Node;
-use super::lanes::{LANES, Lanes, Real, gather, scatter};
-use super::polar::{Quaternion, matrix, quaternion, rotation_less_identity, strain, turn};
+use super::lanes::{LANES, Lanes, Real};
+use super::polar::matrix;
+use super::tet_kernels::{linearize, product};
 use crate::{Mat3, Vec3};
-use multiversion::multiversion;
 
-/// Newton iterations a call spends on a rotation before it takes the singular values instead.
-const MAX_TURNS: usize = 8;
 /// Elements among which the next is chosen, and the number of elements before it that it should share no
 /// node with.
 const WINDOW: usize = 128;
@@ -39,20 +37,20 @@ pub struct Tet {
 
 /// What does not change of a block.
 #[derive(Clone, Debug)]
-struct Rest<T> {
+pub(super) struct Rest<T> {
     /// Component `j` of the gradient of node `a + 1` in row `3 a + j` (1/m).
-    gradients: [Lanes<T>; 9],
+    pub(super) gradients: [Lanes<T>; 9],
     /// `sqrt(2 mu V)`; zero where the block is filled up.
-    scale: Lanes<T>,
+    pub(super) scale: Lanes<T>,
 }
 
 /// What a product reads of a block.
 #[derive(Clone, Debug)]
-struct Turned<T> {
+pub(super) struct Turned<T> {
     /// The gradients rotated and scaled.
-    gradients: [Lanes<T>; 9],
+    pub(super) gradients: [Lanes<T>; 9],
     /// `lambda / (2 mu)`.
-    ratio: Lanes<T>,
+    pub(super) ratio: Lanes<T>,
 }
 
 /// Corotational tetrahedra.
@@ -246,234 +244,5 @@ impl<T: Real> Tets<T> {
                     + row * column.transpose() * ratio
             })
         })
-    }
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
-#[allow(clippy::too_many_arguments)]
-fn linearize<T: Real, const GUESS: bool>(
-    nodes: &[[[u32; 4]; LANES]],
-    rest: &[Rest<T>],
-    turned: &mut [Turned<T>],
-    rotations: &mut [[Lanes<T>; 4]],
-    d: &[Node<T>],
-    u: &[Node<T>],
-    factor: T,
-    force: &mut [Node<T>],
-) -> T {
-    let mut energy = [T::ZERO; LANES];
-    let blocks = nodes.iter().zip(rest).zip(turned).zip(rotations);
-    for (((nodes, rest), turned), rotations) in blocks {
-        let mut rows = deformation(rest, gather(nodes, d));
-        rotate(&rows, rotations);
-        add_energy(rest, &turned.ratio, rotations, &rows, &mut energy);
-        if GUESS {
-            let further = deformation(rest, gather(nodes, u));
-            for (row, further) in rows.iter_mut().zip(&further) {
-                for lane in 0..LANES {
-                    row[lane] += factor * further[lane];
-                }
-            }
-        }
-        respond(rest, rotations, turned, &mut rows);
-        scatter(nodes, &rows, force);
-    }
-    let mut sum = T::ZERO;
-    for energy in energy {
-        sum += energy;
-    }
-    sum
-}
-
-/// `F - I = sum (d_a - d_0) g_a^T`, row by row, from the differences.
-#[inline(always)]
-fn deformation<T: Real>(rest: &Rest<T>, differences: [Lanes<T>; 9]) -> [Lanes<T>; 9] {
-    let g = &rest.gradients;
-    let e = &differences;
-    let mut h = [[T::ZERO; LANES]; 9];
-    for lane in 0..LANES {
-        for i in 0..3 {
-            for j in 0..3 {
-                h[3 * i + j][lane] = e[i][lane] * g[j][lane]
-                    + e[3 + i][lane] * g[3 + j][lane]
-                    + e[6 + i][lane] * g[6 + j][lane];
-            }
-        }
-    }
-    h
-}
-
-#[inline(always)]
-fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> [[T; 3]; 3] {
-    let mut m = [[T::ZERO; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            m[i][j] = rows[3 * i + j][lane];
-        }
-    }
-    m
-}
-
-#[inline(always)]
-fn quaternion_at<T: Real>(rows: &[Lanes<T>; 4], lane: usize) -> Quaternion<T> {
-    [rows[0][lane], rows[1][lane], rows[2][lane], rows[3][lane]]
-}
-
-/// Rotations of a block.
-#[inline(always)]
-fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
-    let mut open = [0_u32; LANES];
-    for _ in 0..MAX_TURNS {
-        let before = *rotations;
-        let mut after = before;
-        let mut count = 0;
-        for lane in 0..LANES {
-            let (q, done) = turn(quaternion_at(&before, lane), &at(h, lane));
-            for (row, entry) in after.iter_mut().zip(q) {
-                row[lane] = entry;
-            }
-            open[lane] = u32::from(!done);
-            count += u32::from(!done);
-        }
-        *rotations = after;
-        if count == 0 {
-            return;
-        }
-    }
-    for lane in 0..LANES {
-        if open[lane] != 0 {
-            let q = quaternion(&at(h, lane));
-            for (row, entry) in rotations.iter_mut().zip(q) {
-                row[lane] = entry;
-            }
-        }
-    }
-}
-
-/// Adds the energies of a block to `energy`, lane by lane.
-#[inline(always)]
-fn add_energy<T: Real>(
-    rest: &Rest<T>,
-    ratio: &Lanes<T>,
-    rotations: &[Lanes<T>; 4],
-    h: &[Lanes<T>; 9],
-    energy: &mut Lanes<T>,
-) {
-    let half = T::of(0.5);
-    for lane in 0..LANES {
-        let less = rotation_less_identity(quaternion_at(rotations, lane));
-        let e = strain(&less, &at(h, lane));
-        let (e01, e02, e12) = (e[0][1] + e[1][0], e[0][2] + e[2][0], e[1][2] + e[2][1]);
-        let trace = e[0][0] + e[1][1] + e[2][2];
-        let square = e[0][0] * e[0][0]
-            + e[1][1] * e[1][1]
-            + e[2][2] * e[2][2]
-            + half * (e01 * e01 + e02 * e02 + e12 * e12);
-        let scale = rest.scale[lane];
-        energy[lane] += half * (scale * scale) * (square + ratio[lane] * (trace * trace));
-    }
-}
-
-/// Rotates the gradients of a block and replaces `rows`, `F - I`, by the forces on the last three nodes.
-#[inline(always)]
-fn respond<T: Real>(
-    rest: &Rest<T>,
-    rotations: &[Lanes<T>; 4],
-    turned: &mut Turned<T>,
-    rows: &mut [Lanes<T>; 9],
-) {
-    let half = T::of(0.5);
-    let one = T::of(1.0);
-    let mut gradients = [[T::ZERO; LANES]; 9];
-    let mut forces = [[T::ZERO; LANES]; 9];
-    for lane in 0..LANES {
-        let mut r = rotation_less_identity(quaternion_at(rotations, lane));
-        let e = strain(&r, &at(rows, lane));
-        for (i, row) in r.iter_mut().enumerate() {
-            row[i] = row[i] + one;
-        }
-        let scale = rest.scale[lane];
-        let pressure = turned.ratio[lane] * (e[0][0] + e[1][1] + e[2][2]);
-        let s01 = half * (e[0][1] + e[1][0]) * scale;
-        let s02 = half * (e[0][2] + e[2][0]) * scale;
-        let s12 = half * (e[1][2] + e[2][1]) * scale;
-        let s = [
-            [(e[0][0] + pressure) * scale, s01, s02],
-            [s01, (e[1][1] + pressure) * scale, s12],
-            [s02, s12, (e[2][2] + pressure) * scale],
-        ];
-        for a in 0..3 {
-            let g = [
-                rest.gradients[3 * a][lane],
-                rest.gradients[3 * a + 1][lane],
-                rest.gradients[3 * a + 2][lane],
-            ];
-            let t = times(&s, g);
-            let f = times(&r, t);
-            let b = times(&r, g);
-            for i in 0..3 {
-                forces[3 * a + i][lane] = -(f[i] * scale);
-                gradients[3 * a + i][lane] = b[i] * scale;
-            }
-        }
-    }
-    *rows = forces;
-    turned.gradients = gradients;
-}
-
-#[inline(always)]
-fn times<T: Real>(m: &[[T; 3]; 3], v: [T; 3]) -> [T; 3] {
-    let mut product = [T::ZERO; 3];
-    for i in 0..3 {
-        product[i] = m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2];
-    }
-    product
-}
-
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
-fn product<T: Real>(
-    nodes: &[[[u32; 4]; LANES]],
-    turned: &[Turned<T>],
-    factor: T,
-    u: &[Node<T>],
-    y: &mut [Node<T>],
-) {
-    let half = T::of(0.5) * factor;
-    for (nodes, turned) in nodes.iter().zip(turned) {
-        let e = gather(nodes, u);
-        let b = &turned.gradients;
-        let mut forces = [[T::ZERO; LANES]; 9];
-        for lane in 0..LANES {
-            let mut g = [[T::ZERO; 3]; 3];
-            for i in 0..3 {
-                for j in 0..3 {
-                    g[i][j] = e[i][lane] * b[j][lane]
-                        + e[3 + i][lane] * b[3 + j][lane]
-                        + e[6 + i][lane] * b[6 + j][lane];
-                }
-            }
-            let pressure = turned.ratio[lane] * (g[0][0] + g[1][1] + g[2][2]);
-            let s01 = half * (g[0][1] + g[1][0]);
-            let s02 = half * (g[0][2] + g[2][0]);
-            let s12 = half * (g[1][2] + g[2][1]);
-            let s = [
-                [factor * (g[0][0] + pressure), s01, s02],
-                [s01, factor * (g[1][1] + pressure), s12],
-                [s02, s12, factor * (g[2][2] + pressure)],
-            ];
-            for a in 0..3 {
-                let f = times(&s, [b[3 * a][lane], b[3 * a + 1][lane], b[3 * a + 2][lane]]);
-                for i in 0..3 {
-                    forces[3 * a + i][lane] = f[i];
-                }
-            }
-        }
-        scatter(nodes, &forces, y);
     }
 }
