@@ -75,39 +75,42 @@ macro_rules! real {
 real!(f32, 1e-7);
 real!(f64, 1e-13);
 
-/// Differences of the vectors `of` at each element's last three nodes from that at its first: component `i`
-/// of difference `a` in row `3 a + i`.
+/// Three vectors for each element of a block, filled up like nodes: component `i` of vector `a` of element
+/// `lane` is `[a][lane][i]`.
+pub type Vectors<T> = [[Node<T>; LANES]; 3];
+
+/// Differences of the vectors `of` at each element's last three nodes from that at its first.
 #[inline(always)]
-pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], rows: &mut [Lanes<T>; 9]) {
-    for (lane, &[first, others @ ..]) in nodes.iter().enumerate() {
-        let first = of[first as usize];
-        for (a, other) in others.into_iter().enumerate() {
-            let other = of[other as usize];
-            for i in 0..3 {
-                rows[3 * a + i][lane] = other[i] - first[i];
-            }
-        }
+pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], differences: &mut Vectors<T>) {
+    for lane in 0..LANES {
+        let [n0, n1, n2, n3] = nodes[lane];
+        let first = of[n0 as usize];
+        differences[0][lane] = less(of[n1 as usize], first);
+        differences[1][lane] = less(of[n2 as usize], first);
+        differences[2][lane] = less(of[n3 as usize], first);
     }
 }
 
-/// Adds `rows`, laid out as in [`gather`], to the vectors `to` at each element's last three nodes, and
-/// subtracts their sum at its first.
+/// Adds `vectors` to the vectors `to` at each element's last three nodes, and subtracts their sum at its
+/// first.
 #[inline(always)]
-pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], rows: &[Lanes<T>; 9], to: &mut [Node<T>]) {
-    for (lane, &[first, others @ ..]) in nodes.iter().enumerate() {
-        let mut sum = [T::ZERO; 4];
-        for (a, other) in others.into_iter().enumerate() {
-            let row = |i: usize| rows[3 * a + i][lane];
-            let value = [row(0), row(1), row(2), T::ZERO];
-            let other = &mut to[other as usize];
-            for i in 0..4 {
-                other[i] += value[i];
-                sum[i] += value[i];
-            }
-        }
-        let first = &mut to[first as usize];
-        for i in 0..4 {
-            first[i] -= sum[i];
-        }
+pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], vectors: &Vectors<T>, to: &mut [Node<T>]) {
+    for lane in 0..LANES {
+        let [n0, n1, n2, n3] = nodes[lane].map(|node| node as usize);
+        let [v1, v2, v3] = [vectors[0][lane], vectors[1][lane], vectors[2][lane]];
+        to[n1] = plus(to[n1], v1);
+        to[n2] = plus(to[n2], v2);
+        to[n3] = plus(to[n3], v3);
+        to[n0] = less(to[n0], plus(plus(v1, v2), v3));
     }
+}
+
+#[inline(always)]
+fn plus<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
+}
+
+#[inline(always)]
+fn less<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
 }

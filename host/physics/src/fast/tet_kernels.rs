@@ -5,7 +5,7 @@
 //! outside. The attribute's clones differ in speed alone.
 
 use super::Node;
-use super::lanes::{LANES, Lanes, Real, gather, scatter};
+use super::lanes::{LANES, Lanes, Real, Vectors, gather, scatter};
 use super::polar::{Matrix, Quaternion, quaternion, rotation_less_identity, strain, turn};
 use super::tet::{Rest, Turned};
 use multiversion::multiversion;
@@ -34,21 +34,21 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
 ) -> T {
     let zero = [T::ZERO; LANES];
     let mut energy = zero;
-    let mut differences = [zero; 9];
+    let mut vectors = [[[T::ZERO; 4]; LANES]; 3];
     let mut h = [zero; 9];
     let mut further = [zero; 9];
     let blocks = nodes.iter().zip(rest).zip(turned).zip(rotations);
     for (((nodes, rest), turned), rotations) in blocks {
-        gather(nodes, d, &mut differences);
-        deformation(&rest.gradients, &differences, &mut h);
+        gather(nodes, d, &mut vectors);
+        deformation(&rest.gradients, &vectors, &mut h);
         rotate(&h, rotations);
         if GUESS {
-            gather(nodes, u, &mut differences);
-            deformation(&rest.gradients, &differences, &mut further);
+            gather(nodes, u, &mut vectors);
+            deformation(&rest.gradients, &vectors, &mut further);
         }
-        let out = (&mut differences, &mut energy);
+        let out = (&mut vectors, &mut energy);
         respond::<T, GUESS>(rest, rotations, &h, &further, factor, turned, out);
-        scatter(nodes, &differences, force);
+        scatter(nodes, &vectors, force);
     }
     let mut sum = T::ZERO;
     for energy in energy {
@@ -69,17 +69,17 @@ pub(super) fn product<T: Real>(
     u: &[Node<T>],
     y: &mut [Node<T>],
 ) {
-    let mut differences = [[T::ZERO; LANES]; 9];
-    let mut forces = [[T::ZERO; LANES]; 9];
+    let zero = [[[T::ZERO; 4]; LANES]; 3];
+    let (mut differences, mut forces) = (zero, zero);
     for (nodes, turned) in nodes.iter().zip(turned) {
         gather(nodes, u, &mut differences);
         for lane in 0..LANES {
             let b = at(&turned.gradients, lane);
-            let e = symmetric(&outer(&at(&differences, lane), &b), factor);
+            let e = symmetric(&outer(&vectors_at(&differences, lane), &b), factor);
             let s = matrix(&stress(&e, turned.ratio[lane]));
-            put(&mut forces, lane, 0, times(&s, b[0]));
-            put(&mut forces, lane, 1, times(&s, b[1]));
-            put(&mut forces, lane, 2, times(&s, b[2]));
+            forces[0][lane] = node(times(&s, b[0]));
+            forces[1][lane] = node(times(&s, b[1]));
+            forces[2][lane] = node(times(&s, b[2]));
         }
         scatter(nodes, &forces, y);
     }
@@ -89,11 +89,11 @@ pub(super) fn product<T: Real>(
 #[inline(always)]
 fn deformation<T: Real>(
     gradients: &[Lanes<T>; 9],
-    differences: &[Lanes<T>; 9],
+    differences: &Vectors<T>,
     h: &mut [Lanes<T>; 9],
 ) {
     for lane in 0..LANES {
-        let sum = outer(&at(differences, lane), &at(gradients, lane));
+        let sum = outer(&vectors_at(differences, lane), &at(gradients, lane));
         put(h, lane, 0, sum[0]);
         put(h, lane, 1, sum[1]);
         put(h, lane, 2, sum[2]);
@@ -146,7 +146,7 @@ fn respond<T: Real, const GUESS: bool>(
     further: &[Lanes<T>; 9],
     factor: T,
     turned: &mut Turned<T>,
-    (forces, energies): (&mut [Lanes<T>; 9], &mut Lanes<T>),
+    (forces, energies): (&mut Vectors<T>, &mut Lanes<T>),
 ) {
     let Turned { gradients, ratio } = turned;
     for lane in 0..LANES {
@@ -172,9 +172,9 @@ fn respond<T: Real, const GUESS: bool>(
         }
         let p = product_of(&r, &matrix(&s));
         let g = at(&rest.gradients, lane);
-        put(forces, lane, 0, times(&p, g[0]));
-        put(forces, lane, 1, times(&p, g[1]));
-        put(forces, lane, 2, times(&p, g[2]));
+        forces[0][lane] = node(times(&p, g[0]));
+        forces[1][lane] = node(times(&p, g[1]));
+        forces[2][lane] = node(times(&p, g[2]));
         put(gradients, lane, 0, times(&r, g[0]));
         put(gradients, lane, 1, times(&r, g[1]));
         put(gradients, lane, 2, times(&r, g[2]));
@@ -191,6 +191,20 @@ fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
         }
     }
     m
+}
+
+#[inline(always)]
+fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
+    let vector = |a: usize| {
+        let node = &vectors[a][lane];
+        [node[0] + node[3], node[1], node[2]]
+    };
+    [vector(0), vector(1), vector(2)]
+}
+
+#[inline(always)]
+fn node<T: Real>(v: [T; 3]) -> Node<T> {
+    [v[0], v[1], v[2], T::ZERO]
 }
 
 #[inline(always)]
