@@ -42,7 +42,14 @@ fn cube(cells: [u32; 3]) -> Body {
         poisson: 0.3,
         density: 1000.0,
     };
-    Body::solid(&mesh, &[material], SolidLaw::Corotational, config(), &handles).unwrap()
+    Body::solid(
+        &mesh,
+        &[material],
+        SolidLaw::Corotational,
+        config(),
+        &handles,
+    )
+    .unwrap()
 }
 
 /// A sheet with bending, held at two ends.
@@ -81,15 +88,26 @@ fn show(name: &str, body: &mut Body) {
     // Implicit Euler, 10 ms, Rayleigh damping 0.1 and 0.1.
     let (by_mass, by_stiffness) = (1e4 + 10.0, 11.0);
     let mut old = Cholesky::new(matrix, 1, Kernels::Fastest).unwrap();
-    old.factorize(matrix, mass, by_mass, by_stiffness, None).unwrap();
+    old.factorize(matrix, mass, by_mass, by_stiffness, None)
+        .unwrap();
     let order = order(matrix, body.node_positions());
     let mut factor = Factor::new(matrix, &order).unwrap();
     let repeat = 4_000_000 / old.factor_entries() + 3;
     let factorize = time(repeat, || {
-        factor.factorize(matrix, mass, by_mass, by_stiffness, None).unwrap();
+        factor
+            .factorize(matrix, mass, by_mass, by_stiffness, None)
+            .unwrap();
     });
-    let var = |n: &str, d: f64| std::env::var(n).ok().and_then(|v| v.parse().ok()).unwrap_or(d);
-    let costs = Costs { supernode: var("CS", 600.0), below: var("CB", 40.0) };
+    let var = |n: &str, d: f64| {
+        std::env::var(n)
+            .ok()
+            .and_then(|v| v.parse().ok())
+            .unwrap_or(d)
+    };
+    let costs = Costs {
+        supernode: var("CS", 600.0),
+        below: var("CB", 40.0),
+    };
     let mut panels = Panels::with_costs(matrix, &factor, costs);
     let refresh = time(repeat, || panels.refresh(&factor));
     let unknowns = factor.unknowns();
@@ -133,12 +151,14 @@ fn show(name: &str, body: &mut Body) {
 }
 
 fn main() {
-    println!("    body unknowns  amd  entries panel stored supernodes | factorize | refresh | f64 solve | f32 solve | error");
+    println!(
+        "    body unknowns  amd  entries panel stored supernodes | factorize | refresh | f64 solve | f32 solve | error"
+    );
     show("1,296", &mut cube([6; 3]));
     show("3,072", &mut cube([8; 3]));
     show("6,000", &mut cube([10; 3]));
     show("sheet", &mut cloth());
     if std::env::var("BIG").is_ok() {
-    show("20,250", &mut cube([15; 3]));
+        show("20,250", &mut cube([15; 3]));
     }
 }

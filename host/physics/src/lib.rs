@@ -4,7 +4,6 @@
 //! files or printing, and no knowledge of devices: files arrive as text, time as a step length, and every
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
-//! - [`fast`]: the parts of a realtime step made for speed.
 //! - [`mesh`]: triangle and tetrahedral meshes, generators and file formats.
 //! - [`fast`]: the realtime step of a body, without assembling anything.
 //! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the

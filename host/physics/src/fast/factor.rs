@@ -89,7 +89,10 @@ impl Factor {
         for (place, &node) in order.iter().enumerate() {
             let rows = matrix.free_blocks(node as usize);
             upper.clear();
-            upper.extend(rows.map(|(row, _)| places[row]).filter(|&row| row as usize <= place));
+            upper.extend(
+                rows.map(|(row, _)| places[row])
+                    .filter(|&row| row as usize <= place),
+            );
             upper.sort_unstable();
             for axis in 0..3 {
                 for &row in &upper {
@@ -305,7 +308,8 @@ impl Factor {
                     }
                     let supernode = factor.supernode(index);
                     let (first, end) = (supernode.start(), ends[index] as usize);
-                    let Some(values) = supernode.val().col(column - first).try_as_col_major() else {
+                    let Some(values) = supernode.val().col(column - first).try_as_col_major()
+                    else {
                         continue;
                     };
                     let (own, below) = values.as_slice().split_at(end - first);

@@ -3,6 +3,7 @@
 //! A kernel is linearized once a step and then multiplied by as often as the solver asks: nothing is assembled
 //! unless a factor is to be made. [`Assembled`] serves elements that have no kernel of their own.
 
+use super::tet::Tets;
 use super::{Node, Real};
 use crate::Vec3;
 use crate::fem::{BlockMatrix, Elements, Tangent};
@@ -19,6 +20,29 @@ pub(crate) trait Kernel<T>: fmt::Debug + Send {
 
     /// Adds the blocks of `K` to `matrix`.
     fn add_to(&self, matrix: &mut BlockMatrix);
+}
+
+impl<T: Real> Kernel<T> for Tets<T> {
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        Tets::linearize(self, d, force).to_f64()
+    }
+
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        Tets::product(self, factor, u, y);
+    }
+
+    fn add_to(&self, matrix: &mut BlockMatrix) {
+        for element in 0..self.len() {
+            let (nodes, blocks) = (self.nodes(element), self.stiffness(element));
+            for (row, blocks) in nodes.into_iter().zip(&blocks) {
+                for (column, block) in nodes.into_iter().zip(blocks) {
+                    if let Some(slot) = matrix.slot(row, column) {
+                        matrix.add(slot, block);
+                    }
+                }
+            }
+        }
+    }
 }
 
 /// Elements by their assembled matrix.

@@ -148,10 +148,7 @@ fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
     buffer[skip..].as_chunks_mut::<LANES>().0
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl",
-    "x86_64+avx2",
-))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))]
 fn solve(
     supernodes: &Supernodes,
     values: &[Line],
@@ -167,13 +164,18 @@ fn solve(
         let width = 3 * block.width();
         let strips = strips(block);
         pack(&r[first..end], columns);
-        columns[width..].first_chunk_mut::<4>().map(|fill| *fill = [0.0; 4]);
+        columns[width..]
+            .first_chunk_mut::<4>()
+            .map(|fill| *fill = [0.0; 4]);
         rows[..strips].fill([0.0; LANES]);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
             let lines;
             (lines, rest) = rest.split_at(count * (strips - strip));
-            by_width!(count, forward_block(lines, &columns[column..], &mut rows[strip..strips]));
+            by_width!(
+                count,
+                forward_block(lines, &columns[column..], &mut rows[strip..strips])
+            );
         }
         let flat = rows.as_flattened();
         unpack(flat, &mut r[first..end]);
@@ -205,7 +207,14 @@ fn solve(
             let strip = column / LANES;
             let here;
             (here, lines) = lines.split_at(count * (strips - strip));
-            by_width!(count, backward_block(here, &rows[strip..strips], &mut columns[column..column + count]));
+            by_width!(
+                count,
+                backward_block(
+                    here,
+                    &rows[strip..strips],
+                    &mut columns[column..column + count]
+                )
+            );
         }
         unpack(columns, &mut r[first..end]);
     }
@@ -234,10 +243,7 @@ fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
 /// `P L = [1; -B]` for one strip: `strip` holds rows of `[1; -B]` by columns, then of `P`.
 ///
 /// `diagonal` is `L` by columns of `width` entries; rows of `P` end with column `end`.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl",
-    "x86_64+avx2",
-))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))]
 fn solve_strip(strip: &mut [[f64; LANES]], diagonal: &[f64], width: usize, end: usize) {
     for column in (0..end).rev() {
         let l = &diagonal[column * width..(column + 1) * width];

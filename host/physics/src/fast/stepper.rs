@@ -16,7 +16,10 @@
 //! step (`guard`) at no cost.
 
 use super::condense::Shapes;
+use super::factor::Factor;
 use super::kernel::{Assembled, Kernel, ScalarMatrix};
+use super::panel::Panels;
+use super::tet::Tets;
 use super::{Node, Real, dot, to_node, to_vec};
 use crate::Vec3;
 use crate::fem::guard::{Energy, MOST_HALVINGS};
@@ -94,8 +97,8 @@ pub struct Stepper<T> {
     pub(super) free: usize,
     pub(super) kernels: Vec<Box<dyn Kernel<T>>>,
     matrix: BlockMatrix,
-    factor: super::factor::Factor,
-    panels: super::panel::Panels,
+    factor: Factor,
+    panels: Panels,
     /// Factors of mass and stiffness in the matrix that was factorized.
     factors: Option<(f64, f64)>,
     stale: bool,
@@ -147,8 +150,12 @@ impl<T: Real> Stepper<T> {
         for set in &body.elements {
             let mut set = set.boxed();
             set.renumber(&place);
-            set.bind(&matrix);
-            kernels.push(Box::new(Assembled::new(set, &matrix, &rest)));
+            if let Some(tets) = set.corotational_tets() {
+                kernels.push(Box::new(Tets::new(tets.into_iter())));
+            } else {
+                set.bind(&matrix);
+                kernels.push(Box::new(Assembled::new(set, &matrix, &rest)));
+            }
         }
         if let Some(bending) = &body.bending {
             let weights = body
@@ -161,8 +168,8 @@ impl<T: Real> Stepper<T> {
             free.iter().map(|&node| mask[node as usize]).collect()
         });
         let identity: Vec<u32> = (0..free as u32).collect();
-        let factor = super::factor::Factor::new(&matrix, &identity)?;
-        let panels = super::panel::Panels::new(&factor);
+        let factor = Factor::new(&matrix, &identity)?;
+        let panels = Panels::new(&matrix, &factor);
         let zeros = vec![[T::ZERO; 4]; count];
         Ok(Self {
             options,

@@ -120,8 +120,8 @@ impl Supernodes {
                 end: at + 1,
             };
             while let Some(lower) = open.last() {
-                let exact = columns[lower.end - 1].len() == columns[upper.end - 1].len() + upper.end
-                    - upper.first;
+                let exact = columns[lower.end - 1].len()
+                    == columns[upper.end - 1].len() + upper.end - upper.first;
                 let gain = cost(lower.first, lower.end) + cost(upper.first, upper.end)
                     - cost(lower.first, upper.end);
                 if !is_child(lower, &upper) || !(exact || gain > 0.0) {

@@ -6,6 +6,7 @@
 
 use super::Tangent;
 use super::block_matrix::BlockMatrix;
+use crate::fast::tet::Tet;
 use crate::{Mat3, Vec3};
 use core::fmt;
 
@@ -44,6 +45,11 @@ pub trait Elements: fmt::Debug + Send + Sync {
 
     /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
+
+    /// The elements as corotational linear tetrahedra, where that is what they are.
+    fn corotational_tets(&self) -> Option<Vec<Tet>> {
+        None
+    }
 
     /// A copy.
     fn boxed(&self) -> Box<dyn Elements>;

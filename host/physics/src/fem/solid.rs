@@ -15,6 +15,7 @@ use super::error::BodyError;
 use super::law::{Lame, Law, Modulus};
 use super::material::SolidMaterial;
 use super::shape::Shape;
+use crate::fast::tet::Tet;
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
@@ -280,6 +281,23 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         } else {
             sum / volume
         }
+    }
+
+    fn corotational_tets(&self) -> Option<Vec<Tet>> {
+        if N != 4 || Q != 1 || !L::COROTATIONAL {
+            return None;
+        }
+        let tet = |element: usize| {
+            let gradients = self.gradients[element].first()?;
+            Some(Tet {
+                nodes: *self.nodes[element].first_chunk()?,
+                gradients: *gradients.first_chunk()?,
+                volume: self.volume(element),
+                lambda: self.lame[element].lambda,
+                mu: self.lame[element].mu,
+            })
+        };
+        (0..self.nodes.len()).map(tet).collect()
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

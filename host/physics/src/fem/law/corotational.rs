@@ -21,6 +21,8 @@ const STRETCH_FLOOR: f64 = 0.02;
 pub struct Corotational;
 
 impl Law for Corotational {
+    const COROTATIONAL: bool = true;
+
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let strain = svd(f).s - Vec3::repeat(1.0);
         let trace = strain.sum();

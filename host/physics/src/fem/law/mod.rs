@@ -58,6 +58,9 @@ pub struct Response {
 /// exactly that of the stress. With [`Tangent::Clipped`] its negative eigenvalues are replaced by zero.
 /// None of the three may return a value that is not finite for a finite `F`, whatever its determinant.
 pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
+    /// Whether this is the corotational law, for which [`fast`](crate::fast) has kernels.
+    const COROTATIONAL: bool = false;
+
     /// Energy per rest volume (J/m^3), zero at rest.
     fn energy(&self, lame: Lame, f: &Mat3) -> f64;
 

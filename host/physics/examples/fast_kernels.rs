@@ -1,0 +1,99 @@
+//! Times the element kernels of the fast step on a box of 6,000 tetrahedra, one thread.
+//!
+//! `cargo run --release -p palpate-physics --example fast_kernels`
+
+use physics::Vec3;
+use physics::fast::Node;
+use physics::fast::lanes::Real;
+use physics::fast::tet::{Tet, Tets};
+use physics::fem::law::Lame;
+use physics::mesh::{Cells, TetMesh, generate_box::solid_box};
+use std::time::Instant;
+
+const REPEATS: usize = 2000;
+
+fn tets(mesh: &TetMesh) -> Vec<Tet> {
+    let lame = Lame::new(1e4, 0.45);
+    let Cells::Linear(cells) = &mesh.cells else {
+        return Vec::new();
+    };
+    let tet = |nodes: &[u32; 4]| {
+        let x = nodes.map(|node| mesh.positions[node as usize]);
+        let edges = physics::Mat3::from_columns(&[x[1] - x[0], x[2] - x[0], x[3] - x[0]]);
+        let rows = edges.try_inverse().unwrap_or_default();
+        let g: [Vec3; 3] = core::array::from_fn(|a| rows.row(a).transpose());
+        Tet {
+            nodes: *nodes,
+            gradients: [-(g[0] + g[1] + g[2]), g[0], g[1], g[2]],
+            volume: edges.determinant() / 6.0,
+            lambda: lame.lambda,
+            mu: lame.mu,
+        }
+    };
+    cells.iter().map(tet).collect()
+}
+
+/// Microseconds: the least and the median.
+fn time(mut work: impl FnMut(usize)) -> (f64, f64) {
+    let mut times: Vec<f64> = (0..REPEATS)
+        .map(|repeat| {
+            let start = Instant::now();
+            work(repeat);
+            start.elapsed().as_secs_f64() * 1e6
+        })
+        .collect();
+    times.sort_by(f64::total_cmp);
+    (times[0], times[REPEATS / 2])
+}
+
+fn table<T: Real>(name: &str, mesh: &TetMesh) {
+    let tets = tets(mesh);
+    let count = tets.len() as f64;
+    let mut tets = Tets::<T>::new(tets.into_iter());
+    // Two states in turn: twisted by up to half a radian, the second by `turn` further.
+    let state = |extra: f64| -> Vec<Node<T>> {
+        let twist = |x: &Vec3| {
+            let angle = 5.0 * (x.z + 0.05) + extra;
+            let turned = nalgebra::Rotation3::from_axis_angle(&Vec3::z_axis(), angle) * x;
+            let d = turned - x + Vec3::new(0.0, 0.0, 0.1 * x.z);
+            [T::of(d.x), T::of(d.y), T::of(d.z), T::ZERO]
+        };
+        mesh.positions.iter().map(twist).collect()
+    };
+    let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
+    let mut row = |what: &str, work: &mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize)| {
+        let (least, median) = time(|repeat| work(&mut tets, &mut out, repeat));
+        let per = least * 1e3 / count;
+        println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
+    };
+    for turn in [0.0, 1e-4, 1e-3, 1e-2] {
+        let states = [state(0.0), state(turn)];
+        row(
+            &format!("linearize, turned by {turn:e}"),
+            &mut |tets, out, repeat| {
+                tets.linearize(&states[repeat % 2], out);
+            },
+        );
+        row(
+            &format!("with a guess, turned by {turn:e}"),
+            &mut |tets, out, repeat| {
+                tets.linearize_with(&states[repeat % 2], &states[0], T::of(0.0), out);
+            },
+        );
+    }
+    let u = state(0.0);
+    row("product", &mut |tets, out, _| {
+        tets.product(T::of(1e-9), &u, out)
+    });
+}
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let mesh = solid_box([0.1; 3], [10; 3])?;
+    println!(
+        "     {:<34} {:>8} {:>8} {:>8}",
+        "", "min us", "med us", "ns/tet"
+    );
+    table::<f64>("f64", &mesh);
+    table::<f32>("f32", &mesh);
+    Ok(())
+}

@@ -1,0 +1,116 @@
+//! Numbers of either precision, and node vectors to and from arrays over elements.
+//!
+//! Elements come in blocks of [`LANES`]. What belongs to a block is stored by component: the same component
+//! of all its elements side by side. Work on a block is a loop over its lanes whose body is plain arithmetic
+//! on one element: the compiler makes vector instructions of it, of whatever width the machine has, and
+//! since it may neither reorder sums nor fuse a product into a sum, every width gives the same bytes.
+
+use super::Node;
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// Elements in a block: two or four of the widest vectors.
+pub const LANES: usize = 32;
+
+/// One number for each element of a block.
+pub type Lanes<T> = [T; LANES];
+
+/// `f32` or `f64`.
+pub trait Real:
+    Copy
+    + Debug
+    + Default
+    + PartialOrd
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + Send
+    + Sync
+    + 'static
+{
+    /// Zero.
+    const ZERO: Self;
+    /// The square of a turn (rad) after which no further Newton iteration of a rotation is needed: the next
+    /// would turn by less than its square times the strain.
+    const SMALL_TURN: Self;
+
+    /// The nearest number of this precision.
+    fn of(value: f64) -> Self;
+
+    /// In double precision.
+    fn to_f64(self) -> f64;
+
+    /// The square root.
+    fn sqrt(self) -> Self;
+}
+
+macro_rules! real {
+    ($type:ty, $small_turn:expr) => {
+        impl Real for $type {
+            const ZERO: Self = 0.0;
+            const SMALL_TURN: Self = $small_turn;
+
+            #[inline(always)]
+            fn of(value: f64) -> Self {
+                value as Self
+            }
+
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                self.into()
+            }
+
+            #[inline(always)]
+            fn sqrt(self) -> Self {
+                Self::sqrt(self)
+            }
+        }
+    };
+}
+
+real!(f32, 1e-7);
+real!(f64, 1e-13);
+
+/// Three vectors for each element of a block, filled up like nodes: component `i` of vector `a` of element
+/// `lane` is `[a][lane][i]`.
+pub type Vectors<T> = [[Node<T>; LANES]; 3];
+
+/// Differences of the vectors `of` at each element's last three nodes from that at its first.
+#[inline(always)]
+pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], differences: &mut Vectors<T>) {
+    for lane in 0..LANES {
+        let [n0, n1, n2, n3] = nodes[lane];
+        let first = of[n0 as usize];
+        differences[0][lane] = less(of[n1 as usize], first);
+        differences[1][lane] = less(of[n2 as usize], first);
+        differences[2][lane] = less(of[n3 as usize], first);
+    }
+}
+
+/// Adds `vectors` to the vectors `to` at each element's last three nodes, and subtracts their sum at its
+/// first.
+#[inline(always)]
+pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], vectors: &Vectors<T>, to: &mut [Node<T>]) {
+    for lane in 0..LANES {
+        let [n0, n1, n2, n3] = nodes[lane].map(|node| node as usize);
+        let [v1, v2, v3] = [vectors[0][lane], vectors[1][lane], vectors[2][lane]];
+        to[n1] = plus(to[n1], v1);
+        to[n2] = plus(to[n2], v2);
+        to[n3] = plus(to[n3], v3);
+        to[n0] = less(to[n0], plus(plus(v1, v2), v3));
+    }
+}
+
+#[inline(always)]
+fn plus<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
+}
+
+#[inline(always)]
+fn less<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
+}

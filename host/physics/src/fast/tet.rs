@@ -1,0 +1,248 @@
+//! Corotational linear tetrahedra in blocks: forces, energies and products with the stiffness.
+//!
+//! The law is [`Corotational`](crate::fem::law::Corotational): with the rotation `R` of the element's
+//! deformation gradient and the strain `E = R^T F - I`, `P = R (2 mu E + lambda tr(E) I)`. The stiffness is
+//! the warped one, `R K0 R^T` (Müller and Gross, "Interactive virtual materials", 2004): positive
+//! semidefinite whatever the strain. No matrix is kept. With the rotated rest gradients
+//! `b_a = sqrt(2 mu V) R g_a` the product is `f_a = (sym G + lambda / (2 mu) tr(G) I) b_a` where
+//! `G = sum u_a b_a^T`: nine numbers an element and one ratio.
+//!
+//! Displacements are those from rest, so that single precision keeps the digits of small strains.
+
+use super::Node;
+use super::lanes::{LANES, Lanes, Real};
+use super::polar::matrix;
+use super::tet_kernels::{linearize, product};
+use crate::{Mat3, Vec3};
+
+/// Elements among which the next is chosen, and the number of elements before it that it should share no
+/// node with.
+const WINDOW: usize = 128;
+const APART: usize = 8;
+
+/// One tetrahedron, nodes in the solver's numbering.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tet {
+    /// Its nodes.
+    pub nodes: [u32; 4],
+    /// Rest gradients of the shape functions (1/m); they sum to zero.
+    pub gradients: [Vec3; 4],
+    /// Rest volume (m^3).
+    pub volume: f64,
+    /// Lamé's first parameter (Pa).
+    pub lambda: f64,
+    /// Shear modulus (Pa), positive.
+    pub mu: f64,
+}
+
+/// What does not change of a block.
+#[derive(Clone, Debug)]
+pub(super) struct Rest<T> {
+    /// Component `j` of the gradient of node `a + 1` in row `3 a + j` (1/m).
+    pub(super) gradients: [Lanes<T>; 9],
+    /// `sqrt(2 mu V)`; zero where the block is filled up.
+    pub(super) scale: Lanes<T>,
+}
+
+/// What a product reads of a block.
+#[derive(Clone, Debug)]
+pub(super) struct Turned<T> {
+    /// The gradients rotated and scaled.
+    pub(super) gradients: [Lanes<T>; 9],
+    /// `lambda / (2 mu)`.
+    pub(super) ratio: Lanes<T>,
+}
+
+/// Corotational tetrahedra.
+#[derive(Clone, Debug)]
+pub struct Tets<T> {
+    nodes: Vec<[[u32; 4]; LANES]>,
+    rest: Vec<Rest<T>>,
+    turned: Vec<Turned<T>>,
+    rotations: Vec<[Lanes<T>; 4]>,
+    /// Block and lane of each element.
+    places: Vec<(u32, u32)>,
+}
+
+/// An order of the elements in which neighbours share no node where that can be had, so that sums into nodes
+/// need not wait for each other; it stays near the given one.
+fn order(tets: &[Tet]) -> Vec<usize> {
+    let mut order = Vec::with_capacity(tets.len());
+    let mut window: Vec<usize> = (0..tets.len().min(WINDOW)).collect();
+    let mut next = window.len();
+    while !window.is_empty() {
+        let recent = &order[order.len().saturating_sub(APART)..];
+        let apart = |&element: &usize| {
+            let shares = |&other: &usize| {
+                let other: &Tet = &tets[other];
+                tets[element].nodes.iter().any(|n| other.nodes.contains(n))
+            };
+            !recent.iter().any(shares)
+        };
+        let chosen = window.iter().position(apart).unwrap_or(0);
+        order.push(window.remove(chosen));
+        if next < tets.len() {
+            window.push(next);
+            next += 1;
+        }
+    }
+    order
+}
+
+impl<T: Real> Tets<T> {
+    /// The elements at rest.
+    pub fn new(tets: impl ExactSizeIterator<Item = Tet>) -> Self {
+        let tets: Vec<Tet> = tets.collect();
+        let order = order(&tets);
+        let mut all = Self {
+            nodes: Vec::new(),
+            rest: Vec::new(),
+            turned: Vec::new(),
+            rotations: Vec::new(),
+            places: vec![(0, 0); tets.len()],
+        };
+        for (block, elements) in order.chunks(LANES).enumerate() {
+            let zero = [T::ZERO; LANES];
+            let mut nodes = [[0; 4]; LANES];
+            let mut rest = Rest {
+                gradients: [zero; 9],
+                scale: zero,
+            };
+            let mut ratio = zero;
+            for lane in 0..LANES {
+                // A block is filled up with copies of its last element that have no volume.
+                let element = elements[lane.min(elements.len() - 1)];
+                let tet = &tets[element];
+                nodes[lane] = tet.nodes;
+                for a in 0..3 {
+                    for j in 0..3 {
+                        rest.gradients[3 * a + j][lane] = T::of(tet.gradients[a + 1][j]);
+                    }
+                }
+                ratio[lane] = T::of(tet.lambda / (2.0 * tet.mu));
+                if lane < elements.len() {
+                    rest.scale[lane] = T::of((2.0 * tet.mu * tet.volume).sqrt());
+                    all.places[element] = (block as u32, lane as u32);
+                }
+            }
+            let mut gradients = rest.gradients;
+            for row in &mut gradients {
+                for (entry, &scale) in row.iter_mut().zip(&rest.scale) {
+                    *entry = *entry * scale;
+                }
+            }
+            all.nodes.push(nodes);
+            all.rest.push(rest);
+            all.turned.push(Turned { gradients, ratio });
+            all.rotations.push([[T::of(1.0); LANES], zero, zero, zero]);
+        }
+        all
+    }
+
+    /// Number of elements.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Finds the rotations at displacements `d` (m), starting from the last ones, and adds the elastic forces
+    /// (N) to `force`. Returns the elastic energy (J).
+    ///
+    /// # Panics
+    ///
+    /// Where `d` or `force` is shorter than a node's number.
+    pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
+        linearize::<T, false>(
+            &self.nodes,
+            &self.rest,
+            &mut self.turned,
+            &mut self.rotations,
+            d,
+            d,
+            T::ZERO,
+            force,
+        )
+    }
+
+    /// The same, and subtracts `factor` times the stiffness times `u` from `force` on the way: the residual
+    /// of a guess `u` of the step. Returns the elastic energy at `d` (J).
+    ///
+    /// # Panics
+    ///
+    /// Where `d`, `u` or `force` is shorter than a node's number.
+    pub fn linearize_with(
+        &mut self,
+        d: &[Node<T>],
+        u: &[Node<T>],
+        factor: T,
+        force: &mut [Node<T>],
+    ) -> T {
+        linearize::<T, true>(
+            &self.nodes,
+            &self.rest,
+            &mut self.turned,
+            &mut self.rotations,
+            d,
+            u,
+            factor,
+            force,
+        )
+    }
+
+    /// Adds `factor` times the stiffness at the last rotations times `u` to `y`.
+    ///
+    /// # Panics
+    ///
+    /// Where `u` or `y` is shorter than a node's number.
+    pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        product(&self.nodes, &self.turned, factor, u, y);
+    }
+
+    /// Rotation of an element in the last call of `linearize`; the identity before the first.
+    ///
+    /// # Panics
+    ///
+    /// Where there is no such element.
+    pub fn rotation(&self, element: usize) -> Mat3 {
+        let (block, lane) = self.places[element];
+        let rows = &self.rotations[block as usize];
+        matrix(rows.map(|row| row[lane as usize]))
+    }
+
+    /// Nodes of an element.
+    ///
+    /// # Panics
+    ///
+    /// Where there is no such element.
+    pub fn nodes(&self, element: usize) -> [u32; 4] {
+        let (block, lane) = self.places[element];
+        self.nodes[block as usize][lane as usize]
+    }
+
+    /// The 3 x 3 blocks of an element's stiffness at the last rotations (N/m), by its nodes.
+    ///
+    /// # Panics
+    ///
+    /// Where there is no such element.
+    pub fn stiffness(&self, element: usize) -> [[Mat3; 4]; 4] {
+        let (block, lane) = self.places[element];
+        let turned = &self.turned[block as usize];
+        let lane = lane as usize;
+        let ratio = turned.ratio[lane].to_f64();
+        let mut b = [Vec3::zeros(); 4];
+        for a in 0..3 {
+            b[a + 1] = Vec3::from_fn(|i, _| turned.gradients[3 * a + i][lane].to_f64());
+        }
+        b[0] = -(b[1] + b[2] + b[3]);
+        b.map(|row| {
+            b.map(|column| {
+                (Mat3::from_diagonal_element(row.dot(&column)) + column * row.transpose()) * 0.5
+                    + row * column.transpose() * ratio
+            })
+        })
+    }
+}

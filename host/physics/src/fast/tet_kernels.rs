@@ -1,0 +1,299 @@
+//! What is computed on blocks of tetrahedra, once for each width of vector instructions.
+//!
+//! Loops over lanes must stay loops until the compiler makes vectors of them: it does where their body is
+//! straight arithmetic, so bodies are small functions that are always inlined, and anything that branches is
+//! outside. The attribute's clones differ in speed alone.
+
+use super::Node;
+use super::lanes::{LANES, Lanes, Real, Vectors, gather, scatter};
+use super::polar::{Matrix, Quaternion, quaternion, rotation_less_identity, strain, turn};
+use super::tet::{Rest, Turned};
+use multiversion::multiversion;
+
+/// Newton iterations a call spends on a rotation before it takes the singular values instead.
+const MAX_TURNS: usize = 8;
+
+/// A symmetric matrix: 00, 11, 22, 12, 02, 01.
+type Symmetric<T> = [T; 6];
+
+/// See [`Tets::linearize_with`](super::tet::Tets::linearize_with); without `GUESS`, `u` is not read.
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+    "x86_64+avx2+bmi1+bmi2"
+))]
+#[allow(clippy::too_many_arguments)]
+pub(super) fn linearize<T: Real, const GUESS: bool>(
+    nodes: &[[[u32; 4]; LANES]],
+    rest: &[Rest<T>],
+    turned: &mut [Turned<T>],
+    rotations: &mut [[Lanes<T>; 4]],
+    d: &[Node<T>],
+    u: &[Node<T>],
+    factor: T,
+    force: &mut [Node<T>],
+) -> T {
+    let zero = [T::ZERO; LANES];
+    let mut energy = zero;
+    let mut vectors = [[[T::ZERO; 4]; LANES]; 3];
+    let mut h = [zero; 9];
+    let mut further = [zero; 9];
+    let blocks = nodes.iter().zip(rest).zip(turned).zip(rotations);
+    for (((nodes, rest), turned), rotations) in blocks {
+        gather(nodes, d, &mut vectors);
+        deformation(&rest.gradients, &vectors, &mut h);
+        rotate(&h, rotations);
+        if GUESS {
+            gather(nodes, u, &mut vectors);
+            deformation(&rest.gradients, &vectors, &mut further);
+        }
+        let out = (&mut vectors, &mut energy);
+        respond::<T, GUESS>(rest, rotations, &h, &further, factor, turned, out);
+        scatter(nodes, &vectors, force);
+    }
+    let mut sum = T::ZERO;
+    for energy in energy {
+        sum += energy;
+    }
+    sum
+}
+
+/// See [`Tets::product`](super::tet::Tets::product).
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+    "x86_64+avx2+bmi1+bmi2"
+))]
+pub(super) fn product<T: Real>(
+    nodes: &[[[u32; 4]; LANES]],
+    turned: &[Turned<T>],
+    factor: T,
+    u: &[Node<T>],
+    y: &mut [Node<T>],
+) {
+    let zero = [[[T::ZERO; 4]; LANES]; 3];
+    let (mut differences, mut forces) = (zero, zero);
+    for (nodes, turned) in nodes.iter().zip(turned) {
+        gather(nodes, u, &mut differences);
+        for lane in 0..LANES {
+            let b = at(&turned.gradients, lane);
+            let e = symmetric(&outer(&vectors_at(&differences, lane), &b), factor);
+            let s = matrix(&stress(&e, turned.ratio[lane]));
+            forces[0][lane] = node(times(&s, b[0]));
+            forces[1][lane] = node(times(&s, b[1]));
+            forces[2][lane] = node(times(&s, b[2]));
+        }
+        scatter(nodes, &forces, y);
+    }
+}
+
+/// `F - I = sum (d_a - d_0) g_a^T`, row by row, from the differences.
+#[inline(always)]
+fn deformation<T: Real>(
+    gradients: &[Lanes<T>; 9],
+    differences: &Vectors<T>,
+    h: &mut [Lanes<T>; 9],
+) {
+    for lane in 0..LANES {
+        let sum = outer(&vectors_at(differences, lane), &at(gradients, lane));
+        put(h, lane, 0, sum[0]);
+        put(h, lane, 1, sum[1]);
+        put(h, lane, 2, sum[2]);
+    }
+}
+
+/// Rotations of a block.
+#[inline(always)]
+fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
+    for _ in 0..MAX_TURNS {
+        let mut open = 0_u32;
+        for lane in 0..LANES {
+            let (q, done) = turn(quaternion_at(rotations, lane), &at(h, lane));
+            for k in 0..4 {
+                rotations[k][lane] = q[k];
+            }
+            open += u32::from(!done);
+        }
+        if open == 0 {
+            return;
+        }
+    }
+    rotate_singly(h, rotations);
+}
+
+/// The same one by one, by singular values where the iteration has not converged.
+#[cold]
+#[inline(never)]
+fn rotate_singly<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
+    for lane in 0..LANES {
+        let h = at(h, lane);
+        let (mut q, done) = turn(quaternion_at(rotations, lane), &h);
+        if !done {
+            q = quaternion(&h);
+        }
+        for k in 0..4 {
+            rotations[k][lane] = q[k];
+        }
+    }
+}
+
+/// Rotates the gradients of a block, gives the forces on the last three nodes of each element, and adds to
+/// the energies. The forces are those at `F - I = h`, or at `h + factor further` with the rotations of `h`,
+/// for the warped stiffness is the derivative of that.
+#[inline(always)]
+fn respond<T: Real, const GUESS: bool>(
+    rest: &Rest<T>,
+    rotations: &[Lanes<T>; 4],
+    h: &[Lanes<T>; 9],
+    further: &[Lanes<T>; 9],
+    factor: T,
+    turned: &mut Turned<T>,
+    (forces, energies): (&mut Vectors<T>, &mut Lanes<T>),
+) {
+    let Turned { gradients, ratio } = turned;
+    for lane in 0..LANES {
+        let less = rotation_less_identity(quaternion_at(rotations, lane));
+        let (scale, ratio) = (rest.scale[lane], ratio[lane]);
+        // Negative strains: the force of an element on its nodes is minus its stress times the gradients.
+        let mut e = symmetric(&strain(&less, &at(h, lane)), -scale);
+        let mut s = stress(&e, ratio);
+        energies[lane] += energy(&e, &s);
+        let mut r = less;
+        for i in 0..3 {
+            r[i][i] += T::of(1.0);
+            for j in 0..3 {
+                r[i][j] = r[i][j] * scale;
+            }
+        }
+        if GUESS {
+            let more = symmetric(&transposed_times(&r, &at(further, lane)), -factor);
+            for k in 0..6 {
+                e[k] += more[k];
+            }
+            s = stress(&e, ratio);
+        }
+        let p = product_of(&r, &matrix(&s));
+        let g = at(&rest.gradients, lane);
+        forces[0][lane] = node(times(&p, g[0]));
+        forces[1][lane] = node(times(&p, g[1]));
+        forces[2][lane] = node(times(&p, g[2]));
+        put(gradients, lane, 0, times(&r, g[0]));
+        put(gradients, lane, 1, times(&r, g[1]));
+        put(gradients, lane, 2, times(&r, g[2]));
+    }
+}
+
+/// Rows of one element.
+#[inline(always)]
+fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
+    let mut m = [[T::ZERO; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            m[i][j] = rows[3 * i + j][lane];
+        }
+    }
+    m
+}
+
+#[inline(always)]
+fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
+    let vector = |a: usize| {
+        let node = &vectors[a][lane];
+        [node[0] + node[3], node[1], node[2]]
+    };
+    [vector(0), vector(1), vector(2)]
+}
+
+#[inline(always)]
+fn node<T: Real>(v: [T; 3]) -> Node<T> {
+    [v[0], v[1], v[2], T::ZERO]
+}
+
+#[inline(always)]
+fn put<T: Real>(rows: &mut [Lanes<T>; 9], lane: usize, a: usize, value: [T; 3]) {
+    for i in 0..3 {
+        rows[3 * a + i][lane] = value[i];
+    }
+}
+
+#[inline(always)]
+fn quaternion_at<T: Real>(rows: &[Lanes<T>; 4], lane: usize) -> Quaternion<T> {
+    [rows[0][lane], rows[1][lane], rows[2][lane], rows[3][lane]]
+}
+
+/// `sum a_k b_k^T` over the rows of both.
+#[inline(always)]
+fn outer<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
+    let mut sum = [[T::ZERO; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            sum[i][j] = a[0][i] * b[0][j] + a[1][i] * b[1][j] + a[2][i] * b[2][j];
+        }
+    }
+    sum
+}
+
+/// `a^T b`: the same sum.
+#[inline(always)]
+fn transposed_times<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
+    outer(a, b)
+}
+
+#[inline(always)]
+fn product_of<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
+    let mut product = [[T::ZERO; 3]; 3];
+    for i in 0..3 {
+        for j in 0..3 {
+            product[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
+        }
+    }
+    product
+}
+
+#[inline(always)]
+fn times<T: Real>(m: &Matrix<T>, v: [T; 3]) -> [T; 3] {
+    let mut product = [T::ZERO; 3];
+    for i in 0..3 {
+        product[i] = m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2];
+    }
+    product
+}
+
+/// `factor` times the symmetric part.
+#[inline(always)]
+fn symmetric<T: Real>(m: &Matrix<T>, factor: T) -> Symmetric<T> {
+    let half = T::of(0.5) * factor;
+    [
+        m[0][0] * factor,
+        m[1][1] * factor,
+        m[2][2] * factor,
+        (m[1][2] + m[2][1]) * half,
+        (m[0][2] + m[2][0]) * half,
+        (m[0][1] + m[1][0]) * half,
+    ]
+}
+
+#[inline(always)]
+fn matrix<T: Real>(s: &Symmetric<T>) -> Matrix<T> {
+    [[s[0], s[5], s[4]], [s[5], s[1], s[3]], [s[4], s[3], s[2]]]
+}
+
+/// Stress of a strain, both scaled by `sqrt(2 mu V)` of their elements: `e + ratio tr(e) I`.
+#[inline(always)]
+fn stress<T: Real>(e: &Symmetric<T>, ratio: T) -> Symmetric<T> {
+    let pressure = ratio * (e[0] + e[1] + e[2]);
+    [
+        e[0] + pressure,
+        e[1] + pressure,
+        e[2] + pressure,
+        e[3],
+        e[4],
+        e[5],
+    ]
+}
+
+/// Half of strain times stress.
+#[inline(always)]
+fn energy<T: Real>(e: &Symmetric<T>, s: &Symmetric<T>) -> T {
+    let along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];
+    let across = e[3] * s[3] + e[4] * s[4] + e[5] * s[5];
+    T::of(0.5) * along + across
+}
