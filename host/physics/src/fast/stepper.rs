@@ -38,7 +38,7 @@ pub enum Guess {
 /// How a step is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepperOptions {
-    /// The residual to reach, as a share of the forces that act on the free nodes.
+    /// The residual to reach, as a share of the forces that act on the free nodes and of the guess's residual.
     pub tolerance: f64,
     /// Most iterations; the step is taken with what they have found.
     pub max_iterations: usize,
@@ -70,7 +70,7 @@ pub struct StepperReport {
     pub iterations: usize,
     /// Norm of the residual at the end (N), as the recurrence carries it.
     pub residual: f64,
-    /// Norm of the forces that act on the free nodes (N).
+    /// Norm of the forces that act on the free nodes, and of the guess's residual (N).
     pub reference: f64,
     /// Whether the tolerance was met.
     pub converged: bool,
@@ -242,6 +242,7 @@ impl<T: Real> Stepper<T> {
         }
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
+        let reference = reference.hypot(self.norm());
         let limits = Limits {
             goal: self.options.tolerance * reference,
             max_iterations: self.options.max_iterations,
