@@ -307,3 +307,87 @@ fn shapes_renewed_in_turn_are_hardly_older() {
     println!("error of the stiffness with one shape of twelve at a time: {worst:.2e}");
     assert!(worst < 0.02, "{worst}");
 }
+
+/// A factor that is made elsewhere, and late, changes how many iterations a step takes, and nothing else.
+#[test]
+fn a_factor_may_be_made_beside_the_steps() {
+    let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);
+    let elsewhere = StepperOptions {
+        refresh: false,
+        patience: 3,
+        ..options()
+    };
+    let (mut inline, mut beside) = (body.clone(), body);
+    let mut own = Stepper::<f64>::new(&inline, options()).unwrap();
+    let mut stepper = Stepper::<f64>::new(&beside, elsewhere).unwrap();
+    let (mut lent, mut taken) = (None, 0);
+    for step in 0..60 {
+        let targets = poses(&handles, f64::from(step), 1.0, 1.0);
+        own.step(&mut inline, 5e-3, &targets, || false).unwrap();
+        let report = stepper.step(&mut beside, 5e-3, &targets, || false).unwrap();
+        assert!(report.converged);
+        let off = largest(inline.positions(), beside.positions());
+        // Both are solved to 1e-13, sixty times.
+        assert!(off < 1e-9, "step {step}: {off:e}");
+        match lent.take() {
+            None => lent = stepper.lend().map(|refresher| (step, refresher)),
+            // Seven steps later.
+            Some((since, mut refresher)) if step >= since + 7 => {
+                std::thread::scope(|scope| {
+                    scope.spawn(|| refresher.work().unwrap());
+                });
+                stepper.give_back(refresher);
+                taken += 1;
+            }
+            waiting => {
+                assert!(stepper.lend().is_none(), "it is not here");
+                lent = waiting;
+            }
+        }
+    }
+    assert!(taken >= 2, "{taken}");
+}
+
+/// Stopped after any iteration, a step is the best found so far, and says so.
+#[test]
+fn a_step_that_runs_out_of_time_is_as_good_as_it_says() {
+    let (body, handles) = solid(SolidLaw::Corotational, false, false);
+    let step = |iterations: usize| {
+        let mut body = body.clone();
+        // With the factor of the first step: many iterations.
+        let patience = usize::MAX;
+        let mut stepper = Stepper::<f64>::new(
+            &body,
+            StepperOptions {
+                patience,
+                ..options()
+            },
+        )
+        .unwrap();
+        for step in 0..20 {
+            let targets = poses(&handles, f64::from(step), 1.0, 1.0);
+            stepper.step(&mut body, 5e-3, &targets, || false).unwrap();
+        }
+        let targets = poses(&handles, 20.0, 1.0, 1.0);
+        let mut asked = 0;
+        let report = stepper
+            .step(&mut body, 5e-3, &targets, || {
+                asked += 1;
+                asked >= iterations
+            })
+            .unwrap();
+        (report, body)
+    };
+    let (full, exact) = step(usize::MAX);
+    assert!(full.converged && full.iterations > 4, "{full:?}");
+    let mut last = f64::INFINITY;
+    for iterations in 1..full.iterations {
+        let (report, body) = step(iterations);
+        // Never later than the iteration that ran out of time.
+        assert_eq!(report.iterations, iterations);
+        assert!(!report.converged && report.residual < report.reference);
+        let off = largest(body.positions(), exact.positions());
+        assert!(off < last, "{iterations}: {off:e} {last:e}");
+        last = off;
+    }
+}

@@ -3,6 +3,7 @@
 //!
 //! - [`Stepper`]: one step of a body by conjugate gradients on a frozen factor; [`ShapeOptions`]: its local
 //!   models.
+//! - [`refresh`]: a new factor, made beside the steps.
 //! - `kernel`: what a step needs of a set of elements.
 //! - [`lanes`]: numbers of either precision, and node vectors to and from arrays over elements.
 //! - [`polar`]: rotations of elements, from where they last were.
@@ -18,6 +19,7 @@ pub mod lanes;
 pub mod order;
 pub mod panel;
 pub mod polar;
+pub mod refresh;
 mod stepper;
 pub mod supernodes;
 pub mod tet;
@@ -25,6 +27,7 @@ mod tet_kernels;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;
+pub use refresh::Refresher;
 pub use stepper::{Guess, Stepper, StepperOptions, StepperReport};
 
 use crate::Vec3;

@@ -16,9 +16,9 @@
 //! step (`guard`) at no cost.
 
 use super::condense::Shapes;
-use super::factor::Factor;
 use super::kernel::{Assembled, Kernel, ScalarMatrix};
 use super::panel::Panels;
+use super::refresh::Refresher;
 use super::tet::Tets;
 use super::{Node, Real, dot, to_node, to_vec};
 use crate::Vec3;
@@ -47,7 +47,7 @@ pub struct StepperOptions {
     /// A step of more iterations than this asks for a new factor.
     pub patience: usize,
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
-    /// see [`Stepper::wants_refresh`].
+    /// see [`Stepper::lend`].
     pub refresh: bool,
 }
 
@@ -96,8 +96,8 @@ pub struct Stepper<T> {
     pub(super) node: Vec<u32>,
     pub(super) free: usize,
     pub(super) kernels: Vec<Box<dyn Kernel<T>>>,
-    matrix: BlockMatrix,
-    factor: Factor,
+    /// Absent while it is lent.
+    refresher: Option<Box<Refresher<T>>>,
     panels: Panels,
     /// Factors of mass and stiffness in the matrix that was factorized.
     factors: Option<(f64, f64)>,
@@ -110,7 +110,6 @@ pub struct Stepper<T> {
     rest: Vec<Vec3>,
     pub(super) mass: Vec<f64>,
     /// 1 where an axis of a free place is free, 0 where a support guides it; empty without supports.
-    guided: Vec<Vec3>,
     mask: Vec<Node<T>>,
     d: Vec<Node<T>>,
     force: Vec<Node<T>>,
@@ -124,6 +123,33 @@ pub struct Stepper<T> {
     p: Vec<Node<T>>,
     q: Vec<Node<T>>,
     pub(super) shapes: Option<Box<Shapes>>,
+}
+
+/// The elements of `body` in the order of places, each set by the best kernel that there is.
+fn kernels<T: Real>(
+    body: &Body,
+    place: &[u32],
+    matrix: &BlockMatrix,
+    rest: &[Vec3],
+) -> Vec<Box<dyn Kernel<T>>> {
+    let mut kernels: Vec<Box<dyn Kernel<T>>> = Vec::new();
+    for set in &body.elements {
+        let mut set = set.boxed();
+        set.renumber(place);
+        if let Some(tets) = set.corotational_tets() {
+            kernels.push(Box::new(Tets::new(tets.into_iter())));
+        } else {
+            set.bind(matrix);
+            kernels.push(Box::new(Assembled::new(set, matrix, rest)));
+        }
+    }
+    if let Some(bending) = &body.bending {
+        let weights = body
+            .stiffness
+            .renumbered_weights(bending.weights(), place, matrix);
+        kernels.push(Box::new(ScalarMatrix::new(matrix, &weights)));
+    }
+    kernels
 }
 
 impl<T: Real> Stepper<T> {
@@ -146,48 +172,31 @@ impl<T: Real> Stepper<T> {
         };
         let rest = by_place(&body.rest);
         let matrix = body.stiffness.renumbered(&place);
-        let mut kernels: Vec<Box<dyn Kernel<T>>> = Vec::new();
-        for set in &body.elements {
-            let mut set = set.boxed();
-            set.renumber(&place);
-            if let Some(tets) = set.corotational_tets() {
-                kernels.push(Box::new(Tets::new(tets.into_iter())));
-            } else {
-                set.bind(&matrix);
-                kernels.push(Box::new(Assembled::new(set, &matrix, &rest)));
-            }
-        }
-        if let Some(bending) = &body.bending {
-            let weights = body
-                .stiffness
-                .renumbered_weights(bending.weights(), &place, &matrix);
-            kernels.push(Box::new(ScalarMatrix::new(&matrix, &weights)));
-        }
+        let kernels = || kernels(body, &place, &matrix, &rest);
         let guided = body.supports.mask().map_or_else(Vec::new, |mask| {
             let free = &node[..free];
             free.iter().map(|&node| mask[node as usize]).collect()
         });
-        let identity: Vec<u32> = (0..free as u32).collect();
-        let factor = Factor::new(&matrix, &identity)?;
-        let panels = Panels::new(&matrix, &factor);
+        let mass: Vec<f64> = node.iter().map(|&node| body.mass[node as usize]).collect();
+        let kept = kernels();
+        let mask = guided.iter().map(to_node).collect();
+        let refresher = Refresher::new(kernels(), matrix.clone(), mass.clone(), guided)?;
         let zeros = vec![[T::ZERO; 4]; count];
         Ok(Self {
             options,
-            mass: node.iter().map(|&node| body.mass[node as usize]).collect(),
+            kernels: kept,
+            panels: refresher.panels(),
+            refresher: Some(Box::new(refresher)),
             place,
             node,
             free,
-            kernels,
-            matrix,
-            factor,
-            panels,
+            mass,
             factors: None,
             stale: true,
             at: vec![Vec3::repeat(f64::NAN); count],
             elastic: 0.0,
             rest,
-            mask: guided.iter().map(to_node).collect(),
-            guided,
+            mask,
             d: zeros.clone(),
             force: zeros.clone(),
             u: zeros.clone(),
@@ -199,11 +208,6 @@ impl<T: Real> Stepper<T> {
             q: zeros,
             shapes: None,
         })
-    }
-
-    /// Whether the last steps took so long that a new factor is worth its while.
-    pub fn wants_refresh(&self) -> bool {
-        self.stale
     }
 
     /// Whether there has been a step, from which a factor is left.
@@ -234,11 +238,9 @@ impl<T: Real> Stepper<T> {
             self.linearize();
             self.last_h = 0.0;
         }
-        if self.factors != Some((mass_factor, stiffness_factor))
-            || (self.stale && self.options.refresh)
-        {
-            self.refresh(mass_factor, stiffness_factor)
-                .map_err(StepError::Matrix)?;
+        let factors = (mass_factor, stiffness_factor);
+        if self.factors != Some(factors) || (self.stale && self.options.refresh) {
+            self.refresh(factors).map_err(StepError::Matrix)?;
         }
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
@@ -247,7 +249,6 @@ impl<T: Real> Stepper<T> {
             goal: self.options.tolerance * reference,
             max_iterations: self.options.max_iterations,
         };
-        let factors = (mass_factor, stiffness_factor);
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
         self.stale |= report.iterations > self.options.patience;
@@ -267,24 +268,36 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// A new factor of the matrix as it is.
-    fn refresh(&mut self, mass_factor: f64, stiffness_factor: f64) -> Result<(), CondenseError> {
-        self.matrix.clear();
-        for kernel in &self.kernels {
-            kernel.add_to(&mut self.matrix);
+    /// A new factor of the matrix as it is, where the refresher is at hand; otherwise the old one has to do.
+    fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
+        if let Some(refresher) = &mut self.refresher {
+            refresher.load(&self.d, factors);
+            refresher.work()?;
+            self.factors = refresher.exchange(&mut self.panels);
+            self.stale = false;
         }
-        let mask = (!self.guided.is_empty()).then_some(self.guided.as_slice());
-        self.factor.factorize(
-            &self.matrix,
-            &self.mass,
-            mass_factor,
-            stiffness_factor,
-            mask,
-        )?;
-        self.panels.refresh(&self.factor);
-        self.factors = Some((mass_factor, stiffness_factor));
-        self.stale = false;
         Ok(())
+    }
+
+    /// Where a new factor is worth its while, what makes it: [`work`](Refresher::work) it, on any thread, and
+    /// [give it back](Self::give_back). With [`StepperOptions::refresh`] off nobody else does.
+    pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
+        if !self.stale {
+            return None;
+        }
+        let factors = self.factors?;
+        let mut refresher = self.refresher.take()?;
+        refresher.load(&self.d, factors);
+        Some(refresher)
+    }
+
+    /// Takes the refresher back, and the factor that it has made.
+    pub fn give_back(&mut self, mut refresher: Box<Refresher<T>>) {
+        if let Some(factors) = refresher.exchange(&mut self.panels) {
+            self.factors = Some(factors);
+            self.stale = false;
+        }
+        self.refresher = Some(refresher);
     }
 
     /// The displacement to start from, with what handles and supports prescribe.
