@@ -82,6 +82,23 @@ fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
+/// The same from the last to the first.
+#[inline(always)]
+fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut end = count.max(PAIR);
+    core::iter::from_fn(move || {
+        let width = if end == count && count % PAIR != 0 && count > PAIR {
+            TRIPLE
+        } else if end == 0 {
+            return None;
+        } else {
+            PAIR
+        };
+        end -= width;
+        Some((end, width))
+    })
+}
+
 /// Lines of a panel.
 fn lines(block: &Supernode) -> usize {
     let strips = strips(block);
@@ -119,7 +136,7 @@ fn sum(line: [f32; LANES]) -> f32 {
 fn backward_block<const C: usize>(lines: &[Line], rows: &[[f32; LANES]], x: &mut [f32]) {
     let (lines, _) = lines.as_chunks::<C>();
     let mut sums = [[0.0_f32; LANES]; C];
-    for (lines, row) in lines.iter().zip(rows) {
+    for (lines, row) in lines.iter().zip(rows).rev() {
         for lane in 0..LANES {
             for c in 0..C {
                 sums[c][lane] += lines[c].0[lane] * row[lane];
@@ -191,8 +208,6 @@ fn solve(
         let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
         let strips = strips(block);
-        let mut lines;
-        (rest, lines) = rest.split_at(rest.len() - self::lines(block));
         let flat = rows.as_flattened_mut();
         pack(&r[first..end], flat);
         for (at, &place) in below.iter().enumerate() {
@@ -201,11 +216,11 @@ fn solve(
             }
         }
         flat[width + 3 * below.len()..LANES * strips].fill(0.0);
-        for (column, count) in column_blocks(width) {
+        for (column, count) in column_blocks_reversed(width) {
             let strip = column / LANES;
-            let here;
-            (here, lines) = lines.split_at(count * (strips - strip));
-            by_width!(count, backward_block(here, &rows[strip..strips], &mut columns[column..column + count]));
+            let lines;
+            (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
+            by_width!(count, backward_block(lines, &rows[strip..strips], &mut columns[column..column + count]));
         }
         unpack(columns, &mut r[first..end]);
     }

@@ -20,8 +20,8 @@ impl Default for Costs {
     /// Measured: one number costs 0.05 ns.
     fn default() -> Self {
         Self {
-            supernode: 600.0,
-            below: 40.0,
+            supernode: 300.0,
+            below: 20.0,
         }
     }
 }
