@@ -4,6 +4,7 @@
 //! factor's columns can be read ([`super::panel`] does). All memory is set aside once per topology.
 
 use super::order::places;
+use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::fem::block_matrix::BlockMatrix;
 use crate::fem::cholesky::Kernels;
@@ -32,6 +33,7 @@ const LOWER: u32 = u32::MAX;
 pub struct Factor {
     order: Vec<u32>,
     places: Vec<u32>,
+    supernodes: Supernodes,
     /// Upper triangle by columns, both by places.
     column_start: Vec<u32>,
     row_index: Vec<u32>,
@@ -89,7 +91,10 @@ impl Factor {
         for (place, &node) in order.iter().enumerate() {
             let rows = matrix.free_blocks(node as usize);
             upper.clear();
-            upper.extend(rows.map(|(row, _)| places[row]).filter(|&row| row as usize <= place));
+            upper.extend(
+                rows.map(|(row, _)| places[row])
+                    .filter(|&row| row as usize <= place),
+            );
             upper.sort_unstable();
             for axis in 0..3 {
                 for &row in &upper {
@@ -136,6 +141,7 @@ impl Factor {
         let scratch = MemBuffer::try_new(need).map_err(|error| failed(&error))?;
         Ok(Self {
             order: order.to_vec(),
+            supernodes: Supernodes::new(matrix, order),
             places,
             values: vec![0.0; row_index.len()],
             factor: vec![0.0; symbolic.len_val()],
@@ -165,6 +171,11 @@ impl Factor {
     /// The place of each free node.
     pub fn places(&self) -> &[u32] {
         &self.places
+    }
+
+    /// The supernodes of the factor, merged where panels gain by it ("supernodes" of `faer` are its own).
+    pub fn supernodes(&self) -> &Supernodes {
+        &self.supernodes
     }
 
     /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and
@@ -305,7 +316,8 @@ impl Factor {
                     }
                     let supernode = factor.supernode(index);
                     let (first, end) = (supernode.start(), ends[index] as usize);
-                    let Some(values) = supernode.val().col(column - first).try_as_col_major() else {
+                    let Some(values) = supernode.val().col(column - first).try_as_col_major()
+                    else {
                         continue;
                     };
                     let (own, below) = values.as_slice().split_at(end - first);

@@ -55,11 +55,14 @@ impl Dissection<'_> {
         lower.iter().for_each(|&node| self.side[node as usize] = 0);
         upper.iter().for_each(|&node| self.side[node as usize] = 1);
         let parted = |nodes: &[u32], other: u32| -> (Vec<u32>, Vec<u32>) {
-            nodes.iter().partition(|&&node| self.is_coupled(node, other))
+            nodes
+                .iter()
+                .partition(|&&node| self.is_coupled(node, other))
         };
         let (below, lower_rest) = parted(lower, 1);
         let (above, upper_rest) = parted(upper, 0);
-        part.iter().for_each(|&node| self.side[node as usize] = NONE);
+        part.iter()
+            .for_each(|&node| self.side[node as usize] = NONE);
         let cuts = [
             Cut {
                 lower: lower.to_vec(),

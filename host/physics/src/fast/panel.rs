@@ -12,8 +12,7 @@
 
 use super::Node;
 use super::factor::{Factor, Rows};
-use super::supernodes::{Costs, Supernode, Supernodes};
-use crate::fem::block_matrix::BlockMatrix;
+use super::supernodes::{Supernode, Supernodes};
 use multiversion::multiversion;
 
 /// Numbers in a line of the cache, and rows of a strip of a panel.
@@ -86,16 +85,15 @@ fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
 #[inline(always)]
 fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut end = count.max(PAIR);
+    let mut width = if end.is_multiple_of(PAIR) {
+        PAIR
+    } else {
+        TRIPLE
+    };
     core::iter::from_fn(move || {
-        let width = if end == count && count % PAIR != 0 && count > PAIR {
-            TRIPLE
-        } else if end == 0 {
-            return None;
-        } else {
-            PAIR
-        };
-        end -= width;
-        Some((end, width))
+        let block = (end.checked_sub(width)?, width);
+        (end, width) = (block.0, PAIR);
+        Some(block)
     })
 }
 
@@ -165,10 +163,7 @@ fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
     buffer[skip..].as_chunks_mut::<LANES>().0
 }
 
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl",
-    "x86_64+avx2",
-))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))]
 fn solve(
     supernodes: &Supernodes,
     values: &[Line],
@@ -184,13 +179,16 @@ fn solve(
         let width = 3 * block.width();
         let strips = strips(block);
         pack(&r[first..end], columns);
-        columns[width..].first_chunk_mut::<4>().map(|fill| *fill = [0.0; 4]);
+        columns[width..width + 3].fill(0.0);
         rows[..strips].fill([0.0; LANES]);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
             let lines;
             (lines, rest) = rest.split_at(count * (strips - strip));
-            by_width!(count, forward_block(lines, &columns[column..], &mut rows[strip..strips]));
+            by_width!(
+                count,
+                forward_block(lines, &columns[column..], &mut rows[strip..strips])
+            );
         }
         let flat = rows.as_flattened();
         unpack(flat, &mut r[first..end]);
@@ -220,7 +218,14 @@ fn solve(
             let strip = column / LANES;
             let lines;
             (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
-            by_width!(count, backward_block(lines, &rows[strip..strips], &mut columns[column..column + count]));
+            by_width!(
+                count,
+                backward_block(
+                    lines,
+                    &rows[strip..strips],
+                    &mut columns[column..column + count]
+                )
+            );
         }
         unpack(columns, &mut r[first..end]);
     }
@@ -249,10 +254,7 @@ fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
 /// `P L = [1; -B]` for one strip: `strip` holds rows of `[1; -B]` by columns, then of `P`.
 ///
 /// `diagonal` is `L` by columns of `width` entries; rows of `P` end with column `end`.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl",
-    "x86_64+avx2",
-))]
+#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))]
 fn solve_strip(strip: &mut [[f64; LANES]], diagonal: &[f64], width: usize, end: usize) {
     for column in (0..end).rev() {
         let l = &diagonal[column * width..(column + 1) * width];
@@ -333,14 +335,9 @@ impl Build {
 }
 
 impl Panels {
-    /// The panels of `factor`, a factorization with the pattern of `matrix`.
-    pub fn new(matrix: &BlockMatrix, factor: &Factor) -> Self {
-        Self::with_costs(matrix, factor, Costs::default())
-    }
-
-    /// [`new`](Self::new) with other costs for the merging of supernodes.
-    pub fn with_costs(matrix: &BlockMatrix, factor: &Factor, costs: Costs) -> Self {
-        let supernodes = Supernodes::new(matrix, factor.order(), costs);
+    /// The panels of `factor`, with the numbers that it has.
+    pub fn new(factor: &Factor) -> Self {
+        let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
         let mut start = Vec::with_capacity(blocks.len());
         let mut total = 0;
