@@ -41,7 +41,7 @@ pub struct Factor {
     /// For each free block of the matrix as stored: how many blocks precede it in its column.
     rank: Vec<u32>,
     symbolic: SymbolicCholesky<u32>,
-    factor: Vec<f64>,
+    numbers: Vec<f64>,
     scratch: MemBuffer,
 }
 
@@ -50,7 +50,7 @@ impl fmt::Debug for Factor {
         f.debug_struct("Factor")
             .field("unknowns", &self.unknowns())
             .field("entries", &self.values.len())
-            .field("factor_entries", &self.factor.len())
+            .field("factor_entries", &self.numbers.len())
             .finish_non_exhaustive()
     }
 }
@@ -144,7 +144,7 @@ impl Factor {
             supernodes: Supernodes::new(matrix, order),
             places,
             values: vec![0.0; row_index.len()],
-            factor: vec![0.0; symbolic.len_val()],
+            numbers: vec![0.0; symbolic.len_val()],
             column_start,
             row_index,
             rank,
@@ -160,7 +160,7 @@ impl Factor {
 
     /// Number of entries that the factor stores.
     pub fn factor_entries(&self) -> usize {
-        self.factor.len()
+        self.numbers.len()
     }
 
     /// The free node at each place.
@@ -208,7 +208,7 @@ impl Factor {
             &self.row_index,
         );
         let result = self.symbolic.factorize_numeric_llt(
-            &mut self.factor,
+            &mut self.numbers,
             SparseColMatRef::new(pattern, &self.values),
             Side::Upper,
             LltRegularization::default(),
@@ -233,7 +233,9 @@ impl Factor {
         stiffness_factor: f64,
         mask: Option<&[Vec3]>,
     ) -> Option<()> {
-        if matrix.free() != self.order.len() || mass.len() < matrix.free() {
+        let free = matrix.free();
+        let short = mass.len() < free || mask.is_some_and(|mask| mask.len() < free);
+        if free != self.order.len() || short {
             return None;
         }
         let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
@@ -281,7 +283,7 @@ impl Factor {
         for columns in columns.chunks_mut(COLUMNS * unknowns) {
             let count = columns.len() / unknowns;
             let columns = &mut columns[..count * unknowns];
-            LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            LltRef::new(&self.symbolic, &self.numbers).solve_in_place_with_conj(
                 Conj::No,
                 MatMut::from_column_major_slice_mut(columns, unknowns, count),
                 Par::Seq,
@@ -303,13 +305,13 @@ impl Factor {
                     let start = symbolic.col_ptr()[column] as usize;
                     let end = symbolic.col_ptr()[column + 1] as usize;
                     let rows = Rows::Listed(&symbolic.row_idx()[start..end]);
-                    piece(column, rows, &self.factor[start..end]);
+                    piece(column, rows, &self.numbers[start..end]);
                 }
             }
             SymbolicCholeskyRaw::Supernodal(symbolic) => {
                 let ends = symbolic.supernode_end();
                 let mut index = ends.partition_point(|&end| end as usize <= range.start);
-                let factor = SupernodalLltRef::new(symbolic, &self.factor);
+                let factor = SupernodalLltRef::new(symbolic, &self.numbers);
                 for column in range {
                     if ends[index] as usize <= column {
                         index += 1;
