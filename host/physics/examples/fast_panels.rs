@@ -7,7 +7,6 @@ use physics::Vec3;
 use physics::fast::factor::Factor;
 use physics::fast::order::order;
 use physics::fast::panel::Panels;
-use physics::fast::supernodes::Costs;
 use physics::fem::cholesky::{Cholesky, Kernels};
 use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial};
 use physics::mesh::generate::{Pattern, sheet};
@@ -87,28 +86,18 @@ fn show(name: &str, body: &mut Body) {
     let (matrix, mass) = (body.stiffness(), body.node_masses());
     // Implicit Euler, 10 ms, Rayleigh damping 0.1 and 0.1.
     let (by_mass, by_stiffness) = (1e4 + 10.0, 11.0);
-    let mut old = Cholesky::new(matrix, 1, Kernels::Fastest).unwrap();
-    old.factorize(matrix, mass, by_mass, by_stiffness, None)
-        .unwrap();
+    // Column by column: no zeros among the entries.
+    let degree = Cholesky::new(matrix, 1, Kernels::Portable).unwrap();
     let order = order(matrix, body.node_positions());
+    let exact_entries = Factor::with_kernels(matrix, &order, Kernels::Portable).unwrap();
     let mut factor = Factor::new(matrix, &order).unwrap();
-    let repeat = 4_000_000 / old.factor_entries() + 3;
+    let repeat = 4_000_000 / degree.factor_entries() + 3;
     let factorize = time(repeat, || {
         factor
             .factorize(matrix, mass, by_mass, by_stiffness, None)
             .unwrap();
     });
-    let var = |n: &str, d: f64| {
-        std::env::var(n)
-            .ok()
-            .and_then(|v| v.parse().ok())
-            .unwrap_or(d)
-    };
-    let costs = Costs {
-        supernode: var("CS", 600.0),
-        below: var("CB", 40.0),
-    };
-    let mut panels = Panels::with_costs(matrix, &factor, costs);
+    let mut panels = Panels::new(&factor);
     let refresh = time(repeat, || panels.refresh(&factor));
     let unknowns = factor.unknowns();
     let b: Vec<f64> = (0..unknowns).map(|i| (i as f64 * 0.37).sin()).collect();
@@ -130,35 +119,39 @@ fn show(name: &str, body: &mut Body) {
         .zip(x.chunks_exact(3))
         .flat_map(|(r, x)| (0..3).map(|i| f64::from(r[i]) - x[i]))
         .collect();
+    let pair = |[least, median]: [f64; 2]| format!("{least:>9.1} {median:>9.1}");
     println!(
-        "{name:>8} {:>6} {:>9} {:>9} {:>9} {:>9} {:>5} | {:>8.0} {:>8.0} | {:>8.0} {:>8.0} | {:>7.1} {:>7.1} | {:>7.1} {:>7.1} | {:.1e}",
-        unknowns,
-        old.factor_entries(),
-        factor.factor_entries(),
-        panels.supernodes().entries(),
+        "{name:>7} {unknowns:>6} {:>8} {:>8} {:>8} {:>4} {} {} {} {} {:>8.1e}",
+        degree.factor_entries(),
+        exact_entries.factor_entries(),
         panels.stored(),
-        panels.supernodes().blocks.len(),
-        factorize[0],
-        factorize[1],
-        refresh[0],
-        refresh[1],
-        exact[0],
-        exact[1],
-        solve[0],
-        solve[1],
+        factor.supernodes().blocks.len(),
+        pair(factorize),
+        pair(refresh),
+        pair(exact),
+        pair(solve),
         norm(&error) / norm(&x),
     );
 }
 
 fn main() {
     println!(
-        "    body unknowns  amd  entries panel stored supernodes | factorize | refresh | f64 solve | f32 solve | error"
+        "{:>7} {:>6} {:>8} {:>8} {:>8} {:>4} {:>19} {:>19} {:>19} {:>19} {:>8}",
+        "body",
+        "rows",
+        "AMD",
+        "entries",
+        "stored",
+        "",
+        "factorization",
+        "refresh",
+        "solve by faer, f64",
+        "by panels, f32",
+        "error"
     );
     show("1,296", &mut cube([6; 3]));
     show("3,072", &mut cube([8; 3]));
     show("6,000", &mut cube([10; 3]));
+    show("20,250", &mut cube([15; 3]));
     show("sheet", &mut cloth());
-    if std::env::var("BIG").is_ok() {
-        show("20,250", &mut cube([15; 3]));
-    }
 }

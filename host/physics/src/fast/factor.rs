@@ -4,6 +4,7 @@
 //! factor's columns can be read ([`super::panel`] does). All memory is set aside once per topology.
 
 use super::order::places;
+use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::fem::block_matrix::BlockMatrix;
 use crate::fem::cholesky::Kernels;
@@ -32,6 +33,7 @@ const LOWER: u32 = u32::MAX;
 pub struct Factor {
     order: Vec<u32>,
     places: Vec<u32>,
+    supernodes: Supernodes,
     /// Upper triangle by columns, both by places.
     column_start: Vec<u32>,
     row_index: Vec<u32>,
@@ -39,7 +41,7 @@ pub struct Factor {
     /// For each free block of the matrix as stored: how many blocks precede it in its column.
     rank: Vec<u32>,
     symbolic: SymbolicCholesky<u32>,
-    factor: Vec<f64>,
+    numbers: Vec<f64>,
     scratch: MemBuffer,
 }
 
@@ -48,7 +50,7 @@ impl fmt::Debug for Factor {
         f.debug_struct("Factor")
             .field("unknowns", &self.unknowns())
             .field("entries", &self.values.len())
-            .field("factor_entries", &self.factor.len())
+            .field("factor_entries", &self.numbers.len())
             .finish_non_exhaustive()
     }
 }
@@ -139,9 +141,10 @@ impl Factor {
         let scratch = MemBuffer::try_new(need).map_err(|error| failed(&error))?;
         Ok(Self {
             order: order.to_vec(),
+            supernodes: Supernodes::new(matrix, order),
             places,
             values: vec![0.0; row_index.len()],
-            factor: vec![0.0; symbolic.len_val()],
+            numbers: vec![0.0; symbolic.len_val()],
             column_start,
             row_index,
             rank,
@@ -157,7 +160,7 @@ impl Factor {
 
     /// Number of entries that the factor stores.
     pub fn factor_entries(&self) -> usize {
-        self.factor.len()
+        self.numbers.len()
     }
 
     /// The free node at each place.
@@ -168,6 +171,11 @@ impl Factor {
     /// The place of each free node.
     pub fn places(&self) -> &[u32] {
         &self.places
+    }
+
+    /// The supernodes of the factor, merged where panels gain by it ("supernodes" of `faer` are its own).
+    pub fn supernodes(&self) -> &Supernodes {
+        &self.supernodes
     }
 
     /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and
@@ -200,7 +208,7 @@ impl Factor {
             &self.row_index,
         );
         let result = self.symbolic.factorize_numeric_llt(
-            &mut self.factor,
+            &mut self.numbers,
             SparseColMatRef::new(pattern, &self.values),
             Side::Upper,
             LltRegularization::default(),
@@ -225,7 +233,9 @@ impl Factor {
         stiffness_factor: f64,
         mask: Option<&[Vec3]>,
     ) -> Option<()> {
-        if matrix.free() != self.order.len() || mass.len() < matrix.free() {
+        let free = matrix.free();
+        let short = mass.len() < free || mask.is_some_and(|mask| mask.len() < free);
+        if free != self.order.len() || short {
             return None;
         }
         let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
@@ -273,7 +283,7 @@ impl Factor {
         for columns in columns.chunks_mut(COLUMNS * unknowns) {
             let count = columns.len() / unknowns;
             let columns = &mut columns[..count * unknowns];
-            LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            LltRef::new(&self.symbolic, &self.numbers).solve_in_place_with_conj(
                 Conj::No,
                 MatMut::from_column_major_slice_mut(columns, unknowns, count),
                 Par::Seq,
@@ -295,13 +305,13 @@ impl Factor {
                     let start = symbolic.col_ptr()[column] as usize;
                     let end = symbolic.col_ptr()[column + 1] as usize;
                     let rows = Rows::Listed(&symbolic.row_idx()[start..end]);
-                    piece(column, rows, &self.factor[start..end]);
+                    piece(column, rows, &self.numbers[start..end]);
                 }
             }
             SymbolicCholeskyRaw::Supernodal(symbolic) => {
                 let ends = symbolic.supernode_end();
                 let mut index = ends.partition_point(|&end| end as usize <= range.start);
-                let factor = SupernodalLltRef::new(symbolic, &self.factor);
+                let factor = SupernodalLltRef::new(symbolic, &self.numbers);
                 for column in range {
                     if ends[index] as usize <= column {
                         index += 1;

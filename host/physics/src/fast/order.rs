@@ -52,8 +52,12 @@ impl Dissection<'_> {
         let level = self.positions[middle as usize][axis];
         let split = part.partition_point(|&node| self.positions[node as usize][axis] < level);
         let (lower, upper) = part.split_at(split);
-        lower.iter().for_each(|&node| self.side[node as usize] = 0);
-        upper.iter().for_each(|&node| self.side[node as usize] = 1);
+        for &node in lower {
+            self.side[node as usize] = 0;
+        }
+        for &node in upper {
+            self.side[node as usize] = 1;
+        }
         let parted = |nodes: &[u32], other: u32| -> (Vec<u32>, Vec<u32>) {
             nodes
                 .iter()
@@ -61,8 +65,9 @@ impl Dissection<'_> {
         };
         let (below, lower_rest) = parted(lower, 1);
         let (above, upper_rest) = parted(upper, 0);
-        part.iter()
-            .for_each(|&node| self.side[node as usize] = NONE);
+        for &node in part {
+            self.side[node as usize] = NONE;
+        }
         let cuts = [
             Cut {
                 lower: lower.to_vec(),

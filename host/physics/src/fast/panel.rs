@@ -12,8 +12,7 @@
 
 use super::Node;
 use super::factor::{Factor, Rows};
-use super::supernodes::{Costs, Supernode, Supernodes};
-use crate::fem::block_matrix::BlockMatrix;
+use super::supernodes::{Supernode, Supernodes};
 use multiversion::multiversion;
 
 /// Numbers in a line of the cache, and rows of a strip of a panel.
@@ -82,6 +81,22 @@ fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
+/// The same from the last to the first.
+#[inline(always)]
+fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut end = count.max(PAIR);
+    let mut width = if end.is_multiple_of(PAIR) {
+        PAIR
+    } else {
+        TRIPLE
+    };
+    core::iter::from_fn(move || {
+        let block = (end.checked_sub(width)?, width);
+        (end, width) = (block.0, PAIR);
+        Some(block)
+    })
+}
+
 /// Lines of a panel.
 fn lines(block: &Supernode) -> usize {
     let strips = strips(block);
@@ -119,7 +134,7 @@ fn sum(line: [f32; LANES]) -> f32 {
 fn backward_block<const C: usize>(lines: &[Line], rows: &[[f32; LANES]], x: &mut [f32]) {
     let (lines, _) = lines.as_chunks::<C>();
     let mut sums = [[0.0_f32; LANES]; C];
-    for (lines, row) in lines.iter().zip(rows) {
+    for (lines, row) in lines.iter().zip(rows).rev() {
         for lane in 0..LANES {
             for c in 0..C {
                 sums[c][lane] += lines[c].0[lane] * row[lane];
@@ -164,9 +179,7 @@ fn solve(
         let width = 3 * block.width();
         let strips = strips(block);
         pack(&r[first..end], columns);
-        columns[width..]
-            .first_chunk_mut::<4>()
-            .map(|fill| *fill = [0.0; 4]);
+        columns[width..width + 3].fill(0.0);
         rows[..strips].fill([0.0; LANES]);
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
@@ -193,8 +206,6 @@ fn solve(
         let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
         let strips = strips(block);
-        let mut lines;
-        (rest, lines) = rest.split_at(rest.len() - self::lines(block));
         let flat = rows.as_flattened_mut();
         pack(&r[first..end], flat);
         for (at, &place) in below.iter().enumerate() {
@@ -203,14 +214,14 @@ fn solve(
             }
         }
         flat[width + 3 * below.len()..LANES * strips].fill(0.0);
-        for (column, count) in column_blocks(width) {
+        for (column, count) in column_blocks_reversed(width) {
             let strip = column / LANES;
-            let here;
-            (here, lines) = lines.split_at(count * (strips - strip));
+            let lines;
+            (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
             by_width!(
                 count,
                 backward_block(
-                    here,
+                    lines,
                     &rows[strip..strips],
                     &mut columns[column..column + count]
                 )
@@ -324,14 +335,9 @@ impl Build {
 }
 
 impl Panels {
-    /// The panels of `factor`, a factorization with the pattern of `matrix`.
-    pub fn new(matrix: &BlockMatrix, factor: &Factor) -> Self {
-        Self::with_costs(matrix, factor, Costs::default())
-    }
-
-    /// [`new`](Self::new) with other costs for the merging of supernodes.
-    pub fn with_costs(matrix: &BlockMatrix, factor: &Factor, costs: Costs) -> Self {
-        let supernodes = Supernodes::new(matrix, factor.order(), costs);
+    /// The panels of `factor`, with the numbers that it has.
+    pub fn new(factor: &Factor) -> Self {
+        let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
         let mut start = Vec::with_capacity(blocks.len());
         let mut total = 0;

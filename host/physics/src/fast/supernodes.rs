@@ -7,24 +7,12 @@
 
 use crate::fem::block_matrix::BlockMatrix;
 
-/// What one supernode costs in a solve, in units of one stored number.
-#[derive(Clone, Copy, Debug)]
-pub struct Costs {
-    /// For each supernode.
-    pub supernode: f64,
-    /// For each node below it, gathered and scattered.
-    pub below: f64,
-}
+/// What a supernode costs in a solve, in units of one stored number. Measured: the least time, flat within
+/// a factor of two.
+const SUPERNODE: f64 = 300.0;
 
-impl Default for Costs {
-    /// Measured: one number costs 0.05 ns.
-    fn default() -> Self {
-        Self {
-            supernode: 600.0,
-            below: 40.0,
-        }
-    }
-}
+/// What each node below a supernode costs, gathered and scattered.
+const BELOW: f64 = 20.0;
 
 /// A dense block of the factor's columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,12 +89,12 @@ struct Open {
 
 impl Supernodes {
     /// The supernodes of the factor of `matrix`, its free nodes eliminated in `order`.
-    pub fn new(matrix: &BlockMatrix, order: &[u32], costs: Costs) -> Self {
+    pub fn new(matrix: &BlockMatrix, order: &[u32]) -> Self {
         let columns = columns(matrix, order);
         // The rows below a block are those of its last column.
         let cost = |first: usize, end: usize| {
             let (width, height) = ((end - first) as f64, columns[end - 1].len() as f64);
-            costs.supernode + costs.below * height + 9.0 * width * (0.5 * width + height)
+            SUPERNODE + BELOW * height + 9.0 * width * (0.5 * width + height)
         };
         let is_child = |lower: &Open, upper: &Open| {
             columns[lower.end - 1]
