@@ -1,17 +1,17 @@
 //! One body in the host loop: its handles' paths, its step, and the local model it publishes.
 
 use super::path::HandlePath;
+use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use physics::fem::dense::Square;
-use physics::fem::{Body, Condensed, Condenser, HandlePose, HandleReport};
+use physics::fem::{Body, Condensed, HandlePose, HandleReport};
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Wrench};
 
 /// A body, the paths of its handles, and how it publishes.
 pub struct HostBody {
     name: String,
     body: Body,
-    /// None where the scheme renders no published stiffness.
-    condenser: Option<Condenser>,
+    solver: Box<dyn Solver>,
     paths: Vec<HandlePath>,
     devices: Vec<u8>,
     targets: Vec<HandlePose>,
@@ -28,8 +28,8 @@ pub struct HostBodyParts {
     pub name: String,
     /// The physics, at rest.
     pub body: Body,
-    /// Condenses it, where the scheme wants that.
-    pub condenser: Option<Condenser>,
+    /// Steps and condenses it.
+    pub solver: Box<dyn Solver>,
     /// The handles' paths, in the body's order.
     pub paths: Vec<HandlePath>,
     /// The device of each handle.
@@ -53,7 +53,7 @@ impl HostBody {
             name: parts.name,
             targets: Vec::with_capacity(parts.paths.len()),
             body: parts.body,
-            condenser: parts.condenser,
+            solver: parts.solver,
             paths: parts.paths,
             devices: parts.devices,
             step: parts.step,
@@ -95,14 +95,9 @@ impl HostBody {
             }
         }));
 
-        let start = watch.now_ns();
-        self.body.assemble();
-        let assembled = watch.now_ns();
-        let report = self.body.solve(self.step, &self.targets)?;
+        self.solver
+            .step(&mut self.body, self.step, &self.targets, watch, stats)?;
         let solved = watch.now_ns();
-        stats.assemble.record(assembled.saturating_sub(start));
-        stats.solve.record(solved.saturating_sub(assembled));
-        stats.solved(&report);
 
         // Before the first record there is no time at which the state could be said to hold.
         let Some(time_ns) = self.paths.iter().filter_map(HandlePath::time_ns).max() else {
@@ -133,10 +128,9 @@ impl HostBody {
     }
 
     fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
-        let Some(condenser) = &mut self.condenser else {
+        let Some(condensed) = self.solver.condense(&self.body, self.period)? else {
             return Ok(());
         };
-        let condensed = condenser.condense(&self.body, self.period)?;
         fill_blocks(&mut self.model, condensed);
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {

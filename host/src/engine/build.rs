@@ -1,23 +1,35 @@
 //! From a scene's bodies to bodies in the host loop.
 
+use super::beside::Beside;
 use super::body::{HostBody, HostBodyParts};
 use super::path::HandlePath;
 use super::plan;
-use crate::bodies::{self, Built};
-use crate::scene::spec::{self, Scene};
+use super::solver::{Assembled, Frozen, Solver};
+use crate::bodies::{self, Built, Kind};
+use crate::scene::spec::{self, Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::fem::Condenser;
+use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::cholesky::Kernels;
+use physics::fem::{Body, CondenseError, Condenser};
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
-/// Builds every body of a scene, at rest, with `kernels` for its linear algebra.
+/// How bodies are run.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct How {
+    /// The code that factorizes.
+    pub kernels: Kernels,
+    /// Whether time is real: factors are made on threads, and a step's budget counts.
+    pub real: bool,
+}
+
+/// Builds every body of a scene, at rest.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn bodies(loaded: &LoadedScene, kernels: Kernels) -> Result<Vec<HostBody>, SceneError> {
+pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneError> {
     check(loaded)?;
     (0..loaded.scene.bodies.len())
-        .map(|index| body(loaded, index, kernels))
+        .map(|index| body(loaded, index, how))
         .collect()
 }
 
@@ -59,21 +71,20 @@ pub fn steps_per_publication(scene: &Scene) -> u64 {
         .max(1.0) as u64
 }
 
-fn body(loaded: &LoadedScene, index: usize, kernels: Kernels) -> Result<HostBody, SceneError> {
+fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let Built { body, handles, .. } = bodies::build(loaded, index)?;
-    let condenser = if plan::condenses(scene) {
-        let refuse = |e| {
-            let allowed = "a body that can be condensed";
-            loaded
-                .source
-                .error(&format!("body[{index}]"), format!("{e}"), allowed)
-        };
-        Some(Condenser::with_kernels(&body, kernels).map_err(refuse)?)
-    } else {
-        None
-    };
+    let Built {
+        body,
+        handles,
+        kind,
+        ..
+    } = bodies::build(loaded, index)?;
+    let solver = solver(scene, kind, &body, how).map_err(|e| {
+        let allowed = "a body whose matrix can be factorized";
+        let field = format!("body[{index}]");
+        loaded.source.error(&field, format!("{e}"), allowed)
+    })?;
     let devices: Vec<u8> = spec.handles.iter().map(|h| device_of(scene, h)).collect();
     let paths = handles
         .iter()
@@ -89,12 +100,57 @@ fn body(loaded: &LoadedScene, index: usize, kernels: Kernels) -> Result<HostBody
     Ok(HostBody::new(HostBodyParts {
         name: spec.name.clone(),
         body,
-        condenser,
+        solver,
         paths,
         devices,
         step: 1.0 / scene.host.step_rate,
         period: 1.0 / scene.host.publish_rate,
     }))
+}
+
+/// What steps a body.
+fn solver(
+    scene: &Scene,
+    kind: Kind,
+    body: &Body,
+    how: How,
+) -> Result<Box<dyn Solver>, CondenseError> {
+    let condenses = plan::condenses(scene);
+    Ok(match plan::solver(scene, kind) {
+        SolverName::Frozen => Box::new(frozen::<f64>(scene, body, how)?),
+        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, how)?),
+        _ => {
+            let condenser = condenses.then(|| Condenser::with_kernels(body, how.kernels));
+            Box::new(Assembled {
+                condenser: condenser.transpose()?,
+            })
+        }
+    })
+}
+
+fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, CondenseError> {
+    let h = 1.0 / scene.host.step_rate;
+    let options = StepperOptions {
+        tolerance: scene.host.tolerance,
+        max_iterations: scene.host.max_iterations,
+        kernels: how.kernels,
+        refresh: false,
+        ..StepperOptions::default()
+    };
+    Ok(Frozen {
+        stepper: Stepper::new(body, options)?,
+        beside: if how.real {
+            Beside::thread(h)
+        } else {
+            Beside::at_a_step(h)
+        },
+        shapes: plan::condenses(scene).then(ShapeOptions::default),
+        budget_ns: how
+            .real
+            .then_some(scene.host.budget)
+            .flatten()
+            .map(|budget| (budget * 1e9) as u64),
+    })
 }
 
 /// The scene's consistency was checked when it was read: the device exists.

@@ -5,12 +5,14 @@
 //! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
 //! hands in; nothing in the state depends on it.
 
+pub mod beside;
 pub mod body;
 pub mod build;
 pub mod faults;
 pub mod pacer;
 pub mod path;
 pub mod plan;
+pub mod solver;
 pub mod stats;
 
 use body::HostBody;

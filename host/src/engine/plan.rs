@@ -4,7 +4,7 @@
 //! and the engine is built from the same answers.
 
 use crate::bodies::{Kind, bending};
-use crate::scene::spec::{Scene, SchemeName};
+use crate::scene::spec::{Scene, SchemeName, SolverName};
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -20,6 +20,14 @@ pub struct Stage {
 /// Whether the scheme uses the published stiffness and damping.
 pub fn condenses(scene: &Scene) -> bool {
     scene.realtime.scheme == SchemeName::Linear
+}
+
+/// What solves the steps of a body.
+pub fn solver(scene: &Scene, _kind: Kind) -> SolverName {
+    match scene.host.solver {
+        SolverName::Auto => SolverName::Frozen,
+        chosen => chosen,
+    }
 }
 
 /// The stages of a host step in their order, for bodies of these kinds.

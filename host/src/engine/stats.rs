@@ -1,6 +1,6 @@
 //! What host steps cost and met.
 
-use physics::fem::{CondenseError, SolveReport, StepError};
+use physics::fem::{CondenseError, StepError};
 use runner::latency::LatencyHistogram;
 
 /// Reads a clock for measurement only: nothing in the state may depend on it.
@@ -52,6 +52,8 @@ pub struct EngineStats {
     pub condense: LatencyHistogram,
     /// Solver iterations a step.
     pub iterations: LatencyHistogram,
+    /// Factors made beside the steps, and taken.
+    pub factors: u64,
     /// Steps that stopped at the iteration limit.
     pub unconverged: u64,
     /// Largest relative residual of any step.
@@ -78,6 +80,7 @@ impl EngineStats {
             solve: times(),
             condense: times(),
             iterations: LatencyHistogram::new(100_000),
+            factors: 0,
             unconverged: 0,
             worst_residual: 0.0,
             clipped: 0,
@@ -87,12 +90,10 @@ impl EngineStats {
         }
     }
 
-    pub(super) fn solved(&mut self, report: &SolveReport) {
-        self.iterations.record(report.iterations as u64);
-        self.unconverged += u64::from(!report.converged);
-        if report.initial_residual > 0.0 {
-            self.worst_residual = self.worst_residual.max(report.relative_residual());
-        }
+    pub(super) fn solved(&mut self, iterations: usize, converged: bool, relative_residual: f64) {
+        self.iterations.record(iterations as u64);
+        self.unconverged += u64::from(!converged);
+        self.worst_residual = self.worst_residual.max(relative_residual);
     }
 
     pub(super) fn fault(&mut self, body: usize, fault: &StepFault) {

@@ -14,6 +14,7 @@ pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::engine::body::HostBody;
+use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
 use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
@@ -139,7 +140,11 @@ pub fn run(
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    let mut prepared = setup::setup_with(loaded, duration, seed, options.instructions)?;
+    let how = How {
+        kernels: options.instructions,
+        real: options.clock == Clock::Real,
+    };
+    let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
     prepared
         .engine
         .set_faults(Faults::new(options.faults.clone()));

@@ -2,11 +2,11 @@
 
 use super::AnyDevice;
 use crate::bodies;
+use crate::engine::build::How;
 use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::fem::cholesky::Kernels;
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
@@ -76,10 +76,10 @@ pub struct Running {
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, SceneError> {
-    setup_with(loaded, duration, seed, Kernels::default())
+    setup_with(loaded, duration, seed, How::default())
 }
 
-/// The same, with a choice of the linear algebra's code.
+/// The same, with a choice of how bodies are run.
 ///
 /// # Errors
 /// As [`setup`].
@@ -87,10 +87,10 @@ pub fn setup_with(
     loaded: &LoadedScene,
     duration: f64,
     seed: u64,
-    kernels: Kernels,
+    how: How,
 ) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
-    let held = build::bodies(loaded, kernels)?;
+    let held = build::bodies(loaded, how)?;
     let (config, devices) = controls(loaded, seed)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),

@@ -10,6 +10,7 @@ use super::kernel::Kernel;
 use super::panel::Panels;
 use super::{Node, Real};
 use crate::Vec3;
+use crate::fem::cholesky::Kernels;
 use crate::fem::{BlockMatrix, CondenseError};
 
 /// What makes a factor.
@@ -30,16 +31,17 @@ pub struct Refresher<T> {
 
 impl<T: Real> Refresher<T> {
     /// For the free places of `matrix`, all in their order; `guided` is 1 where an axis of one is free, 0 where a
-    /// support guides it, and empty without supports.
+    /// support guides it, and empty without supports. `code` is what factorizes.
     pub(super) fn new(
         kernels: Vec<Box<dyn Kernel<T>>>,
         matrix: BlockMatrix,
         mass: Vec<f64>,
         guided: Vec<Vec3>,
+        code: Kernels,
     ) -> Result<Self, CondenseError> {
         let identity: Vec<u32> = (0..matrix.free() as u32).collect();
-        let factor = Factor::new(&matrix, &identity)?;
-        let panels = Panels::new(&matrix, &factor);
+        let factor = Factor::with_kernels(&matrix, &identity, code)?;
+        let panels = Panels::new(&factor);
         let zeros = vec![[T::ZERO; 4]; matrix.nodes()];
         Ok(Self {
             kernels,

@@ -22,6 +22,7 @@ use super::refresh::Refresher;
 use super::tet::Tets;
 use super::{Node, Real, dot, to_node, to_vec};
 use crate::Vec3;
+use crate::fem::cholesky::Kernels;
 use crate::fem::guard::{Energy, MOST_HALVINGS};
 use crate::fem::{BlockMatrix, Body, CondenseError, HandlePose, StepError};
 
@@ -49,6 +50,8 @@ pub struct StepperOptions {
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
     /// see [`Stepper::lend`].
     pub refresh: bool,
+    /// The code that factorizes.
+    pub kernels: Kernels,
 }
 
 impl Default for StepperOptions {
@@ -59,6 +62,7 @@ impl Default for StepperOptions {
             guess: Guess::Acceleration,
             patience: 5,
             refresh: true,
+            kernels: Kernels::default(),
         }
     }
 }
@@ -180,7 +184,13 @@ impl<T: Real> Stepper<T> {
         let mass: Vec<f64> = node.iter().map(|&node| body.mass[node as usize]).collect();
         let kept = kernels();
         let mask = guided.iter().map(to_node).collect();
-        let refresher = Refresher::new(kernels(), matrix.clone(), mass.clone(), guided)?;
+        let refresher = Refresher::new(
+            kernels(),
+            matrix.clone(),
+            mass.clone(),
+            guided,
+            options.kernels,
+        )?;
         let zeros = vec![[T::ZERO; 4]; count];
         Ok(Self {
             options,

@@ -135,12 +135,34 @@ pub struct Host {
     /// Cut-off of the filter that smooths the handles' paths (Hz).
     #[serde(deserialize_with = "check::positive")]
     pub smoothing: f64,
+    /// What solves a step.
+    #[serde(deserialize_with = "check::word")]
+    pub solver: SolverName,
+    /// Real clock, frozen solvers: time after which a step is taken with what has been found (s); no limit if not
+    /// given.
+    #[serde(deserialize_with = "check::optional_positive")]
+    pub budget: Option<f64>,
     /// Solver: residual relative to the step's first.
     #[serde(deserialize_with = "check::tolerance")]
     pub tolerance: f64,
     /// Solver: most iterations a step.
     #[serde(deserialize_with = "check::iterations")]
     pub max_iterations: usize,
+}
+
+/// `host.solver`: what solves a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SolverName {
+    /// By the body.
+    #[default]
+    Auto,
+    /// The assembled matrix, conjugate gradients on its diagonal blocks.
+    Assembled,
+    /// Nothing assembled, conjugate gradients on a frozen factor.
+    Frozen,
+    /// The same in single precision.
+    FrozenSingle,
 }
 
 impl Default for Host {
@@ -150,6 +172,8 @@ impl Default for Host {
             publish_rate: 250.0,
             latency: 0.004,
             smoothing: 30.0,
+            solver: SolverName::Auto,
+            budget: None,
             tolerance: 1e-6,
             max_iterations: 1000,
         }
