@@ -10,6 +10,8 @@ use physics::fem::law::Lame;
 use physics::mesh::{Cells, TetMesh, generate_box::solid_box};
 use std::time::Instant;
 
+type Work<'a, T> = &'a mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize);
+
 const REPEATS: usize = 2000;
 
 fn tets(mesh: &TetMesh) -> Vec<Tet> {
@@ -61,7 +63,7 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
         mesh.positions.iter().map(twist).collect()
     };
     let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
-    let mut row = |what: &str, work: &mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize)| {
+    let mut row = |what: &str, work: Work<T>| {
         let (least, median) = time(|repeat| work(&mut tets, &mut out, repeat));
         let per = least * 1e3 / count;
         println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
@@ -83,7 +85,7 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
     }
     let u = state(0.0);
     row("product", &mut |tets, out, _| {
-        tets.product(T::of(1e-9), &u, out)
+        tets.product(T::of(1e-9), &u, out);
     });
 }
 
