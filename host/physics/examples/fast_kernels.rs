@@ -12,7 +12,7 @@ use std::time::Instant;
 
 type Work<'a, T> = &'a mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize);
 
-const REPEATS: usize = 2000;
+const REPEATS: usize = 1000;
 
 fn tets(mesh: &TetMesh) -> Vec<Tet> {
     let lame = Lame::new(1e4, 0.45);
@@ -83,6 +83,12 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
             },
         );
     }
+    // No rotation of these is unique: all go through the singular values.
+    let line = |x: &Vec3| [T::ZERO, T::of(-x.y), T::of(-x.z), T::ZERO];
+    let line: Vec<Node<T>> = mesh.positions.iter().map(line).collect();
+    row("linearize, crushed to a line", &mut |tets, out, _| {
+        tets.linearize(&line, out);
+    });
     let u = state(0.0);
     row("product", &mut |tets, out, _| {
         tets.product(T::of(1e-9), &u, out);
