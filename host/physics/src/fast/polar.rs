@@ -74,9 +74,8 @@ pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
     let c22 = m00 * m11 - m01 * m01;
     let determinant = m00 * c00 + m01 * c01 + m02 * c02;
     let trace = m00 + m11 + m22;
-    let definite = (m00 > T::ZERO)
-        & (c22 > T::ZERO)
-        & (determinant > T::of(DEFINITE) * (trace * trace * trace));
+    let definite =
+        m00 > T::ZERO && c22 > T::ZERO && determinant > T::of(DEFINITE) * (trace * trace * trace);
 
     let a = [e[2][1] - e[1][2], e[0][2] - e[2][0], e[1][0] - e[0][1]];
     let inverse = T::of(1.0) / determinant;
@@ -106,7 +105,7 @@ pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
         turned[2] * scale,
         turned[3] * scale,
     ];
-    (unit, definite & (square <= T::SMALL_TURN))
+    (unit, definite && square <= T::SMALL_TURN)
 }
 
 /// The quaternion of the rotation of `I + H` from singular values: always finite.

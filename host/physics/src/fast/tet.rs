@@ -10,9 +10,9 @@
 //! Displacements are those from rest, so that single precision keeps the digits of small strains.
 
 use super::Node;
-use super::lanes::{LANES, Lanes, Real};
+use super::lanes::{LANES, Real};
 use super::polar::matrix;
-use super::tet_kernels::{linearize, product};
+use super::tet_kernels::{Blocks, Rest, Turned, linearize, product};
 use crate::{Mat3, Vec3};
 
 /// Elements among which the next is chosen, and the number of elements before it that it should share no
@@ -35,31 +35,10 @@ pub struct Tet {
     pub mu: f64,
 }
 
-/// What does not change of a block.
-#[derive(Clone, Debug)]
-pub(super) struct Rest<T> {
-    /// Component `j` of the gradient of node `a + 1` in row `3 a + j` (1/m).
-    pub(super) gradients: [Lanes<T>; 9],
-    /// `sqrt(2 mu V)`; zero where the block is filled up.
-    pub(super) scale: Lanes<T>,
-}
-
-/// What a product reads of a block.
-#[derive(Clone, Debug)]
-pub(super) struct Turned<T> {
-    /// The gradients rotated and scaled.
-    pub(super) gradients: [Lanes<T>; 9],
-    /// `lambda / (2 mu)`.
-    pub(super) ratio: Lanes<T>,
-}
-
 /// Corotational tetrahedra.
 #[derive(Clone, Debug)]
 pub struct Tets<T> {
-    nodes: Vec<[[u32; 4]; LANES]>,
-    rest: Vec<Rest<T>>,
-    turned: Vec<Turned<T>>,
-    rotations: Vec<[Lanes<T>; 4]>,
+    blocks: Blocks<T>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
 }
@@ -95,10 +74,7 @@ impl<T: Real> Tets<T> {
         let tets: Vec<Tet> = tets.collect();
         let order = order(&tets);
         let mut all = Self {
-            nodes: Vec::new(),
-            rest: Vec::new(),
-            turned: Vec::new(),
-            rotations: Vec::new(),
+            blocks: Blocks::default(),
             places: vec![(0, 0); tets.len()],
         };
         for (block, elements) in order.chunks(LANES).enumerate() {
@@ -131,10 +107,12 @@ impl<T: Real> Tets<T> {
                     *entry = *entry * scale;
                 }
             }
-            all.nodes.push(nodes);
-            all.rest.push(rest);
-            all.turned.push(Turned { gradients, ratio });
-            all.rotations.push([[T::of(1.0); LANES], zero, zero, zero]);
+            all.blocks.nodes.push(nodes);
+            all.blocks.rest.push(rest);
+            all.blocks.turned.push(Turned { gradients, ratio });
+            all.blocks
+                .rotations
+                .push([[T::of(1.0); LANES], zero, zero, zero]);
         }
         all
     }
@@ -156,16 +134,7 @@ impl<T: Real> Tets<T> {
     ///
     /// Where `d` or `force` is shorter than a node's number.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
-        linearize::<T, false>(
-            &self.nodes,
-            &self.rest,
-            &mut self.turned,
-            &mut self.rotations,
-            d,
-            d,
-            T::ZERO,
-            force,
-        )
+        linearize::<T, false>(&mut self.blocks, d, d, T::ZERO, force)
     }
 
     /// The same, and subtracts `factor` times the stiffness times `u` from `force` on the way: the residual
@@ -181,16 +150,7 @@ impl<T: Real> Tets<T> {
         factor: T,
         force: &mut [Node<T>],
     ) -> T {
-        linearize::<T, true>(
-            &self.nodes,
-            &self.rest,
-            &mut self.turned,
-            &mut self.rotations,
-            d,
-            u,
-            factor,
-            force,
-        )
+        linearize::<T, true>(&mut self.blocks, d, u, factor, force)
     }
 
     /// Adds `factor` times the stiffness at the last rotations times `u` to `y`.
@@ -199,7 +159,7 @@ impl<T: Real> Tets<T> {
     ///
     /// Where `u` or `y` is shorter than a node's number.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        product(&self.nodes, &self.turned, factor, u, y);
+        product(&self.blocks, factor, u, y);
     }
 
     /// Rotation of an element in the last call of `linearize`; the identity before the first.
@@ -209,7 +169,7 @@ impl<T: Real> Tets<T> {
     /// Where there is no such element.
     pub fn rotation(&self, element: usize) -> Mat3 {
         let (block, lane) = self.places[element];
-        let rows = &self.rotations[block as usize];
+        let rows = &self.blocks.rotations[block as usize];
         matrix(rows.map(|row| row[lane as usize]))
     }
 
@@ -220,7 +180,7 @@ impl<T: Real> Tets<T> {
     /// Where there is no such element.
     pub fn nodes(&self, element: usize) -> [u32; 4] {
         let (block, lane) = self.places[element];
-        self.nodes[block as usize][lane as usize]
+        self.blocks.nodes[block as usize][lane as usize]
     }
 
     /// The 3 x 3 blocks of an element's stiffness at the last rotations (N/m), by its nodes.
@@ -230,7 +190,7 @@ impl<T: Real> Tets<T> {
     /// Where there is no such element.
     pub fn stiffness(&self, element: usize) -> [[Mat3; 4]; 4] {
         let (block, lane) = self.places[element];
-        let turned = &self.turned[block as usize];
+        let turned = &self.blocks.turned[block as usize];
         let lane = lane as usize;
         let ratio = turned.ratio[lane].to_f64();
         let mut b = [Vec3::zeros(); 4];

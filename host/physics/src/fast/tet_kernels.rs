@@ -7,11 +7,38 @@
 use super::Node;
 use super::lanes::{LANES, Lanes, Real, Vectors, gather, scatter};
 use super::polar::{Matrix, Quaternion, quaternion, rotation_less_identity, strain, turn};
-use super::tet::{Rest, Turned};
 use multiversion::multiversion;
 
 /// Newton iterations a call spends on a rotation before it takes the singular values instead.
 const MAX_TURNS: usize = 8;
+
+/// What does not change of a block.
+#[derive(Clone, Debug)]
+pub(super) struct Rest<T> {
+    /// Component `j` of the gradient of node `a + 1` in row `3 a + j` (1/m).
+    pub(super) gradients: [Lanes<T>; 9],
+    /// `sqrt(2 mu V)`; zero where the block is filled up.
+    pub(super) scale: Lanes<T>,
+}
+
+/// What a product reads of a block.
+#[derive(Clone, Debug)]
+pub(super) struct Turned<T> {
+    /// The gradients rotated and scaled.
+    pub(super) gradients: [Lanes<T>; 9],
+    /// `lambda / (2 mu)`.
+    pub(super) ratio: Lanes<T>,
+}
+
+/// Elements by block.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Blocks<T> {
+    pub(super) nodes: Vec<[[u32; 4]; LANES]>,
+    pub(super) rest: Vec<Rest<T>>,
+    pub(super) turned: Vec<Turned<T>>,
+    /// Quaternions, by component.
+    pub(super) rotations: Vec<[Lanes<T>; 4]>,
+}
 
 /// A symmetric matrix: 00, 11, 22, 12, 02, 01.
 type Symmetric<T> = [T; 6];
@@ -21,12 +48,8 @@ type Symmetric<T> = [T; 6];
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-#[allow(clippy::too_many_arguments)]
 pub(super) fn linearize<T: Real, const GUESS: bool>(
-    nodes: &[[[u32; 4]; LANES]],
-    rest: &[Rest<T>],
-    turned: &mut [Turned<T>],
-    rotations: &mut [[Lanes<T>; 4]],
+    blocks: &mut Blocks<T>,
     d: &[Node<T>],
     u: &[Node<T>],
     factor: T,
@@ -35,20 +58,20 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
     let zero = [T::ZERO; LANES];
     let mut energy = zero;
     let mut vectors = [[[T::ZERO; 4]; LANES]; 3];
+    let mut forces = vectors;
     let mut h = [zero; 9];
-    let mut further = [zero; 9];
-    let blocks = nodes.iter().zip(rest).zip(turned).zip(rotations);
-    for (((nodes, rest), turned), rotations) in blocks {
+    let elements = blocks.nodes.iter().zip(&blocks.rest);
+    let state = blocks.turned.iter_mut().zip(&mut blocks.rotations);
+    for ((nodes, rest), (turned, rotations)) in elements.zip(state) {
         gather(nodes, d, &mut vectors);
         deformation(&rest.gradients, &vectors, &mut h);
         rotate(&h, rotations);
         if GUESS {
             gather(nodes, u, &mut vectors);
-            deformation(&rest.gradients, &vectors, &mut further);
         }
-        let out = (&mut vectors, &mut energy);
-        respond::<T, GUESS>(rest, rotations, &h, &further, factor, turned, out);
-        scatter(nodes, &vectors, force);
+        let out = (&mut forces, &mut energy);
+        respond::<T, GUESS>(rest, rotations, &h, &vectors, factor, turned, out);
+        scatter(nodes, &forces, force);
     }
     let mut sum = T::ZERO;
     for energy in energy {
@@ -62,16 +85,10 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-pub(super) fn product<T: Real>(
-    nodes: &[[[u32; 4]; LANES]],
-    turned: &[Turned<T>],
-    factor: T,
-    u: &[Node<T>],
-    y: &mut [Node<T>],
-) {
+pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
     let zero = [[[T::ZERO; 4]; LANES]; 3];
     let (mut differences, mut forces) = (zero, zero);
-    for (nodes, turned) in nodes.iter().zip(turned) {
+    for (nodes, turned) in blocks.nodes.iter().zip(&blocks.turned) {
         gather(nodes, u, &mut differences);
         for lane in 0..LANES {
             let b = at(&turned.gradients, lane);
@@ -136,14 +153,14 @@ fn rotate_singly<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
 }
 
 /// Rotates the gradients of a block, gives the forces on the last three nodes of each element, and adds to
-/// the energies. The forces are those at `F - I = h`, or at `h + factor further` with the rotations of `h`,
-/// for the warped stiffness is the derivative of that.
+/// the energies. The forces are those at `F - I = h`, or, with differences of a guess `u`, those at what it
+/// adds to `h` times `factor`, with the rotations of `h`: the warped stiffness is the derivative of that.
 #[inline(always)]
 fn respond<T: Real, const GUESS: bool>(
     rest: &Rest<T>,
     rotations: &[Lanes<T>; 4],
     h: &[Lanes<T>; 9],
-    further: &[Lanes<T>; 9],
+    u: &Vectors<T>,
     factor: T,
     turned: &mut Turned<T>,
     (forces, energies): (&mut Vectors<T>, &mut Lanes<T>),
@@ -163,15 +180,16 @@ fn respond<T: Real, const GUESS: bool>(
                 r[i][j] = r[i][j] * scale;
             }
         }
+        let g = at(&rest.gradients, lane);
         if GUESS {
-            let more = symmetric(&transposed_times(&r, &at(further, lane)), -factor);
+            let further = outer(&vectors_at(u, lane), &g);
+            let more = symmetric(&transposed_times(&r, &further), -factor);
             for k in 0..6 {
                 e[k] += more[k];
             }
             s = stress(&e, ratio);
         }
         let p = product_of(&r, &matrix(&s));
-        let g = at(&rest.gradients, lane);
         forces[0][lane] = node(times(&p, g[0]));
         forces[1][lane] = node(times(&p, g[1]));
         forces[2][lane] = node(times(&p, g[2]));
@@ -193,6 +211,8 @@ fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
     m
 }
 
+/// The vectors of one element, as rows. The fill, zero, is read too: where one entry in four is left out, the
+/// compiler does the last lanes one by one.
 #[inline(always)]
 fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
     let vector = |a: usize| {
