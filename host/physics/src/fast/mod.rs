@@ -4,6 +4,7 @@
 //! - [`Stepper`]: one step of a body by conjugate gradients on a frozen factor; [`ShapeOptions`]: its local
 //!   models.
 //! - [`refresh`]: a new factor, made beside the steps.
+//! - `sleep`: bodies at rest are not stepped.
 //! - `kernel`: what a step needs of a set of elements.
 //! - [`lanes`]: numbers of either precision, and node vectors to and from arrays over elements.
 //! - [`polar`]: rotations of elements, from where they last were.
@@ -20,6 +21,7 @@ pub mod order;
 pub mod panel;
 pub mod polar;
 pub mod refresh;
+mod sleep;
 mod stepper;
 pub mod supernodes;
 pub mod tet;

@@ -19,6 +19,7 @@ use super::condense::Shapes;
 use super::kernel::{Assembled, Kernel, ScalarMatrix};
 use super::panel::Panels;
 use super::refresh::Refresher;
+use super::sleep::Sleep;
 use super::tet::Tets;
 use super::{Node, Real, dot, to_node, to_vec};
 use crate::Vec3;
@@ -52,6 +53,9 @@ pub struct StepperOptions {
     pub refresh: bool,
     /// The code that factorizes.
     pub kernels: Kernels,
+    /// A body of which no vertex has been faster than this for some steps sleeps (m/s); 0 for none that does. See
+    /// `sleep` for what that leaves out.
+    pub sleep_speed: f64,
 }
 
 impl Default for StepperOptions {
@@ -63,6 +67,7 @@ impl Default for StepperOptions {
             patience: 5,
             refresh: true,
             kernels: Kernels::default(),
+            sleep_speed: 1e-7,
         }
     }
 }
@@ -80,6 +85,8 @@ pub struct StepperReport {
     pub converged: bool,
     /// Share of the motion that was held back, for with all of it the body would have made energy.
     pub held_back: f64,
+    /// Whether the body sleeps and nothing was done.
+    pub asleep: bool,
 }
 
 /// When conjugate gradients stop.
@@ -127,6 +134,9 @@ pub struct Stepper<T> {
     p: Vec<Node<T>>,
     q: Vec<Node<T>>,
     pub(super) shapes: Option<Box<Shapes>>,
+    sleep: Sleep,
+    /// Counts linearizations.
+    pub(super) state: u64,
 }
 
 /// The elements of `body` in the order of places, each set by the best kernel that there is.
@@ -217,6 +227,8 @@ impl<T: Real> Stepper<T> {
             p: zeros.clone(),
             q: zeros,
             shapes: None,
+            sleep: Sleep::new(body),
+            state: 0,
         })
     }
 
@@ -243,10 +255,19 @@ impl<T: Real> Stepper<T> {
         body.check_step(h, targets)?;
         let mass_factor = 1.0 / (h * h) + body.config.mass_damping / h;
         let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        let speed = self.options.sleep_speed;
         if body.x != self.at {
+            self.sleep.wake();
             self.at.copy_from_slice(&body.x);
             self.linearize();
             self.last_h = 0.0;
+        }
+        if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
+            return Ok(StepperReport {
+                converged: true,
+                asleep: true,
+                ..StepperReport::default()
+            });
         }
         let factors = (mass_factor, stiffness_factor);
         if self.factors != Some(factors) || (self.stale && self.options.refresh) {
@@ -263,6 +284,11 @@ impl<T: Real> Stepper<T> {
         report.reference = reference;
         self.stale |= report.iterations > self.options.patience;
         self.finish(body, h, targets, &mut report)?;
+        if speed > 0.0 && report.converged {
+            self.sleep.observe(body, h, targets, speed);
+        } else {
+            self.sleep.wake();
+        }
         Ok(report)
     }
 
@@ -271,6 +297,7 @@ impl<T: Real> Stepper<T> {
         for ((d, rest), &node) in self.d.iter_mut().zip(&self.rest).zip(&self.node) {
             *d = to_node(&(self.at[node as usize] - rest));
         }
+        self.state += 1;
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
         for kernel in &mut self.kernels {
