@@ -118,7 +118,9 @@ fn show(name: &str, body: &mut Body) {
         let (numbers, r) = (b.chunks_exact(3), &mut three);
         for (at, b) in numbers.enumerate() {
             let node = [b[0] as f32, b[1] as f32, b[2] as f32, 0.0];
-            r.iter_mut().for_each(|r| r[at] = node);
+            for r in r.iter_mut() {
+                r[at] = node;
+            }
         }
         panels.solve_three(r.each_mut().map(Vec::as_mut_slice));
     });

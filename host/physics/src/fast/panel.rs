@@ -4,11 +4,12 @@
 //! kept: the forward substitution is a product with it, the backward one with its transpose, without the
 //! chain of dependent divisions of a triangular solve. Inverting diagonal blocks is old (for instance
 //! P. Raghavan, "Efficient parallel sparse triangular solution using selective inversion", 1998). Numbers
-//! are f32: as the preconditioner of an iteration in f64 more are not needed, and a solve is as fast as
-//! the caches give the panels.
+//! are f32: as the preconditioner of an iteration in f64 more are not needed, and what limits a solve is how
+//! fast the caches give the panels. Half as many bits (bfloat16) were measured to save 10 to 15 % of the
+//! time at 3,267 unknowns and nothing below, for an error of 2e-3 instead of 1e-7.
 //!
-//! No two products are contracted into one rounding and lanes are summed in a fixed order: the result
-//! does not depend on the machine.
+//! No product and sum are contracted into one rounding and lanes are summed in a fixed order: from the
+//! same factor (see [`Kernels`](crate::fem::cholesky::Kernels)) comes the same result on every machine.
 
 use super::Node;
 use super::factor::{Factor, Rows};

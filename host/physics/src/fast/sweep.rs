@@ -77,7 +77,7 @@ pub(super) fn lines(block: &Supernode) -> usize {
 fn forward_block<const C: usize, const K: usize>(
     lines: &[Line],
     x: [&[f32]; K],
-    rows: [&mut [[f32; LANES]]; K],
+    rows: &mut [&mut [[f32; LANES]]; K],
 ) {
     let x: [[f32; C]; K] = x.map(|x| x.first_chunk::<C>().copied().unwrap_or([0.0; C]));
     for (strip, lines) in lines.as_chunks::<C>().0.iter().enumerate() {
@@ -209,8 +209,8 @@ fn both_ways<const K: usize>(
             let lines;
             (lines, rest) = rest.split_at(count * (strips - strip));
             let x = columns.each_ref().map(|columns| &columns[column..]);
-            let rows = rows.each_mut().map(|rows| &mut rows[strip..strips]);
-            by_width!(count, forward_block(lines, x, rows));
+            let mut rows = rows.each_mut().map(|rows| &mut rows[strip..strips]);
+            by_width!(count, forward_block(lines, x, &mut rows));
         }
         for k in 0..K {
             let flat = rows[k].as_flattened();
