@@ -10,7 +10,7 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
-//! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
+//! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
 mod condense;
@@ -24,6 +24,7 @@ pub mod refresh;
 mod sleep;
 mod stepper;
 pub mod supernodes;
+mod sweep;
 pub mod tet;
 mod tet_kernels;
 
