@@ -10,6 +10,7 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
+//! - `vectors`: what conjugate gradients do with whole vectors.
 //! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
@@ -27,6 +28,7 @@ pub mod supernodes;
 mod sweep;
 pub mod tet;
 mod tet_kernels;
+mod vectors;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;

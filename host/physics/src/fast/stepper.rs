@@ -21,7 +21,7 @@ use super::panel::Panels;
 use super::refresh::Refresher;
 use super::sleep::Sleep;
 use super::tet::Tets;
-use super::{Node, Real, dot, to_node, to_vec};
+use super::{Node, Real, to_node, to_vec, vectors};
 use crate::Vec3;
 use crate::fem::cholesky::Kernels;
 use crate::fem::guard::{Energy, MOST_HALVINGS};
@@ -122,6 +122,8 @@ pub struct Stepper<T> {
     pub(super) mass: Vec<f64>,
     /// 1 where an axis of a free place is free, 0 where a support guides it; empty without supports.
     mask: Vec<Node<T>>,
+    /// Mass in the matrix that is being solved with (kg/s^2).
+    inertia: Vec<T>,
     d: Vec<Node<T>>,
     force: Vec<Node<T>>,
     /// Displacement over the step, and over the last.
@@ -217,6 +219,7 @@ impl<T: Real> Stepper<T> {
             elastic: 0.0,
             rest,
             mask,
+            inertia: vec![T::ZERO; count],
             d: zeros.clone(),
             force: zeros.clone(),
             u: zeros.clone(),
@@ -389,6 +392,9 @@ impl<T: Real> Stepper<T> {
         out_of_time: &mut impl FnMut() -> bool,
     ) -> StepperReport {
         let free = self.free;
+        for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {
+            *inertia = T::of(mass_factor * mass);
+        }
         let mut report = StepperReport {
             residual: self.norm(),
             ..StepperReport::default()
@@ -403,39 +409,44 @@ impl<T: Real> Stepper<T> {
                 rz_new / rz
             };
             rz = rz_new;
-            for (p, z) in self.p[..free].iter_mut().zip(&self.z) {
-                for i in 0..4 {
-                    p[i] = T::of(f64::from(z[i])) + T::of(beta) * p[i];
-                }
-            }
-            let mut curvature = 0.0;
-            for (q, (p, &mass)) in self.q.iter_mut().zip(self.p.iter().zip(&self.mass)) {
-                let m = T::of(mass_factor * mass);
-                *q = [p[0] * m, p[1] * m, p[2] * m, T::ZERO];
-            }
+            vectors::turn(
+                &self.z,
+                T::of(beta),
+                &self.inertia,
+                &mut self.p[..free],
+                &mut self.q[..free],
+            );
+            self.q[free..].fill([T::ZERO; 4]);
             for kernel in &self.kernels {
                 kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
             }
-            for (p, q) in self.p[..free].iter().zip(&self.q) {
-                curvature += dot(p, q).to_f64();
-            }
+            let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
             // The matrix is positive definite: anything else is underflow, or a state that has blown up.
             if !(curvature > 0.0 && curvature.is_finite()) {
                 break;
             }
             let alpha = T::of(rz / curvature);
-            for (u, p) in self.u[..free].iter_mut().zip(&self.p) {
-                for i in 0..4 {
-                    u[i] += alpha * p[i];
-                }
-            }
-            for (r, q) in self.residual.iter_mut().zip(&self.q) {
+            // Held places have no direction, but a residual.
+            let (free_residual, held_residual) = self.residual.split_at_mut(free);
+            let (free_q, held_q) = self.q.split_at(free);
+            let square = vectors::advance(
+                alpha,
+                &self.p[..free],
+                free_q,
+                &mut self.u[..free],
+                free_residual,
+            );
+            for (r, q) in held_residual.iter_mut().zip(held_q) {
                 for i in 0..4 {
                     r[i] -= alpha * q[i];
                 }
             }
             report.iterations += 1;
-            report.residual = self.norm();
+            report.residual = if self.mask.is_empty() {
+                square.sqrt()
+            } else {
+                self.norm()
+            };
             report.converged = report.residual <= limits.goal;
             if out_of_time() {
                 break;
@@ -446,42 +457,23 @@ impl<T: Real> Stepper<T> {
 
     /// `z` from the residual, without what is guided; returns their product.
     fn precondition(&mut self) -> f64 {
-        for (place, (z, r)) in self.z.iter_mut().zip(&self.residual).enumerate() {
-            for i in 0..4 {
-                z[i] = r[i].to_f64() as f32;
-            }
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    z[i] *= mask[i].to_f64() as f32;
-                }
-            }
-        }
+        vectors::round(&self.residual, &mut self.z);
+        vectors::filter(&self.mask, &mut self.z);
         self.panels.solve(&mut self.z);
-        let mut rz = 0.0;
-        for (place, (z, r)) in self.z.iter_mut().zip(&self.residual).enumerate() {
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    z[i] *= mask[i].to_f64() as f32;
-                }
-            }
-            for i in 0..3 {
-                rz += f64::from(z[i]) * r[i].to_f64();
-            }
-        }
-        rz
+        vectors::filter(&self.mask, &mut self.z);
+        vectors::dot_single(&self.z, &self.residual)
     }
 
     /// Norm of the residual on what is free (N).
     pub(super) fn norm(&self) -> f64 {
+        let free = &self.residual[..self.free];
+        if self.mask.is_empty() {
+            return vectors::dot(free, free).sqrt();
+        }
         let mut sum = 0.0;
-        for (place, r) in self.residual[..self.free].iter().enumerate() {
-            let mut r = *r;
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    r[i] = r[i] * mask[i];
-                }
-            }
-            sum += dot(&r, &r).to_f64();
+        for (r, mask) in free.iter().zip(&self.mask) {
+            let r = to_vec(r).component_mul(&to_vec(mask));
+            sum += r.norm_squared();
         }
         sum.sqrt()
     }
