@@ -55,27 +55,42 @@ impl Kernel {
         }
     }
 
-    #[inline(never)]
+    /// `y = A x`.
     fn product(&mut self) {
-        let row = |b: &[f64; 9], r: usize, v: &[f64; 3]| {
-            b[3 * r] * v[0] + b[3 * r + 1] * v[1] + b[3 * r + 2] * v[2]
-        };
-        let column =
-            |b: &[f64; 9], r: usize, v: &[f64; 3]| b[r] * v[0] + b[3 + r] * v[1] + b[6 + r] * v[2];
-        for ((block, x), y) in self.diagonal.iter().zip(&self.x).zip(&mut self.y) {
-            *y = core::array::from_fn(|r| row(block, r, x));
+        product(
+            &self.diagonal,
+            &self.blocks,
+            &self.edges,
+            &self.x,
+            &mut self.y,
+        );
+    }
+}
+
+/// A function of its own, so that it is compiled in the same way wherever it is called.
+#[inline(never)]
+fn product(
+    diagonal: &[[f64; 9]],
+    blocks: &[[f64; 9]],
+    edges: &[[u32; 2]],
+    x: &[[f64; 3]],
+    y: &mut [[f64; 3]],
+) {
+    for ((d, x), y) in diagonal.iter().zip(x).zip(y.iter_mut()) {
+        for r in 0..3 {
+            y[r] = d[3 * r] * x[0] + d[3 * r + 1] * x[1] + d[3 * r + 2] * x[2];
         }
-        for (block, &[from, to]) in self.blocks.iter().zip(&self.edges) {
-            let (from, to) = (from as usize, to as usize);
-            let (u, v) = (self.x[from], self.x[to]);
-            let p = &mut self.y[from];
-            for r in 0..3 {
-                p[r] += row(block, r, &v);
-            }
-            let q = &mut self.y[to];
-            for r in 0..3 {
-                q[r] += column(block, r, &u);
-            }
+    }
+    for (b, &[from, to]) in blocks.iter().zip(edges) {
+        let (from, to) = (from as usize, to as usize);
+        let (u, v) = (x[from], x[to]);
+        let p = &mut y[from];
+        for r in 0..3 {
+            p[r] += b[3 * r] * v[0] + b[3 * r + 1] * v[1] + b[3 * r + 2] * v[2];
+        }
+        let q = &mut y[to];
+        for r in 0..3 {
+            q[r] += b[r] * u[0] + b[3 + r] * u[1] + b[6 + r] * u[2];
         }
     }
 }

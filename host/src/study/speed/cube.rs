@@ -3,9 +3,9 @@
 //! 10 cm, 1 kg, E = 20 kPa, nu = 0.3, Rayleigh damping by mass 0.1 and by stiffness 0.1, no gravity, bonded to
 //! two plates, corotational linear tetrahedra by Kuhn's split, implicit Euler.
 
-use super::motion::{Motion, Path};
-use super::path::{self, Method};
-use super::trial::Scene;
+use super::motion::{self, Motion};
+use super::path::{self, Method, Path};
+use super::trial::{Course, Scene};
 use super::{Level, Row, SpeedError};
 use physics::Vec3;
 use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
@@ -32,10 +32,9 @@ impl Stiffness {
     /// Factors on Young's modulus, one for each of `cells` centres (m).
     fn factors(self, centres: impl Iterator<Item = Vec3>) -> Vec<f64> {
         let factor = |(cell, centre): (u64, Vec3)| match self {
-            Self::Uniform => 1.0,
             Self::Varied => 0.5 + share(cell),
             Self::Core if centre.amax() < 0.25 * EDGE => 100.0,
-            Self::Core => 1.0,
+            Self::Uniform | Self::Core => 1.0,
         };
         (0_u64..).zip(centres).map(factor).collect()
     }
@@ -52,6 +51,16 @@ fn share(seed: u64) -> f64 {
 
 /// The cube of `n` cells along each edge, at rest; handle 0 holds its bottom, [`TOP`] its top.
 pub(super) fn cube(n: u32, quadratic: bool, stiffness: Stiffness) -> Result<Body, SpeedError> {
+    cube_damped(n, quadratic, stiffness, 0.1)
+}
+
+/// The same with another damping by stiffness (s).
+pub(super) fn cube_damped(
+    n: u32,
+    quadratic: bool,
+    stiffness: Stiffness,
+    stiffness_damping: f64,
+) -> Result<Body, SpeedError> {
     let mut mesh = solid_box([EDGE; 3], [n; 3])?;
     if quadratic {
         mesh = mesh.quadratic();
@@ -68,7 +77,7 @@ pub(super) fn cube(n: u32, quadratic: bool, stiffness: Stiffness) -> Result<Body
     let config = BodyConfig {
         gravity: Vec3::zeros(),
         mass_damping: 0.1,
-        stiffness_damping: 0.1,
+        stiffness_damping,
         ..BodyConfig::default()
     };
     let face = |side: f64| {
@@ -98,11 +107,11 @@ fn centres(mesh: &TetMesh) -> impl Iterator<Item = Vec3> + '_ {
 pub(super) fn press(n: u32, duration: f64) -> Result<Scene, SpeedError> {
     Ok(Scene {
         name: "press",
-        title: "pressed by a tenth, steps of 10 ms",
+        title: format!("pressed by a tenth in {duration} s, steps of 10 ms"),
         body: cube(n, false, Stiffness::Uniform)?,
         tool: TOP,
-        // The damping's rate is 1 / 0.1 s at most: after 2 s it has left 2e-9.
-        motion: Motion::ramp(Vec3::z() * (-0.1 * EDGE), duration, 2.0, 0.01),
+        // Of what the damping adds, at most a fifth, each step leaves 1 / (1 + h / beta): 1e-7 at the end.
+        motion: Motion::ramp(Vec3::z() * (-0.1 * EDGE), duration, 1.5, 0.01),
         along: Vec3::z(),
     })
 }
@@ -111,13 +120,14 @@ pub(super) fn press(n: u32, duration: f64) -> Result<Scene, SpeedError> {
 pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, SpeedError> {
     Ok(Scene {
         name: "tremor",
-        title: "tremor of 10 Hz and 0.5 mm in a press of 5 mm, steps of 1 ms",
+        title: "tremor of 10 Hz and 0.5 mm on a press of 5 mm in 0.5 s, steps of 1 ms".to_owned(),
         body: cube(n, false, Stiffness::Uniform)?,
         tool: TOP,
         motion: Motion {
             step: 0.001,
             steps,
-            path: Path::Tremor {
+            timed: steps,
+            path: motion::Path::Tremor {
                 to: Vec3::z() * (-0.05 * EDGE),
                 duration: 0.5,
                 amplitude: Vec3::new(2e-4, 0.0, 5e-4),
@@ -131,6 +141,11 @@ pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, SpeedError> {
 /// The other motions and materials, less of each where `level` is quick.
 fn harder(n: u32, level: Level) -> Result<Vec<Scene>, SpeedError> {
     let down = Vec3::z() * (-0.1 * EDGE);
+    let aside = Vec3::x() * (0.5 * EDGE);
+    let (first, slow, slower, trembling) = match level {
+        Level::Quick => (100, 0.5, 1.0, 150),
+        Level::Full => (1000, 3.0, 4.0, 600),
+    };
     let scene = |name, title, stiffness, motion, along| {
         Ok::<_, SpeedError>(Scene {
             name,
@@ -141,105 +156,101 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, SpeedError> {
             along,
         })
     };
-    let full = level == Level::Full;
     Ok(vec![
         scene(
             "press_1ms",
-            "pressed by a tenth in 1.5 s, steps of 1 ms",
+            format!("{first} steps of 1 ms of a press by a tenth in 1.5 s"),
             Stiffness::Uniform,
-            Motion {
-                steps: if full { 2000 } else { 150 },
-                ..Motion::ramp(down, 1.5, 0.5, 0.001)
-            },
+            Motion::ramp(down, 1.5, 0.0, 0.001).first(first),
             Vec3::z(),
         )?,
         scene(
             "varied",
-            "the same in 3 s, steps of 10 ms, E 0.5 to 1.5 times",
+            format!("pressed by a tenth in {slow} s, steps of 10 ms, E 0.5 to 1.5 times"),
             Stiffness::Varied,
-            Motion::ramp(down, if full { 3.0 } else { 0.6 }, 0.5, 0.01),
+            Motion::ramp(down, slow, 0.5, 0.01),
             Vec3::z(),
         )?,
         scene(
             "core",
-            "the same, a core 100 times stiffer",
+            format!("pressed by a tenth in {slow} s, steps of 10 ms, a core 100 times stiffer"),
             Stiffness::Core,
-            Motion::ramp(down, if full { 3.0 } else { 0.6 }, 0.5, 0.01),
+            Motion::ramp(down, slow, 0.5, 0.01),
             Vec3::z(),
         )?,
         scene(
             "shear",
-            "sheared by half its height in 4 s, steps of 10 ms",
+            format!("sheared by half its height in {slower} s, steps of 10 ms"),
             Stiffness::Uniform,
-            Motion {
-                steps: if full { 450 } else { 100 },
-                ..Motion::ramp(Vec3::x() * (0.5 * EDGE), 4.0, 0.5, 0.01)
-            },
+            Motion::ramp(aside, slower, 0.5, 0.01),
             Vec3::x(),
         )?,
-        tremor(n, if full { 1000 } else { 150 })?,
+        tremor(n, trembling)?,
     ])
 }
 
 /// All scenes of the cube on all paths.
 pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, SpeedError> {
     // With the share of the time that each mesh takes, roughly.
-    let (presses, others, duration): (&[(u32, f64)], &[(u32, f64)], f64) = match level {
-        Level::Quick => (&[(6, 0.15), (8, 0.2), (10, 0.3)], &[(6, 0.35)], 1.0),
+    let (presses, others, duration) = match level {
+        Level::Quick => ([(6, 0.25), (8, 0.2), (10, 0.4)], &[(4, 0.15)][..], 0.5),
         Level::Full => (
-            &[(6, 0.06), (8, 0.12), (10, 0.26)],
-            &[(6, 0.06), (10, 0.5)],
+            [(6, 0.09), (8, 0.12), (10, 0.24)],
+            &[(6, 0.15), (10, 0.4)][..],
             15.0,
         ),
     };
     let mut rows = Vec::new();
     let mut done = 0.0;
-    for &(n, share) in presses {
+    for (n, share) in presses {
         progress(done);
-        // Newton's method takes longer than all the others together.
-        compare(&press(n, duration)?, n < 8, &mut rows)?;
+        compare(&press(n, duration)?, paths(level, n), &mut rows)?;
         done += share;
     }
     for &(n, share) in others {
         progress(done);
         for scene in harder(n, level)? {
-            compare(&scene, true, &mut rows)?;
+            compare(&scene, paths(level, n), &mut rows)?;
         }
         done += share;
     }
     Ok(rows)
 }
 
-/// A row for each path; Newton's method only `with_newton`.
+/// The paths that are taken on a mesh of `n` cells along the edge.
+fn paths(level: Level, n: u32) -> impl Iterator<Item = Path> {
+    path::ALL.into_iter().filter(move |path| match level {
+        _ if n <= 6 => true,
+        // Newton's method takes longer than all the others together.
+        Level::Full => path.method != path::NEWTON,
+        Level::Quick => path.strict && path.method != path::NEWTON,
+    })
+}
+
+/// A row for each path.
 pub(super) fn compare(
     scene: &Scene,
-    with_newton: bool,
+    paths: impl IntoIterator<Item = Path>,
     rows: &mut Vec<Row>,
 ) -> Result<(), SpeedError> {
-    let newton = if with_newton {
-        Some(scene.drive(path::NEWTON)?)
-    } else {
-        None
-    };
+    let mut newton = None;
     // The tight solutions that were needed so far.
-    let mut tight: Vec<(Method, super::trial::Course)> = Vec::new();
-    for one in path::ALL {
-        if one.method == path::NEWTON {
-            if let Some(course) = &newton {
-                // It is its own reference: what it leaves over is its residual.
-                rows.push(scene.row(one.name, course, course, Some(course)));
-            }
+    let mut tight: Vec<(Method, Course)> = Vec::new();
+    for path in paths {
+        let course = scene.drive(path.method)?;
+        let exact = path.method.tight();
+        if exact == path.method {
+            // Its own reference.
+            rows.push(scene.row(path.name, &course, &course, Some(&course)));
+            newton = Some(course);
             continue;
         }
-        let exact = one.method.tight();
         if !tight.iter().any(|(method, _)| *method == exact) {
             tight.push((exact, scene.drive(exact)?));
         }
-        let Some((_, against)) = tight.iter().find(|(method, _)| *method == exact) else {
-            continue;
-        };
-        let course = scene.drive(one.method)?;
-        rows.push(scene.row(one.name, &course, against, newton.as_ref()));
+        if let Some((_, against)) = tight.iter().find(|(method, _)| *method == exact) {
+            rows.push(scene.row(path.name, &course, against, newton.as_ref()));
+        }
     }
     Ok(())
 }

@@ -67,7 +67,7 @@ pub struct Row {
     /// The scene, for programs.
     pub scene: &'static str,
     /// The scene, for people.
-    pub title: &'static str,
+    pub title: String,
     /// Tetrahedra or triangles.
     pub elements: usize,
     /// Unknown coordinates.

@@ -9,6 +9,8 @@ pub(super) struct Motion {
     pub(super) step: f64,
     /// Number of steps.
     pub(super) steps: usize,
+    /// The first so many are timed: those in which the hand moves.
+    pub(super) timed: usize,
     /// Where the handle is, from where it was.
     pub(super) path: Path,
 }
@@ -49,7 +51,17 @@ impl Motion {
         Self {
             step,
             steps: libm::round((duration + hold) / step) as usize,
+            timed: libm::round(duration / step) as usize,
             path: Path::Ramp { to, duration },
+        }
+    }
+
+    /// Its first `steps` only.
+    pub(super) fn first(self, steps: usize) -> Self {
+        Self {
+            steps,
+            timed: self.timed.min(steps),
+            ..self
         }
     }
 

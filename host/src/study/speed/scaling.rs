@@ -63,10 +63,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
         progress(done);
         let body = cube(n, false, Stiffness::Uniform)?;
         let elements = body.element_count();
-        let motion = Motion {
-            steps: STEPS,
-            ..Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, 0.01)
-        };
+        let motion = Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, 0.01).first(STEPS);
         for (path, scaling) in paths.clone().zip(&mut all) {
             let course = drive(&body, TOP, &motion, path.method)?;
             let (median, iterations) = (course.median(), course.iterations() as f64 / STEPS as f64);

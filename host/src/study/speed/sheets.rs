@@ -6,6 +6,7 @@
 
 use super::cube::compare;
 use super::motion::Motion;
+use super::path;
 use super::trial::Scene;
 use super::{Level, Row, SpeedError};
 use physics::Vec3;
@@ -37,19 +38,16 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
                 press,
             ),
         ] {
-            let motion = Motion {
-                steps,
-                ..Motion::ramp(to, 3.0, 1.0, 0.01)
-            };
+            let motion = Motion::ramp(to, 3.0, 1.0, 0.01).first(steps);
             let scene = Scene {
                 name,
-                title,
+                title: title.to_owned(),
                 body: body.clone(),
                 tool,
                 motion,
                 along: to.normalize(),
             };
-            compare(&scene, true, &mut rows)?;
+            compare(&scene, path::ALL, &mut rows)?;
         }
     }
     Ok(rows)

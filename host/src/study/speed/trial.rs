@@ -12,7 +12,7 @@ pub(super) struct Scene {
     /// For programs.
     pub(super) name: &'static str,
     /// For people.
-    pub(super) title: &'static str,
+    pub(super) title: String,
     pub(super) body: Body,
     /// The handle that moves; the others stay.
     pub(super) tool: usize,
@@ -23,7 +23,7 @@ pub(super) struct Scene {
 
 /// What was seen on the way.
 pub(super) struct Course {
-    /// Of each step (s).
+    /// Of each step in which the hand moves (s).
     pub(super) times: Vec<f64>,
     /// On the hand after each step (N).
     pub(super) forces: Vec<Vec3>,
@@ -46,7 +46,7 @@ pub(super) fn drive(
         .collect();
     let start = targets[tool].position;
     let mut course = Course {
-        times: Vec::with_capacity(motion.steps),
+        times: Vec::with_capacity(motion.timed),
         forces: Vec::with_capacity(motion.steps),
         iterations: Vec::with_capacity(motion.steps),
         residual: 0.0,
@@ -55,7 +55,9 @@ pub(super) fn drive(
         targets[tool].position = start + motion.after(step);
         let before = cpu_time();
         let outcome = stepper(&mut body, motion.step, &targets)?;
-        course.times.push(cpu_time() - before);
+        if step < motion.timed {
+            course.times.push(cpu_time() - before);
+        }
         course.iterations.push(outcome.iterations);
         course.residual = course.residual.max(outcome.residual);
         let report = body.handle_report(tool);
@@ -108,7 +110,7 @@ impl Scene {
     ) -> Row {
         Row {
             scene: self.name,
-            title: self.title,
+            title: self.title.clone(),
             elements: self.body.element_count(),
             unknowns: self.body.unknown_count(),
             step: self.motion.step,

@@ -1,6 +1,7 @@
 //! A line for each scene and path.
 
 use crate::study::speed::Speed;
+use std::fmt::Write;
 
 /// What the columns are; times in microseconds, step in seconds, force in newtons, errors as shares of the
 /// largest force.
@@ -16,8 +17,10 @@ pub(super) fn rows(found: &Speed) -> String {
         let step_error = row
             .step_error
             .map_or(String::new(), |error| format!("{error:e}"));
-        text += &format!(
-            "{},{},{},{},{},{},{median:.2},{p99:.2},{p999:.2},{worst:.2},{:.2},{},{:e},{},{:e},{step_error},{:e}\n",
+        // A string takes everything.
+        let _ = writeln!(
+            text,
+            "{},{},{},{},{},{},{median:.2},{p99:.2},{p999:.2},{worst:.2},{:.2},{},{:e},{},{:e},{step_error},{:e}",
             row.scene,
             row.elements,
             row.unknowns,

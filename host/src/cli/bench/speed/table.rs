@@ -20,8 +20,8 @@ pub(super) fn print(found: &Speed) {
     println!("\nOther programs, sheets:\n");
     print_elsewhere(&found.machine, &sofa::SHEETS, &found.sheets, "sheet_pull");
     println!(
-        "\nScaled: times the ratio of the small kernel's times, {:.2}. Ratio: the other program's scaled time over \
-         ours.",
+        "\nScaled: times the ratio of the small kernel's times, {:.2}. The ratios on the right: the other program's \
+         scaled time over ours.",
         found.machine.scaled(1.0)
     );
     print_scaling(found);
@@ -88,7 +88,13 @@ fn print_elsewhere(machine: &Machine, figures: &[Elsewhere], rows: &[Row], scene
             let same = |row: &&Row| {
                 row.scene == scene && row.elements == figure.elements && row.path == *path
             };
-            let ours = rows.iter().find(same).map(|row| row.times.median);
+            let ours = rows.iter().find(same).map(|row| {
+                if figure.p99 {
+                    row.times.p99
+                } else {
+                    row.times.median
+                }
+            });
             scaled.zip(ours).map_or(String::new(), |(scaled, ours)| {
                 format!("{:.2}", scaled / ours)
             })
