@@ -80,7 +80,8 @@ def main():
         rest = cube.force_at_rest(n, cube.saint_venant_kirchhoff)
         for setting in SETTINGS:
             name, strictest = ("{}, tolerance {:g}".format(*one) for one in (setting, SETTINGS[0]))
-            cube.report(f"MuJoCo {mujoco.__version__}", name, strictest, "Saint Venant-Kirchhoff", mesh, *press(mesh, setting), rest)
+            program, law = f"MuJoCo {mujoco.__version__}", "Saint Venant-Kirchhoff"
+            cube.report(program, name, strictest, law, mesh, *press(mesh, setting), rest)
 
 
 main()

@@ -194,8 +194,8 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, SpeedError> {
     Ok(curves)
 }
 
-/// The cube without damping by stiffness, which would hide what a scheme itself takes from the motion, swung
-/// aside and back by 4 mm at 5 Hz, from rest, `division` steps between two samples.
+/// The cube with little damping by stiffness, for much would hide what a scheme itself takes from the motion,
+/// swung aside and back by 4 mm at 5 Hz, from rest, `division` steps between two samples.
 fn swing(n: u32, division: usize, method: Method) -> Result<Course, SpeedError> {
     let steps = libm::round(DURATION / SAMPLE) as usize * division;
     let motion = Motion {
@@ -208,7 +208,7 @@ fn swing(n: u32, division: usize, method: Method) -> Result<Course, SpeedError> 
         },
     };
     drive(
-        &cube_damped(n, false, Stiffness::Uniform, 0.0)?,
+        &cube_damped(n, false, Stiffness::Uniform, 0.002)?,
         TOP,
         &motion,
         method,
