@@ -141,6 +141,14 @@ pub struct Stepper<T> {
     pub(super) state: u64,
 }
 
+/// Factors of mass and stiffness in the matrix of a step of `h` seconds.
+fn factors(body: &Body, h: f64) -> (f64, f64) {
+    (
+        1.0 / (h * h) + body.config.mass_damping / h,
+        1.0 + body.config.stiffness_damping / h,
+    )
+}
+
 /// The elements of `body` in the order of places, each set by the best kernel that there is.
 fn kernels<T: Real>(
     body: &Body,
@@ -240,6 +248,22 @@ impl<T: Real> Stepper<T> {
         self.factors.is_some()
     }
 
+    /// Makes the first factor, for steps of `h` seconds: otherwise the first step does, and is late.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::StepLength`] and [`StepError::Matrix`].
+    pub fn prepare(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
+        if !(h > 0.0 && h.is_finite()) {
+            return Err(StepError::StepLength { found: h });
+        }
+        if body.x != self.at {
+            self.at.copy_from_slice(&body.x);
+            self.linearize();
+        }
+        self.refresh(factors(body, h)).map_err(StepError::Matrix)
+    }
+
     /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is asked
     /// after each iteration; where it says so, the step is taken with what has been found.
     ///
@@ -256,8 +280,8 @@ impl<T: Real> Stepper<T> {
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<StepperReport, StepError> {
         body.check_step(h, targets)?;
-        let mass_factor = 1.0 / (h * h) + body.config.mass_damping / h;
-        let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        let factors = factors(body, h);
+        let (mass_factor, stiffness_factor) = factors;
         let speed = self.options.sleep_speed;
         if body.x != self.at {
             self.sleep.wake();
@@ -272,7 +296,6 @@ impl<T: Real> Stepper<T> {
                 ..StepperReport::default()
             });
         }
-        let factors = (mass_factor, stiffness_factor);
         if self.factors != Some(factors) || (self.stale && self.options.refresh) {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }

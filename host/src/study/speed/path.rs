@@ -3,15 +3,26 @@
 //! A new one is a variant of [`Method`], its stepper and its tight version, and an entry in [`ALL`].
 
 use super::SpeedError;
+use physics::fast::{self, Real, Refresher, StepperOptions};
 use physics::fem::{
     Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Scheme,
 };
+use std::thread;
 
 /// How a step is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
     /// [`Body::step`]: one linearization, its matrix assembled, conjugate gradients with block Jacobi.
     Assembled(Budget),
+    /// [`fast::Stepper`](Stepper): one linearization, nothing assembled, conjugate gradients on a frozen factor.
+    Frozen {
+        /// Whether in single precision.
+        single: bool,
+        /// Where the residual is this share of the forces that act, it stops.
+        tolerance: f64,
+        /// Or after so many iterations.
+        max_iterations: usize,
+    },
     /// [`Integrator`]: Newton's method, every matrix factorized.
     Newton {
         /// How time is discretized.
@@ -62,6 +73,24 @@ pub(super) const fn iterations(max_iterations: usize) -> Method {
     })
 }
 
+/// Nothing assembled, in double precision down to `tolerance`.
+pub(super) const fn frozen(tolerance: f64) -> Method {
+    Method::Frozen {
+        single: false,
+        tolerance,
+        max_iterations: 1000,
+    }
+}
+
+/// Nothing assembled, in single precision down to `tolerance`, at most so many iterations.
+pub(super) const fn single(tolerance: f64, max_iterations: usize) -> Method {
+    Method::Frozen {
+        single: true,
+        tolerance,
+        max_iterations,
+    }
+}
+
 /// Newton's method on implicit Euler, to nine digits of the forces that balance: rounding leaves no more of
 /// thin sheets' forces.
 pub(super) const NEWTON: Method = Method::Newton {
@@ -70,11 +99,31 @@ pub(super) const NEWTON: Method = Method::Newton {
 };
 
 /// The paths that are compared, Newton's method first: the others' steps are held against its.
-pub(super) const ALL: [Path; 4] = [
+pub(super) const ALL: [Path; 8] = [
     Path {
         name: "newton 1e-9",
         method: NEWTON,
         strict: true,
+    },
+    Path {
+        name: "frozen 1e-9",
+        method: frozen(1e-9),
+        strict: true,
+    },
+    Path {
+        name: "frozen 1e-6",
+        method: frozen(1e-6),
+        strict: true,
+    },
+    Path {
+        name: "single 1e-3",
+        method: single(1e-3, 1000),
+        strict: false,
+    },
+    Path {
+        name: "single 1 it",
+        method: single(0.0, 1),
+        strict: false,
     },
     Path {
         name: "assembled 1e-6",
@@ -93,21 +142,50 @@ pub(super) const ALL: [Path; 4] = [
     },
 ];
 
+/// Factors are made on another thread, whose time is not the step's, and taken a fixed number of steps later: about
+/// ten milliseconds, so that errors repeat.
+fn frozen_stepper<T: Real>(
+    body: &Body,
+    h: f64,
+    options: StepperOptions,
+) -> Result<Stepper, SpeedError> {
+    let mut stepper = fast::Stepper::<T>::new(body, options)?;
+    stepper.prepare(body, h)?;
+    let mut lent: Option<(u32, Box<Refresher<T>>)> = None;
+    Ok(Box::new(move |body, h, targets| {
+        match lent.take() {
+            Some((0 | 1, refresher)) => stepper.give_back(refresher),
+            Some((steps, refresher)) => lent = Some((steps - 1, refresher)),
+            None => {}
+        }
+        let report = stepper.step(body, h, targets, || false)?;
+        if let Some(mut refresher) = stepper.lend() {
+            thread::scope(|scope| scope.spawn(|| refresher.work()).join()).ok();
+            lent = Some(((0.01 / h).ceil() as u32, refresher));
+        }
+        Ok(Outcome {
+            iterations: report.iterations,
+            residual: report.residual / report.reference.max(f64::MIN_POSITIVE),
+        })
+    }))
+}
+
 impl Method {
     /// The same equation, solved as far as double precision lets it: what errors of the solver are against.
     pub(super) fn tight(self) -> Self {
         match self {
             Self::Assembled(_) => to(1e-12),
+            Self::Frozen { .. } => frozen(1e-13),
             // Quadratic convergence has left less than this of the error already.
             Self::Newton { .. } => self,
         }
     }
 
-    /// Makes it ready for `body`, which may be given a budget.
+    /// Makes it ready for steps of `h` seconds of `body`, which may be given a budget.
     ///
     /// # Errors
     /// [`SpeedError`], from what the method needs.
-    pub(super) fn stepper(self, body: &mut Body) -> Result<Stepper, SpeedError> {
+    pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Stepper, SpeedError> {
         Ok(match self {
             Self::Assembled(budget) => {
                 body.set_budget(budget)?;
@@ -118,6 +196,26 @@ impl Method {
                         residual: report.relative_residual(),
                     })
                 })
+            }
+            Self::Frozen {
+                single,
+                tolerance,
+                max_iterations,
+            } => {
+                let options = StepperOptions {
+                    tolerance,
+                    max_iterations,
+                    // What is measured is stepping.
+                    sleep_speed: 0.0,
+                    // Another thread's work: see `lend`.
+                    refresh: false,
+                    ..StepperOptions::default()
+                };
+                if single {
+                    frozen_stepper::<f32>(body, h, options)?
+                } else {
+                    frozen_stepper::<f64>(body, h, options)?
+                }
             }
             Self::Newton { scheme, tolerance } => {
                 let options = IntegratorOptions {

@@ -85,6 +85,18 @@ fn solvers(level: Level) -> Result<Vec<Curve>, SpeedError> {
                 .to_vec(),
         ),
     ];
+    let frozen = tolerances.map(|tolerance| (format!("{tolerance:.0e}"), path::frozen(tolerance)));
+    let single = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5]
+        .map(|tolerance| (format!("{tolerance:.0e}"), path::single(tolerance, 100)));
+    let once = [1, 2, 3, 4].map(|budget| (budget.to_string(), path::single(0.0, budget)));
+    let families = families.into_iter().chain([
+        ("frozen, to a tolerance", frozen.to_vec()),
+        ("frozen, single precision, to a tolerance", single.to_vec()),
+        (
+            "frozen, single precision, so many iterations",
+            once.to_vec(),
+        ),
+    ]);
     let mut curves = Vec::new();
     for (name, methods) in families {
         let mut settings = Vec::new();
@@ -130,7 +142,7 @@ fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
         for &n in meshes {
             let motion = press(1, 0.5)?.motion;
             let body = cube(n, quadratic, Stiffness::Uniform)?;
-            let course = drive(&body, TOP, &motion, path::to(1e-6))?;
+            let course = drive(&body, TOP, &motion, path::frozen(1e-6))?;
             settings.push(Setting {
                 name: format!("{n}^3"),
                 cpu: course.median(),
@@ -168,7 +180,7 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, SpeedError> {
     let exact = swing(n, finest, second)?;
     let mut curves = Vec::new();
     for (name, method) in [
-        ("implicit Euler, one linearization", path::to(1e-6)),
+        ("implicit Euler, one linearization", path::frozen(1e-6)),
         ("implicit Euler, Newton's method", path::NEWTON),
         ("TR-BDF2, Newton's method", second),
     ] {

@@ -39,7 +39,7 @@ pub(super) fn drive(
     method: Method,
 ) -> Result<Course, SpeedError> {
     let mut body = body.clone();
-    let mut stepper = method.stepper(&mut body)?;
+    let mut stepper = method.stepper(&mut body, motion.step)?;
     let mut targets: Vec<HandlePose> = (0..body.handle_count())
         .filter_map(|handle| body.handle_report(handle))
         .map(|report| report.pose)
