@@ -56,7 +56,7 @@ impl Kernel {
             x: Box::new(Aligned(core::array::from_fn(|n| {
                 core::array::from_fn(|r| 1.0 / (1 + n + r) as f64)
             }))),
-            y: Box::new(Aligned([[0.0; 3]; NODES])),
+            y: Box::new(Aligned(core::array::from_fn(|_| [0.0; 3]))),
         }
     }
 
