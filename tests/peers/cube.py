@@ -141,8 +141,8 @@ def sizes():
 
 
 def report(program, setting, strictest, law, mesh, times, moving, end, rest):
-    """One line for the table: processor times of all steps (s), elastic force on the plate when it stops and at the
-    end, and in equilibrium by the same law (N). `strictest` names the setting against which the others' errors are."""
+    """One line for the table: processor times of all steps (s), elastic force on the plate after each step in which it
+    moves, at the end, and in equilibrium by the same law (N). `strictest` names the setting against which the others' errors are."""
     times = np.sort(times[:MOVING])
     line = {
         "program": program,

@@ -71,7 +71,7 @@ def press(mesh):
         down = cube.depth(step) - cube.depth(step + 1)
         times.append(cube.timed(lambda: body.take([0, 0, down])))
         forces.append(mesh.force_on_top(body.x, cube.corotational))
-    return times, forces[cube.MOVING - 1], forces[-1]
+    return times, forces[: cube.MOVING], forces[-1]
 
 
 def main():
