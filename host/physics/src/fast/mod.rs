@@ -9,6 +9,7 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
+//! - [`triangle`] and `triangle_kernels`: the same of membrane triangles.
 //! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
@@ -24,6 +25,8 @@ mod stepper;
 pub mod supernodes;
 pub mod tet;
 mod tet_kernels;
+pub mod triangle;
+mod triangle_kernels;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;
