@@ -12,7 +12,7 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::{Cells, TetMesh, TriMesh, generate_box::solid_box};
 use std::time::Instant;
 
-type Work<'a, T> = &'a mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize);
+type Work<'a, E, T> = &'a mut dyn FnMut(&mut E, &mut [Node<T>], usize);
 
 const REPEATS: usize = 1000;
 
@@ -65,7 +65,7 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
         mesh.positions.iter().map(twist).collect()
     };
     let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
-    let mut row = |what: &str, work: Work<T>| {
+    let mut row = |what: &str, work: Work<Tets<T>, T>| {
         let (least, median) = time(|repeat| work(&mut tets, &mut out, repeat));
         let per = least * 1e3 / count;
         println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
@@ -120,15 +120,15 @@ fn triangles<T: Real>(name: &str, mesh: &TriMesh) {
     };
     let d: Vec<Node<T>> = mesh.positions.iter().map(wave).collect();
     let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
-    let mut row = |what: &str, work: &mut dyn FnMut(&mut Triangles<T>, &mut [Node<T>])| {
-        let (least, median) = time(|_| work(&mut triangles, &mut out));
+    let mut row = |what: &str, work: Work<Triangles<T>, T>| {
+        let (least, median) = time(|repeat| work(&mut triangles, &mut out, repeat));
         let per = least * 1e3 / count;
         println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
     };
-    row("triangles, linearize", &mut |triangles, out| {
+    row("triangles, linearize", &mut |triangles, out, _| {
         triangles.linearize(&d, out);
     });
-    row("triangles, product", &mut |triangles, out| {
+    row("triangles, product", &mut |triangles, out, _| {
         triangles.product(T::of(1e-9), &d, out);
     });
 }

@@ -9,7 +9,9 @@
 
 use super::Node;
 use super::lanes::{LANES, Real, apart};
-use super::triangle_kernels::{Blocks, ENTRIES, Rest, linearize, product};
+use super::triangle_kernels::{
+    BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product,
+};
 use crate::{Mat3, Vec3};
 
 /// One triangle, nodes in the solver's numbering.
@@ -125,14 +127,14 @@ impl<T: Real> Triangles<T> {
     /// Where there is no such element.
     pub fn stiffness(&self, element: usize) -> [[Mat3; 3]; 3] {
         let (block, lane) = self.places[element];
-        let entries = self.blocks.stiffness[block as usize];
-        let k: [f64; ENTRIES] = entries.map(|row| row[lane as usize].to_f64());
+        let rows = &self.blocks.stiffness[block as usize];
+        let k: [f64; ENTRIES] = core::array::from_fn(|i| rows[i][lane as usize].to_f64());
         let symmetric = |first: usize| {
             let [xx, yy, zz, yz, xz, xy] = core::array::from_fn(|i| k[first + i]);
             Mat3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz)
         };
-        let (k11, k22) = (symmetric(0), symmetric(15));
-        let k12 = Mat3::from_row_slice(&k[6..15]);
+        let (k11, k22) = (symmetric(BLOCK_11), symmetric(BLOCK_22));
+        let k12 = Mat3::from_row_slice(&k[BLOCK_12..BLOCK_22]);
         let k21 = k12.transpose();
         // Translations give no force, so rows sum to zero.
         let (k01, k02) = (-(k11 + k21), -(k12 + k22));

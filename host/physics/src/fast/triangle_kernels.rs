@@ -19,8 +19,9 @@ type Pairs<T> = [[Node<T>; LANES]; 2];
 /// The stiffness by displacements of the second and third node from the first: a symmetric 6 x 6 matrix, that is
 /// block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
 pub(super) const ENTRIES: usize = 21;
-const BLOCK_12: usize = 6;
-const BLOCK_22: usize = 15;
+pub(super) const BLOCK_11: usize = 0;
+pub(super) const BLOCK_12: usize = 6;
+pub(super) const BLOCK_22: usize = 15;
 
 /// What does not change of a block.
 #[derive(Clone, Debug)]
@@ -88,7 +89,7 @@ pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
         gather(nodes, u, &mut differences);
         for lane in 0..LANES {
             let [a, b] = vectors_at(&differences, lane).map(|v| times(v, factor));
-            let k11 = symmetric_at(k, 0, lane);
+            let k11 = symmetric_at(k, BLOCK_11, lane);
             let k22 = symmetric_at(k, BLOCK_22, lane);
             let mut k12 = [[T::ZERO; 3]; 3];
             let mut k21 = [[T::ZERO; 3]; 3];
@@ -129,50 +130,61 @@ fn respond<T: Real>(
         let stress = [twice * xx + pressure, twice * xy, twice * yy + pressure];
         energies[lane] += T::of(0.5) * (stress[0] * xx + stress[2] * yy) + stress[1] * xy;
         let [r1, r2] = polar.r;
-        for a in 0..2 {
-            let along = stress[0] * g[a][0] + stress[1] * g[a][1];
-            let across = stress[1] * g[a][0] + stress[2] * g[a][1];
-            forces[a][lane] = node(combine(r1, -along, r2, -across));
-        }
+        let pull = |g: [T; 2]| {
+            let along = stress[0] * g[0] + stress[1] * g[1];
+            let across = stress[1] * g[0] + stress[2] * g[1];
+            node(combine(r1, -along, r2, -across))
+        };
+        forces[0][lane] = pull(g[0]);
+        forces[1][lane] = pull(g[1]);
 
         let spin = larger(
             T::ZERO,
             T::of(0.5) * (stress[0] + stress[2]) * polar.over_trace,
         );
         let taut = out_of_plane(&polar.strain, twice, pressure);
-        // A block is, with the turned gradients b_a = R g_a and w = g_a^T taut g_b,
-        // (mu + spin) (g_a . g_b) (I - n n^T) + (mu - spin) b_b b_a^T + lambda b_a b_b^T + w n n^T.
-        let b = g.map(|g| combine(r1, g[0], r2, g[1]));
+        // A block is, with the turned gradients b_a = R g_a and w = g_a^T taut g_c,
+        // (mu + spin) (g_a . g_c) (I - n n^T) + (mu - spin) b_c b_a^T + lambda b_a b_c^T + w n n^T.
         let n = polar.n;
-        let parts = |a: usize, c: usize| {
-            let (ga, gc) = (g[a], g[c]);
-            let same = (mu + spin) * (ga[0] * gc[0] + ga[1] * gc[1]);
-            let w = ga[0] * (taut[0] * gc[0] + taut[1] * gc[1])
-                + ga[1] * (taut[1] * gc[0] + taut[2] * gc[1]);
+        let turned = |g: [T; 2]| combine(r1, g[0], r2, g[1]);
+        let (b1, b2) = (turned(g[0]), turned(g[1]));
+        let parts = |a: [T; 2], c: [T; 2]| {
+            let same = (mu + spin) * (a[0] * c[0] + a[1] * c[1]);
+            let w =
+                a[0] * (taut[0] * c[0] + taut[1] * c[1]) + a[1] * (taut[1] * c[0] + taut[2] * c[1]);
             (same, times(n, w - same))
         };
-        for (a, first) in [(0, 0), (1, BLOCK_22)] {
-            let (same, normal) = parts(a, a);
-            let own = times(b[a], mu - spin + lambda);
-            let entry = |i: usize, j: usize| own[i] * b[a][j] + normal[i] * n[j];
-            stiffness[first][lane] = same + entry(0, 0);
-            stiffness[first + 1][lane] = same + entry(1, 1);
-            stiffness[first + 2][lane] = same + entry(2, 2);
-            stiffness[first + 3][lane] = entry(1, 2);
-            stiffness[first + 4][lane] = entry(0, 2);
-            stiffness[first + 5][lane] = entry(0, 1);
-        }
-        let (same, normal) = parts(0, 1);
-        let (swapped, straight) = (times(b[1], mu - spin), times(b[0], lambda));
-        for i in 0..3 {
-            for j in 0..3 {
-                let mut entry = swapped[i] * b[0][j] + straight[i] * b[1][j] + normal[i] * n[j];
-                if i == j {
-                    entry += same;
-                }
-                stiffness[BLOCK_12 + 3 * i + j][lane] = entry;
-            }
-        }
+        let diagonal = |g: [T; 2], b: Vector<T>| {
+            let (same, normal) = parts(g, g);
+            let own = times(b, mu - spin + lambda);
+            let entry = |i: usize, j: usize| own[i] * b[j] + normal[i] * n[j];
+            [
+                same + entry(0, 0),
+                same + entry(1, 1),
+                same + entry(2, 2),
+                entry(1, 2),
+                entry(0, 2),
+                entry(0, 1),
+            ]
+        };
+        put(stiffness, BLOCK_11, lane, diagonal(g[0], b1));
+        put(stiffness, BLOCK_22, lane, diagonal(g[1], b2));
+        let (same, normal) = parts(g[0], g[1]);
+        let (swapped, straight) = (times(b2, mu - spin), times(b1, lambda));
+        let entry =
+            |i: usize, j: usize| swapped[i] * b1[j] + straight[i] * b2[j] + normal[i] * n[j];
+        let mixed = [
+            same + entry(0, 0),
+            entry(0, 1),
+            entry(0, 2),
+            entry(1, 0),
+            same + entry(1, 1),
+            entry(1, 2),
+            entry(2, 0),
+            entry(2, 1),
+            same + entry(2, 2),
+        ];
+        put(stiffness, BLOCK_12, lane, mixed);
     }
 }
 
@@ -281,7 +293,7 @@ fn across<T: Real>(v: Vector<T>) -> Vector<T> {
     let by_x = [T::ZERO, v[2], -v[1]];
     let by_y = [-v[2], T::ZERO, v[0]];
     let by_z = [v[1], -v[0], T::ZERO];
-    select((x <= y) & (x <= z), by_x, select(y <= z, by_y, by_z))
+    select(x <= smaller(y, z), by_x, select(y <= z, by_y, by_z))
 }
 
 /// Differences of the vectors `of` at each element's last two nodes from that at its first.
@@ -333,6 +345,18 @@ fn vectors_at<T: Real>(vectors: &Pairs<T>, lane: usize) -> [Vector<T>; 2] {
 fn symmetric_at<T: Real>(k: &[Lanes<T>; ENTRIES], first: usize, lane: usize) -> [Vector<T>; 3] {
     let [xx, yy, zz, yz, xz, xy] = [0, 1, 2, 3, 4, 5].map(|entry: usize| k[first + entry][lane]);
     [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+#[inline(always)]
+fn put<T: Real, const N: usize>(
+    k: &mut [Lanes<T>; ENTRIES],
+    first: usize,
+    lane: usize,
+    entries: [T; N],
+) {
+    for i in 0..N {
+        k[first + i][lane] = entries[i];
+    }
 }
 
 #[inline(always)]
