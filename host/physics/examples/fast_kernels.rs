@@ -1,4 +1,4 @@
-//! Times the element kernels of the fast step on a box of 6,000 tetrahedra, one thread.
+//! Times the element kernels of the fast step on a box of 6,000 tetrahedra and a sheet of 1,404 triangles, one thread.
 //!
 //! `cargo run --release -p palpate-physics --example fast_kernels`
 
@@ -6,11 +6,13 @@ use physics::Vec3;
 use physics::fast::Node;
 use physics::fast::lanes::Real;
 use physics::fast::tet::{Tet, Tets};
+use physics::fast::triangle::{Triangle, Triangles};
 use physics::fem::law::Lame;
-use physics::mesh::{Cells, TetMesh, generate_box::solid_box};
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::{Cells, TetMesh, TriMesh, generate_box::solid_box};
 use std::time::Instant;
 
-type Work<'a, T> = &'a mut dyn FnMut(&mut Tets<T>, &mut [Node<T>], usize);
+type Work<'a, E, T> = &'a mut dyn FnMut(&mut E, &mut [Node<T>], usize);
 
 const REPEATS: usize = 1000;
 
@@ -63,7 +65,7 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
         mesh.positions.iter().map(twist).collect()
     };
     let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
-    let mut row = |what: &str, work: Work<T>| {
+    let mut row = |what: &str, work: Work<Tets<T>, T>| {
         let (least, median) = time(|repeat| work(&mut tets, &mut out, repeat));
         let per = least * 1e3 / count;
         println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
@@ -95,13 +97,52 @@ fn table<T: Real>(name: &str, mesh: &TetMesh) {
     });
 }
 
+fn triangles<T: Real>(name: &str, mesh: &TriMesh) {
+    let triangle = |nodes: &[u32; 3]| {
+        let [x0, x1, x2] = nodes.map(|node| mesh.positions[node as usize]);
+        // The sheet lies in the plane of the first two axes.
+        let (e1, e2) = (x1 - x0, x2 - x0);
+        let twice = e1.x * e2.y - e1.y * e2.x;
+        Triangle {
+            nodes: *nodes,
+            gradients: [[e2.y / twice, -e2.x / twice], [-e1.y / twice, e1.x / twice]],
+            frame: [Vec3::x(), Vec3::y()],
+            mu: 2e2 * twice,
+            lambda: 3e2 * twice,
+        }
+    };
+    let list: Vec<Triangle> = mesh.triangles.iter().map(triangle).collect();
+    let count = list.len() as f64;
+    let mut triangles = Triangles::<T>::new(&list);
+    let wave = |x: &Vec3| {
+        let d = Vec3::new(0.05 * x.x, 0.0, 0.02 * (30.0 * x.x + 20.0 * x.y).sin());
+        [T::of(d.x), T::of(d.y), T::of(d.z), T::ZERO]
+    };
+    let d: Vec<Node<T>> = mesh.positions.iter().map(wave).collect();
+    let mut out = vec![[T::ZERO; 4]; mesh.positions.len()];
+    let mut row = |what: &str, work: Work<Triangles<T>, T>| {
+        let (least, median) = time(|repeat| work(&mut triangles, &mut out, repeat));
+        let per = least * 1e3 / count;
+        println!("{name}  {what:<34} {least:8.1} {median:8.1} {per:8.2}");
+    };
+    row("triangles, linearize", &mut |triangles, out, _| {
+        triangles.linearize(&d, out);
+    });
+    row("triangles, product", &mut |triangles, out, _| {
+        triangles.product(T::of(1e-9), &d, out);
+    });
+}
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mesh = solid_box([0.1; 3], [10; 3])?;
     println!(
         "     {:<34} {:>8} {:>8} {:>8}",
-        "", "min us", "med us", "ns/tet"
+        "", "min us", "med us", "ns each"
     );
     table::<f64>("f64", &mesh);
     table::<f32>("f32", &mesh);
+    let mesh = sheet(0.195, 0.09, 39, 18, Pattern::Alternating)?;
+    triangles::<f64>("f64", &mesh);
+    triangles::<f32>("f32", &mesh);
     Ok(())
 }

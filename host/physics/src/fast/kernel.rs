@@ -3,10 +3,12 @@
 //! A kernel is linearized once a step and then multiplied by as often as the solver asks: nothing is assembled
 //! unless a factor is to be made. [`Assembled`] serves elements that have no kernel of their own.
 
-use super::tet::Tets;
+use super::tet::{Tet, Tets};
+use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
-use crate::Vec3;
+use crate::fem::block_matrix::ElementSlots;
 use crate::fem::{BlockMatrix, Elements, Tangent};
+use crate::{Mat3, Vec3};
 use core::fmt;
 
 /// A set of elements, linearized where it was last told to be.
@@ -22,26 +24,84 @@ pub(crate) trait Kernel<T>: fmt::Debug + Send {
     fn add_to(&self, matrix: &mut BlockMatrix);
 }
 
-impl<T: Real> Kernel<T> for Tets<T> {
+/// Elements that have a kernel of their own, and where the blocks of each lie in the matrix.
+#[derive(Debug)]
+pub(crate) struct Placed<E, const N: usize> {
+    elements: E,
+    slots: Vec<ElementSlots<N>>,
+}
+
+impl<T: Real> Placed<Tets<T>, 4> {
+    pub(crate) fn tets(tets: Vec<Tet>, matrix: &BlockMatrix) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: Tets::new(tets.into_iter()),
+        }
+    }
+}
+
+impl<T: Real> Placed<Triangles<T>, 3> {
+    pub(crate) fn triangles(triangles: &[Triangle], matrix: &BlockMatrix) -> Self {
+        Self {
+            slots: slots(triangles.iter().map(|triangle| triangle.nodes), matrix),
+            elements: Triangles::new(triangles),
+        }
+    }
+}
+
+/// Of `matrix`, whose pattern has all elements.
+fn slots<const N: usize>(
+    elements: impl Iterator<Item = [u32; N]>,
+    matrix: &BlockMatrix,
+) -> Vec<ElementSlots<N>> {
+    let slots = elements.map(|nodes| matrix.element_slots(nodes));
+    slots.collect::<Option<_>>().unwrap_or_default()
+}
+
+fn add_blocks<const N: usize>(
+    matrix: &mut BlockMatrix,
+    slots: &[ElementSlots<N>],
+    stiffness: impl Fn(usize) -> [[Mat3; N]; N],
+) {
+    for (element, slots) in slots.iter().enumerate() {
+        let blocks = stiffness(element);
+        for (slots, blocks) in slots.iter().zip(&blocks) {
+            for (&slot, block) in slots.iter().zip(blocks) {
+                matrix.add(slot, block);
+            }
+        }
+    }
+}
+
+impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        Tets::linearize(self, d, force).to_f64()
+        self.elements.linearize(d, force).to_f64()
     }
 
     fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        Tets::product(self, factor, u, y);
+        self.elements.product(factor, u, y);
     }
 
     fn add_to(&self, matrix: &mut BlockMatrix) {
-        for element in 0..self.len() {
-            let (nodes, blocks) = (self.nodes(element), self.stiffness(element));
-            for (row, blocks) in nodes.into_iter().zip(&blocks) {
-                for (column, block) in nodes.into_iter().zip(blocks) {
-                    if let Some(slot) = matrix.slot(row, column) {
-                        matrix.add(slot, block);
-                    }
-                }
-            }
-        }
+        add_blocks(matrix, &self.slots, |element| {
+            self.elements.stiffness(element)
+        });
+    }
+}
+
+impl<T: Real> Kernel<T> for Placed<Triangles<T>, 3> {
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        self.elements.linearize(d, force).to_f64()
+    }
+
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        self.elements.product(factor, u, y);
+    }
+
+    fn add_to(&self, matrix: &mut BlockMatrix) {
+        add_blocks(matrix, &self.slots, |element| {
+            self.elements.stiffness(element)
+        });
     }
 }
 

@@ -15,6 +15,11 @@ pub const LANES: usize = 32;
 /// One number for each element of a block.
 pub type Lanes<T> = [T; LANES];
 
+/// Elements among which the next is chosen, and the number of elements before it that it should share no
+/// node with.
+const WINDOW: usize = 128;
+const APART: usize = 8;
+
 /// `f32` or `f64`.
 pub trait Real:
     Copy
@@ -34,6 +39,8 @@ pub trait Real:
 {
     /// Zero.
     const ZERO: Self;
+    /// The gap between 1 and the next number.
+    const EPSILON: Self;
     /// The square of a turn (rad) after which no further Newton iteration of a rotation is needed: the next
     /// would turn by less than its square times the strain.
     const SMALL_TURN: Self;
@@ -52,6 +59,7 @@ macro_rules! real {
     ($type:ty, $small_turn:expr) => {
         impl Real for $type {
             const ZERO: Self = 0.0;
+            const EPSILON: Self = Self::EPSILON;
             const SMALL_TURN: Self = $small_turn;
 
             #[inline(always)]
@@ -106,11 +114,36 @@ pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], vectors: &Vectors<T>, to: &mu
 }
 
 #[inline(always)]
-fn plus<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+pub(super) fn plus<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
     [a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3]]
 }
 
 #[inline(always)]
-fn less<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
+pub(super) fn less<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
+}
+
+/// An order of `count` elements in which neighbours share none of their `nodes` where that can be had, so that sums
+/// into nodes need not wait for each other; it stays near the given one.
+pub(super) fn apart<'a, const N: usize>(
+    count: usize,
+    nodes: impl Fn(usize) -> &'a [u32; N],
+) -> Vec<usize> {
+    let mut order = Vec::with_capacity(count);
+    let mut window: Vec<usize> = (0..count.min(WINDOW)).collect();
+    let mut next = window.len();
+    while !window.is_empty() {
+        let recent = &order[order.len().saturating_sub(APART)..];
+        let apart = |&element: &usize| {
+            let shares = |&other: &usize| nodes(element).iter().any(|n| nodes(other).contains(n));
+            !recent.iter().any(shares)
+        };
+        let chosen = window.iter().position(apart).unwrap_or(0);
+        order.push(window.remove(chosen));
+        if next < count {
+            window.push(next);
+            next += 1;
+        }
+    }
+    order
 }

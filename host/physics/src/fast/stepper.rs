@@ -16,11 +16,10 @@
 //! step (`guard`) at no cost.
 
 use super::condense::Shapes;
-use super::kernel::{Assembled, Kernel, ScalarMatrix};
+use super::kernel::{Assembled, Kernel, Placed, ScalarMatrix};
 use super::panel::Panels;
 use super::refresh::Refresher;
 use super::sleep::Sleep;
-use super::tet::Tets;
 use super::{Node, Real, to_node, to_vec, vectors};
 use crate::Vec3;
 use crate::fem::cholesky::Kernels;
@@ -161,7 +160,9 @@ fn kernels<T: Real>(
         let mut set = set.boxed();
         set.renumber(place);
         if let Some(tets) = set.corotational_tets() {
-            kernels.push(Box::new(Tets::new(tets.into_iter())));
+            kernels.push(Box::new(Placed::tets(tets, matrix)));
+        } else if let Some(triangles) = set.corotational_triangles() {
+            kernels.push(Box::new(Placed::triangles(&triangles, matrix)));
         } else {
             set.bind(matrix);
             kernels.push(Box::new(Assembled::new(set, matrix, rest)));

@@ -10,15 +10,10 @@
 //! Displacements are those from rest, so that single precision keeps the digits of small strains.
 
 use super::Node;
-use super::lanes::{LANES, Real};
+use super::lanes::{LANES, Real, apart};
 use super::polar::matrix;
 use super::tet_kernels::{Blocks, Rest, Turned, linearize, product};
 use crate::{Mat3, Vec3};
-
-/// Elements among which the next is chosen, and the number of elements before it that it should share no
-/// node with.
-const WINDOW: usize = 128;
-const APART: usize = 8;
 
 /// One tetrahedron, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,36 +38,11 @@ pub struct Tets<T> {
     places: Vec<(u32, u32)>,
 }
 
-/// An order of the elements in which neighbours share no node where that can be had, so that sums into nodes
-/// need not wait for each other; it stays near the given one.
-fn order(tets: &[Tet]) -> Vec<usize> {
-    let mut order = Vec::with_capacity(tets.len());
-    let mut window: Vec<usize> = (0..tets.len().min(WINDOW)).collect();
-    let mut next = window.len();
-    while !window.is_empty() {
-        let recent = &order[order.len().saturating_sub(APART)..];
-        let apart = |&element: &usize| {
-            let shares = |&other: &usize| {
-                let other: &Tet = &tets[other];
-                tets[element].nodes.iter().any(|n| other.nodes.contains(n))
-            };
-            !recent.iter().any(shares)
-        };
-        let chosen = window.iter().position(apart).unwrap_or(0);
-        order.push(window.remove(chosen));
-        if next < tets.len() {
-            window.push(next);
-            next += 1;
-        }
-    }
-    order
-}
-
 impl<T: Real> Tets<T> {
     /// The elements at rest.
     pub fn new(tets: impl ExactSizeIterator<Item = Tet>) -> Self {
         let tets: Vec<Tet> = tets.collect();
-        let order = order(&tets);
+        let order = apart(tets.len(), |element| &tets[element].nodes);
         let mut all = Self {
             blocks: Blocks::default(),
             places: vec![(0, 0); tets.len()],

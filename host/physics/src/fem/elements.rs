@@ -7,6 +7,7 @@
 use super::Tangent;
 use super::block_matrix::BlockMatrix;
 use crate::fast::tet::Tet;
+use crate::fast::triangle::Triangle;
 use crate::{Mat3, Vec3};
 use core::fmt;
 
@@ -48,6 +49,11 @@ pub trait Elements: fmt::Debug + Send + Sync {
 
     /// The elements as corotational linear tetrahedra, where that is what they are.
     fn corotational_tets(&self) -> Option<Vec<Tet>> {
+        None
+    }
+
+    /// The elements as corotational membrane triangles, where that is what they are.
+    fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
         None
     }
 

@@ -29,12 +29,13 @@ use super::block_matrix::{BlockMatrix, ElementSlots};
 use super::elements::Elements;
 use super::error::BodyError;
 use super::material::Material;
+use crate::fast::triangle::Triangle;
 use crate::mesh::TriMesh;
 use crate::{Mat3, Vec3};
 
 /// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
 /// which divides by it: a triangle crushed to a hundredth must not make the matrix arbitrarily stiff.
-const STRETCH_FLOOR: f64 = 0.01;
+pub(crate) const STRETCH_FLOOR: f64 = 0.01;
 
 /// Force and tangent of one triangle at its three vertices.
 #[derive(Clone, Copy, Debug)]
@@ -51,6 +52,8 @@ pub struct Membrane {
     nodes: Vec<[u32; 3]>,
     /// Rest gradients of the second and third hat function; the first is minus their sum.
     gradients: Vec<[[f64; 2]; 2]>,
+    /// The axes of the frames of those gradients in space.
+    frames: Vec<[Vec3; 2]>,
     /// Shear modulus times thickness times rest area (N m).
     mu: Vec<f64>,
     /// Plane-stress Lame parameter times thickness times rest area (N m).
@@ -143,6 +146,13 @@ pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     ))
 }
 
+/// The axes in space of the frame of [`rest_frame`], of a triangle that has one.
+fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
+    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
+    let along = e1.normalize();
+    [along, e1.cross(&e2).normalize().cross(&along)]
+}
+
 pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
     let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
     BodyError::Degenerate {
@@ -158,10 +168,11 @@ fn dot2(a: [f64; 2], b: [f64; 2]) -> f64 {
 
 impl Membrane {
     /// An empty membrane with room for `count` triangles.
-    pub(crate) fn with_capacity(count: usize) -> Self {
+    fn with_capacity(count: usize) -> Self {
         Self {
             nodes: Vec::with_capacity(count),
             gradients: Vec::with_capacity(count),
+            frames: Vec::with_capacity(count),
             mu: Vec::with_capacity(count),
             lambda: Vec::with_capacity(count),
             volume: Vec::with_capacity(count),
@@ -205,21 +216,23 @@ impl Membrane {
                 return Err(degenerate(triangle, corners));
             };
             let material = &materials[if materials.len() == 1 { 0 } else { triangle }];
-            membrane.push(*vertices, gradients, area, material);
+            membrane.push(*vertices, gradients, rest_axes(corners), area, material);
         }
         Ok(membrane)
     }
 
-    /// Adds a triangle by its nodes, rest gradients and rest area (m^2).
-    pub(crate) fn push(
+    /// Adds a triangle by its nodes, rest gradients, the axes of their frame and its rest area (m^2).
+    fn push(
         &mut self,
         nodes: [u32; 3],
         gradients: [[f64; 2]; 2],
+        frame: [Vec3; 2],
         area: f64,
         material: &Material,
     ) {
         self.nodes.push(nodes);
         self.gradients.push(gradients);
+        self.frames.push(frame);
         self.mu.push(material.shear() * material.thickness * area);
         self.lambda
             .push(material.lambda_plane_stress() * material.thickness * area);
@@ -395,6 +408,17 @@ impl Elements for Membrane {
             + (r1 * r2.transpose() + r2 * r1.transpose()) * s[1]
             + r2 * r2.transpose() * s[2])
             * scale
+    }
+
+    fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
+        let triangle = |e: usize| Triangle {
+            nodes: self.nodes[e],
+            gradients: self.gradients[e],
+            frame: self.frames[e],
+            mu: self.mu[e],
+            lambda: self.lambda[e],
+        };
+        Some((0..self.len()).map(triangle).collect())
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

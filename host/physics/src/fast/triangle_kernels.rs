@@ -1,0 +1,415 @@
+//! What is computed on blocks of triangles, once for each width of vector instructions.
+//!
+//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet_kernels`), so nothing branches:
+//! both sides of a choice are computed and one is selected.
+
+use super::Node;
+use super::lanes::{LANES, Lanes, Real, less, plus};
+use crate::fem::membrane::STRETCH_FLOOR;
+use multiversion::multiversion;
+
+type Vector<T> = [T; 3];
+
+/// xx, xy, yy of a symmetric matrix in the plane of a triangle.
+type Plane<T> = [T; 3];
+
+/// The vectors of two nodes of each element, filled up like nodes.
+type Pairs<T> = [[Node<T>; LANES]; 2];
+
+/// The stiffness by displacements of the second and third node from the first: a symmetric 6 x 6 matrix, that is
+/// block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
+pub(super) const ENTRIES: usize = 21;
+pub(super) const BLOCK_11: usize = 0;
+pub(super) const BLOCK_12: usize = 6;
+pub(super) const BLOCK_22: usize = 15;
+
+/// What does not change of a block.
+#[derive(Clone, Debug)]
+pub(super) struct Rest<T> {
+    /// Component `j` of the gradient of node `a + 1` in row `2 a + j` (1/m).
+    pub(super) gradients: [Lanes<T>; 4],
+    /// The two axes of the rest frame in space.
+    pub(super) frame: [Lanes<T>; 6],
+    /// Lamé's parameters times the volume (N m); zero where the block is filled up.
+    pub(super) mu: Lanes<T>,
+    pub(super) lambda: Lanes<T>,
+}
+
+/// Elements by block.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Blocks<T> {
+    pub(super) nodes: Vec<[[u32; 3]; LANES]>,
+    pub(super) rest: Vec<Rest<T>>,
+    pub(super) stiffness: Vec<[Lanes<T>; ENTRIES]>,
+}
+
+/// One element of a block at rest.
+struct Shape<T> {
+    g: [[T; 2]; 2],
+    frame: [Vector<T>; 2],
+    mu: T,
+    lambda: T,
+}
+
+/// See [`Triangles::linearize`](super::triangle::Triangles::linearize).
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+    "x86_64+avx2+bmi1+bmi2"
+))]
+pub(super) fn linearize<T: Real>(
+    blocks: &mut Blocks<T>,
+    d: &[Node<T>],
+    force: &mut [Node<T>],
+) -> T {
+    let mut energies = [T::ZERO; LANES];
+    let mut vectors = [[[T::ZERO; 4]; LANES]; 2];
+    let mut forces = vectors;
+    let elements = blocks.nodes.iter().zip(&blocks.rest);
+    for ((nodes, rest), stiffness) in elements.zip(&mut blocks.stiffness) {
+        gather(nodes, d, &mut vectors);
+        respond(rest, &vectors, &mut forces, stiffness, &mut energies);
+        scatter(nodes, &forces, force);
+    }
+    let mut sum = T::ZERO;
+    for energy in energies {
+        sum += energy;
+    }
+    sum
+}
+
+/// See [`Triangles::product`](super::triangle::Triangles::product).
+#[multiversion(targets(
+    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+    "x86_64+avx2+bmi1+bmi2"
+))]
+pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    let mut differences = [[[T::ZERO; 4]; LANES]; 2];
+    let mut forces = differences;
+    for (nodes, k) in blocks.nodes.iter().zip(&blocks.stiffness) {
+        gather(nodes, u, &mut differences);
+        for lane in 0..LANES {
+            let [a, b] = vectors_at(&differences, lane).map(|v| times(v, factor));
+            let k11 = symmetric_at(k, BLOCK_11, lane);
+            let k22 = symmetric_at(k, BLOCK_22, lane);
+            let mut k12 = [[T::ZERO; 3]; 3];
+            let mut k21 = [[T::ZERO; 3]; 3];
+            for i in 0..3 {
+                for j in 0..3 {
+                    k12[i][j] = k[BLOCK_12 + 3 * i + j][lane];
+                    k21[j][i] = k12[i][j];
+                }
+            }
+            forces[0][lane] = node(sum(rows(&k11, a), rows(&k12, b)));
+            forces[1][lane] = node(sum(rows(&k21, a), rows(&k22, b)));
+        }
+        scatter(nodes, &forces, y);
+    }
+}
+
+/// Forces on the last two nodes of each element of a block, its stiffness, and its energies, which it adds.
+#[inline(always)]
+fn respond<T: Real>(
+    rest: &Rest<T>,
+    differences: &Pairs<T>,
+    forces: &mut Pairs<T>,
+    stiffness: &mut [Lanes<T>; ENTRIES],
+    energies: &mut Lanes<T>,
+) {
+    for lane in 0..LANES {
+        let shape = shape_at(rest, lane);
+        let (g, mu, lambda) = (shape.g, shape.mu, shape.lambda);
+        let [d1, d2] = vectors_at(differences, lane);
+        let polar = polar(
+            &shape.frame,
+            &[0, 1].map(|j| combine(d1, g[0][j], d2, g[1][j])),
+        );
+        let [xx, xy, yy] = polar.strain;
+
+        let pressure = lambda * (xx + yy);
+        let twice = mu + mu;
+        let stress = [twice * xx + pressure, twice * xy, twice * yy + pressure];
+        energies[lane] += T::of(0.5) * (stress[0] * xx + stress[2] * yy) + stress[1] * xy;
+        let [r1, r2] = polar.r;
+        let pull = |g: [T; 2]| {
+            let along = stress[0] * g[0] + stress[1] * g[1];
+            let across = stress[1] * g[0] + stress[2] * g[1];
+            node(combine(r1, -along, r2, -across))
+        };
+        forces[0][lane] = pull(g[0]);
+        forces[1][lane] = pull(g[1]);
+
+        let spin = larger(
+            T::ZERO,
+            T::of(0.5) * (stress[0] + stress[2]) * polar.over_trace,
+        );
+        let taut = out_of_plane(&polar.strain, twice, pressure);
+        // A block is, with the turned gradients b_a = R g_a and w = g_a^T taut g_c,
+        // (mu + spin) (g_a . g_c) (I - n n^T) + (mu - spin) b_c b_a^T + lambda b_a b_c^T + w n n^T.
+        let n = polar.n;
+        let turned = |g: [T; 2]| combine(r1, g[0], r2, g[1]);
+        let (b1, b2) = (turned(g[0]), turned(g[1]));
+        let parts = |a: [T; 2], c: [T; 2]| {
+            let same = (mu + spin) * (a[0] * c[0] + a[1] * c[1]);
+            let w =
+                a[0] * (taut[0] * c[0] + taut[1] * c[1]) + a[1] * (taut[1] * c[0] + taut[2] * c[1]);
+            (same, times(n, w - same))
+        };
+        let diagonal = |g: [T; 2], b: Vector<T>| {
+            let (same, normal) = parts(g, g);
+            let own = times(b, mu - spin + lambda);
+            let entry = |i: usize, j: usize| own[i] * b[j] + normal[i] * n[j];
+            [
+                same + entry(0, 0),
+                same + entry(1, 1),
+                same + entry(2, 2),
+                entry(1, 2),
+                entry(0, 2),
+                entry(0, 1),
+            ]
+        };
+        put(stiffness, BLOCK_11, lane, diagonal(g[0], b1));
+        put(stiffness, BLOCK_22, lane, diagonal(g[1], b2));
+        let (same, normal) = parts(g[0], g[1]);
+        let (swapped, straight) = (times(b2, mu - spin), times(b1, lambda));
+        let entry =
+            |i: usize, j: usize| swapped[i] * b1[j] + straight[i] * b2[j] + normal[i] * n[j];
+        let mixed = [
+            same + entry(0, 0),
+            entry(0, 1),
+            entry(0, 2),
+            entry(1, 0),
+            same + entry(1, 1),
+            entry(1, 2),
+            entry(2, 0),
+            entry(2, 1),
+            same + entry(2, 2),
+        ];
+        put(stiffness, BLOCK_12, lane, mixed);
+    }
+}
+
+/// `F = R U` of a triangle.
+struct Polar<T> {
+    r: [Vector<T>; 2],
+    n: Vector<T>,
+    /// `U - I`.
+    strain: Plane<T>,
+    /// The inverse of `tr U`, at most that of two floors.
+    over_trace: T,
+}
+
+/// The polar decomposition of `F = frame + h`, as in [`membrane`](crate::fem::membrane).
+///
+/// The strain is `(C - I) (U + I)^-1` with `C - I` from `h`, and `(U + I)^-1` is `(I + adj U) / det(U + I)`: a
+/// small strain without a turn keeps its digits. What is left is the turn: its `h` is no longer small and its
+/// terms in `C - I` cancel, which leaves an error of a rounding times the turn (rad), in single precision 1e-7 of
+/// the moduli at most.
+#[inline(always)]
+fn polar<T: Real>(frame: &[Vector<T>; 2], h: &[Vector<T>; 2]) -> Polar<T> {
+    let one = T::of(1.0);
+    let [a1, a2] = *frame;
+    let [h1, h2] = *h;
+    let (mut f1, mut f2) = (sum(a1, h1), sum(a2, h2));
+    let e = [
+        dot(sum(a1, f1), h1),
+        dot(f1, h2) + dot(a2, h1),
+        dot(sum(a2, f2), h2),
+    ];
+
+    // Of a triangle shrunk to a point rounding leaves no direction: any frame will do.
+    let point = dot(f1, f1) + dot(f2, f2) < T::EPSILON * T::EPSILON;
+    let (x, y) = (
+        [T::EPSILON, T::ZERO, T::ZERO],
+        [T::ZERO, T::EPSILON, T::ZERO],
+    );
+    f1 = select(point, x, f1);
+    f2 = select(point, y, f2);
+    let c = [dot(f1, f1), dot(f1, f2), dot(f2, f2)];
+    let trace_c = c[0] + c[2];
+
+    // Shrunk to a line, it has many normals: one of them. In double precision the bound is 1e-14.
+    let cross_product = cross(f1, f2);
+    let thin = T::of(45.0) * T::EPSILON * trace_c;
+    let flat = dot(cross_product, cross_product) > thin * thin;
+    let line = select(c[0] >= c[2], f1, f2);
+    let normal = select(flat, cross_product, across(line));
+    let length = dot(normal, normal).sqrt();
+    let n = times(normal, one / length);
+    let s = if flat { length } else { T::ZERO };
+
+    let q = (trace_c + (s + s)).sqrt();
+    let w = s + q + one;
+    let over = one / (q * w);
+    let (over_q, over_w) = (over * w, over * q);
+    let u = [(c[0] + s) * over_q, c[1] * over_q, (c[2] + s) * over_q];
+    let strain = [
+        (e[0] * (one + u[2]) - e[1] * u[1]) * over_w,
+        (e[1] * (one + u[0]) - e[0] * u[1]) * over_w,
+        (e[2] * (one + u[0]) - e[1] * u[1]) * over_w,
+    ];
+    Polar {
+        r: [
+            times(sum(f1, cross(f2, n)), over_q),
+            times(sum(f2, cross(n, f1)), over_q),
+        ],
+        n,
+        strain,
+        over_trace: smaller(over_q, T::of(0.5 / STRETCH_FLOOR)),
+    }
+}
+
+/// The positive part of `stress U^-1` at `strain = U - I`; `twice` is twice the shear modulus. Its principal
+/// values are those of the stress over the stretches, `v_2 I + (v_1 - v_2) / (e_1 - e_2) (strain - e_2 I)`: the
+/// error of the quotient is no larger than that of the values over the gap by which it is multiplied.
+#[inline(always)]
+fn out_of_plane<T: Real>(strain: &Plane<T>, twice: T, pressure: T) -> Plane<T> {
+    let (one, half) = (T::of(1.0), T::of(0.5));
+    let mean = half * (strain[0] + strain[2]);
+    let difference = half * (strain[0] - strain[2]);
+    let radius = (difference * difference + strain[1] * strain[1]).sqrt();
+    let principal = [mean + radius, mean - radius];
+    let stress = principal.map(|e| larger(T::ZERO, twice * e + pressure));
+    let stretch = principal.map(|e| larger(one + e, T::of(STRETCH_FLOOR)));
+    let gap = if radius > T::ZERO {
+        radius + radius
+    } else {
+        one
+    };
+    // One division for three.
+    let over = one / (stretch[0] * stretch[1] * gap);
+    let slope = (stress[0] * stretch[1] - stress[1] * stretch[0]) * over;
+    let least = stress[1] * stretch[0] * gap * over;
+    [
+        least + slope * (radius + difference),
+        slope * strain[1],
+        least + slope * (radius - difference),
+    ]
+}
+
+/// `v` times the axis to which it is most nearly perpendicular.
+#[inline(always)]
+fn across<T: Real>(v: Vector<T>) -> Vector<T> {
+    let [x, y, z] = v.map(|c| larger(c, -c));
+    let by_x = [T::ZERO, v[2], -v[1]];
+    let by_y = [-v[2], T::ZERO, v[0]];
+    let by_z = [v[1], -v[0], T::ZERO];
+    select(x <= smaller(y, z), by_x, select(y <= z, by_y, by_z))
+}
+
+/// Differences of the vectors `of` at each element's last two nodes from that at its first.
+#[inline(always)]
+fn gather<T: Real>(nodes: &[[u32; 3]; LANES], of: &[Node<T>], differences: &mut Pairs<T>) {
+    for lane in 0..LANES {
+        let [n0, n1, n2] = nodes[lane];
+        let first = of[n0 as usize];
+        differences[0][lane] = less(of[n1 as usize], first);
+        differences[1][lane] = less(of[n2 as usize], first);
+    }
+}
+
+/// Adds `vectors` to the vectors `to` at each element's last two nodes, and subtracts their sum at its first.
+#[inline(always)]
+fn scatter<T: Real>(nodes: &[[u32; 3]; LANES], vectors: &Pairs<T>, to: &mut [Node<T>]) {
+    for lane in 0..LANES {
+        let [n0, n1, n2] = nodes[lane].map(|node| node as usize);
+        let [v1, v2] = [vectors[0][lane], vectors[1][lane]];
+        to[n1] = plus(to[n1], v1);
+        to[n2] = plus(to[n2], v2);
+        to[n0] = less(to[n0], plus(v1, v2));
+    }
+}
+
+#[inline(always)]
+fn shape_at<T: Real>(rest: &Rest<T>, lane: usize) -> Shape<T> {
+    let g = [0, 1, 2, 3].map(|row: usize| rest.gradients[row][lane]);
+    let axes = [0, 1, 2, 3, 4, 5].map(|row: usize| rest.frame[row][lane]);
+    Shape {
+        g: [[g[0], g[1]], [g[2], g[3]]],
+        frame: [[axes[0], axes[1], axes[2]], [axes[3], axes[4], axes[5]]],
+        mu: rest.mu[lane],
+        lambda: rest.lambda[lane],
+    }
+}
+
+/// The vectors of one element. The fill, zero, is read too: where one entry in four is left out, the compiler does
+/// the last lanes one by one.
+#[inline(always)]
+fn vectors_at<T: Real>(vectors: &Pairs<T>, lane: usize) -> [Vector<T>; 2] {
+    [0, 1].map(|a: usize| {
+        let node = &vectors[a][lane];
+        [node[0] + node[3], node[1], node[2]]
+    })
+}
+
+#[inline(always)]
+fn symmetric_at<T: Real>(k: &[Lanes<T>; ENTRIES], first: usize, lane: usize) -> [Vector<T>; 3] {
+    let [xx, yy, zz, yz, xz, xy] = [0, 1, 2, 3, 4, 5].map(|entry: usize| k[first + entry][lane]);
+    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+#[inline(always)]
+fn put<T: Real, const N: usize>(
+    k: &mut [Lanes<T>; ENTRIES],
+    first: usize,
+    lane: usize,
+    entries: [T; N],
+) {
+    for i in 0..N {
+        k[first + i][lane] = entries[i];
+    }
+}
+
+#[inline(always)]
+fn node<T: Real>(v: Vector<T>) -> Node<T> {
+    [v[0], v[1], v[2], T::ZERO]
+}
+
+#[inline(always)]
+fn rows<T: Real>(m: &[Vector<T>; 3], v: Vector<T>) -> Vector<T> {
+    [dot(m[0], v), dot(m[1], v), dot(m[2], v)]
+}
+
+#[inline(always)]
+fn sum<T: Real>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+fn times<T: Real>(v: Vector<T>, factor: T) -> Vector<T> {
+    [v[0] * factor, v[1] * factor, v[2] * factor]
+}
+
+#[inline(always)]
+fn combine<T: Real>(a: Vector<T>, of_a: T, b: Vector<T>, of_b: T) -> Vector<T> {
+    sum(times(a, of_a), times(b, of_b))
+}
+
+#[inline(always)]
+fn dot<T: Real>(a: Vector<T>, b: Vector<T>) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<T: Real>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+#[inline(always)]
+fn select<T: Real>(condition: bool, yes: Vector<T>, no: Vector<T>) -> Vector<T> {
+    let choose = |i: usize| if condition { yes[i] } else { no[i] };
+    [choose(0), choose(1), choose(2)]
+}
+
+#[inline(always)]
+fn larger<T: Real>(a: T, b: T) -> T {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller<T: Real>(a: T, b: T) -> T {
+    if a < b { a } else { b }
+}
