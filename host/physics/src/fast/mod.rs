@@ -10,13 +10,9 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
-<<<<<<< HEAD
 //! - `vectors`: what conjugate gradients do with whole vectors.
-//! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
-=======
 //! - [`triangle`] and `triangle_kernels`: the same of membrane triangles.
-//! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
->>>>>>> triangles
+//! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
 mod condense;
@@ -33,12 +29,9 @@ pub mod supernodes;
 mod sweep;
 pub mod tet;
 mod tet_kernels;
-<<<<<<< HEAD
-mod vectors;
-=======
 pub mod triangle;
 mod triangle_kernels;
->>>>>>> triangles
+mod vectors;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;
