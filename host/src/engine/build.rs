@@ -6,7 +6,7 @@ use super::path::HandlePath;
 use super::plan;
 use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
-use crate::bodies::{self, Built, Kind};
+use crate::bodies::{self, Built};
 use crate::scene::spec::{self, Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
@@ -75,13 +75,8 @@ pub fn steps_per_publication(scene: &Scene) -> u64 {
 fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let Built {
-        body,
-        handles,
-        kind,
-        ..
-    } = bodies::build(loaded, index)?;
-    let solver = solver(scene, kind, &body, how).map_err(|e| {
+    let Built { body, handles, .. } = bodies::build(loaded, index)?;
+    let solver = solver(scene, &body, how).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
@@ -110,9 +105,9 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
 }
 
 /// What steps a body.
-fn solver(scene: &Scene, kind: Kind, body: &Body, how: How) -> Result<Box<dyn Solver>, StepFault> {
+fn solver(scene: &Scene, body: &Body, how: How) -> Result<Box<dyn Solver>, StepFault> {
     let condenses = plan::condenses(scene);
-    Ok(match plan::solver(scene, kind) {
+    Ok(match plan::solver(scene) {
         SolverName::Frozen => Box::new(frozen::<f64>(scene, body, how)?),
         SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, how)?),
         _ => {

@@ -142,6 +142,7 @@ fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize
         elements,
         vertices,
         assemble: stats.assemble.summary().into(),
+        factors: stats.factors,
         solve: stats.solve.summary().into(),
         condense: stats.condense.summary().into(),
         iterations: [iterations.p50, iterations.p99, iterations.max],

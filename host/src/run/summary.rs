@@ -120,6 +120,8 @@ pub struct HostSummary {
     pub vertices: usize,
     /// Computing time of the stages, as measured; it does not enter the state.
     pub assemble: Distribution,
+    /// Factors made beside the steps.
+    pub factors: u64,
     /// See `assemble`.
     pub solve: Distribution,
     /// See `assemble`; a publication.
@@ -225,12 +227,21 @@ impl fmt::Display for RunSummary {
         )?;
         writeln!(
             f,
-            "  stages     assemble {}, solve {} ({} iterations, at most {}), condense {} (medians)",
-            Time(h.assemble.p50),
+            "  stages     {}solve {} ({} iterations, at most {}), condense {} (medians){}",
+            if h.assemble.count > 0 {
+                format!("assemble {}, ", Time(h.assemble.p50))
+            } else {
+                String::new()
+            },
             Time(h.solve.p50),
             h.iterations[0],
             h.iterations[2],
-            Time(h.condense.p50)
+            Time(h.condense.p50),
+            match h.factors {
+                0 => String::new(),
+                1 => "; 1 factor made beside".to_owned(),
+                n => format!("; {n} factors made beside"),
+            }
         )?;
         if h.unconverged_steps > 0 {
             writeln!(
