@@ -76,6 +76,7 @@ impl<T: Real> Refresher<T> {
     /// [`CondenseError::NotPositiveDefinite`]; there is nothing to take then.
     pub fn work(&mut self) -> Result<(), CondenseError> {
         self.matrix.clear();
+        self.force.fill([T::ZERO; 4]);
         for kernel in &mut self.kernels {
             kernel.linearize(&self.d, &mut self.force);
             kernel.add_to(&mut self.matrix);

@@ -15,6 +15,7 @@ mod path;
 mod precision;
 mod scaling;
 mod sheets;
+mod skips;
 pub mod sofa;
 mod trial;
 
@@ -27,6 +28,7 @@ pub use clock::Times;
 pub use machine::Machine;
 pub use precision::{Curve, Setting, Varied};
 pub use scaling::{Scaling, Size};
+pub use skips::Skip;
 
 /// The share of a force that a hand can just tell: the unit of errors that matter to it.
 pub const JUST_NOTICEABLE: f64 = 0.1;
@@ -114,6 +116,8 @@ pub struct Speed {
     pub sheets: Vec<Row>,
     /// Larger and larger cubes; empty where little was measured.
     pub scaling: Vec<Scaling>,
+    /// What is left undone on purpose.
+    pub skips: Vec<Skip>,
     /// Error against time.
     pub precision: Vec<Curve>,
 }
@@ -145,6 +149,7 @@ pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Speed, SpeedEr
         cube: cube::run(level, |share| within(0.0, cube_end, share))?,
         sheets: sheets::run(level, |share| within(cube_end, sheets_end, share))?,
         scaling: scaling::run(level, |share| within(sheets_end, scaling_end, share))?,
+        skips: skips::run(level)?,
         precision: precision::run(level, |share| within(scaling_end, 1.0, share))?,
     })
 }

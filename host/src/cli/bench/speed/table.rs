@@ -25,6 +25,7 @@ pub(super) fn print(found: &Speed) {
         found.machine.scaled(1.0)
     );
     print_scaling(found);
+    print_skips(found);
     print_precision(found);
 }
 
@@ -138,6 +139,24 @@ fn print_scaling(found: &Speed) {
         println!(
             "- {}: a step's time grows with the power {:.2} of the tetrahedra, an iteration's with {:.2}",
             scaling.path, scaling.exponent, scaling.exponent_of_iteration
+        );
+    }
+}
+
+fn print_skips(found: &Speed) {
+    println!(
+        "\nLeft undone on purpose (error of the stiffness published, or of the force, as a share):\n"
+    );
+    println!("| what | elements | whole us | done us | error |");
+    println!("|---|---|---|---|---|");
+    for skip in &found.skips {
+        println!(
+            "| {} | {} | {:.1} | {:.1} | {:.1e} |",
+            skip.what,
+            skip.elements,
+            1e6 * skip.whole,
+            1e6 * skip.skipped,
+            skip.error
         );
     }
 }
