@@ -9,7 +9,7 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
-//! - [`triangle`] and `triangle_kernels`: the same of membrane triangles.
+//! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
@@ -27,6 +27,7 @@ pub mod tet;
 mod tet_kernels;
 pub mod triangle;
 mod triangle_kernels;
+mod triangle_polar;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;
