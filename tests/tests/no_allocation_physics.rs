@@ -3,6 +3,7 @@
 
 use palpate_tests::counting::{Counting, count};
 use physics::Vec3;
+use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::{
     Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
     Integrator, IntegratorOptions, Material, Scheme, SheetLawName, SolidLaw, SolidMaterial, Weave,
@@ -118,6 +119,43 @@ fn linearized_steps_and_condensations_allocate_nothing() {
         run(0..2);
         assert_eq!(count(|| run(2..12)), 0, "{name}");
     }
+}
+
+/// Nor does anything of the fast step: local models, new factors, waking and falling asleep.
+fn fast_steps_allocate_nothing<T: Real>() {
+    for (name, mut body, ends) in bodies() {
+        let options = StepperOptions {
+            refresh: false,
+            patience: 0,
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::<T>::new(&body, options).unwrap();
+        let mut factors = 0;
+        let mut run = |steps: std::ops::Range<usize>| {
+            for k in steps {
+                stepper
+                    .step(&mut body, 2e-3, &targets(ends, k.min(12)), || false)
+                    .unwrap();
+                stepper
+                    .condense(&body, 1e-2, &ShapeOptions::default())
+                    .unwrap();
+                if let Some(mut refresher) = stepper.lend() {
+                    refresher.work().unwrap();
+                    stepper.give_back(refresher);
+                    factors += 1;
+                }
+            }
+        };
+        run(0..2);
+        assert_eq!(count(|| run(2..200)), 0, "{name}");
+        assert!(factors > 2, "{name}");
+    }
+}
+
+#[test]
+fn fast_steps_of_either_precision_allocate_nothing() {
+    fast_steps_allocate_nothing::<f64>();
+    fast_steps_allocate_nothing::<f32>();
 }
 
 #[test]

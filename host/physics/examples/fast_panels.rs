@@ -98,7 +98,7 @@ fn show(name: &str, body: &mut Body) {
             .unwrap();
     });
     let mut panels = Panels::new(&factor);
-    let refresh = time(repeat, || panels.refresh(&factor));
+    let refresh = time(repeat, || panels.refresh(&factor).unwrap());
     let unknowns = factor.unknowns();
     let b: Vec<f64> = (0..unknowns).map(|i| (i as f64 * 0.37).sin()).collect();
     let mut x = b.clone();
@@ -113,6 +113,17 @@ fn show(name: &str, body: &mut Body) {
         }
         panels.solve(&mut r);
     });
+    let mut three = [r.clone(), r.clone(), r.clone()];
+    let solve_three = time(30 * repeat, || {
+        let (numbers, r) = (b.chunks_exact(3), &mut three);
+        for (at, b) in numbers.enumerate() {
+            let node = [b[0] as f32, b[1] as f32, b[2] as f32, 0.0];
+            for r in r.iter_mut() {
+                r[at] = node;
+            }
+        }
+        panels.solve_three(r.each_mut().map(Vec::as_mut_slice));
+    });
     let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     let error: Vec<f64> = r
         .iter()
@@ -121,7 +132,7 @@ fn show(name: &str, body: &mut Body) {
         .collect();
     let pair = |[least, median]: [f64; 2]| format!("{least:>9.1} {median:>9.1}");
     println!(
-        "{name:>7} {unknowns:>6} {:>8} {:>8} {:>8} {:>4} {} {} {} {} {:>8.1e}",
+        "{name:>7} {unknowns:>6} {:>8} {:>8} {:>8} {:>4} {} {} {} {} {} {:>8.1e}",
         degree.factor_entries(),
         exact_entries.factor_entries(),
         panels.stored(),
@@ -130,13 +141,14 @@ fn show(name: &str, body: &mut Body) {
         pair(refresh),
         pair(exact),
         pair(solve),
+        pair(solve_three),
         norm(&error) / norm(&x),
     );
 }
 
 fn main() {
     println!(
-        "{:>7} {:>6} {:>8} {:>8} {:>8} {:>4} {:>19} {:>19} {:>19} {:>19} {:>8}",
+        "{:>7} {:>6} {:>8} {:>8} {:>8} {:>4} {:>19} {:>19} {:>19} {:>19} {:>19} {:>8}",
         "body",
         "rows",
         "AMD",
@@ -147,6 +159,7 @@ fn main() {
         "refresh",
         "solve by faer, f64",
         "by panels, f32",
+        "three at once",
         "error"
     );
     show("1,296", &mut cube([6; 3]));

@@ -1,7 +1,7 @@
 //! Times of the fast step on the reference cube.
 use physics::Vec3;
 use physics::fast::{Guess, Real, Stepper, StepperOptions};
-use physics::fem::*;
+use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
 use std::time::Instant;
 
@@ -50,7 +50,7 @@ fn run<T: Real>(n: u32, h: f64, options: StepperOptions, name: &str) {
         most = most.max(r.iterations);
         worst = worst.max(r.residual / r.reference);
         if r.held_back > 0.0 {
-            println!("held back {}", r.held_back)
+            println!("held back {}", r.held_back);
         }
     }
     let t = Instant::now();
@@ -82,8 +82,7 @@ fn main() {
         tolerance: 0.0,
         max_iterations: 1,
         guess: Guess::Velocity,
-        patience: 5,
-        refresh: true,
+        ..strict
     };
     for n in [6, 8, 10] {
         for h in [0.01, 0.001] {

@@ -293,6 +293,42 @@ fn the_solution_is_symmetric_and_linear() {
 }
 
 #[test]
+fn three_at_once_are_three_in_turn() {
+    for (name, body) in bodies() {
+        let factor = factor_of(&body, None);
+        let mut panels = Panels::new(&factor);
+        let mut random = Random(17);
+        let mut vector =
+            || -> Vec<f64> { (0..factor.unknowns()).map(|_| random.signed()).collect() };
+        let mut together = [(); 3].map(|()| padded(&vector()));
+        let mut in_turn = together.clone();
+        panels.solve_three(together.each_mut().map(Vec::as_mut_slice));
+        for r in &mut in_turn {
+            panels.solve(r);
+        }
+        // The same sums in the same order.
+        assert_eq!(together, in_turn, "{name}");
+    }
+}
+
+#[test]
+fn places_past_the_factor_s_are_left_and_too_few_are_not_touched() {
+    let body = solid([6, 5, 7]);
+    let factor = factor_of(&body, None);
+    let mut panels = Panels::new(&factor);
+    let mut r = padded(&right_side(factor.unknowns()));
+    let mut longer = r.clone();
+    longer.push([1.0, 2.0, 3.0, 4.0]);
+    let before = r[1..].to_vec();
+    panels.solve(&mut r[1..]);
+    assert_eq!(r[1..], before);
+    panels.solve(&mut r);
+    panels.solve(&mut longer);
+    assert_eq!(longer.pop(), Some([1.0, 2.0, 3.0, 4.0]));
+    assert_eq!(longer, r);
+}
+
+#[test]
 fn refreshed_panels_are_new_ones() {
     for (name, mut body) in bodies() {
         let mut factor = factor_of(&body, None);
@@ -309,7 +345,7 @@ fn refreshed_panels_are_new_ones() {
         factor
             .factorize(matrix, mass, 2.0 * BY_MASS, BY_STIFFNESS, None)
             .unwrap();
-        panels.refresh(&factor);
+        panels.refresh(&factor).unwrap();
         let refreshed = by_panels(&mut panels, &b);
         assert_eq!(
             refreshed,
@@ -387,7 +423,7 @@ fn a_matrix_that_is_not_positive_leaves_the_panels_usable() {
     factor
         .factorize(matrix, mass, BY_MASS, BY_STIFFNESS, None)
         .unwrap();
-    panels.refresh(&factor);
+    panels.refresh(&factor).unwrap();
     assert_eq!(by_panels(&mut panels, &b), before);
 }
 
@@ -400,6 +436,12 @@ fn another_body_s_matrix_is_refused() {
     assert_eq!(error, Err(CondenseError::Topology));
     let error = factor.factorize(body.stiffness(), &mass[..1], BY_MASS, BY_STIFFNESS, None);
     assert_eq!(error, Err(CondenseError::Topology));
+    let mut panels = Panels::new(&factor_of(&body, None));
+    let b = right_side(factor.unknowns());
+    let before = by_panels(&mut panels, &b);
+    let error = panels.refresh(&factor_of(&other, None));
+    assert_eq!(error, Err(CondenseError::Topology));
+    assert_eq!(by_panels(&mut panels, &b), before);
 }
 
 #[test]
@@ -410,14 +452,16 @@ fn nothing_is_allocated_once_all_is_made() {
         let mut panels = Panels::new(&factor);
         let mut exact = right_side(factor.unknowns());
         let mut rough = padded(&exact);
+        let mut three = [rough.clone(), rough.clone(), rough.clone()];
         let before = COUNT.get();
         assert_ne!(before, 0, "the counter counts");
         for _ in 0..3 {
             factor
                 .factorize(matrix, mass, BY_MASS, BY_STIFFNESS, None)
                 .unwrap();
-            panels.refresh(&factor);
+            panels.refresh(&factor).unwrap();
             panels.solve(&mut rough);
+            panels.solve_three(three.each_mut().map(Vec::as_mut_slice));
             factor.solve(&mut exact);
         }
         assert_eq!(COUNT.get(), before, "{name}");

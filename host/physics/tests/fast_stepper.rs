@@ -32,6 +32,7 @@ fn config() -> BodyConfig {
 fn options() -> StepperOptions {
     StepperOptions {
         tolerance: 1e-13,
+        sleep_speed: 0.0,
         ..StepperOptions::default()
     }
 }
@@ -390,4 +391,49 @@ fn a_step_that_runs_out_of_time_is_as_good_as_it_says() {
         assert!(off < last, "{iterations}: {off:e} {last:e}");
         last = off;
     }
+}
+
+/// A body that is left alone falls asleep, and wakes in the step in which something reaches it.
+#[test]
+fn bodies_sleep_and_wake_exactly() {
+    let (body, handles) = solid(SolidLaw::Corotational, false, false);
+    let awake = StepperOptions {
+        sleep_speed: 0.0,
+        ..StepperOptions::default()
+    };
+    let (mut sleeper, mut reference) = (body.clone(), body);
+    let mut stepper = Stepper::<f64>::new(&sleeper, StepperOptions::default()).unwrap();
+    let mut other = Stepper::<f64>::new(&reference, awake).unwrap();
+    // Long steps damp: it comes to rest soon.
+    let h = 0.02;
+    let mut asleep = Vec::new();
+    for step in 0..6000_u32 {
+        // A move, a long rest, a tiny move, a rest, and a push by a force.
+        let t = f64::from(step.min(50)) * 0.1 + f64::from(step.clamp(3000, 3001) - 3000) * 1e-4;
+        let targets = poses(&handles, t, 0.2, 0.2);
+        if step == 5000 {
+            let push = vec![Vec3::new(0.0, 0.0, 0.01); sleeper.vertex_count()];
+            sleeper.set_external_forces(&push).unwrap();
+            reference.set_external_forces(&push).unwrap();
+        }
+        let report = stepper.step(&mut sleeper, h, &targets, || false).unwrap();
+        other.step(&mut reference, h, &targets, || false).unwrap();
+        if asleep.last().is_none_or(|(_, last)| *last != report.asleep) {
+            asleep.push((step, report.asleep));
+        }
+        // What is left of the creep, 1e-7 m/s over the slowest time constant, about a second.
+        let off = largest(sleeper.positions(), reference.positions());
+        assert!(off < 1e-7, "step {step}: {off:e}");
+        let force = |body: &Body| body.handle_report(1).unwrap().wrench_on_hand.force;
+        let off = (force(&sleeper) - force(&reference)).norm();
+        // The same as a strain of the body, 1e-7, times E A = 2e4 N.
+        assert!(off < 2e-3, "step {step}: {off:e}");
+    }
+    let wakes: Vec<u32> = asleep
+        .iter()
+        .filter(|(_, a)| !a)
+        .map(|(step, _)| *step)
+        .collect();
+    assert_eq!(wakes, [0, 3001, 5000]);
+    assert_eq!(asleep.len(), 6, "{asleep:?}");
 }

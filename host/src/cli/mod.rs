@@ -91,6 +91,8 @@ enum CommandError {
     Study(#[from] crate::study::extrapolation::StudyError),
     #[error(transparent)]
     Accuracy(#[from] crate::study::accuracy::AccuracyError),
+    #[error(transparent)]
+    Speed(#[from] crate::study::speed::SpeedError),
     #[error("{failed} of the suite's cases fail; they are listed above")]
     Unstable { failed: usize },
 }

@@ -5,12 +5,13 @@ use super::body::{HostBody, HostBodyParts};
 use super::path::HandlePath;
 use super::plan;
 use super::solver::{Assembled, Frozen, Solver};
+use super::stats::StepFault;
 use crate::bodies::{self, Built, Kind};
 use crate::scene::spec::{self, Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::cholesky::Kernels;
-use physics::fem::{Body, CondenseError, Condenser};
+use physics::fem::{Body, Condenser};
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
 /// How bodies are run.
@@ -109,12 +110,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
 }
 
 /// What steps a body.
-fn solver(
-    scene: &Scene,
-    kind: Kind,
-    body: &Body,
-    how: How,
-) -> Result<Box<dyn Solver>, CondenseError> {
+fn solver(scene: &Scene, kind: Kind, body: &Body, how: How) -> Result<Box<dyn Solver>, StepFault> {
     let condenses = plan::condenses(scene);
     Ok(match plan::solver(scene, kind) {
         SolverName::Frozen => Box::new(frozen::<f64>(scene, body, how)?),
@@ -128,7 +124,7 @@ fn solver(
     })
 }
 
-fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, CondenseError> {
+fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, StepFault> {
     let h = 1.0 / scene.host.step_rate;
     let options = StepperOptions {
         tolerance: scene.host.tolerance,
@@ -137,8 +133,11 @@ fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, Co
         refresh: false,
         ..StepperOptions::default()
     };
+    let mut stepper = Stepper::new(body, options)?;
+    // The first step is no later than the others.
+    stepper.prepare(body, h)?;
     Ok(Frozen {
-        stepper: Stepper::new(body, options)?,
+        stepper,
         beside: if how.real {
             Beside::thread(h)
         } else {

@@ -2,4 +2,5 @@
 
 pub mod accuracy;
 pub mod extrapolation;
+pub mod speed;
 pub mod stability;

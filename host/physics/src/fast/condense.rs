@@ -51,6 +51,9 @@ pub(super) struct Shapes {
     /// The norm of the forces that make each, from when it was first found (N).
     references: Vec<f64>,
     next: usize,
+    /// The linearization for which they are found, and how many of them.
+    state: u64,
+    current: usize,
 }
 
 impl<T: Real> Stepper<T> {
@@ -85,6 +88,8 @@ impl<T: Real> Stepper<T> {
                     reduction,
                     factors,
                     next: 0,
+                    state: 0,
+                    current: 0,
                 })
             }
         };
@@ -98,11 +103,18 @@ impl<T: Real> Stepper<T> {
         let count = shapes.reduction.columns.len();
         shapes.reduction.take_arms(body);
         let cold = shapes.references.contains(&0.0);
+        if shapes.state != self.state {
+            shapes.state = self.state;
+            shapes.current = 0;
+        }
+        // A body that has not moved keeps its shapes.
+        let left = count - shapes.current;
         let turns = if cold {
-            count
+            left
         } else {
-            options.at_a_time.min(count)
+            options.at_a_time.min(left)
         };
+        shapes.current += turns;
         let mut report = ShapeReport::default();
         for _ in 0..turns {
             let column = shapes.next;

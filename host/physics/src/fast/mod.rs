@@ -4,13 +4,15 @@
 //! - [`Stepper`]: one step of a body by conjugate gradients on a frozen factor; [`ShapeOptions`]: its local
 //!   models.
 //! - [`refresh`]: a new factor, made beside the steps.
+//! - `sleep`: bodies at rest are not stepped.
 //! - `kernel`: what a step needs of a set of elements.
 //! - [`lanes`]: numbers of either precision, and node vectors to and from arrays over elements.
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
 //! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
-//! - [`order`], [`supernodes`], [`factor`] and [`panel`]: a frozen sparse Cholesky factor as a
+//! - `vectors`: what conjugate gradients do with whole vectors.
+//! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
 mod condense;
@@ -21,13 +23,16 @@ pub mod order;
 pub mod panel;
 pub mod polar;
 pub mod refresh;
+mod sleep;
 mod stepper;
 pub mod supernodes;
+mod sweep;
 pub mod tet;
 mod tet_kernels;
 pub mod triangle;
 mod triangle_kernels;
 mod triangle_polar;
+mod vectors;
 
 pub use condense::{ShapeOptions, ShapeReport};
 pub use lanes::Real;

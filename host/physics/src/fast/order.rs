@@ -3,6 +3,10 @@
 //! A. George, "Nested dissection of a regular finite element mesh" (1973): nodes that part the rest in
 //! two are eliminated last, and each part is ordered in the same way. Nodes are cut by a plane across
 //! one of the axes; the separator is the nodes of one side that are coupled to the other.
+//!
+//! Measured against approximate minimum degree (numbers in the factor): as many for a cube of 6 and of 8
+//! cells along an edge, 15 % fewer for 10, 18 % fewer for 15, 3 % more for a sheet of 27 by 26 cells with
+//! bending.
 
 use super::supernodes::columns;
 use crate::Vec3;

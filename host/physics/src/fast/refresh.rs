@@ -89,7 +89,7 @@ impl<T: Real> Refresher<T> {
             stiffness_factor,
             mask,
         )?;
-        self.panels.refresh(&self.factor);
+        self.panels.refresh(&self.factor)?;
         self.done = true;
         Ok(())
     }

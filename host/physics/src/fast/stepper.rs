@@ -19,7 +19,8 @@ use super::condense::Shapes;
 use super::kernel::{Assembled, Kernel, Placed, ScalarMatrix};
 use super::panel::Panels;
 use super::refresh::Refresher;
-use super::{Node, Real, dot, to_node, to_vec};
+use super::sleep::Sleep;
+use super::{Node, Real, to_node, to_vec, vectors};
 use crate::Vec3;
 use crate::fem::cholesky::Kernels;
 use crate::fem::guard::{Energy, MOST_HALVINGS};
@@ -51,6 +52,9 @@ pub struct StepperOptions {
     pub refresh: bool,
     /// The code that factorizes.
     pub kernels: Kernels,
+    /// A body of which no vertex has been faster than this for some steps sleeps (m/s); 0 for none that does. See
+    /// `sleep` for what that leaves out.
+    pub sleep_speed: f64,
 }
 
 impl Default for StepperOptions {
@@ -62,6 +66,7 @@ impl Default for StepperOptions {
             patience: 5,
             refresh: true,
             kernels: Kernels::default(),
+            sleep_speed: 1e-7,
         }
     }
 }
@@ -79,6 +84,8 @@ pub struct StepperReport {
     pub converged: bool,
     /// Share of the motion that was held back, for with all of it the body would have made energy.
     pub held_back: f64,
+    /// Whether the body sleeps and nothing was done.
+    pub asleep: bool,
 }
 
 /// When conjugate gradients stop.
@@ -114,6 +121,8 @@ pub struct Stepper<T> {
     pub(super) mass: Vec<f64>,
     /// 1 where an axis of a free place is free, 0 where a support guides it; empty without supports.
     mask: Vec<Node<T>>,
+    /// Mass in the matrix that is being solved with (kg/s^2).
+    inertia: Vec<T>,
     d: Vec<Node<T>>,
     force: Vec<Node<T>>,
     /// Displacement over the step, and over the last.
@@ -126,6 +135,17 @@ pub struct Stepper<T> {
     p: Vec<Node<T>>,
     q: Vec<Node<T>>,
     pub(super) shapes: Option<Box<Shapes>>,
+    sleep: Sleep,
+    /// Counts linearizations.
+    pub(super) state: u64,
+}
+
+/// Factors of mass and stiffness in the matrix of a step of `h` seconds.
+fn factors(body: &Body, h: f64) -> (f64, f64) {
+    (
+        1.0 / (h * h) + body.config.mass_damping / h,
+        1.0 + body.config.stiffness_damping / h,
+    )
 }
 
 /// The elements of `body` in the order of places, each set by the best kernel that there is.
@@ -208,6 +228,7 @@ impl<T: Real> Stepper<T> {
             elastic: 0.0,
             rest,
             mask,
+            inertia: vec![T::ZERO; count],
             d: zeros.clone(),
             force: zeros.clone(),
             u: zeros.clone(),
@@ -218,12 +239,30 @@ impl<T: Real> Stepper<T> {
             p: zeros.clone(),
             q: zeros,
             shapes: None,
+            sleep: Sleep::new(body),
+            state: 0,
         })
     }
 
     /// Whether there has been a step, from which a factor is left.
     pub(super) fn is_ready(&self) -> bool {
         self.factors.is_some()
+    }
+
+    /// Makes the first factor, for steps of `h` seconds: otherwise the first step does, and is late.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::StepLength`] and [`StepError::Matrix`].
+    pub fn prepare(&mut self, body: &Body, h: f64) -> Result<(), StepError> {
+        if !(h > 0.0 && h.is_finite()) {
+            return Err(StepError::StepLength { found: h });
+        }
+        if body.x != self.at {
+            self.at.copy_from_slice(&body.x);
+            self.linearize();
+        }
+        self.refresh(factors(body, h)).map_err(StepError::Matrix)
     }
 
     /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is asked
@@ -242,14 +281,22 @@ impl<T: Real> Stepper<T> {
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<StepperReport, StepError> {
         body.check_step(h, targets)?;
-        let mass_factor = 1.0 / (h * h) + body.config.mass_damping / h;
-        let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        let factors = factors(body, h);
+        let (mass_factor, stiffness_factor) = factors;
+        let speed = self.options.sleep_speed;
         if body.x != self.at {
+            self.sleep.wake();
             self.at.copy_from_slice(&body.x);
             self.linearize();
             self.last_h = 0.0;
         }
-        let factors = (mass_factor, stiffness_factor);
+        if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
+            return Ok(StepperReport {
+                converged: true,
+                asleep: true,
+                ..StepperReport::default()
+            });
+        }
         if self.factors != Some(factors) || (self.stale && self.options.refresh) {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }
@@ -264,6 +311,11 @@ impl<T: Real> Stepper<T> {
         report.reference = reference;
         self.stale |= report.iterations > self.options.patience;
         self.finish(body, h, targets, &mut report)?;
+        if speed > 0.0 && report.converged {
+            self.sleep.observe(body, h, targets, speed);
+        } else {
+            self.sleep.wake();
+        }
         Ok(report)
     }
 
@@ -272,6 +324,7 @@ impl<T: Real> Stepper<T> {
         for ((d, rest), &node) in self.d.iter_mut().zip(&self.rest).zip(&self.node) {
             *d = to_node(&(self.at[node as usize] - rest));
         }
+        self.state += 1;
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
         for kernel in &mut self.kernels {
@@ -363,6 +416,9 @@ impl<T: Real> Stepper<T> {
         out_of_time: &mut impl FnMut() -> bool,
     ) -> StepperReport {
         let free = self.free;
+        for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {
+            *inertia = T::of(mass_factor * mass);
+        }
         let mut report = StepperReport {
             residual: self.norm(),
             ..StepperReport::default()
@@ -377,39 +433,44 @@ impl<T: Real> Stepper<T> {
                 rz_new / rz
             };
             rz = rz_new;
-            for (p, z) in self.p[..free].iter_mut().zip(&self.z) {
-                for i in 0..4 {
-                    p[i] = T::of(f64::from(z[i])) + T::of(beta) * p[i];
-                }
-            }
-            let mut curvature = 0.0;
-            for (q, (p, &mass)) in self.q.iter_mut().zip(self.p.iter().zip(&self.mass)) {
-                let m = T::of(mass_factor * mass);
-                *q = [p[0] * m, p[1] * m, p[2] * m, T::ZERO];
-            }
+            vectors::turn(
+                &self.z,
+                T::of(beta),
+                &self.inertia,
+                &mut self.p[..free],
+                &mut self.q[..free],
+            );
+            self.q[free..].fill([T::ZERO; 4]);
             for kernel in &self.kernels {
                 kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
             }
-            for (p, q) in self.p[..free].iter().zip(&self.q) {
-                curvature += dot(p, q).to_f64();
-            }
+            let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
             // The matrix is positive definite: anything else is underflow, or a state that has blown up.
             if !(curvature > 0.0 && curvature.is_finite()) {
                 break;
             }
             let alpha = T::of(rz / curvature);
-            for (u, p) in self.u[..free].iter_mut().zip(&self.p) {
-                for i in 0..4 {
-                    u[i] += alpha * p[i];
-                }
-            }
-            for (r, q) in self.residual.iter_mut().zip(&self.q) {
+            // Held places have no direction, but a residual.
+            let (free_residual, held_residual) = self.residual.split_at_mut(free);
+            let (free_q, held_q) = self.q.split_at(free);
+            let square = vectors::advance(
+                alpha,
+                &self.p[..free],
+                free_q,
+                &mut self.u[..free],
+                free_residual,
+            );
+            for (r, q) in held_residual.iter_mut().zip(held_q) {
                 for i in 0..4 {
                     r[i] -= alpha * q[i];
                 }
             }
             report.iterations += 1;
-            report.residual = self.norm();
+            report.residual = if self.mask.is_empty() {
+                square.sqrt()
+            } else {
+                self.norm()
+            };
             report.converged = report.residual <= limits.goal;
             if out_of_time() {
                 break;
@@ -420,42 +481,23 @@ impl<T: Real> Stepper<T> {
 
     /// `z` from the residual, without what is guided; returns their product.
     fn precondition(&mut self) -> f64 {
-        for (place, (z, r)) in self.z.iter_mut().zip(&self.residual).enumerate() {
-            for i in 0..4 {
-                z[i] = r[i].to_f64() as f32;
-            }
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    z[i] *= mask[i].to_f64() as f32;
-                }
-            }
-        }
+        vectors::round(&self.residual, &mut self.z);
+        vectors::filter(&self.mask, &mut self.z);
         self.panels.solve(&mut self.z);
-        let mut rz = 0.0;
-        for (place, (z, r)) in self.z.iter_mut().zip(&self.residual).enumerate() {
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    z[i] *= mask[i].to_f64() as f32;
-                }
-            }
-            for i in 0..3 {
-                rz += f64::from(z[i]) * r[i].to_f64();
-            }
-        }
-        rz
+        vectors::filter(&self.mask, &mut self.z);
+        vectors::dot_single(&self.z, &self.residual)
     }
 
     /// Norm of the residual on what is free (N).
     pub(super) fn norm(&self) -> f64 {
+        let free = &self.residual[..self.free];
+        if self.mask.is_empty() {
+            return vectors::dot(free, free).sqrt();
+        }
         let mut sum = 0.0;
-        for (place, r) in self.residual[..self.free].iter().enumerate() {
-            let mut r = *r;
-            if let Some(mask) = self.mask.get(place) {
-                for i in 0..4 {
-                    r[i] = r[i] * mask[i];
-                }
-            }
-            sum += dot(&r, &r).to_f64();
+        for (r, mask) in free.iter().zip(&self.mask) {
+            let r = to_vec(r).component_mul(&to_vec(mask));
+            sum += r.norm_squared();
         }
         sum.sqrt()
     }

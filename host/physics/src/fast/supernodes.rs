@@ -40,7 +40,7 @@ impl Supernode {
 }
 
 /// All supernodes, in the order of elimination.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Supernodes {
     /// The blocks: together they cover all places, ascending.
     pub blocks: Vec<Supernode>,

@@ -109,6 +109,9 @@ pub struct Body {
     /// Elastic forces where `assemble` last ran (N).
     pub(crate) internal: Vec<Vec3>,
 
+    /// How often something was set from outside.
+    pub(crate) revision: u64,
+
     // What a step writes.
     pub(crate) displacement: Vec<Vec3>,
     pub(crate) pcg: Pcg,
@@ -256,6 +259,7 @@ impl Body {
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("positions", positions, self.x.len())?;
         scatter(&self.node_of_vertex, positions, &mut self.x);
+        self.revision += 1;
         self.fresh = false;
         Ok(())
     }
@@ -268,6 +272,7 @@ impl Body {
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("velocities", velocities, self.x.len())?;
         scatter(&self.node_of_vertex, velocities, &mut self.v);
+        self.revision += 1;
         Ok(())
     }
 
@@ -279,6 +284,7 @@ impl Body {
     pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("external forces", forces, self.x.len())?;
         scatter(&self.node_of_vertex, forces, &mut self.external);
+        self.revision += 1;
         for (external, &load) in self.external.iter_mut().zip(&self.load) {
             *external += self.config.gravity * load;
         }
@@ -299,6 +305,7 @@ impl Body {
             });
         }
         self.load_factor = factor;
+        self.revision += 1;
         Ok(())
     }
 
@@ -346,7 +353,10 @@ impl Body {
             return fail("its displacement is not finite");
         }
         match self.supports.list.get_mut(support) {
-            Some(entry) => entry.displacement = displacement,
+            Some(entry) => {
+                entry.displacement = displacement;
+                self.revision += 1;
+            }
             None => return fail("it does not exist"),
         }
         Ok(())

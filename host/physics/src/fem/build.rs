@@ -212,6 +212,7 @@ impl Body {
             mass,
             load,
             internal: vec![Vec3::zeros(); count],
+            revision: 0,
             displacement: vec![Vec3::zeros(); count],
             guard: Guard::default(),
             ahead: vec![Vec3::zeros(); count],

@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod extrapolation;
+mod speed;
 mod stability;
 
 use super::{CommandError, progress_bar};
@@ -19,6 +20,8 @@ enum What {
     Accuracy(accuracy::AccuracyArguments),
     /// Force error of each scheme against the rate at which the host publishes
     Extrapolation(extrapolation::ExtrapolationArguments),
+    /// Processor time of a step against the error of its force, on every path; other programs' beside it
+    Speed(speed::SpeedArguments),
     /// Stress every law, element and scheme; fails if a number is not finite or energy comes from nowhere
     Stability(stability::StabilityArguments),
 }
@@ -27,6 +30,7 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Accuracy(arguments) => accuracy::run(arguments),
         What::Extrapolation(arguments) => extrapolation::run(arguments),
+        What::Speed(arguments) => speed::run(arguments),
         What::Stability(arguments) => stability::run(arguments),
     }
 }

@@ -1,0 +1,125 @@
+//! How the time of a step grows with the mesh: the cube pressed, in finer and finer cells.
+
+use super::cube::{EDGE, Stiffness, TOP, cube};
+use super::motion::Motion;
+use super::path;
+use super::trial::drive;
+use super::{Level, SpeedError};
+use physics::Vec3;
+use serde::Serialize;
+
+/// One mesh.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Size {
+    /// Tetrahedra.
+    pub elements: usize,
+    /// Unknown coordinates.
+    pub unknowns: usize,
+    /// Median of a step (s).
+    pub median: f64,
+    /// Iterations in a step, on average.
+    pub iterations: f64,
+    /// Time of a step for each tetrahedron and iteration (s).
+    pub per_element_and_iteration: f64,
+}
+
+/// One path on meshes of growing size.
+#[derive(Clone, Debug, Serialize)]
+pub struct Scaling {
+    /// The path.
+    pub path: &'static str,
+    /// Coarse to fine.
+    pub sizes: Vec<Size>,
+    /// Power of the number of tetrahedra with which a step's time grows, fitted by least squares.
+    pub exponent: f64,
+    /// The same of the time of one iteration: 1 where memory is as fast for large meshes as for small ones.
+    pub exponent_of_iteration: f64,
+}
+
+/// Steps of each mesh: a press of 10 % in 1.5 s, begun.
+const STEPS: usize = 15;
+
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Scaling>, SpeedError> {
+    // 20, 64 and 197 thousand tetrahedra; the time goes with the power 1.3.
+    let meshes: &[(u32, f64)] = match level {
+        Level::Quick => &[],
+        Level::Full => &[(15, 0.05), (22, 0.2), (32, 0.75)],
+    };
+    let paths = path::ALL
+        .into_iter()
+        // Factors of fine meshes in three dimensions take gigabytes.
+        .filter(|path| path.method != path::NEWTON);
+    let mut all: Vec<Scaling> = paths
+        .clone()
+        .map(|path| Scaling {
+            path: path.name,
+            sizes: Vec::new(),
+            exponent: f64::NAN,
+            exponent_of_iteration: f64::NAN,
+        })
+        .collect();
+    let mut done = 0.0;
+    for &(n, share) in meshes {
+        progress(done);
+        let body = cube(n, false, Stiffness::Uniform)?;
+        let elements = body.element_count();
+        let motion = Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, 0.01).first(STEPS);
+        for (path, scaling) in paths.clone().zip(&mut all) {
+            let course = drive(&body, TOP, &motion, path.method)?;
+            let (median, iterations) = (course.median(), course.iterations() as f64 / STEPS as f64);
+            scaling.sizes.push(Size {
+                elements,
+                unknowns: body.unknown_count(),
+                median,
+                iterations,
+                per_element_and_iteration: median / (elements as f64 * iterations.max(1.0)),
+            });
+        }
+        done += share;
+    }
+    all.retain(|scaling| !scaling.sizes.is_empty());
+    for scaling in &mut all {
+        scaling.exponent = exponent(&scaling.sizes, |size| size.median);
+        scaling.exponent_of_iteration =
+            exponent(&scaling.sizes, |size| size.median / size.iterations);
+    }
+    Ok(all)
+}
+
+/// Slope of the logarithm of `time` over that of the number of tetrahedra.
+fn exponent(sizes: &[Size], time: impl Fn(&Size) -> f64) -> f64 {
+    let points = || {
+        sizes
+            .iter()
+            .map(|size| (libm::log(size.elements as f64), libm::log(time(size))))
+    };
+    let count = sizes.len() as f64;
+    let (sum_x, sum_y) = points().fold((0.0, 0.0), |(a, b), (x, y)| (a + x, b + y));
+    let (mean_x, mean_y) = (sum_x / count, sum_y / count);
+    let (top, bottom) = points().fold((0.0, 0.0), |(top, bottom), (x, y)| {
+        (
+            top + (x - mean_x) * (y - mean_y),
+            bottom + (x - mean_x) * (x - mean_x),
+        )
+    });
+    top / bottom
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_exponent_is_that_of_a_power() {
+        let size = |elements: usize| Size {
+            elements,
+            unknowns: 0,
+            median: 1e-7 * libm::pow(elements as f64, 1.25),
+            iterations: 3.0,
+            per_element_and_iteration: 0.0,
+        };
+        let sizes = [1000, 5000, 70_000].map(size);
+        // Rounding of logarithms near 10.
+        assert!((exponent(&sizes, |size| size.median) - 1.25).abs() < 1e-13);
+    }
+}

@@ -1,0 +1,191 @@
+//! The figures of `palpate bench speed --quick`: forces, errors and tables, never times.
+
+use serde_json::Value;
+use std::path::PathBuf;
+use std::process::Command;
+use std::sync::LazyLock;
+
+/// One run of the program, and what it wrote.
+struct Run {
+    printed: String,
+    json: Value,
+    csv: String,
+    folder: tempfile::TempDir,
+}
+
+static RUN: LazyLock<Run> = LazyLock::new(|| {
+    let folder = tempfile::tempdir().expect("a folder");
+    let [json, csv, plots] = ["a.json", "a.csv", "plots"].map(|name| folder.path().join(name));
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(["bench", "speed", "--quick", "--json"])
+        .arg(&json)
+        .arg("--csv")
+        .arg(&csv)
+        .arg("--plot")
+        .arg(&plots)
+        .output()
+        .expect("the program starts");
+    assert!(output.status.success(), "{output:?}");
+    let read = |path: &PathBuf| std::fs::read_to_string(path).expect("it was written");
+    Run {
+        printed: String::from_utf8(output.stdout).expect("it prints UTF-8"),
+        json: serde_json::from_str(&read(&json)).expect("it is JSON"),
+        csv: read(&csv),
+        folder,
+    }
+});
+
+fn list<'a>(value: &'a Value, name: &str) -> &'a [Value] {
+    value[name].as_array().expect("a list")
+}
+
+fn number(value: &Value, name: &str) -> f64 {
+    value[name].as_f64().expect("a number")
+}
+
+fn rows() -> impl Iterator<Item = &'static Value> {
+    let all = list(&RUN.json, "cube").iter();
+    all.chain(list(&RUN.json, "sheets"))
+}
+
+/// The curve that varies something in one kind of setting.
+fn errors(varied: &str, name: &str) -> Vec<f64> {
+    let curve = list(&RUN.json, "precision")
+        .iter()
+        .find(|curve| curve["varied"] == varied && curve["name"] == name);
+    list(curve.expect("it was drawn"), "settings")
+        .iter()
+        .map(|setting| number(setting, "error"))
+        .collect()
+}
+
+#[test]
+fn the_pressed_cube_s_force_is_the_reference_s_to_four_digits_on_every_path() {
+    // SOFA's, with polar rotations, and an independent program's.
+    for (elements, force) in [(1296, 21.6604), (3072, 21.4799), (6000, 21.3776)] {
+        let these: Vec<_> = rows()
+            .filter(|row| row["scene"] == "press" && row["elements"] == elements)
+            .collect();
+        assert!(!these.is_empty(), "{elements}");
+        for row in these {
+            // Half of the last digit, and what the damping has left: a fifth of the force, times 1e-7.
+            let found = number(row, "force");
+            assert!((found - force).abs() < 6e-5, "{row}");
+        }
+    }
+}
+
+#[test]
+fn strict_solvers_leave_nothing_and_no_solver_what_a_hand_could_tell() {
+    for row in rows() {
+        let path = row["path"].as_str().expect("a name");
+        let error = number(row, "solver_error");
+        let bound = match path {
+            // Newton's method is its own reference.
+            "newton 1e-9" => 0.0,
+            // The residual is relative to a guess that is the last step's velocity, the first step's aside; the
+            // force sums it over a face.
+            path if path.ends_with("1e-6") || path.ends_with("1e-9") => 1e-6,
+            path if path.ends_with("1e-3") => 1e-3,
+            // A single one: enough for slow hands, and about what can be told where a cube is sheared by half its
+            // height in a second.
+            "single 1 it" if row["scene"] == "shear" => 0.2,
+            "single 1 it" => 2e-2,
+            // So many iterations: a tenth of what can be told is asked of the scenes here.
+            _ => 1e-2,
+        };
+        assert!(error <= bound, "{row}");
+        assert!(number(row, "residual").is_finite());
+    }
+}
+
+#[test]
+fn one_linearization_a_step_is_far_from_noticeable() {
+    let mut compared = 0;
+    for row in rows().filter(|row| row["path"].as_str().is_some_and(|p| p.ends_with("1e-6"))) {
+        let Some(error) = row["step_error"].as_f64() else {
+            continue;
+        };
+        compared += 1;
+        // Of the order of the square of a step's strain (2 % in these faster motions) for solids; a sheet that is
+        // pressed stiffens by as much within a few steps. A hand tells 10 %.
+        let frozen = row["path"] == "frozen 1e-6";
+        let bound = match row["scene"].as_str() {
+            Some("sheet_press") => 1e-2,
+            // Rayleigh's damping takes the stiffness of the step: here without, there with what the turn of strained
+            // cells adds. At half a unit of strain a second that is a fifth of 0.1 s times as much.
+            Some("shear") if frozen => 2e-2,
+            _ => 1e-3,
+        };
+        assert!(error > 0.0 && error < bound, "{row}");
+    }
+    assert!(compared >= 8, "{compared}");
+}
+
+#[test]
+fn more_work_brings_less_error() {
+    let falling = |errors: &[f64]| errors.windows(2).all(|pair| pair[1] < pair[0]);
+    for (varied, name) in [
+        ("solver", "assembled, to a tolerance"),
+        ("solver", "assembled, so many iterations"),
+        ("mesh", "linear tetrahedra"),
+        ("mesh", "quadratic tetrahedra"),
+        ("time_step", "implicit Euler, one linearization"),
+        ("time_step", "implicit Euler, Newton's method"),
+        ("time_step", "TR-BDF2, Newton's method"),
+    ] {
+        let errors = errors(varied, name);
+        assert!(errors.len() > 1 && falling(&errors), "{name} {errors:?}");
+    }
+    // A tolerance is kept: the force errs by less than ten times as much as the residual's share.
+    let strict = errors("solver", "assembled, to a tolerance");
+    assert!(
+        strict.last().is_some_and(|error| *error < 1e-7),
+        "{strict:?}"
+    );
+    // The second-order scheme is ahead of the first-order one at the same steps.
+    let [first, second] = [
+        "implicit Euler, Newton's method",
+        "TR-BDF2, Newton's method",
+    ]
+    .map(|name| errors("time_step", name));
+    assert!(second[1] < 0.5 * first[1], "{first:?} {second:?}");
+}
+
+#[test]
+fn every_scene_is_printed_and_written_on_every_path() {
+    let run = &*RUN;
+    assert_eq!(run.json["schema"], "palpate.speed/1");
+    assert_eq!(run.json["level"], "quick");
+    let machine = &run.json["machine"];
+    assert!(
+        run.printed
+            .starts_with(machine["processor"].as_str().expect("a name"))
+    );
+    assert!(number(machine, "calibration") > 0.0);
+    for row in rows() {
+        let (title, path) = (row["title"].as_str(), row["path"].as_str());
+        let (title, path) = (title.expect("a title"), path.expect("a path"));
+        let start = format!("| {title} | {} | {path} | ", row["elements"]);
+        assert_eq!(run.printed.matches(&start).count(), 1, "{start}");
+        let times = &row["times"];
+        let order = ["median", "p99", "p999", "worst"].map(|name| number(times, name));
+        assert!(order[0] > 0.0 && order.is_sorted(), "{row}");
+        assert!(number(row, "most_iterations") >= number(row, "mean_iterations"));
+    }
+    let mut lines = run.csv.lines();
+    let columns = |line: &str| line.split(',').count();
+    let head = columns(lines.next().expect("a head"));
+    assert!(run.csv.lines().all(|line| columns(line) == head));
+    assert_eq!(lines.count(), rows().count());
+    // The other programs' figures stand beside them.
+    assert!(
+        run.printed
+            .contains("| SOFA, fastest, factor refreshed every 50 steps (1e-6) | 6000 | 4.04 | ")
+    );
+    for name in ["solver", "mesh", "time-step"] {
+        let path = run.folder.path().join(format!("plots/speed-{name}.svg"));
+        let svg = std::fs::read_to_string(path).expect("it was drawn");
+        assert!(svg.starts_with("<svg") && svg.contains("over the largest force"));
+    }
+}
