@@ -3,7 +3,7 @@
 mod fast_support;
 mod fem_support;
 
-use fast_support::{cells, difference, dot, materials, nodes, tets, vectors, zeros};
+use fast_support::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use fem_support::{Random, block, cube};
 use physics::Vec3;
 use physics::fast::lanes::{LANES, Real};
@@ -315,17 +315,6 @@ fn bad_numbers_come_out_as_they_are_and_are_forgotten() {
             assert!(energy.is_finite() && force.iter().all(|f| f.iter().all(|c| c.is_finite())));
         }
     }
-}
-
-/// Fowler, Noll and Vo's hash of the bits.
-fn hash(vectors: &[Vec3]) -> u64 {
-    let bytes = vectors
-        .iter()
-        .flat_map(|v| v.iter())
-        .flat_map(|c| c.to_bits().to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-    })
 }
 
 fn hashes<T: Real>() -> [u64; 3] {

@@ -3,7 +3,7 @@
 mod fast_support;
 mod fem_support;
 
-use fast_support::{difference, dot, nodes, vectors, zeros};
+use fast_support::{difference, dot, hash, nodes, vectors, zeros};
 use fem_support::{Random, Split, grid, irregular, rubber};
 use nalgebra::{Rotation3, Unit};
 use physics::Vec3;
@@ -322,4 +322,35 @@ fn any_number_of_elements_fills_its_blocks() {
     }
     let mut none = Triangles::<f32>::new(&[]);
     assert!(none.is_empty() && none.linearize(&[], &mut []) == 0.0);
+}
+
+fn hashes<T: Real>() -> [u64; 3] {
+    let mesh = mesh();
+    let mut triangles = triangles::<T>(&mesh);
+    let d = displaced(&mesh, [1.2, 0.9, 1.0], 1.0, 0.03, 1);
+    let (force, energy) = linearize(&mut triangles, &d);
+    [
+        hash(&force),
+        hash(&product(&triangles, 1.0, &d)),
+        hash(&[Vec3::repeat(energy)]),
+    ]
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_width_of_vectors() {
+    // Recorded with vectors of 128 bits, and found again with 256 and 512. They change where the arithmetic
+    // does.
+    let recorded = [
+        [
+            2_770_978_872_323_474_846,
+            11_316_100_060_175_695_654,
+            1_286_823_771_407_054_726,
+        ],
+        [
+            17_967_427_155_806_770_743,
+            2_316_522_339_184_435_477,
+            17_509_681_211_477_132_495,
+        ],
+    ];
+    assert_eq!([hashes::<f64>(), hashes::<f32>()], recorded);
 }

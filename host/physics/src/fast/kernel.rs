@@ -3,6 +3,7 @@
 //! A kernel is linearized once a step and then multiplied by as often as the solver asks: nothing is assembled
 //! unless a factor is to be made. [`Assembled`] serves elements that have no kernel of their own.
 
+use super::lanes::{less, plus};
 use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
@@ -10,6 +11,7 @@ use crate::fem::block_matrix::ElementSlots;
 use crate::fem::{BlockMatrix, Elements, Tangent};
 use crate::{Mat3, Vec3};
 use core::fmt;
+use multiversion::multiversion;
 
 /// A set of elements, linearized where it was last told to be.
 pub(crate) trait Kernel<T>: fmt::Debug + Send {
@@ -195,41 +197,58 @@ impl<T: Real> ScalarMatrix<T> {
         }
     }
 
-    /// Row `row` times `u`.
-    #[inline]
-    fn row(&self, row: usize, u: &[Node<T>]) -> Node<T> {
-        let range = self.row_start[row] as usize..self.row_start[row + 1] as usize;
-        let mut sum = [T::ZERO; 4];
-        for (&column, &weight) in self.columns[range.clone()].iter().zip(&self.weights[range]) {
-            let u = &u[column as usize];
-            for i in 0..4 {
-                sum[i] += weight * u[i];
+    /// Rows times `u`: `sum(row, pull)` by row.
+    #[inline(always)]
+    fn rows(&self, u: &[Node<T>], mut sum: impl FnMut(usize, Node<T>)) {
+        let ends = self.row_start[1..].iter().map(|&end| end as usize);
+        let mut start = 0;
+        for (row, end) in ends.enumerate() {
+            let mut pull = [T::ZERO; 4];
+            let entries = self.columns[start..end]
+                .iter()
+                .zip(&self.weights[start..end]);
+            for (&column, &weight) in entries {
+                let u = &u[column as usize];
+                for i in 0..4 {
+                    pull[i] += weight * u[i];
+                }
             }
+            sum(row, pull);
+            start = end;
         }
-        sum
     }
+}
+
+/// Subtracts the rows times `d` from `force`; returns twice the energy.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2"))]
+fn scalar_linearize<T: Real>(
+    matrix: &ScalarMatrix<T>,
+    d: &[Node<T>],
+    force: &mut [Node<T>],
+) -> f64 {
+    let mut work = 0.0;
+    matrix.rows(d, |row, pull| {
+        force[row] = less(force[row], pull);
+        work += super::dot(&pull, &d[row]).to_f64();
+    });
+    work
+}
+
+/// Adds `factor` times the rows times `u` to `y`.
+#[multiversion(targets("x86_64+avx2+bmi1+bmi2"))]
+fn scalar_product<T: Real>(matrix: &ScalarMatrix<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    matrix.rows(u, |row, pull| {
+        y[row] = plus(y[row], pull.map(|pull| factor * pull));
+    });
 }
 
 impl<T: Real> Kernel<T> for ScalarMatrix<T> {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        let mut energy = 0.0;
-        for (row, force) in force.iter_mut().enumerate() {
-            let pull = self.row(row, d);
-            for i in 0..3 {
-                force[i] -= pull[i];
-            }
-            energy += super::dot(&pull, &d[row]).to_f64();
-        }
-        0.5 * energy
+        0.5 * scalar_linearize(self, d, force)
     }
 
     fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        for (row, y) in y.iter_mut().enumerate() {
-            let pull = self.row(row, u);
-            for i in 0..3 {
-                y[i] += factor * pull[i];
-            }
-        }
+        scalar_product(self, factor, u, y);
     }
 
     fn add_to(&self, matrix: &mut BlockMatrix) {

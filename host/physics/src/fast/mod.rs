@@ -10,8 +10,8 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
+//! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - `vectors`: what conjugate gradients do with whole vectors.
-//! - [`triangle`] and `triangle_kernels`: the same of membrane triangles.
 //! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
 
@@ -31,6 +31,7 @@ pub mod tet;
 mod tet_kernels;
 pub mod triangle;
 mod triangle_kernels;
+mod triangle_polar;
 mod vectors;
 
 pub use condense::{ShapeOptions, ShapeReport};

@@ -78,3 +78,14 @@ pub(crate) fn difference(a: &[Vec3], b: &[Vec3]) -> f64 {
     let scale = largest(b.iter().copied());
     largest(a.iter().zip(b).map(|(a, b)| a - b)) / scale
 }
+
+/// Fowler, Noll and Vo's hash of the bits.
+pub(crate) fn hash(vectors: &[Vec3]) -> u64 {
+    let bytes = vectors
+        .iter()
+        .flat_map(|v| v.iter())
+        .flat_map(|c| c.to_bits().to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
+}
