@@ -1,0 +1,113 @@
+//! The end of a step: what it says of hands and supports, and how much of it energy allows.
+
+use super::super::{Real, to_node, to_vec};
+use super::{Stepper, StepperReport};
+use crate::Vec3;
+use crate::fem::guard::{Energy, MOST_HALVINGS};
+use crate::fem::{Body, HandlePose, StepError};
+
+impl<T: Real> Stepper<T> {
+    /// Takes the step into `body`, and linearizes where it ends.
+    pub(super) fn finish(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+        report: &mut StepperReport,
+    ) -> Result<(), StepError> {
+        for (u, &node) in self.u.iter().zip(&self.node) {
+            body.displacement[node as usize] = to_vec(u);
+        }
+        let work = body.take_grip_from(h, |node| self.pull(node));
+        let mut moves = body.displacement.iter().flat_map(Vec3::iter);
+        let sound = moves.all(|u| (u / h).is_finite())
+            && body.grip.iter().flat_map(Vec3::iter).all(|f| f.is_finite())
+            && report.residual.is_finite();
+        if !sound {
+            body.grip.fill(Vec3::zeros());
+            self.last_h = 0.0;
+            return Err(StepError::Diverged {
+                iterations: report.iterations,
+            });
+        }
+        report.held_back = self.end_where_energy_allows(body, h, work);
+        if report.held_back > 0.0 {
+            self.pull_at_the_end(body, h);
+            body.take_grip_from(h, |node| self.pull(node));
+        }
+        body.report_step(h, targets, |node| self.pull(node));
+        body.x.copy_from_slice(&self.at);
+        for (v, u) in body.v.iter_mut().zip(&body.displacement) {
+            *v = u / h;
+        }
+        body.fresh = false;
+        Ok(())
+    }
+
+    /// The force of a hand or support on a node (N): what the equation leaves over.
+    fn pull(&self, node: usize) -> Vec3 {
+        -to_vec(&self.residual[self.place[node] as usize])
+    }
+
+    /// Linearizes where the step ends, which is nearer than the solver found where that would make energy;
+    /// returns the share held back.
+    fn end_where_energy_allows(&mut self, body: &mut Body, h: f64, work: f64) -> f64 {
+        let mut guard = body.guard;
+        guard.begin(Energy::new(
+            body.kinetic_energy() + self.elastic,
+            body.load_potential(),
+        ));
+        let mut after = self.energy_ahead(body, h);
+        let mut kept = 1.0;
+        if !guard.allows(body, after, work) {
+            let drift = body.free_drift();
+            for _ in 0..MOST_HALVINGS {
+                body.scale_motion(0.5, &drift);
+                let shorter = self.energy_ahead(body, h);
+                if !shorter.is_below(&after) {
+                    body.scale_motion(2.0, &drift);
+                    after = self.energy_ahead(body, h);
+                    break;
+                }
+                after = shorter;
+                kept *= 0.5;
+                if guard.allows(body, after, work) {
+                    break;
+                }
+            }
+        }
+        guard.end(after, work);
+        body.guard = guard;
+        1.0 - kept
+    }
+
+    /// Energy after the displacement as it is; linearized there.
+    fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
+        for ((at, x), u) in self.at.iter_mut().zip(&body.x).zip(&body.displacement) {
+            *at = x + u;
+        }
+        self.linearize();
+        let moving = body.displacement.iter().zip(&body.mass);
+        let kinetic: f64 = moving
+            .map(|(u, mass)| 0.5 * mass * (u / h).norm_squared())
+            .sum();
+        Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
+    }
+
+    /// The residual of the equation of motion with forces as they are at the end of the step.
+    fn pull_at_the_end(&mut self, body: &Body, h: f64) {
+        let drag = body.config.mass_damping / h;
+        for (place, r) in self.residual.iter_mut().enumerate() {
+            let node = self.node[place] as usize;
+            let u = body.displacement[node];
+            let inertia = (body.v[node] - u / h) / h - u * drag;
+            let external = body.external[node] * body.load_factor;
+            *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
+            self.u[place] = to_node(&u);
+        }
+        let damping = T::of(-body.config.stiffness_damping / h);
+        for kernel in &self.kernels {
+            kernel.product(damping, &self.u, &mut self.residual);
+        }
+    }
+}

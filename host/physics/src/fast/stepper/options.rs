@@ -1,0 +1,65 @@
+//! What a stepper is asked, and what it answers.
+
+use crate::fem::cholesky::Kernels;
+
+/// Where conjugate gradients start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Guess {
+    /// The velocity stays.
+    #[default]
+    Velocity,
+    /// The velocity changes as in the last step: closer in a smooth motion.
+    Acceleration,
+}
+
+/// How a step is solved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepperOptions {
+    /// The residual to reach, as a share of the forces that act on the free nodes and of the guess's residual.
+    pub tolerance: f64,
+    /// Most iterations; the step is taken with what they have found.
+    pub max_iterations: usize,
+    /// Where they start.
+    pub guess: Guess,
+    /// A step of more iterations than this asks for a new factor.
+    pub patience: usize,
+    /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
+    /// see [`Stepper::lend`].
+    pub refresh: bool,
+    /// The code that factorizes.
+    pub kernels: Kernels,
+    /// A body of which no vertex has been faster than this for some steps sleeps (m/s); 0 for none that does. See
+    /// `sleep` for what that leaves out.
+    pub sleep_speed: f64,
+}
+
+impl Default for StepperOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-6,
+            max_iterations: 100,
+            guess: Guess::Acceleration,
+            patience: 5,
+            refresh: true,
+            kernels: Kernels::default(),
+            sleep_speed: 1e-7,
+        }
+    }
+}
+
+/// How a step went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepperReport {
+    /// Iterations spent.
+    pub iterations: usize,
+    /// Norm of the residual at the end (N), as the recurrence carries it.
+    pub residual: f64,
+    /// Norm of the forces that act on the free nodes, and of the guess's residual (N).
+    pub reference: f64,
+    /// Whether the tolerance was met.
+    pub converged: bool,
+    /// Share of the motion that was held back, for with all of it the body would have made energy.
+    pub held_back: f64,
+    /// Whether the body sleeps and nothing was done.
+    pub asleep: bool,
+}
