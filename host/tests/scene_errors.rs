@@ -290,6 +290,12 @@ cells = [4, 2]
 fn names_of_fields() {
     check(
         r#"
+step_rate = 250.0
+  -> step_rate = 250.0¶solver = "fast"
+  x.toml:10: host.solver: found "fast", allowed: `auto`, `assembled`, `frozen`, `frozen_single`
+step_rate = 250.0
+  -> step_rate = 250.0¶budget = 0
+  x.toml:10: host.budget: found 0, allowed: a number above 0
 young = 1e6
   ->
   x.toml:16: body[0].material: missing field `young`
