@@ -7,7 +7,7 @@
 //!
 //! Counted with valgrind's callgrind in the optimized code that users run, but for one thing: valgrind does not
 //! know AVX-512, so functions compiled for several sets of instructions run as their AVX2 clones. The counts are
-//! those of AVX2 code, the same on every x86-64 machine that has it; where AVX-512 is, a step takes fewer. (The
+//! those of AVX2 code, the same on every x86-64 machine that has it; where AVX-512 is, users run other code. (The
 //! library that factorizes cuts large matrices to the machine's caches. The factors here are too small for that to
 //! show.) Fails where a count is more than 5 % above `tests/instructions/host.toml`.
 //!
