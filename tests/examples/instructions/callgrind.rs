@@ -1,17 +1,18 @@
-//! Counting with valgrind's callgrind: one dump a tick.
+//! Counting with valgrind's callgrind: one dump for each call of what is counted.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What one tick took.
+/// What one call took.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Count {
     /// Instructions in the program's own code.
     pub(crate) instructions: u64,
     /// Calls that left it. The law calls only the C library's copies of memory (`tests/no_panic.rs` proves
-    /// that), of which the fastest for the processor is taken: their instructions are left out.
+    /// that), the host's step those and its fills, of which the fastest for the processor is taken: their
+    /// instructions are left out.
     pub(crate) copies: u64,
 }
 
@@ -24,13 +25,18 @@ pub(crate) fn available() -> bool {
         .is_ok_and(|status| status.success())
 }
 
-/// Runs `program argument` and counts in each call of `function`, in order of the calls.
+/// Runs `program argument` and counts in each call of `function`, in order of the calls. The text is what the
+/// program printed.
 ///
 /// # Errors
 /// What went wrong, in words.
-pub(crate) fn count(program: &Path, argument: &str, function: &str) -> Result<Vec<Count>, String> {
+pub(crate) fn count(
+    program: &Path,
+    argument: &str,
+    function: &str,
+) -> Result<(Vec<Count>, String), String> {
     let folder = tempfile::tempdir().map_err(|e| format!("no folder for valgrind: {e}"))?;
-    let out = folder.path().join("tick");
+    let out = folder.path().join("call");
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--dump-instr=yes"])
         .args(["--compress-pos=no", "--compress-strings=no"])
@@ -39,7 +45,7 @@ pub(crate) fn count(program: &Path, argument: &str, function: &str) -> Result<Ve
         .arg(format!("--dump-after={function}"))
         .arg(program)
         .arg(argument)
-        // The dynamic linker looks up every function before the first tick, not inside it.
+        // The dynamic linker looks up every function before the first call, not inside it.
         .env("LD_BIND_NOW", "1")
         .output()
         .map_err(|e| format!("valgrind does not run: {e}"))?;
@@ -47,14 +53,15 @@ pub(crate) fn count(program: &Path, argument: &str, function: &str) -> Result<Ve
         let said = String::from_utf8_lossy(&output.stderr);
         return Err(format!("valgrind failed:\n{said}"));
     }
-    (1..)
+    let counts = (1..)
         .map(|part| PathBuf::from(format!("{}.{part}", out.display())))
         .take_while(|dump| dump.exists())
         .map(|dump| {
             let text = fs::read_to_string(&dump).map_err(|e| format!("{}: {e}", dump.display()))?;
             parse(&text, program).ok_or_else(|| format!("{}: not a dump", dump.display()))
         })
-        .collect()
+        .collect::<Result<_, String>>()?;
+    Ok((counts, String::from_utf8_lossy(&output.stdout).into_owned()))
 }
 
 /// Reads a dump: what the functions in `program` took, and how often they called out of it.

@@ -1,0 +1,251 @@
+//! The calls that are counted: steps of the fast path, what is made beside them, and the assembled step.
+//!
+//! Iterations are fixed, at what a tolerance of 1e-6 takes here (but for an iteration more or less): counts are
+//! to tell of the code, and not jump where rounding lets a residual pass under its goal. What is left of the
+//! residual is checked against [`MOST_RESIDUAL`], so that nothing is counted that solves less.
+
+use physics::Vec3;
+use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
+use physics::fem::{
+    Body, BodyConfig, Budget, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial,
+};
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::generate_box::solid_box;
+use std::error::Error;
+use std::hint::black_box;
+
+/// A step (s).
+const H: f64 = 1e-2;
+/// Steps before the one that is counted: the guess knows the last step, rotations turn from where they were.
+const SETTLE: u32 = 50;
+/// Steps that the factor is old.
+const AGE: u32 = 10;
+/// How fast one end is pulled (m/s).
+const SPEED: f64 = 0.01;
+
+/// Iterations of a fast step.
+const ITERATIONS: usize = 2;
+/// Iterations for each shape of a local model.
+const SHAPE_ITERATIONS: usize = 1;
+/// Iterations of an assembled step.
+const ASSEMBLED_ITERATIONS: usize = 42;
+/// The most that iterations may leave, as a share of the forces: far more than they do.
+const MOST_RESIDUAL: f64 = 1e-5;
+
+type Failure = Box<dyn Error>;
+
+/// Makes all ready for a call.
+type Prepare = fn() -> Result<Case, Failure>;
+
+/// By name, what prepares each case.
+pub(crate) const ALL: [(&str, Prepare); 8] = [
+    ("step, solid, f64", || step::<f64>(solid(6, false)?)),
+    ("step, solid, f32", || step::<f32>(solid(6, false)?)),
+    ("step, quadratic solid, f64", || {
+        step::<f64>(solid(3, true)?)
+    }),
+    ("step, sheet, f64", || step::<f64>(strip()?)),
+    ("step, sheet, f32", || step::<f32>(strip()?)),
+    ("local model, solid, f64", local_model),
+    ("factor, solid, f64", factor),
+    ("assembled step, solid", assembled),
+];
+
+/// A call to count.
+pub(crate) struct Case {
+    pub(crate) elements: usize,
+    call: Box<dyn FnMut() -> Result<usize, Failure>>,
+}
+
+impl Case {
+    fn new(elements: usize, call: impl FnMut() -> Result<usize, Failure> + 'static) -> Self {
+        let call = Box::new(call);
+        Self { elements, call }
+    }
+
+    /// Makes the call; returns the iterations that it took.
+    ///
+    /// # Errors
+    /// Why it failed.
+    pub(crate) fn run(&mut self) -> Result<usize, Failure> {
+        black_box(measured(black_box(&mut *self.call)))
+    }
+}
+
+/// [`measured`], as valgrind calls it.
+pub(crate) const MEASURED: &str = "host_instructions::cases::measured";
+
+/// What is counted.
+#[inline(never)]
+fn measured(call: &mut dyn FnMut() -> Result<usize, Failure>) -> Result<usize, Failure> {
+    black_box(call())
+}
+
+/// A body held at both ends, the second of which is pulled.
+struct Pulled {
+    body: Body,
+    axis: Vec3,
+    poses: [HandlePose; 2],
+}
+
+impl Pulled {
+    /// The hands go to where they are one step later.
+    fn pull(&mut self) {
+        self.poses[1].position += self.axis * (SPEED * H);
+    }
+}
+
+/// The ends of a body of `length` along `axis`.
+fn ends(positions: &[Vec3], axis: Vec3, length: f64, freedom: Freedom) -> [HandleSpec; 2] {
+    [-0.5, 0.5].map(|side| HandleSpec {
+        vertices: (0_u32..)
+            .zip(positions)
+            .filter(|(_, position)| (position.dot(&axis) - side * length).abs() < 1e-9)
+            .map(|(vertex, _)| vertex)
+            .collect(),
+        origin: axis * (side * length),
+        freedom,
+    })
+}
+
+/// A cube of `n` cells along each edge, six corotational tetrahedra each.
+fn solid(n: u32, quadratic: bool) -> Result<Pulled, Failure> {
+    let (length, axis) = (0.1, Vec3::z());
+    let mesh = solid_box([length; 3], [n; 3])?;
+    let mesh = if quadratic { mesh.quadratic() } else { mesh };
+    let soft = SolidMaterial {
+        young: 2e4,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let handles = ends(&mesh.positions, axis, length, Freedom::Translation);
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        mass_damping: 0.1,
+        stiffness_damping: 0.1,
+        ..BodyConfig::default()
+    };
+    let body = Body::solid(&mesh, &[soft], SolidLaw::Corotational, config, &handles)?;
+    let poses = handles.map(|handle| HandlePose::at(handle.origin));
+    Ok(Pulled { body, axis, poses })
+}
+
+/// A strip of 480 triangles with bending.
+fn strip() -> Result<Pulled, Failure> {
+    let (length, axis) = (0.1, Vec3::x());
+    let mesh = sheet(length, 0.06, 20, 12, Pattern::Alternating)?;
+    let rubber = Material {
+        young: 1e6,
+        poisson: 0.4,
+        thickness: 1e-3,
+        density: 1000.0,
+    };
+    let handles = ends(&mesh.positions, axis, length, Freedom::Rigid);
+    let config = BodyConfig {
+        mass_damping: 0.5,
+        stiffness_damping: 1e-3,
+        bending: 1.0,
+        ..BodyConfig::default()
+    };
+    let body = Body::sheet(&mesh, &[rubber], config, &handles)?;
+    let poses = handles.map(|handle| HandlePose::at(handle.origin));
+    Ok(Pulled { body, axis, poses })
+}
+
+/// A stepper that has settled, with a factor of [`AGE`] steps ago, and goes on by a fixed number of iterations.
+fn settled<T: Real>(pulled: &mut Pulled) -> Result<Stepper<T>, Failure> {
+    let options = StepperOptions {
+        // Counted by itself.
+        refresh: false,
+        // A step that takes an iteration makes the refresher lend itself.
+        patience: 0,
+        sleep_speed: 0.0,
+        ..StepperOptions::default()
+    };
+    let mut stepper = Stepper::<T>::new(&pulled.body, options)?;
+    stepper.prepare(&pulled.body, H)?;
+    for _ in 0..SETTLE {
+        pulled.pull();
+        stepper.step(&mut pulled.body, H, &pulled.poses, || false)?;
+    }
+    let mut refresher = stepper.lend().ok_or("the steps took no iteration")?;
+    refresher.work()?;
+    stepper.give_back(refresher);
+    for _ in 0..AGE {
+        pulled.pull();
+        stepper.step(&mut pulled.body, H, &pulled.poses, || false)?;
+    }
+    stepper.options.tolerance = 0.0;
+    stepper.options.max_iterations = ITERATIONS;
+    Ok(stepper)
+}
+
+fn solved(residual: f64) -> Result<(), Failure> {
+    if residual <= MOST_RESIDUAL {
+        return Ok(());
+    }
+    Err(format!(
+        "the iterations left {residual:e} of the forces, at most {MOST_RESIDUAL:e} is to be"
+    )
+    .into())
+}
+
+fn step<T: Real>(mut pulled: Pulled) -> Result<Case, Failure> {
+    let mut stepper = settled::<T>(&mut pulled)?;
+    pulled.pull();
+    Ok(Case::new(pulled.body.element_count(), move || {
+        let report = stepper.step(&mut pulled.body, H, &pulled.poses, || false)?;
+        solved(report.residual / report.reference)?;
+        Ok(report.iterations)
+    }))
+}
+
+/// All shapes of the model before a step are renewed after it.
+fn local_model() -> Result<Case, Failure> {
+    let mut pulled = solid(6, false)?;
+    let mut stepper = settled::<f64>(&mut pulled)?;
+    let options = ShapeOptions {
+        tolerance: 0.0,
+        max_iterations: SHAPE_ITERATIONS,
+        ..ShapeOptions::default()
+    };
+    // The first model has its shapes from nowhere.
+    stepper.condense(&pulled.body, H, &ShapeOptions::default())?;
+    pulled.pull();
+    stepper.step(&mut pulled.body, H, &pulled.poses, || false)?;
+    Ok(Case::new(pulled.body.element_count(), move || {
+        let (model, report) = stepper.condense(&pulled.body, H, &options)?;
+        black_box(model);
+        solved(report.residual)?;
+        Ok(report.iterations)
+    }))
+}
+
+fn factor() -> Result<Case, Failure> {
+    let mut pulled = solid(6, false)?;
+    let mut stepper = settled::<f64>(&mut pulled)?;
+    let mut refresher = stepper.lend().ok_or("the steps took no iteration")?;
+    Ok(Case::new(pulled.body.element_count(), move || {
+        refresher.work()?;
+        Ok(0)
+    }))
+}
+
+fn assembled() -> Result<Case, Failure> {
+    let mut pulled = solid(6, false)?;
+    for _ in 0..SETTLE + AGE {
+        pulled.pull();
+        pulled.body.step(H, &pulled.poses)?;
+    }
+    pulled.body.set_budget(Budget {
+        tolerance: 0.0,
+        absolute_tolerance: 0.0,
+        max_iterations: ASSEMBLED_ITERATIONS,
+    })?;
+    pulled.pull();
+    Ok(Case::new(pulled.body.element_count(), move || {
+        let report = pulled.body.step(H, &pulled.poses)?;
+        solved(report.relative_residual())?;
+        Ok(report.iterations)
+    }))
+}

@@ -1,0 +1,151 @@
+//! What the host's fast step takes, in instructions: a regression is seen where times are too noisy to show one.
+//!
+//! ```sh
+//! cargo run --release -p palpate-tests --example host_instructions              # compare
+//! cargo run --release -p palpate-tests --example host_instructions -- --refresh # write the table anew
+//! ```
+//!
+//! Counted with valgrind's callgrind in the optimized code that users run, but for one thing: valgrind does not
+//! know AVX-512, so functions compiled for several sets of instructions run as their AVX2 clones. The counts are
+//! those of AVX2 code, the same on every x86-64 machine that has it; where AVX-512 is, users run other code. (The
+//! library that factorizes cuts large matrices to the machine's caches. The factors here are too small for that to
+//! show.) Fails where a count is more than 5 % above `tests/instructions/host.toml`.
+//!
+//! Called with `count`, it runs every case once for valgrind to count, and says how many elements and iterations
+//! that were.
+
+#[path = "../instructions/callgrind.rs"]
+mod callgrind;
+mod cases;
+#[path = "../instructions/expected.rs"]
+mod expected;
+
+use callgrind::Count;
+use expected::Table;
+use std::error::Error;
+use std::process::ExitCode;
+
+const TABLE: Table = Table {
+    file: "host.toml",
+    head: "\
+# What the host's fast step takes: [instructions, calls of the C library's memory copies and fills], by
+# compiler and by case. AVX2 code, which is what valgrind runs. The instructions inside those copies are
+# left out: they depend on the processor. Made by
+#
+#     cargo run --release -p palpate-tests --example host_instructions -- --refresh
+#
+# and compared by the same command without `--refresh`.
+",
+    // Tens to thousands: one more says nothing.
+    more_copies: 0.05,
+};
+
+/// A counted case.
+struct Row {
+    name: String,
+    elements: usize,
+    iterations: usize,
+    count: Count,
+}
+
+fn main() -> ExitCode {
+    let argument = std::env::args().nth(1);
+    let done = match argument.as_deref() {
+        None => counted(|counts| TABLE.judge(counts)),
+        Some("--refresh") => counted(|counts| TABLE.refresh(counts)),
+        Some("count") => run_each().map_err(|error| error.to_string()),
+        Some(other) => Err(format!("{other}: not known; only --refresh is")),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(message) => {
+            eprintln!("{message}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Runs every case once and prints, by tabs, its name, elements and iterations.
+fn run_each() -> Result<(), Box<dyn Error>> {
+    for (name, prepare) in cases::ALL {
+        let mut case = prepare()?;
+        let iterations = case.run()?;
+        println!("{name}\t{}\t{iterations}", case.elements);
+    }
+    Ok(())
+}
+
+/// Counts, prints and goes on with the counts.
+fn counted(then: impl FnOnce(&[(String, Count)]) -> Result<(), String>) -> Result<(), String> {
+    if !callgrind::available() {
+        println!(
+            "!! SKIPPED: instruction counts: valgrind is not installed (apt-get install valgrind)"
+        );
+        return Ok(());
+    }
+    if !has_avx2() {
+        println!(
+            "!! SKIPPED: instruction counts: the table is of AVX2 code, this machine has none"
+        );
+        return Ok(());
+    }
+    let program = std::env::current_exe().map_err(|e| format!("no path to myself: {e}"))?;
+    let (counts, said) = callgrind::count(&program, "count", cases::MEASURED)?;
+    if (counts.len(), said.lines().count()) != (cases::ALL.len(), cases::ALL.len()) {
+        return Err(format!(
+            "valgrind counted {} calls of {}",
+            counts.len(),
+            cases::ALL.len()
+        ));
+    }
+    let rows = said.lines().zip(counts).map(row);
+    let rows = rows.collect::<Result<Vec<Row>, String>>()?;
+    print_table(&rows);
+    let named: Vec<_> = rows.into_iter().map(|row| (row.name, row.count)).collect();
+    then(&named)
+}
+
+/// A line of [`run_each`] with its count.
+fn row((line, count): (&str, Count)) -> Result<Row, String> {
+    let fields: Vec<&str> = line.split('\t').collect();
+    let number = |text: &str| text.parse().map_err(|e| format!("{line}: {e}"));
+    let [name, elements, iterations] = fields[..] else {
+        return Err(format!("{line}: not a case"));
+    };
+    Ok(Row {
+        name: name.to_owned(),
+        elements: number(elements)?,
+        iterations: number(iterations)?,
+        count,
+    })
+}
+
+fn print_table(rows: &[Row]) {
+    println!(
+        "Instructions (+ copies and fills of memory) of one call, in AVX2 code: valgrind knows no AVX-512.\n"
+    );
+    println!("| case | instructions | per element | iterations |");
+    println!("|---|---|---|---|");
+    for row in rows {
+        println!(
+            "| {} | {} (+{}) | {:.0} | {} |",
+            row.name,
+            row.count.instructions,
+            row.count.copies,
+            row.count.instructions as f64 / row.elements as f64,
+            row.iterations
+        );
+    }
+    println!();
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    is_x86_feature_detected!("avx2")
+}
+
+/// Elsewhere nothing is chosen at run time.
+#[cfg(not(target_arch = "x86_64"))]
+fn has_avx2() -> bool {
+    true
+}
