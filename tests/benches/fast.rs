@@ -159,11 +159,11 @@ fn whole_step<T: Real>(bencher: Bencher, name: &str) {
     };
     let mut stepper = Stepper::<T>::new(&body, options).expect("memory");
     stepper.prepare(&body, 0.01).expect("a factor");
-    let mut step = 0.0;
+    let mut step = 0.0_f64;
     bencher.bench_local(|| {
         // To and fro by half a millimetre, five times a second.
         step += 1.0;
-        let way = Vec3::z() * (5e-4 * (0.314 * step as f64).sin());
+        let way = Vec3::z() * (5e-4 * (0.314 * step).sin());
         let poses = [HandlePose::at(Vec3::zeros()), HandlePose::at(way)];
         stepper
             .step(&mut body, 0.01, &poses, || false)
