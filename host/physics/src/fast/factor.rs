@@ -3,6 +3,7 @@
 //! As [`crate::fem::cholesky`], but numbered by places of an order that the caller gives, so that the
 //! factor's columns can be read ([`super::panel`] does). All memory is set aside once per topology.
 
+use super::cost::Cost;
 use super::order::places;
 use super::supernodes::Supernodes;
 use crate::Vec3;
@@ -161,6 +162,47 @@ impl Factor {
     /// Number of entries that the factor stores.
     pub fn factor_entries(&self) -> usize {
         self.numbers.len()
+    }
+
+    /// What a factorization costs: of a column of `l` entries a root, `l - 1` divisions, and what it takes from the
+    /// later columns, `l (l - 1)`. Its numbers are written once; how often a blocked algorithm comes back to them
+    /// is not counted.
+    pub(super) fn cost(&self) -> Cost {
+        let mut length = vec![0; self.unknowns()];
+        self.columns(0..self.unknowns(), |column, _, values| {
+            length[column] += values.len();
+        });
+        Cost::update(size_of_val(self.values.as_slice()))
+            + Cost::read(size_of_val(self.row_index.as_slice()))
+            + Cost::read(size_of_val(self.rank.as_slice()))
+            + Cost::write(size_of_val(self.numbers.as_slice()))
+            + Cost::flops(length.iter().map(|l| l * l).sum())
+    }
+
+    /// Memory that it holds (bytes), with the pattern that `faer` keeps and the memory that it works in.
+    pub fn bytes(&self) -> usize {
+        let pattern = match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(symbolic) => {
+                size_of_val(symbolic.col_ptr()) + size_of_val(symbolic.row_idx())
+            }
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                size_of_val(symbolic.supernode_begin())
+                    + size_of_val(symbolic.col_ptr_for_row_idx())
+                    + size_of_val(symbolic.col_ptr_for_val())
+                    + size_of_val(symbolic.row_idx())
+                    + size_of_val(symbolic.nnz_per_super())
+            }
+        };
+        pattern
+            + self.supernodes.bytes()
+            + size_of_val(self.order.as_slice())
+            + size_of_val(self.places.as_slice())
+            + size_of_val(self.column_start.as_slice())
+            + size_of_val(self.row_index.as_slice())
+            + size_of_val(self.values.as_slice())
+            + size_of_val(self.rank.as_slice())
+            + size_of_val(self.numbers.as_slice())
+            + size_of_val(&*self.scratch)
     }
 
     /// The free node at each place.

@@ -3,6 +3,7 @@
 //! A kernel is linearized once a step and then multiplied by as often as the solver asks: nothing is assembled
 //! unless a factor is to be made. [`Assembled`] serves elements that have no kernel of their own.
 
+use super::cost::Cost;
 use super::lanes::{less, plus};
 use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
@@ -24,6 +25,15 @@ pub(crate) trait Kernel<T>: fmt::Debug + Send {
 
     /// Adds the blocks of `K` to `matrix`.
     fn add_to(&self, matrix: &mut BlockMatrix);
+
+    /// What `linearize` costs, but for displacements and forces; `None` where it has not been counted.
+    fn linearize_cost(&self) -> Option<Cost>;
+
+    /// What `product` costs, but for the vectors; `None` where it has not been counted.
+    fn product_cost(&self) -> Option<Cost>;
+
+    /// Memory that it holds (bytes).
+    fn bytes(&self) -> usize;
 }
 
 /// Elements that have a kernel of their own, and where the blocks of each lie in the matrix.
@@ -89,6 +99,18 @@ impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
             self.elements.stiffness(element)
         });
     }
+
+    fn linearize_cost(&self) -> Option<Cost> {
+        Some(self.elements.linearize_cost())
+    }
+
+    fn product_cost(&self) -> Option<Cost> {
+        Some(self.elements.product_cost())
+    }
+
+    fn bytes(&self) -> usize {
+        self.elements.bytes() + size_of_val(self.slots.as_slice())
+    }
 }
 
 impl<T: Real> Kernel<T> for Placed<Triangles<T>, 3> {
@@ -104,6 +126,18 @@ impl<T: Real> Kernel<T> for Placed<Triangles<T>, 3> {
         add_blocks(matrix, &self.slots, |element| {
             self.elements.stiffness(element)
         });
+    }
+
+    fn linearize_cost(&self) -> Option<Cost> {
+        Some(self.elements.linearize_cost())
+    }
+
+    fn product_cost(&self) -> Option<Cost> {
+        Some(self.elements.product_cost())
+    }
+
+    fn bytes(&self) -> usize {
+        self.elements.bytes() + size_of_val(self.slots.as_slice())
     }
 }
 
@@ -163,6 +197,24 @@ impl<T: Real> Kernel<T> for Assembled {
     fn add_to(&self, matrix: &mut BlockMatrix) {
         matrix.add_all(&self.matrix);
     }
+
+    fn linearize_cost(&self) -> Option<Cost> {
+        None
+    }
+
+    fn product_cost(&self) -> Option<Cost> {
+        // A product and a sum for each entry, and both once more for each row.
+        let (nodes, blocks) = (self.matrix.nodes(), self.matrix.block_count());
+        Some(Cost::read(self.matrix.bytes()) + Cost::flops(18 * blocks + 6 * nodes))
+    }
+
+    fn bytes(&self) -> usize {
+        self.elements.bytes()
+            + self.matrix.bytes()
+            + size_of_val(self.rest.as_slice())
+            + size_of_val(self.x.as_slice())
+            + size_of_val(self.force.as_slice())
+    }
 }
 
 /// A constant matrix of scalars: the bending of a sheet that is flat at rest.
@@ -195,6 +247,14 @@ impl<T: Real> ScalarMatrix<T> {
             weights: kept,
             exact: weights.to_vec(),
         }
+    }
+
+    /// What all rows times a vector cost.
+    fn read_cost(&self) -> Cost {
+        Cost::read(size_of_val(self.row_start.as_slice()))
+            + Cost::read(size_of_val(self.columns.as_slice()))
+            + Cost::read(size_of_val(self.weights.as_slice()))
+            + Cost::flops(6 * self.weights.len())
     }
 
     /// Rows times `u`: `sum(row, pull)` by row.
@@ -253,5 +313,21 @@ impl<T: Real> Kernel<T> for ScalarMatrix<T> {
 
     fn add_to(&self, matrix: &mut BlockMatrix) {
         matrix.add_scalar(&self.exact);
+    }
+
+    fn linearize_cost(&self) -> Option<Cost> {
+        // The force's three sums and the energy's six operations for each row.
+        Some(self.read_cost() + Cost::flops(9 * (self.row_start.len() - 1)))
+    }
+
+    fn product_cost(&self) -> Option<Cost> {
+        Some(self.read_cost() + Cost::flops(6 * (self.row_start.len() - 1)))
+    }
+
+    fn bytes(&self) -> usize {
+        size_of_val(self.row_start.as_slice())
+            + size_of_val(self.columns.as_slice())
+            + size_of_val(self.weights.as_slice())
+            + size_of_val(self.exact.as_slice())
     }
 }

@@ -4,6 +4,7 @@
 //! - [`Stepper`]: one step of a body by conjugate gradients on a frozen factor; [`ShapeOptions`]: its local
 //!   models.
 //! - [`refresh`]: a new factor, made beside the steps.
+//! - [`Cost`] and [`Part`]: bytes and operations of the parts of a step, and each alone.
 //! - `sleep`: bodies at rest are not stepped.
 //! - `kernel`: what a step needs of a set of elements.
 //! - [`lanes`]: numbers of either precision, and node vectors to and from arrays over elements.
@@ -16,6 +17,7 @@
 //!   preconditioner.
 
 mod condense;
+mod cost;
 pub mod factor;
 mod kernel;
 pub mod lanes;
@@ -35,6 +37,7 @@ mod triangle_polar;
 mod vectors;
 
 pub use condense::{ShapeOptions, ShapeReport};
+pub use cost::{Cost, Part};
 pub use lanes::Real;
 pub use refresh::Refresher;
 pub use stepper::{Guess, Stepper, StepperOptions, StepperReport};

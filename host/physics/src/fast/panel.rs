@@ -12,11 +12,15 @@
 //! same factor (see [`Kernels`](crate::fem::cholesky::Kernels)) comes the same result on every machine.
 
 use super::Node;
+use super::cost::Cost;
 use super::factor::{Factor, Rows};
 use super::supernodes::{Supernode, Supernodes};
 use super::sweep::{self, LANES, Line, Work, column_blocks, lines, strips};
 use crate::fem::error::CondenseError;
 use multiversion::multiversion;
+
+/// Operations of a solve for each number stored: a product and a sum forward, and both backward.
+pub const SOLVE_FLOPS: usize = 4;
 
 /// The factor's panels.
 ///
@@ -181,6 +185,48 @@ impl Panels {
     /// Numbers stored, with the zeros that fill strips.
     pub fn stored(&self) -> usize {
         LANES * self.values.len()
+    }
+
+    /// Memory that they hold (bytes).
+    pub fn bytes(&self) -> usize {
+        let Build {
+            local,
+            diagonal,
+            strips,
+        } = &self.build;
+        self.supernodes.bytes()
+            + size_of_val(self.start.as_slice())
+            + size_of_val(self.values.as_slice())
+            + self.work.bytes()
+            + size_of_val(local.as_slice())
+            + size_of_val(diagonal.as_slice())
+            + size_of_val(strips.as_slice())
+    }
+
+    /// What a solve costs: panels are read forward and backward, and so is the right-hand side, which is written each
+    /// time.
+    pub(super) fn solve_cost(&self) -> Cost {
+        let panels = Cost::read(size_of_val(self.values.as_slice()) + self.supernodes.bytes());
+        let r = Cost::update(size_of::<Node<f32>>() * self.build.local.len());
+        let flops = Cost::flops(SOLVE_FLOPS * self.stored());
+        panels + panels.again() + r + r.again() + flops
+    }
+
+    /// What filling them costs: a strip of a panel takes a product and a sum for each pair of its columns and a
+    /// product for each column. The factor's numbers are read, as many as the panels' where no strip is filled up.
+    pub(super) fn refresh_cost(&self) -> Cost {
+        let mut flops = 0;
+        for block in &self.supernodes.blocks {
+            let width = 3 * block.width();
+            for at in 0..strips(block) {
+                let rows = LANES * (at + 1);
+                let end = if rows <= width { rows } else { width };
+                flops += LANES * end * end + end;
+            }
+        }
+        let written = size_of_val(self.values.as_slice());
+        let read = self.stored() * size_of::<f64>();
+        Cost::write(written) + Cost::read(read).again() + Cost::flops(flops)
     }
 
     /// The supernodes.

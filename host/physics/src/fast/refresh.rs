@@ -5,6 +5,7 @@
 //! Between the two the stepper goes on with the factor that it has: a somewhat older factor costs an iteration or
 //! two, never correctness.
 
+use super::cost::Cost;
 use super::factor::Factor;
 use super::kernel::Kernel;
 use super::panel::Panels;
@@ -55,6 +56,25 @@ impl<T: Real> Refresher<T> {
             mass,
             guided,
         })
+    }
+
+    /// What the factorization and the panels cost.
+    pub(super) fn cost(&self) -> Cost {
+        Cost::read(self.matrix.bytes()) + self.factor.cost() + self.panels.refresh_cost()
+    }
+
+    /// Memory that it holds (bytes).
+    pub fn bytes(&self) -> usize {
+        let kernels: usize = self.kernels.iter().map(|kernel| kernel.bytes()).sum();
+        size_of::<Self>()
+            + kernels
+            + self.matrix.bytes()
+            + self.factor.bytes()
+            + self.panels.bytes()
+            + size_of_val(self.d.as_slice())
+            + size_of_val(self.force.as_slice())
+            + size_of_val(self.mass.as_slice())
+            + size_of_val(self.guided.as_slice())
     }
 
     /// Panels like those that it makes, of nothing yet.

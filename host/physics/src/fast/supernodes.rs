@@ -48,6 +48,13 @@ pub struct Supernodes {
     pub below: Vec<u32>,
 }
 
+impl Supernodes {
+    /// Memory that they hold (bytes).
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.blocks.as_slice()) + size_of_val(self.below.as_slice())
+    }
+}
+
 /// Places below the diagonal in each column of the factor, ascending.
 pub(super) fn columns(matrix: &BlockMatrix, order: &[u32]) -> Vec<Vec<u32>> {
     let count = order.len();

@@ -177,6 +177,14 @@ impl Work {
     }
 }
 
+impl Work {
+    /// Memory that it holds (bytes).
+    pub(super) fn bytes(&self) -> usize {
+        let both = self.rows.iter().chain(&self.columns);
+        both.map(|numbers| size_of_val(numbers.as_slice())).sum()
+    }
+}
+
 /// The part of `buffer` that begins at a line of the cache, in strips.
 #[inline(always)]
 fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {

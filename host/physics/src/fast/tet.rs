@@ -10,10 +10,20 @@
 //! Displacements are those from rest, so that single precision keeps the digits of small strains.
 
 use super::Node;
-use super::lanes::{LANES, Real, apart};
+use super::cost::Cost;
+use super::lanes::{LANES, Lanes, Real, apart};
 use super::polar::matrix;
-use super::tet_kernels::{Blocks, Rest, Turned, linearize, product};
+use super::tet_kernels::{self, Blocks, Rest, Turned, linearize, product};
 use crate::{Mat3, Vec3};
+
+/// Operations of [`Tets::linearize`] for each element, with one Newton iteration for its rotation.
+pub const LINEARIZE_FLOPS: usize = tet_kernels::LINEARIZE_FLOPS;
+
+/// Those of each Newton iteration more.
+pub const TURN_FLOPS: usize = tet_kernels::TURN_FLOPS;
+
+/// Operations of [`Tets::product`] for each element.
+pub const PRODUCT_FLOPS: usize = tet_kernels::PRODUCT_FLOPS;
 
 /// One tetrahedron, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,6 +105,33 @@ impl<T: Real> Tets<T> {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
+    }
+
+    /// Memory that they hold (bytes).
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.places.as_slice())
+            + size_of_val(self.blocks.nodes.as_slice())
+            + size_of_val(self.blocks.rest.as_slice())
+            + size_of_val(self.blocks.turned.as_slice())
+            + size_of_val(self.blocks.rotations.as_slice())
+    }
+
+    /// What a linearization with one Newton iteration costs, but for displacements and forces.
+    pub(super) fn linearize_cost(&self) -> Cost {
+        let ratios = self.blocks.turned.len() * size_of::<Lanes<T>>();
+        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(self.blocks.rest.as_slice()))
+            + Cost::update(size_of_val(self.blocks.rotations.as_slice()))
+            + Cost::write(size_of_val(self.blocks.turned.as_slice()) - ratios)
+            + Cost::read(ratios)
+            + Cost::flops(LINEARIZE_FLOPS * self.len())
+    }
+
+    /// What a product costs, but for the vectors.
+    pub(super) fn product_cost(&self) -> Cost {
+        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(self.blocks.turned.as_slice()))
+            + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
     /// Finds the rotations at displacements `d` (m), starting from the last ones, and adds the elastic forces

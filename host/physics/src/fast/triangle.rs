@@ -8,11 +8,18 @@
 //! Displacements are those from rest, so that single precision keeps the digits of small strains.
 
 use super::Node;
+use super::cost::Cost;
 use super::lanes::{LANES, Real, apart};
 use super::triangle_kernels::{
-    BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product,
+    self, BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product,
 };
 use crate::{Mat3, Vec3};
+
+/// Operations of [`Triangles::linearize`] for each element.
+pub const LINEARIZE_FLOPS: usize = triangle_kernels::LINEARIZE_FLOPS;
+
+/// Operations of [`Triangles::product`] for each element.
+pub const PRODUCT_FLOPS: usize = triangle_kernels::PRODUCT_FLOPS;
 
 /// One triangle, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,6 +96,29 @@ impl<T: Real> Triangles<T> {
     /// Whether there are none.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
+    }
+
+    /// Memory that they hold (bytes).
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.places.as_slice())
+            + size_of_val(self.blocks.nodes.as_slice())
+            + size_of_val(self.blocks.rest.as_slice())
+            + size_of_val(self.blocks.stiffness.as_slice())
+    }
+
+    /// What a linearization costs, but for displacements and forces.
+    pub(super) fn linearize_cost(&self) -> Cost {
+        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(self.blocks.rest.as_slice()))
+            + Cost::write(size_of_val(self.blocks.stiffness.as_slice()))
+            + Cost::flops(LINEARIZE_FLOPS * self.len())
+    }
+
+    /// What a product costs, but for the vectors.
+    pub(super) fn product_cost(&self) -> Cost {
+        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(self.blocks.stiffness.as_slice()))
+            + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
     /// Adds the elastic forces (N) at displacements `d` (m) to `force` and keeps the stiffness there. Returns the

@@ -18,6 +18,13 @@ pub(super) const BLOCK_11: usize = 0;
 pub(super) const BLOCK_12: usize = 6;
 pub(super) const BLOCK_22: usize = 15;
 
+/// Operations of a linearization for each element: differences 6, `F - I` 18, the polar decomposition 147, stress,
+/// energy and forces 45, the tangent in its plane and out of it 216, and the sums of forces 12.
+pub(super) const LINEARIZE_FLOPS: usize = 6 + 18 + 147 + 45 + 216 + 12;
+
+/// Of a product: differences 6, scaled 6, times a symmetric matrix of 6 x 6 66, and the sums of forces 12.
+pub(super) const PRODUCT_FLOPS: usize = 6 + 6 + 66 + 12;
+
 /// What does not change of a block.
 #[derive(Clone, Debug)]
 pub(super) struct Rest<T> {

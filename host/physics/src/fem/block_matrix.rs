@@ -58,6 +58,14 @@ impl BlockMatrix {
         matrix
     }
 
+    /// Memory that it holds (bytes).
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.row_start.as_slice())
+            + size_of_val(self.row_split.as_slice())
+            + size_of_val(self.columns.as_slice())
+            + size_of_val(self.blocks.as_slice())
+    }
+
     /// Number of nodes, free and held.
     pub fn nodes(&self) -> usize {
         self.row_split.len()

@@ -41,6 +41,9 @@ pub trait Elements: fmt::Debug + Send + Sync {
         stiffness: &mut BlockMatrix,
     );
 
+    /// Memory that they hold (bytes).
+    fn bytes(&self) -> usize;
+
     /// Number of elements that are turned inside out at `x`. A sheet has no inside.
     fn inverted(&self, x: &[Vec3]) -> usize;
 

@@ -322,6 +322,17 @@ impl Elements for Membrane {
         self.nodes.len()
     }
 
+    fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.gradients.as_slice())
+            + size_of_val(self.frames.as_slice())
+            + size_of_val(self.mu.as_slice())
+            + size_of_val(self.lambda.as_slice())
+            + size_of_val(self.volume.as_slice())
+            + size_of_val(self.density.as_slice())
+            + size_of_val(self.slots.as_slice())
+    }
+
     fn nodes(&self, element: usize) -> &[u32] {
         &self.nodes[element]
     }

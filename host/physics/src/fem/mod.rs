@@ -7,7 +7,8 @@
 //! - [`elements`]: what any set of elements gives a body.
 //! - [`block_matrix`]: the stiffness, in 3 x 3 blocks on a fixed pattern.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
-//! - [`body`], `build`, `energy` and `step`: the body, its construction, its sums and its realtime step.
+//! - [`body`], `build`, `energy`, `memory` and `step`: the body, its construction, its sums, what it holds and its
+//!   realtime step.
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
 //! - `guard`: a bound on the energy that a step may leave.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
@@ -34,6 +35,7 @@ pub mod law;
 pub mod load;
 pub mod material;
 pub mod membrane;
+mod memory;
 pub mod newton;
 pub mod pcg;
 pub(crate) mod reduction;

@@ -91,6 +91,14 @@ impl Pcg {
         }
     }
 
+    /// Memory that it holds (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.residual.as_slice())
+            + size_of_val(self.direction.as_slice())
+            + size_of_val(self.image.as_slice())
+            + size_of_val(self.inverse.as_slice())
+    }
+
     /// Improves `u` until `budget` stops it, from `self.residual`.
     pub(crate) fn solve(
         &mut self,

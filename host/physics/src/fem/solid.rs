@@ -176,6 +176,15 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         self.nodes.len()
     }
 
+    fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.gradients.as_slice())
+            + size_of_val(self.volumes.as_slice())
+            + size_of_val(self.lame.as_slice())
+            + size_of_val(self.density.as_slice())
+            + size_of_val(self.slots.as_slice())
+    }
+
     fn nodes(&self, element: usize) -> &[u32] {
         &self.nodes[element]
     }

@@ -31,6 +31,15 @@ pub(crate) struct Supports {
 }
 
 impl Supports {
+    /// Memory that they hold (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.list.as_slice())
+            + size_of_val(self.mask.as_slice())
+            + size_of_val(self.owner.as_slice())
+            + size_of_val(self.guided.as_slice())
+            + size_of_val(self.rest.as_slice())
+    }
+
     /// Adds a support of free nodes with the given rest positions, by node. Where supports share an axis of
     /// a node, the later one guides it.
     pub(crate) fn add(

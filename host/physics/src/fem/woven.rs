@@ -225,6 +225,16 @@ impl<L: SheetLaw> Elements for Woven<L> {
         self.nodes.len()
     }
 
+    fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.gradients.as_slice())
+            + size_of_val(self.area.as_slice())
+            + size_of_val(self.stiffness.as_slice())
+            + size_of_val(self.thickness.as_slice())
+            + size_of_val(self.density.as_slice())
+            + size_of_val(self.slots.as_slice())
+    }
+
     fn nodes(&self, element: usize) -> &[u32] {
         &self.nodes[element]
     }

@@ -7,10 +7,12 @@
 //! linearization (against implicit Euler by Newton's method, the same steps).
 
 mod calibration;
+mod ceiling;
 mod clock;
 mod cube;
 mod machine;
 mod motion;
+mod parts;
 mod path;
 mod precision;
 mod scaling;
@@ -26,6 +28,7 @@ use serde::Serialize;
 
 pub use clock::Times;
 pub use machine::Machine;
+pub use parts::{Memory, Parts, Timed};
 pub use precision::{Curve, Setting, Varied};
 pub use scaling::{Scaling, Size};
 pub use skips::Skip;
@@ -61,6 +64,23 @@ pub enum Level {
     Quick,
     /// All that the book quotes: minutes.
     Full,
+}
+
+/// A part of the study.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Section {
+    /// The cube's scenes
+    Cube,
+    /// The sheets' scenes
+    Sheets,
+    /// Larger and larger cubes
+    Scaling,
+    /// What is left undone on purpose
+    Skips,
+    /// Error against time
+    Precision,
+    /// Where the time of the fast step goes
+    Parts,
 }
 
 /// One scene on one path.
@@ -120,6 +140,8 @@ pub struct Speed {
     pub skips: Vec<Skip>,
     /// Error against time.
     pub precision: Vec<Curve>,
+    /// Where the time of the fast step goes.
+    pub parts: Parts,
 }
 
 impl Speed {
@@ -130,26 +152,51 @@ impl Speed {
     }
 }
 
-/// Measures everything. `progress` is given the share done.
+/// Measures everything, or `only` one part of the study: the others are empty then. `progress` is given the share
+/// done.
 ///
 /// # Errors
 /// [`SpeedError`].
-pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Speed, SpeedError> {
+pub fn run(
+    level: Level,
+    only: Option<Section>,
+    mut progress: impl FnMut(f64),
+) -> Result<Speed, SpeedError> {
     // Each part with its share of the whole time, roughly.
-    let [cube_end, sheets_end, scaling_end] = match level {
-        Level::Quick => [0.6, 0.75, 0.75],
-        Level::Full => [0.55, 0.7, 0.85],
+    let [cube_end, sheets_end, scaling_end, precision_end] = match level {
+        Level::Quick => [0.55, 0.7, 0.7, 0.95],
+        Level::Full => [0.55, 0.7, 0.85, 0.99],
     };
-    let machine = Machine::here();
-    let mut within = |from: f64, to: f64, share: f64| progress(from + (to - from) * share);
-    Ok(Speed {
+    let wanted = |section| only.is_none_or(|only| only == section);
+    let mut found = Speed {
         schema: "palpate.speed/1",
         level,
-        machine,
-        cube: cube::run(level, |share| within(0.0, cube_end, share))?,
-        sheets: sheets::run(level, |share| within(cube_end, sheets_end, share))?,
-        scaling: scaling::run(level, |share| within(sheets_end, scaling_end, share))?,
-        skips: skips::run(level)?,
-        precision: precision::run(level, |share| within(scaling_end, 1.0, share))?,
-    })
+        machine: Machine::here(),
+        cube: Vec::new(),
+        sheets: Vec::new(),
+        scaling: Vec::new(),
+        skips: Vec::new(),
+        precision: Vec::new(),
+        parts: Parts::default(),
+    };
+    let mut within = |from: f64, to: f64, share: f64| progress(from + (to - from) * share);
+    if wanted(Section::Cube) {
+        found.cube = cube::run(level, |share| within(0.0, cube_end, share))?;
+    }
+    if wanted(Section::Sheets) {
+        found.sheets = sheets::run(level, |share| within(cube_end, sheets_end, share))?;
+    }
+    if wanted(Section::Scaling) {
+        found.scaling = scaling::run(level, |share| within(sheets_end, scaling_end, share))?;
+    }
+    if wanted(Section::Skips) {
+        found.skips = skips::run(level)?;
+    }
+    if wanted(Section::Precision) {
+        found.precision = precision::run(level, |share| within(scaling_end, precision_end, share))?;
+    }
+    if wanted(Section::Parts) {
+        found.parts = parts::run(level, |share| within(precision_end, 1.0, share))?;
+    }
+    Ok(found)
 }

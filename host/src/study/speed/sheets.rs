@@ -14,7 +14,7 @@ use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 
-const SIDE: f64 = 0.2;
+pub(super) const SIDE: f64 = 0.2;
 /// Cells along and across.
 const MESHES: [(u32, u32); 3] = [(26, 27), (31, 31), (40, 41)];
 
@@ -53,8 +53,8 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
     Ok(rows)
 }
 
-/// Held at two opposite sides, and by a patch in the middle: handles 0, 1 and 2.
-fn body(nx: u32, ny: u32) -> Result<Body, SpeedError> {
+/// Of `nx` by `ny` cells, held at two opposite sides, and by a patch in the middle: handles 0, 1 and 2.
+pub(super) fn body(nx: u32, ny: u32) -> Result<Body, SpeedError> {
     // Diagonals alike: such a sheet bends as a plate does.
     let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
     let material = Material {

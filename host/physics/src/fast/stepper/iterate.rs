@@ -85,7 +85,7 @@ impl<T: Real> Stepper<T> {
     }
 
     /// `z` from the residual, without what is guided; returns their product.
-    fn precondition(&mut self) -> f64 {
+    pub(in crate::fast) fn precondition(&mut self) -> f64 {
         vectors::round(&self.residual, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
         self.panels.solve(&mut self.z);

@@ -37,38 +37,38 @@ pub struct Stepper<T> {
     /// How steps are solved; may be changed between them.
     pub options: StepperOptions,
     /// The place of each node, and the node at each place: free ones first, in an order that fills little.
-    place: Vec<u32>,
+    pub(super) place: Vec<u32>,
     pub(super) node: Vec<u32>,
     pub(super) free: usize,
     pub(super) kernels: Vec<Box<dyn Kernel<T>>>,
     /// Absent while it is lent.
-    refresher: Option<Box<Refresher<T>>>,
-    panels: Panels,
+    pub(super) refresher: Option<Box<Refresher<T>>>,
+    pub(super) panels: Panels,
     /// Factors of mass and stiffness in the matrix that was factorized.
-    factors: Option<(f64, f64)>,
+    pub(super) factors: Option<(f64, f64)>,
     stale: bool,
     /// Positions (m) by node for which the kernels are linearized.
-    at: Vec<Vec3>,
+    pub(super) at: Vec<Vec3>,
     elastic: f64,
 
     // By place.
-    rest: Vec<Vec3>,
+    pub(super) rest: Vec<Vec3>,
     pub(super) mass: Vec<f64>,
     /// 1 where an axis of a free place is free, 0 where a support guides it; empty without supports.
-    mask: Vec<Node<T>>,
+    pub(super) mask: Vec<Node<T>>,
     /// Mass in the matrix that is being solved with (kg/s^2).
-    inertia: Vec<T>,
-    d: Vec<Node<T>>,
-    force: Vec<Node<T>>,
+    pub(super) inertia: Vec<T>,
+    pub(super) d: Vec<Node<T>>,
+    pub(super) force: Vec<Node<T>>,
     /// Displacement over the step, and over the last.
     pub(super) u: Vec<Node<T>>,
-    last: Vec<Node<T>>,
+    pub(super) last: Vec<Node<T>>,
     /// The step of which `last` is the displacement (s); 0 where there is none.
     last_h: f64,
     pub(super) residual: Vec<Node<T>>,
-    z: Vec<Node<f32>>,
-    p: Vec<Node<T>>,
-    q: Vec<Node<T>>,
+    pub(super) z: Vec<Node<f32>>,
+    pub(super) p: Vec<Node<T>>,
+    pub(super) q: Vec<Node<T>>,
     pub(super) shapes: Option<Box<Shapes>>,
     sleep: Sleep,
     /// Counts linearizations.
@@ -260,6 +260,11 @@ impl<T: Real> Stepper<T> {
             *d = to_node(&(self.at[node as usize] - rest));
         }
         self.state += 1;
+        self.linearize_elements();
+    }
+
+    /// Forces, tangent and energy at the displacements `self.d`.
+    pub(super) fn linearize_elements(&mut self) {
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
         for kernel in &mut self.kernels {
@@ -268,7 +273,7 @@ impl<T: Real> Stepper<T> {
     }
 
     /// A new factor of the matrix as it is, where the refresher is at hand; otherwise the old one has to do.
-    fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
+    pub(super) fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
         if let Some(refresher) = &mut self.refresher {
             refresher.load(&self.d, factors);
             refresher.work()?;

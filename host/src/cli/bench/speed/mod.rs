@@ -2,12 +2,13 @@
 
 mod chart;
 mod csv;
+mod parts;
 mod table;
 
 use super::super::CommandError;
 use super::progress_bar;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::study::speed::{self, Level};
+use crate::study::speed::{self, Level, Section};
 use std::path::PathBuf;
 
 /// Arguments of `palpate bench speed`.
@@ -25,6 +26,9 @@ pub(super) struct SpeedArguments {
     /// Faster motions and fewer meshes: within a minute instead of twenty
     #[arg(long)]
     quick: bool,
+    /// Measure one part of the study only
+    #[arg(long, value_name = "PART")]
+    only: Option<Section>,
 }
 
 pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
@@ -35,7 +39,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     };
     let bar = progress_bar();
     let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
-    let found = speed::run(level, progress);
+    let found = speed::run(level, arguments.only, progress);
     bar.finish_and_clear();
     let found = found?;
     table::print(&found);
@@ -46,7 +50,9 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     if let Some(path) = &arguments.csv {
         write_atomically(path, csv::rows(&found).as_bytes())?;
     }
-    if let Some(folder) = &arguments.plot {
+    // Charts are of that part.
+    let drawn = !found.precision.is_empty();
+    if let Some(folder) = arguments.plot.as_ref().filter(|_| drawn) {
         std::fs::create_dir_all(folder).map_err(|source| AtomicFileError {
             path: folder.clone(),
             source,

@@ -1,32 +1,54 @@
 //! What is printed: the machine, and a table for each part of the study.
 
+use super::parts;
 use crate::study::speed::sofa::{self, Elsewhere};
 use crate::study::speed::{Machine, Row, Speed, Varied};
 
 pub(super) fn print(found: &Speed) {
     print_machine(&found.machine);
-    println!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
-    print_rows(&found.cube);
-    println!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
-    print_rows(&found.sheets);
-    println!(
-        "\nTimes: processor time of one thread for a whole step. Errors: the largest of the force over the motion, as a \
-         share of the largest force: of the solver, against the same equation solved to 1e-12; of the step, \
-         against implicit Euler by Newton's method. JND: the larger of the two in just-noticeable differences \
-         of 10 %."
-    );
-    println!("\nOther programs, the cube pressed with steps of 10 ms:\n");
-    print_elsewhere(&found.machine, &sofa::CUBE, &found.cube, "press");
-    println!("\nOther programs, sheets:\n");
-    print_elsewhere(&found.machine, &sofa::SHEETS, &found.sheets, "sheet_pull");
-    println!(
-        "\nScaled: times the ratio of the small kernel's times, {:.2}. The ratios on the right: the other program's \
-         scaled time over ours.",
-        found.machine.scaled(1.0)
-    );
+    print_scenes(found);
+    print_elsewhere_all(found);
     print_scaling(found);
     print_skips(found);
     print_precision(found);
+    parts::print(&found.parts);
+}
+
+fn print_scenes(found: &Speed) {
+    if !found.cube.is_empty() {
+        println!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
+        print_rows(&found.cube);
+    }
+    if !found.sheets.is_empty() {
+        println!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
+        print_rows(&found.sheets);
+    }
+    if !(found.cube.is_empty() && found.sheets.is_empty()) {
+        println!(
+            "\nTimes: processor time of one thread for a whole step. Errors: the largest of the force over the motion, as a \
+             share of the largest force: of the solver, against the same equation solved to 1e-12; of the step, \
+             against implicit Euler by Newton's method. JND: the larger of the two in just-noticeable differences \
+             of 10 %."
+        );
+    }
+}
+
+fn print_elsewhere_all(found: &Speed) {
+    if !found.cube.is_empty() {
+        println!("\nOther programs, the cube pressed with steps of 10 ms:\n");
+        print_elsewhere(&found.machine, &sofa::CUBE, &found.cube, "press");
+    }
+    if !found.sheets.is_empty() {
+        println!("\nOther programs, sheets:\n");
+        print_elsewhere(&found.machine, &sofa::SHEETS, &found.sheets, "sheet_pull");
+    }
+    if !(found.cube.is_empty() && found.sheets.is_empty()) {
+        println!(
+            "\nScaled: times the ratio of the small kernel's times, {:.2}. The ratios on the right: the other program's \
+             scaled time over ours.",
+            found.machine.scaled(1.0)
+        );
+    }
 }
 
 fn print_machine(machine: &Machine) {
@@ -144,6 +166,9 @@ fn print_scaling(found: &Speed) {
 }
 
 fn print_skips(found: &Speed) {
+    if found.skips.is_empty() {
+        return;
+    }
     println!(
         "\nLeft undone on purpose (error of the stiffness published, or of the force, as a share):\n"
     );
@@ -162,6 +187,9 @@ fn print_skips(found: &Speed) {
 }
 
 fn print_precision(found: &Speed) {
+    if found.precision.is_empty() {
+        return;
+    }
     println!("\nError of the force against processor time:\n");
     println!("| varied | kind | setting | ms | error |");
     println!("|---|---|---|---|---|");

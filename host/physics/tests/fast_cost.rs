@@ -1,0 +1,250 @@
+//! The operations said to be in a kernel against those that it makes, and the memory that a stepper holds.
+
+use physics::Vec3;
+use physics::fast::lanes::{LANES, Real};
+use physics::fast::tet::{self, Tet, Tets};
+use physics::fast::triangle::{self, Triangle, Triangles};
+use physics::fast::{Node, Part, Stepper, StepperOptions};
+use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
+use physics::mesh::generate_box::solid_box;
+use std::cell::Cell;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+thread_local! {
+    static OPERATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// A number that counts what is done with it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+struct Counted(f64);
+
+fn count(value: f64) -> Counted {
+    OPERATIONS.set(OPERATIONS.get() + 1);
+    Counted(value)
+}
+
+macro_rules! counted {
+    ($trait:ident, $method:ident) => {
+        impl $trait for Counted {
+            type Output = Self;
+
+            fn $method(self, other: Self) -> Self {
+                count(self.0.$method(other.0))
+            }
+        }
+    };
+}
+
+counted!(Add, add);
+counted!(Sub, sub);
+counted!(Mul, mul);
+counted!(Div, div);
+
+impl Neg for Counted {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl AddAssign for Counted {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counted {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl Real for Counted {
+    const ZERO: Self = Self(0.0);
+    const EPSILON: Self = Self(f64::EPSILON);
+    const SMALL_TURN: Self = Self(1e-13);
+
+    fn of(value: f64) -> Self {
+        Self(value)
+    }
+
+    fn to_f64(self) -> f64 {
+        self.0
+    }
+
+    fn sqrt(self) -> Self {
+        count(self.0.sqrt())
+    }
+}
+
+/// Operations in what `work` does.
+fn operations(work: impl FnOnce()) -> usize {
+    let before = OPERATIONS.get();
+    work();
+    OPERATIONS.get() - before
+}
+
+/// Displacements of four nodes, strained by about a hundredth; a little more with each number of `nodes`.
+fn displaced(scale: f64) -> Vec<Node<Counted>> {
+    (0..4)
+        .map(|n: i32| {
+            let at = |axis: i32| Counted(scale * 1e-3 * f64::from((7 * n * n + 3 * axis) % 5));
+            [at(0), at(1), at(2), Counted(0.0)]
+        })
+        .collect()
+}
+
+/// Operations on the fill of nodes, of an element of `nodes`: each difference, when it is read and when it is
+/// gathered, each force added to its node, and their sum at the first.
+fn fill(nodes: usize) -> usize {
+    let others = nodes - 1;
+    2 * others + others + (others - 1) + 1
+}
+
+#[test]
+fn a_tetrahedron_takes_as_many_operations_as_are_said() {
+    let gradients = [
+        Vec3::repeat(-10.0),
+        Vec3::x() * 10.0,
+        Vec3::y() * 10.0,
+        Vec3::z() * 10.0,
+    ];
+    let one = Tet {
+        nodes: [0, 1, 2, 3],
+        gradients,
+        volume: 1e-3 / 6.0,
+        lambda: 1e4,
+        mu: 8e3,
+    };
+    let mut tets = Tets::<Counted>::new([one; LANES].into_iter());
+    let mut force = vec![[Counted(0.0); 4]; 4];
+    let d = displaced(1.0);
+    // Until rotations are found, then once more from there: one Newton iteration each.
+    for _ in 0..2 {
+        tets.linearize(&d, &mut force);
+    }
+    let expected = LANES * (tet::LINEARIZE_FLOPS + fill(4) + 1);
+    let found = operations(|| {
+        tets.linearize(&d, &mut force);
+    });
+    // One for each lane more: energies are summed at the end.
+    assert_eq!(found, expected);
+
+    // From further away a turn or more is added, of all.
+    let found = operations(|| {
+        tets.linearize(&displaced(3.0), &mut force);
+    });
+    assert!(found > expected);
+    assert_eq!((found - expected) % (LANES * tet::TURN_FLOPS), 0);
+
+    let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (tet::PRODUCT_FLOPS + fill(4)));
+}
+
+#[test]
+fn a_triangle_takes_as_many_operations_as_are_said() {
+    let one = Triangle {
+        nodes: [0, 1, 2],
+        gradients: [[10.0, 0.0], [0.0, 10.0]],
+        frame: [Vec3::x(), Vec3::y()],
+        mu: 8.0,
+        lambda: 10.0,
+    };
+    let mut triangles = Triangles::<Counted>::new(&[one; LANES]);
+    let mut force = vec![[Counted(0.0); 4]; 4];
+    let d = displaced(1.0);
+    let found = operations(|| {
+        triangles.linearize(&d, &mut force);
+    });
+    // Energies are summed at the end.
+    assert_eq!(found, LANES * (triangle::LINEARIZE_FLOPS + fill(3) + 1));
+    let found = operations(|| triangles.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (triangle::PRODUCT_FLOPS + fill(3)));
+}
+
+/// A cube of `n` cells along the edge, held at its bottom.
+fn held_cube(n: u32) -> Body {
+    let mesh = solid_box([0.1; 3], [n; 3]).unwrap();
+    let material = SolidMaterial {
+        young: 2e4,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let bottom = HandleSpec {
+        vertices: (0_u32..)
+            .zip(&mesh.positions)
+            .filter(|(_, x)| x.z < -0.05 + 1e-9)
+            .map(|(vertex, _)| vertex)
+            .collect(),
+        origin: Vec3::zeros(),
+        freedom: Freedom::Translation,
+    };
+    let materials = vec![material; mesh.cells.len()];
+    let config = BodyConfig::default();
+    Body::solid(&mesh, &materials, SolidLaw::Corotational, config, &[bottom]).unwrap()
+}
+
+#[test]
+fn parts_repeated_change_no_step() {
+    let body = held_cube(4);
+    let pose = body.handle_report(0).unwrap().pose;
+    let run = |repeated: bool| {
+        let mut body = body.clone();
+        let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+        assert!(stepper.repeat(Part::Product).is_err());
+        for _ in 0..5 {
+            stepper.step(&mut body, 0.01, &[pose], || false).unwrap();
+            if repeated {
+                for part in [
+                    Part::Linearize,
+                    Part::Product,
+                    Part::Precondition,
+                    Part::Vectors,
+                ] {
+                    stepper.repeat(part).unwrap();
+                }
+            }
+        }
+        body
+    };
+    let (plain, repeated) = (run(false), run(true));
+    let moved = plain.positions().map(|x| x.amax());
+    assert!(moved.fold(0.0, f64::max) > 0.05);
+    for (a, b) in plain.positions().zip(repeated.positions()) {
+        // Repeated, a rotation's Newton iteration goes on from where it had converged, to 1e-13: a step of some
+        // millimetres keeps that many digits, and 1e-6 of the residual otherwise is the same.
+        assert!((a - b).amax() < 1e-12, "{a} {b}");
+    }
+}
+
+#[test]
+fn costs_are_those_of_the_data() {
+    let body = held_cube(4);
+    let stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+    let single = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
+    let (elements, nodes) = (384, 125);
+    let product = stepper.cost(Part::Product).unwrap();
+    assert_eq!(product.flops, elements * tet::PRODUCT_FLOPS);
+    // Four node numbers and ten numbers of eight bytes; 384 are twelve full blocks. The vector and the result, which
+    // is cleared first.
+    assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
+    assert_eq!(product.written, 2 * nodes * 32);
+    assert_eq!(product.touched, elements * (16 + 80) + 2 * nodes * 32);
+    let half = single.cost(Part::Product).unwrap();
+    assert_eq!(half.read, elements * (16 + 40) + 2 * nodes * 16);
+    assert_eq!(half.flops, product.flops);
+    let linearize = stepper.cost(Part::Linearize).unwrap();
+    assert_eq!(linearize.flops, elements * tet::LINEARIZE_FLOPS);
+    // Node numbers, nine gradients and a scale, four of a quaternion and the ratio of moduli.
+    assert_eq!(linearize.read, elements * (16 + 8 * 15) + 2 * nodes * 32);
+    assert_eq!(linearize.written, elements * 8 * 13 + 2 * nodes * 32);
+    // A factorization takes the third power of a dense one's at most, and at least a product for each number.
+    let refresh = stepper.cost(Part::Refresh).unwrap();
+    let unknowns: usize = 3 * 100;
+    assert!(refresh.flops > unknowns * unknowns / 8 && refresh.flops < unknowns.pow(3));
+    // What it holds is more than what any part touches, and in single precision less.
+    assert!(stepper.bytes() > linearize.touched + refresh.touched);
+    assert!(single.bytes() < stepper.bytes());
+    assert!(body.bytes() > elements * size_of::<[Vec3; 4]>());
+}
