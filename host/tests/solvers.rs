@@ -3,6 +3,7 @@
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::fs;
 use std::path::Path;
@@ -14,12 +15,7 @@ fn with(name: &str, line: &str) -> Result<LoadedScene, Box<dyn Error>> {
     let text = fs::read_to_string(Path::new(SCENES).join(name))?;
     let text = text.replacen("[host]\n", &format!("[host]\n{line}\n"), 1);
     assert!(text.contains(line));
-    // Beside the original, so that it finds its files.
-    let file = tempfile::Builder::new()
-        .suffix(".toml")
-        .tempfile_in(SCENES)?;
-    fs::write(file.path(), text)?;
-    Ok(Scene::load(file.path())?)
+    Ok(Scene::load_texts(name, &text, &BTreeMap::new())?)
 }
 
 fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Error>> {
