@@ -36,7 +36,8 @@ Examples:
   palpate run --replay run.mcap                the same ticks again, compared bit for bit
   palpate run my_scene.toml --seed 7           your own scene
   palpate solve my_scene.toml --vtu out        equilibrium without devices, as files for ParaView
-  palpate plan my_scene.toml                   which stages it needs, and why the others are skipped";
+  palpate plan my_scene.toml                   which stages it needs, and why the others are skipped
+  palpate bench speed --quick                  run time against error, beside other programs";
 
 #[derive(Debug, Subcommand)]
 enum Command {

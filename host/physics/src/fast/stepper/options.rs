@@ -24,7 +24,7 @@ pub struct StepperOptions {
     /// A step of more iterations than this asks for a new factor.
     pub patience: usize,
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
-    /// see [`Stepper::lend`].
+    /// see [`Stepper::lend`](super::Stepper::lend).
     pub refresh: bool,
     /// The code that factorizes.
     pub kernels: Kernels,
