@@ -13,7 +13,7 @@ pub enum Beside<T> {
     AtAStep {
         /// What was begun, and the steps until it is taken.
         begun: Option<(u32, Box<Refresher<T>>)>,
-        /// Steps in [`TIME`].
+        /// Steps in `TIME`.
         steps: u32,
     },
     /// By a thread, which ends when this is dropped.

@@ -1,7 +1,7 @@
 //! What other programs take for the same cube and for sheets of as many triangles: figures from elsewhere.
 //!
 //! SOFA v26.06, built with `g++ -O3 -march=native` in double precision, one thread of an AMD EPYC of 2.6 GHz
-//! with AVX-512, where the [calibration](super::calibration) took 29.45 us: medians of whole steps. Its
+//! with AVX-512, where the calibration took 29.45 us: medians of whole steps. Its
 //! stopping rule is an absolute one; the residuals given are what was left relative to the right-hand side.
 //! The thesis's figures are its own tables 3.1 and 4.1, on an i7-4800MQ or a Xeon E5-2620: not scaled.
 
