@@ -49,11 +49,7 @@ fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, Ca
     // Each solve leaves 1e-9 of the forces that balance (1e-6 of the guess's the linearized step), some of
     // them with a resultant: forces times the step, over the steps. Forces here are a few times what kicks the
     // body, m c^2 0.01 / L against m g.
-    let limit = if method == Method::Linearized {
-        1e-4
-    } else {
-        1e-6
-    };
+    let limit = if method.is_linearized() { 1e-4 } else { 1e-6 };
     Ok(Outcome {
         figure: worst,
         limit: Some(limit),

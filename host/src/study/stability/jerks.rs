@@ -61,7 +61,7 @@ fn jerk(
     trial.run(h, steps, last);
     // Corotational laws are not smooth where an element is both stretched and crushed; there may be no balance
     // there to be found.
-    let must_be_taken = kind.law() != "corotational" || method == Method::Linearized;
+    let must_be_taken = kind.law() != "corotational" || method.is_linearized();
     Ok(Outcome {
         figure: trial.energy().excess() / put_in,
         limit: Some(method.allowed_excess(kind)),

@@ -56,8 +56,8 @@ impl Request {
     fn is_for(self, kind: Kind, method: Method) -> bool {
         let solid = Kind::solids().any(|solid| solid == kind);
         match self {
-            Self::Hasty => method != Method::Linearized && !kind.is_quadratic_in_energy(),
-            Self::Through => solid && method != Method::Linearized,
+            Self::Hasty => !method.is_linearized() && !kind.is_quadratic_in_energy(),
+            Self::Through => solid && !method.is_linearized(),
             // Not a matter of time steps: once for each kind.
             Self::Arrays | Self::Load | Self::Unheld => method == Method::ImplicitEuler,
             _ => true,

@@ -56,16 +56,21 @@ impl Kind {
 
     /// Every kind with both schemes that are solved to a tolerance.
     pub(super) fn solved() -> impl Iterator<Item = (Self, Method)> {
-        Self::all().filter(|(_, method)| *method != Method::Linearized)
+        Self::all().filter(|(_, method)| !method.is_linearized())
     }
 
     /// This kind with every way to step it.
     pub(super) fn with_methods(self) -> impl Iterator<Item = (Self, Method)> {
         let methods: &[Method] = match self {
-            Self::Linear(_) | Self::Quadratic(_) => &[Method::ImplicitEuler, Method::TrBdf2],
-            Self::Sheet | Self::Woven(_) => {
-                &[Method::ImplicitEuler, Method::TrBdf2, Method::Linearized]
+            Self::Linear(_) | Self::Quadratic(_) => {
+                &[Method::ImplicitEuler, Method::TrBdf2, Method::Frozen]
             }
+            Self::Sheet | Self::Woven(_) => &[
+                Method::ImplicitEuler,
+                Method::TrBdf2,
+                Method::Linearized,
+                Method::Frozen,
+            ],
         };
         methods.iter().map(move |&method| (self, method))
     }

@@ -2,6 +2,7 @@
 
 use super::{CaseError, Kind};
 use physics::Vec3;
+use physics::fast::{Stepper, StepperOptions};
 use physics::fem::{Body, HandlePose, Integrator, IntegratorOptions, Scheme};
 use serde::Serialize;
 use std::fmt::Display;
@@ -13,8 +14,10 @@ pub(super) enum Method {
     ImplicitEuler,
     /// TR-BDF2, solved to its tolerance.
     TrBdf2,
-    /// Implicit Euler with one linearization: the realtime step.
+    /// Implicit Euler with one linearization, assembled.
     Linearized,
+    /// The same on a frozen factor: the realtime step.
+    Frozen,
 }
 
 /// What rounding may add to an energy, as a share: a velocity is a difference of positions over the step, so in
@@ -29,6 +32,7 @@ impl Method {
             Self::ImplicitEuler => "implicit Euler",
             Self::TrBdf2 => "TR-BDF2",
             Self::Linearized => "linearized step",
+            Self::Frozen => "frozen step",
         }
     }
 
@@ -37,7 +41,7 @@ impl Method {
         match self {
             Self::ImplicitEuler => 1.0,
             Self::TrBdf2 => 2.0,
-            Self::Linearized => 0.5,
+            Self::Linearized | Self::Frozen => 0.5,
         }
     }
 
@@ -55,6 +59,11 @@ impl Method {
     /// energies, and holds it for others as long as a step is taken on one side of a dent.
     pub(super) fn never_gains(self, kind: Kind) -> bool {
         self == Self::ImplicitEuler || (self == Self::TrBdf2 && kind.is_quadratic_in_energy())
+    }
+
+    /// Whether it takes one linearization a step.
+    pub(super) fn is_linearized(self) -> bool {
+        matches!(self, Self::Linearized | Self::Frozen)
     }
 
     pub(super) fn options(self) -> IntegratorOptions {
@@ -98,11 +107,19 @@ struct Taken {
     residual: f64,
 }
 
+/// What steps a body.
+#[derive(Debug)]
+enum Stepped {
+    Assembled,
+    Frozen(Box<Stepper<f64>>),
+    Solved(Box<Integrator>),
+}
+
 /// A body, how it is stepped, and what it has done.
 #[derive(Debug)]
 pub(super) struct Trial {
     pub(super) body: Body,
-    integrator: Option<Integrator>,
+    stepped: Stepped,
     before: Vec<u64>,
     after: Vec<u64>,
     pub(super) account: Account,
@@ -167,14 +184,18 @@ impl Trial {
         method: Method,
         options: IntegratorOptions,
     ) -> Result<Self, CaseError> {
-        let integrator = match method {
-            Method::Linearized => None,
-            _ => Some(Integrator::new(&body, options)?),
+        let stepped = match method {
+            Method::Linearized => Stepped::Assembled,
+            Method::Frozen => {
+                let options = StepperOptions::default();
+                Stepped::Frozen(Box::new(Stepper::new(&body, options)?))
+            }
+            _ => Stepped::Solved(Box::new(Integrator::new(&body, options)?)),
         };
         let energy = Energy::new(energy(&body));
         Ok(Self {
             body,
-            integrator,
+            stepped,
             before: Vec::new(),
             after: Vec::new(),
             account: Account::default(),
@@ -184,17 +205,26 @@ impl Trial {
 
     /// One step; whether it was taken.
     pub(super) fn step(&mut self, h: f64, targets: &[HandlePose]) -> bool {
-        self.watch(|body, integrator| match integrator {
-            Some(integrator) => integrator.step(body, h, targets).map(|report| Taken {
+        self.watch(|body, stepped| match stepped {
+            Stepped::Solved(integrator) => integrator.step(body, h, targets).map(|report| Taken {
                 substeps: report.substeps,
                 damped: report.damped,
                 residual: report.relative_residual,
             }),
-            None => body.step(h, targets).map(|report| Taken {
+            Stepped::Assembled => body.step(h, targets).map(|report| Taken {
                 substeps: 1,
                 damped: usize::from(report.held_back > 0.0),
                 residual: report.relative_residual(),
             }),
+            Stepped::Frozen(stepper) => {
+                stepper
+                    .step(body, h, targets, || false)
+                    .map(|report| Taken {
+                        substeps: 1,
+                        damped: usize::from(report.held_back > 0.0),
+                        residual: report.residual / report.reference.max(f64::MIN_POSITIVE),
+                    })
+            }
         })
     }
 
@@ -209,11 +239,11 @@ impl Trial {
     /// Watches what says how it went, or gives an error.
     fn watch<E: Display>(
         &mut self,
-        act: impl FnOnce(&mut Body, Option<&mut Integrator>) -> Result<Taken, E>,
+        act: impl FnOnce(&mut Body, &mut Stepped) -> Result<Taken, E>,
     ) -> bool {
         state(&self.body, &mut self.before);
         self.account.steps += 1;
-        let result = act(&mut self.body, self.integrator.as_mut());
+        let result = act(&mut self.body, &mut self.stepped);
         state(&self.body, &mut self.after);
         if !self
             .after

@@ -237,7 +237,6 @@ impl<T: Real> Stepper<T> {
         }
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
-        let reference = reference.hypot(self.norm());
         let limits = Limits {
             goal: self.options.tolerance * reference,
             max_iterations: self.options.max_iterations,
@@ -327,9 +326,11 @@ impl<T: Real> Stepper<T> {
         self.last_h = h;
     }
 
-    /// The residual of the guess; returns the norm of the forces that act on the free nodes (N).
+    /// The residual of the guess; returns the norm of the forces against which it is to be small (N): those that
+    /// act on the free nodes, and what moves them. That is what a hand does within the step, all of which is in
+    /// the residual; where no hand moves it is inertia, and a bad guess is no excuse.
     fn start(&mut self, body: &Body, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
-        let mut reference = 0.0;
+        let (mut acting, mut momentum) = (0.0, 0.0);
         for (place, r) in self.residual.iter_mut().enumerate() {
             let node = self.node[place] as usize;
             let mass = self.mass[place];
@@ -338,12 +339,21 @@ impl<T: Real> Stepper<T> {
             let inertia = body.v[node] / h - to_vec(&self.u[place]) * mass_factor;
             *r = to_node(&(internal + external + inertia * mass));
             if place < self.free {
-                reference += internal.norm_squared() + external.norm_squared();
+                acting += internal.norm_squared() + external.norm_squared();
+                momentum += (body.v[node] * (mass / h)).norm_squared();
             }
         }
         for kernel in &self.kernels {
             kernel.product(-T::of(stiffness_factor), &self.u, &mut self.residual);
         }
-        reference.sqrt()
+        let held = self.u[self.free..].iter().flatten();
+        let moved = !self.mask.is_empty() || held.copied().any(|u| u != T::ZERO);
+        let guess = self.norm();
+        let moving = if moved {
+            guess
+        } else {
+            guess.min(momentum.sqrt())
+        };
+        acting.sqrt().hypot(moving)
     }
 }

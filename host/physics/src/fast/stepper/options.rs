@@ -15,7 +15,7 @@ pub enum Guess {
 /// How a step is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepperOptions {
-    /// The residual to reach, as a share of the forces that act on the free nodes and of the guess's residual.
+    /// The residual to reach, as a share of the forces that act on the free nodes and of what moves them.
     pub tolerance: f64,
     /// Most iterations; the step is taken with what they have found.
     pub max_iterations: usize,
@@ -54,7 +54,7 @@ pub struct StepperReport {
     pub iterations: usize,
     /// Norm of the residual at the end (N), as the recurrence carries it.
     pub residual: f64,
-    /// Norm of the forces that act on the free nodes, and of the guess's residual (N).
+    /// Norm of the forces that act on the free nodes, and of what moves them (N).
     pub reference: f64,
     /// Whether the tolerance was met.
     pub converged: bool,
