@@ -120,11 +120,22 @@ impl Outcome {
         method: Method,
         run: impl FnOnce(&mut Trial),
     ) -> Self {
+        Self::of_energy_to(ROUNDING, trial, kind, method, run)
+    }
+
+    /// The same where a rise of `rounding`, as a share of the start's energy, is none.
+    pub(super) fn of_energy_to(
+        rounding: f64,
+        trial: &mut Trial,
+        kind: Kind,
+        method: Method,
+        run: impl FnOnce(&mut Trial),
+    ) -> Self {
         let start = energy(&trial.body);
         run(trial);
         let energy = trial.energy();
         let regained = energy.rise() / start;
-        let reason = (method.never_gains(kind) && regained > ROUNDING)
+        let reason = (method.never_gains(kind) && regained > rounding)
             .then(|| format!("its energy falls, and rises again by {regained:.3e} of the start's"));
         Self {
             figure: energy.excess() / start,

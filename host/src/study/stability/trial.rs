@@ -22,9 +22,8 @@ pub(super) enum Method {
 
 /// What rounding may add to an energy, as a share: a velocity is a difference of positions over the step, so in
 /// a body of 1 m at 3e-4 m/s a step of 1e-4 s leaves 1e-16 / (1e-4 * 3e-4) = 3e-9 of it unknown, ten times that
-/// where TR-BDF2 extrapolates; Newton's method leaves 1e-9 of the forces, and where some cells are a million
-/// times stiffer, of theirs; and all that adds up over the steps.
-pub(super) const ROUNDING: f64 = 1e-5;
+/// where TR-BDF2 extrapolates; Newton's method leaves 1e-9 of the forces; and all that adds up over the steps.
+pub(super) const ROUNDING: f64 = 1e-6;
 
 impl Method {
     pub(super) fn name(self) -> &'static str {
