@@ -8,19 +8,10 @@ use super::order::places;
 use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::fem::block_matrix::BlockMatrix;
-use crate::fem::cholesky::Kernels;
 use crate::fem::error::CondenseError;
-use core::fmt;
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
-use faer::linalg::cholesky::llt::factor::{LltError as Pivot, LltRegularization};
-use faer::sparse::linalg::SupernodalThreshold;
+use crate::fem::sparse_cholesky::{Elimination, Kernels, SparseCholesky};
+use faer::sparse::linalg::cholesky::SymbolicCholeskyRaw;
 use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky,
-};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, MatMut, Par, Side, Spec};
 
 /// Right-hand sides that [`Factor::solve`] takes in one go.
 const COLUMNS: usize = 6;
@@ -31,29 +22,15 @@ const LOWER: u32 = u32::MAX;
 /// A factorization of `mass_factor M + stiffness_factor K` on the free nodes, refreshed in place.
 ///
 /// Unknown `3 p + i` is axis `i` of the node at place `p` of the order.
+#[derive(Debug)]
 pub struct Factor {
     order: Vec<u32>,
     places: Vec<u32>,
     supernodes: Supernodes,
-    /// Upper triangle by columns, both by places.
-    column_start: Vec<u32>,
-    row_index: Vec<u32>,
-    values: Vec<f64>,
     /// For each free block of the matrix as stored: how many blocks precede it in its column.
     rank: Vec<u32>,
-    symbolic: SymbolicCholesky<u32>,
-    numbers: Vec<f64>,
-    scratch: MemBuffer,
-}
-
-impl fmt::Debug for Factor {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Factor")
-            .field("unknowns", &self.unknowns())
-            .field("entries", &self.values.len())
-            .field("factor_entries", &self.numbers.len())
-            .finish_non_exhaustive()
-    }
+    /// Upper triangle by columns, both by places.
+    sparse: SparseCholesky,
 }
 
 impl Factor {
@@ -114,43 +91,13 @@ impl Factor {
                 rank.push(found.map_or(LOWER, |at| (at / 3) as u32));
             }
         }
-        let failed = |reason: &dyn fmt::Debug| CondenseError::Symbolic {
-            unknowns,
-            reason: format!("{reason:?}"),
-        };
-        let pattern = SymbolicSparseColMatRef::new_checked(
-            unknowns,
-            unknowns,
-            &column_start,
-            None,
-            &row_index,
-        );
-        let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: match kernels {
-                Kernels::Fastest => SupernodalThreshold::FORCE_SUPERNODAL,
-                Kernels::Portable => SupernodalThreshold::FORCE_SIMPLICIAL,
-            },
-            ..CholeskySymbolicParams::default()
-        };
-        let symbolic =
-            factorize_symbolic_cholesky(pattern, Side::Upper, SymmetricOrdering::Identity, params)
-                .map_err(|error| failed(&error))?;
-        let need = StackReq::any_of(&[
-            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default()),
-            symbolic.solve_in_place_scratch::<f64>(COLUMNS, Par::Seq),
-        ]);
-        let scratch = MemBuffer::try_new(need).map_err(|error| failed(&error))?;
+        let elimination = Elimination::AsNumbered;
         Ok(Self {
             order: order.to_vec(),
             supernodes: Supernodes::new(matrix, order),
             places,
-            values: vec![0.0; row_index.len()],
-            numbers: vec![0.0; symbolic.len_val()],
-            column_start,
-            row_index,
             rank,
-            symbolic,
-            scratch,
+            sparse: SparseCholesky::new(column_start, row_index, elimination, kernels, COLUMNS)?,
         })
     }
 
@@ -161,7 +108,7 @@ impl Factor {
 
     /// Number of entries that the factor stores.
     pub fn factor_entries(&self) -> usize {
-        self.numbers.len()
+        self.sparse.numbers.len()
     }
 
     /// What a factorization costs: of a column of `l` entries a root, `l - 1` divisions, and what it takes from the
@@ -172,37 +119,21 @@ impl Factor {
         self.columns(0..self.unknowns(), |column, _, values| {
             length[column] += values.len();
         });
-        Cost::update(size_of_val(self.values.as_slice()))
-            + Cost::read(size_of_val(self.row_index.as_slice()))
+        let [values, rows, numbers] = self.sparse.parts();
+        Cost::update(values)
+            + Cost::read(rows)
             + Cost::read(size_of_val(self.rank.as_slice()))
-            + Cost::write(size_of_val(self.numbers.as_slice()))
+            + Cost::write(numbers)
             + Cost::flops(length.iter().map(|l| l * l).sum())
     }
 
     /// Memory that it holds (bytes), with the pattern that `faer` keeps and the memory that it works in.
     pub fn bytes(&self) -> usize {
-        let pattern = match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(symbolic) => {
-                size_of_val(symbolic.col_ptr()) + size_of_val(symbolic.row_idx())
-            }
-            SymbolicCholeskyRaw::Supernodal(symbolic) => {
-                size_of_val(symbolic.supernode_begin())
-                    + size_of_val(symbolic.col_ptr_for_row_idx())
-                    + size_of_val(symbolic.col_ptr_for_val())
-                    + size_of_val(symbolic.row_idx())
-                    + size_of_val(symbolic.nnz_per_super())
-            }
-        };
-        pattern
+        self.sparse.bytes()
             + self.supernodes.bytes()
             + size_of_val(self.order.as_slice())
             + size_of_val(self.places.as_slice())
-            + size_of_val(self.column_start.as_slice())
-            + size_of_val(self.row_index.as_slice())
-            + size_of_val(self.values.as_slice())
             + size_of_val(self.rank.as_slice())
-            + size_of_val(self.numbers.as_slice())
-            + size_of_val(&*self.scratch)
     }
 
     /// The free node at each place.
@@ -241,29 +172,7 @@ impl Factor {
     ) -> Result<(), CondenseError> {
         self.gather(matrix, mass, mass_factor, stiffness_factor, mask)
             .ok_or(CondenseError::Topology)?;
-        let unknowns = self.unknowns();
-        let pattern = SymbolicSparseColMatRef::new_checked(
-            unknowns,
-            unknowns,
-            &self.column_start,
-            None,
-            &self.row_index,
-        );
-        let result = self.symbolic.factorize_numeric_llt(
-            &mut self.numbers,
-            SparseColMatRef::new(pattern, &self.values),
-            Side::Upper,
-            LltRegularization::default(),
-            Par::Seq,
-            MemStack::new(&mut self.scratch),
-            Spec::default(),
-        );
-        match result {
-            Ok(_) => Ok(()),
-            Err(Pivot::NonPositivePivot { index }) => {
-                Err(CondenseError::NotPositiveDefinite { pivot: index })
-            }
-        }
+        self.sparse.factorize()
     }
 
     /// Writes the upper triangle by columns; `None` where the pattern is another.
@@ -291,9 +200,10 @@ impl Factor {
                 }
                 for axis in 0..3 {
                     // The matrix is symmetric: row `node` read along is its column read down.
-                    let start = self.column_start[3 * place + axis] as usize + 3 * rank as usize;
+                    let start =
+                        self.sparse.column_start[3 * place + axis] as usize + 3 * rank as usize;
                     let end = if row == node { axis + 1 } else { 3 };
-                    let column = self.values.get_mut(start..start + end)?;
+                    let column = self.sparse.values.get_mut(start..start + end)?;
                     for (i, value) in column.iter_mut().enumerate() {
                         let coupled = !is_guided(node, axis) && !is_guided(row, i);
                         *value = if coupled {
@@ -318,20 +228,7 @@ impl Factor {
     /// Solves in place for the right-hand sides in `columns`, one after the other, each with
     /// [`unknowns`](Self::unknowns) entries (x, y, z of the node at each place).
     pub fn solve(&mut self, columns: &mut [f64]) {
-        let unknowns = self.unknowns();
-        if unknowns == 0 {
-            return;
-        }
-        for columns in columns.chunks_mut(COLUMNS * unknowns) {
-            let count = columns.len() / unknowns;
-            let columns = &mut columns[..count * unknowns];
-            LltRef::new(&self.symbolic, &self.numbers).solve_in_place_with_conj(
-                Conj::No,
-                MatMut::from_column_major_slice_mut(columns, unknowns, count),
-                Par::Seq,
-                MemStack::new(&mut self.scratch),
-            );
-        }
+        self.sparse.solve(columns);
     }
 
     /// Gives the column of each of the unknowns in `range`, ascending, in pieces: its number, rows of the
@@ -341,19 +238,19 @@ impl Factor {
         range: core::ops::Range<usize>,
         mut piece: impl FnMut(usize, Rows<'_>, &[f64]),
     ) {
-        match self.symbolic.raw() {
+        match self.sparse.symbolic.raw() {
             SymbolicCholeskyRaw::Simplicial(symbolic) => {
                 for column in range {
                     let start = symbolic.col_ptr()[column] as usize;
                     let end = symbolic.col_ptr()[column + 1] as usize;
                     let rows = Rows::Listed(&symbolic.row_idx()[start..end]);
-                    piece(column, rows, &self.numbers[start..end]);
+                    piece(column, rows, &self.sparse.numbers[start..end]);
                 }
             }
             SymbolicCholeskyRaw::Supernodal(symbolic) => {
                 let ends = symbolic.supernode_end();
                 let mut index = ends.partition_point(|&end| end as usize <= range.start);
-                let factor = SupernodalLltRef::new(symbolic, &self.numbers);
+                let factor = SupernodalLltRef::new(symbolic, &self.sparse.numbers);
                 for column in range {
                     if ends[index] as usize <= column {
                         index += 1;

@@ -42,6 +42,7 @@ pub(crate) mod reduction;
 pub mod shape;
 pub mod sheet_law;
 pub mod solid;
+pub(crate) mod sparse_cholesky;
 mod step;
 mod support;
 pub mod weave;
