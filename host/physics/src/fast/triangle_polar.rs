@@ -3,7 +3,7 @@
 //! Closed forms of straight arithmetic, for loops over lanes (see `triangle_kernels`).
 
 use super::lanes::Real;
-use crate::fem::membrane::STRETCH_FLOOR;
+use crate::fem::surface_polar::STRETCH_FLOOR;
 
 pub(super) type Vector<T> = [T; 3];
 

@@ -38,7 +38,7 @@
 use super::block_matrix::BlockMatrix;
 use super::error::BodyError;
 use super::material::Material;
-use super::membrane::rest_frame;
+use super::triangle_frame::rest_frame;
 use crate::{Mat3, Vec3};
 
 /// A sheet folded by more than this at rest (rad) is not flat. A file in single precision stays below.

@@ -5,7 +5,7 @@
 //! Constructors number vertices as the mesh does; the body then renumbers them into nodes.
 
 use super::Tangent;
-use super::block_matrix::BlockMatrix;
+use super::block_matrix::{BlockMatrix, ElementSlots};
 use crate::fast::tet::Tet;
 use crate::fast::triangle::Triangle;
 use crate::{Mat3, Vec3};
@@ -68,4 +68,20 @@ impl Clone for Box<dyn Elements> {
     fn clone(&self) -> Self {
         self.boxed()
     }
+}
+
+/// Replaces each vertex by its node.
+pub(super) fn renumber<const N: usize>(elements: &mut [[u32; N]], node_of_vertex: &[u32]) {
+    for nodes in elements {
+        *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
+    }
+}
+
+/// Where the blocks of each element lie in `matrix`; of none where it lacks some.
+pub(crate) fn slots<const N: usize>(
+    elements: impl Iterator<Item = [u32; N]>,
+    matrix: &BlockMatrix,
+) -> Vec<ElementSlots<N>> {
+    let slots = elements.map(|nodes| matrix.element_slots(nodes));
+    slots.collect::<Option<_>>().unwrap_or_default()
 }

@@ -26,16 +26,14 @@
 
 use super::Tangent;
 use super::block_matrix::{BlockMatrix, ElementSlots};
-use super::elements::Elements;
+use super::elements::{Elements, renumber, slots};
 use super::error::BodyError;
 use super::material::Material;
+use super::surface_polar::{Polar, STRETCH_FLOOR};
+use super::triangle_frame::{degenerate, rest_axes, rest_frame};
 use crate::fast::triangle::Triangle;
 use crate::mesh::TriMesh;
 use crate::{Mat3, Vec3};
-
-/// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
-/// which divides by it: a triangle crushed to a hundredth must not make the matrix arbitrarily stiff.
-pub(crate) const STRETCH_FLOOR: f64 = 0.01;
 
 /// Force and tangent of one triangle at its three vertices.
 #[derive(Clone, Copy, Debug)]
@@ -62,104 +60,6 @@ pub struct Membrane {
     volume: Vec<f64>,
     density: Vec<f64>,
     slots: Vec<ElementSlots<3>>,
-}
-
-/// Polar decomposition of a deformation gradient, and what the force and the tangent need of it.
-pub(crate) struct Polar {
-    /// Columns of the 3 x 2 rotation.
-    pub(crate) r: [Vec3; 2],
-    pub(crate) n: Vec3,
-    /// `U`: xx, xy, yy.
-    pub(crate) u: [f64; 3],
-    /// `tr U`.
-    pub(crate) trace: f64,
-}
-
-impl Polar {
-    pub(crate) fn new(f1: &Vec3, f2: &Vec3) -> Self {
-        let c = [f1.dot(f1), f1.dot(f2), f2.dot(f2)];
-        let trace_c = c[0] + c[2];
-        // A triangle shrunk to a point has no direction at all: any frame will do.
-        if trace_c < 1e-200 {
-            return Self {
-                r: [Vec3::x(), Vec3::y()],
-                n: Vec3::z(),
-                u: [0.0; 3],
-                trace: 0.0,
-            };
-        }
-        let cross = f1.cross(f2);
-        let s = cross.norm();
-        let n = if s > 1e-14 * trace_c {
-            cross / s
-        } else {
-            normal_of_line(if c[0] >= c[2] { f1 } else { f2 })
-        };
-        let q = libm::sqrt(trace_c + 2.0 * s);
-        Self {
-            r: [(f1 + f2.cross(&n)) / q, (f2 + n.cross(f1)) / q],
-            n,
-            u: [(c[0] + s) / q, c[1] / q, (c[2] + s) / q],
-            trace: q,
-        }
-    }
-
-    /// Principal stretches, the larger first.
-    pub(crate) fn stretches(&self) -> [f64; 2] {
-        let mean = 0.5 * (self.u[0] + self.u[2]);
-        let radius = libm::hypot(0.5 * (self.u[0] - self.u[2]), self.u[1]);
-        [mean + radius, mean - radius]
-    }
-}
-
-/// A unit vector perpendicular to `line`, the same for the same line.
-fn normal_of_line(line: &Vec3) -> Vec3 {
-    let axis = match line.iamin() {
-        0 => Vec3::x(),
-        1 => Vec3::y(),
-        _ => Vec3::z(),
-    };
-    line.cross(&axis).normalize()
-}
-
-/// `g_1`, `g_2` in the triangle's rest frame and its rest area, or `None` where it has none.
-///
-/// The frame's first axis runs along the first edge; the triangle is counterclockwise in it.
-pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
-    let e1 = x[1] - x[0];
-    let e2 = x[2] - x[0];
-    let longest = e1.norm().max(e2.norm()).max((e2 - e1).norm());
-    let twice_area = e1.cross(&e2).norm();
-    // Thinner than this, the gradients would carry no correct digits in strain.
-    if twice_area <= 1e-10 * longest * longest || twice_area.is_nan() {
-        return None;
-    }
-    let length = e1.norm();
-    let along = e1.dot(&e2) / length;
-    let height = twice_area / length;
-    Some((
-        [
-            [1.0 / length, -along / (length * height)],
-            [0.0, 1.0 / height],
-        ],
-        0.5 * twice_area,
-    ))
-}
-
-/// The axes in space of the frame of [`rest_frame`], of a triangle that has one.
-fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
-    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
-    let along = e1.normalize();
-    [along, e1.cross(&e2).normalize().cross(&along)]
-}
-
-pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
-    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
-    BodyError::Degenerate {
-        triangle,
-        area: 0.5 * e1.cross(&e2).norm(),
-        edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
-    }
 }
 
 fn dot2(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -338,14 +238,11 @@ impl Elements for Membrane {
     }
 
     fn renumber(&mut self, node_of_vertex: &[u32]) {
-        for nodes in &mut self.nodes {
-            *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
-        }
+        renumber(&mut self.nodes, node_of_vertex);
     }
 
     fn bind(&mut self, matrix: &BlockMatrix) {
-        let slots = self.nodes.iter().map(|&nodes| matrix.element_slots(nodes));
-        self.slots = slots.collect::<Option<_>>().unwrap_or_default();
+        self.slots = slots(self.nodes.iter().copied(), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {
@@ -459,18 +356,5 @@ fn out_of_plane(polar: &Polar, mu: f64, lambda: f64, tangent: Tangent) -> [f64; 
             Tangent::Clipped => s.max(0.0),
         }
     });
-    // S = s_2 I + (s_1 - s_2) v_1 v_1^T and v_1 v_1^T = (U - l_2 I) / (l_1 - l_2): the quotient of
-    // differences is bounded, so nearly equal stretches lose nothing.
-    let gap = stretch[0] - stretch[1];
-    let slope = if gap > 1e-14 * stretch[0] {
-        (value[0] - value[1]) / gap
-    } else {
-        0.0
-    };
-    let [xx, xy, yy] = polar.u;
-    [
-        value[1] + slope * (xx - stretch[1]),
-        slope * xy,
-        value[1] + slope * (yy - stretch[1]),
-    ]
+    polar.with_principal(stretch, value)
 }

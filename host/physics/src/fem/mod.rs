@@ -2,6 +2,7 @@
 //!
 //! - [`law`] and [`shape`], joined in [`solid`]: tetrahedra of elastic solids.
 //! - [`membrane`] and [`bending`]: thin sheets.
+//! - `triangle_frame` and `surface_polar`: a triangle at rest, and how it turns and stretches.
 //! - [`load`]: tractions as forces on vertices.
 //! - [`sheet_law`], put onto triangles in [`woven`]: thin sheets with a grain.
 //! - [`elements`]: what any set of elements gives a body.
@@ -45,6 +46,8 @@ pub mod solid;
 pub(crate) mod sparse_cholesky;
 mod step;
 mod support;
+pub(crate) mod surface_polar;
+mod triangle_frame;
 pub mod weave;
 pub mod woven;
 

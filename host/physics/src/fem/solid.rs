@@ -10,7 +10,7 @@
 
 use super::Tangent;
 use super::block_matrix::BlockMatrix;
-use super::elements::Elements;
+use super::elements::{Elements, renumber, slots};
 use super::error::BodyError;
 use super::law::{Lame, Law, Modulus};
 use super::material::SolidMaterial;
@@ -190,16 +190,11 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
     }
 
     fn renumber(&mut self, node_of_vertex: &[u32]) {
-        for nodes in &mut self.nodes {
-            for node in nodes {
-                *node = node_of_vertex[*node as usize];
-            }
-        }
+        renumber(&mut self.nodes, node_of_vertex);
     }
 
     fn bind(&mut self, matrix: &BlockMatrix) {
-        let slots = self.nodes.iter().map(|&nodes| matrix.element_slots(nodes));
-        self.slots = slots.collect::<Option<_>>().unwrap_or_default();
+        self.slots = slots(self.nodes.iter().copied(), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {

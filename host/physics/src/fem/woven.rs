@@ -8,10 +8,12 @@
 
 use super::Tangent;
 use super::block_matrix::{BlockMatrix, ElementSlots};
-use super::elements::Elements;
+use super::elements::{Elements, renumber, slots};
 use super::error::BodyError;
-use super::membrane::{Element, Polar, degenerate, rest_frame};
+use super::membrane::Element;
 use super::sheet_law::{PlaneStiffness, SheetLaw};
+use super::surface_polar::Polar;
+use super::triangle_frame::{degenerate, rest_frame};
 use super::weave::{Weave, unit};
 use crate::mesh::TriMesh;
 use crate::{Mat3, Vec3};
@@ -240,14 +242,11 @@ impl<L: SheetLaw> Elements for Woven<L> {
     }
 
     fn renumber(&mut self, node_of_vertex: &[u32]) {
-        for nodes in &mut self.nodes {
-            *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
-        }
+        renumber(&mut self.nodes, node_of_vertex);
     }
 
     fn bind(&mut self, matrix: &BlockMatrix) {
-        let slots = self.nodes.iter().map(|&nodes| matrix.element_slots(nodes));
-        self.slots = slots.collect::<Option<_>>().unwrap_or_default();
+        self.slots = slots(self.nodes.iter().copied(), matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {

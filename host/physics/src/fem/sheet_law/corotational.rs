@@ -48,7 +48,7 @@ use super::clip::{Sym4, clip2, clip4};
 use super::{PlaneStiffness, SheetLaw, SheetResponse, bounded, modulus};
 use crate::Vec3;
 use crate::fem::Tangent;
-use crate::fem::membrane::Polar;
+use crate::fem::surface_polar::Polar;
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 /// Stretches are bounded below by this where the tangent divides by them, and their sum by twice this: a
@@ -155,20 +155,7 @@ fn strain(polar: &Polar) -> [f64; 3] {
 fn inverse_stretch(polar: &Polar) -> [f64; 3] {
     let stretch = polar.stretches();
     let value = stretch.map(|stretch| 1.0 / stretch.max(STRETCH_FLOOR));
-    // V = v_2 I + (v_1 - v_2) (U - l_2 I) / (l_1 - l_2): the quotient of differences is bounded, so nearly
-    // equal stretches lose nothing.
-    let gap = stretch[0] - stretch[1];
-    let slope = if gap > 1e-14 * stretch[0] {
-        (value[0] - value[1]) / gap
-    } else {
-        0.0
-    };
-    let [xx, xy, yy] = polar.u;
-    [
-        value[1] + slope * (xx - stretch[1]),
-        slope * xy,
-        value[1] + slope * (yy - stretch[1]),
-    ]
+    polar.with_principal(stretch, value)
 }
 
 /// From the basis of [`State::in_plane`] to the pairs of [`modulus`].

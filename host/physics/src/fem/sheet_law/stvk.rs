@@ -22,7 +22,7 @@
 use super::clip::{Sym4, clip2, clip4};
 use super::{PlaneStiffness, SheetLaw, SheetResponse, bounded, modulus};
 use crate::fem::Tangent;
-use crate::fem::membrane::Polar;
+use crate::fem::surface_polar::Polar;
 use crate::{Mat3, Vec3};
 
 /// The law with energy `1/2 E : D : E`, `E` Green's strain.
