@@ -26,6 +26,7 @@ use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
+use runner::{CoreChoice, Reserved};
 use setup::HostSide;
 use sink::Sink;
 use std::any::Any;
@@ -140,6 +141,11 @@ pub fn run(
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
+    // Before the run starts its first thread: the one that makes factors starts with the engine.
+    let reserved = Reserved::new(match options.clock {
+        Clock::Real => options.runner.core,
+        Clock::Virtual => CoreChoice::Anywhere,
+    });
     let how = How {
         kernels: options.instructions,
         real: options.clock == Clock::Real,
@@ -204,7 +210,7 @@ pub fn run(
                     .collect(),
             }
         }
-        Clock::Real => real(prepared, options, sink, progress)?,
+        Clock::Real => real(prepared, options, &reserved, sink, progress)?,
     };
     if let Some(HostSide { engine, .. }) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
@@ -336,12 +342,17 @@ struct Parts {
 fn real(
     prepared: setup::Setup,
     options: &RunOptions,
+    reserved: &Reserved,
     sink: Sink,
     progress: impl FnMut(u64),
 ) -> Result<Parts, RunError> {
     let planned = prepared.timing.ticks;
     let stop = Arc::clone(&options.stop);
-    let done = real_clock::run(prepared, options.runner, stop, sink, progress)?;
+    let runner = RunnerConfig {
+        core: reserved.core(),
+        ..options.runner
+    };
+    let done = real_clock::run(prepared, runner, stop, sink, progress)?;
     let mut failures = done.failures;
     let collected = done.sink.map_or_else(Collected::default, |sink| {
         let (collected, failure) = sink.finish();

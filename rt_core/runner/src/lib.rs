@@ -10,6 +10,7 @@
 //!   ([`memory`], [`ring`]), its histograms have fixed bounds ([`latency`]).
 //! - What the system does not give (a core, a priority, locked memory) is **named with its cost**, and the
 //!   run goes on ([`schedule`], [`degradation`]), unless it is told to insist.
+//! - Other threads of the process **keep off** its core ([`reserve`]).
 //! - Its **system calls** are few and named; the kernel can be asked to trap any other ([`seccomp`]).
 //! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread: virtual
 //!   time runs exactly what [`thread`] runs.
@@ -25,6 +26,7 @@ pub mod memory;
 #[cfg(feature = "mutations")]
 mod mutation;
 pub mod pace;
+pub mod reserve;
 pub mod ring;
 pub mod schedule;
 pub mod seccomp;
@@ -36,6 +38,7 @@ mod trap;
 pub use degradation::Degradation;
 pub use latency::{Latencies, LatencyHistogram, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
+pub use reserve::Reserved;
 pub use schedule::CoreChoice;
 pub use seccomp::{CallPolicy, ForbiddenCall};
 pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
