@@ -76,7 +76,7 @@ pub struct Blocks {
     shift: f64,
 }
 
-/// The Cholesky factor of a diagonal block, inverted, and its least pivot as a share of `alone`'s.
+/// The Cholesky factor of a diagonal block, inverted, and its pivots; none where one is too small a share of `alone`'s.
 fn inverse_root(block: &Mat3, alone: Option<&Vec3>) -> Option<(Mat3, Vec3)> {
     let mut root = Mat3::zeros();
     let mut pivots = Vec3::zeros();

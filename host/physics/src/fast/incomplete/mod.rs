@@ -2,7 +2,7 @@
 //!
 //! The complete factor of [`super::factor`] fills up: its memory grows with the power 1.4 of the number of tetrahedra,
 //! and its time with it. Here two cheap parts are added up. [`Blocks`], an incomplete factor with the pattern of the
-//! matrix, takes what changes from node to node; [`coarse`], a complete factor of the matrix on the rigid motions of
+//! matrix, takes what changes from node to node; `coarse`, a complete factor of the matrix on the rigid motions of
 //! patches of some sixty nodes, takes what moves whole patches. The first alone would need iterations in proportion to
 //! the nodes along an edge; with the second their number hardly grows (R. A. Nicolaides, "Deflation of conjugate
 //! gradients with applications to boundary value problems", 1987; P. Vanek, J. Mandel and M. Brezina, "Algebraic
