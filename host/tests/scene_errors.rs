@@ -292,7 +292,7 @@ fn names_of_fields() {
         r#"
 step_rate = 250.0
   -> step_rate = 250.0¶solver = "fast"
-  x.toml:10: host.solver: found "fast", allowed: `auto`, `assembled`, `frozen`, `frozen_single`
+  x.toml:10: host.solver: found "fast", allowed: `auto`, `assembled`, `frozen`, `frozen_single`, `incomplete`
 step_rate = 250.0
   -> step_rate = 250.0¶budget = 0
   x.toml:10: host.budget: found 0, allowed: a number above 0

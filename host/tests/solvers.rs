@@ -31,7 +31,7 @@ fn hands_feel_the_same_whatever_solves() -> Result<(), Box<dyn Error>> {
     for (scene, duration) in [("stretch.toml", 2.0), ("press.toml", 2.5)] {
         let of = |solver: &str| summary(&with(scene, &format!("solver = \"{solver}\""))?, duration);
         let assembled = of("assembled")?;
-        for solver in ["auto", "frozen", "frozen_single"] {
+        for solver in ["auto", "frozen", "frozen_single", "incomplete"] {
             let found = of(solver)?;
             assert_eq!(found.host.faults + found.host.unconverged_steps, 0);
             assert_eq!(found.host.steps, assembled.host.steps);

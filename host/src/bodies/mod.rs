@@ -63,19 +63,10 @@ pub enum Carrier {
     Nothing,
 }
 
-/// What a body will be, as its mesh and material tell.
-///
-/// # Errors
-/// [`SceneError`], naming the file, line and field that cannot be built.
-pub fn kind(loaded: &LoadedScene, index: usize) -> Result<Kind, SceneError> {
-    let mesh = mesh::build(loaded, index)?;
-    Ok(material::kind(&loaded.scene.bodies[index], &mesh))
-}
-
 /// Where a body's handles are at rest: the centre of their vertices, in the body's order.
 ///
 /// # Errors
-/// As [`kind`].
+/// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, SceneError> {
     let mesh = mesh::build(loaded, index)?;
     Ok(handles(loaded, index, &mesh)?
@@ -87,7 +78,7 @@ pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, S
 /// Builds one body, at rest.
 ///
 /// # Errors
-/// As [`kind`].
+/// As [`handle_origins`].
 pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];

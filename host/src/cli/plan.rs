@@ -4,6 +4,7 @@ use super::{CommandError, SceneArgument, load};
 use crate::atomic_file::write_atomically;
 use crate::bodies;
 use crate::engine::build;
+use crate::engine::choice::choose;
 use crate::engine::plan::{Stage, plan};
 use serde::Serialize;
 use std::path::PathBuf;
@@ -30,12 +31,13 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
     // No plan for a scene that cannot run: what its meshes lack is said here, too.
     build::check(&loaded)?;
-    let mut kinds = Vec::new();
+    let (mut kinds, mut choices) = (Vec::new(), Vec::new());
     for index in 0..loaded.scene.bodies.len() {
-        bodies::handle_origins(&loaded, index)?;
-        kinds.push(bodies::kind(&loaded, index)?);
+        let built = bodies::build(&loaded, index)?;
+        kinds.push(built.kind);
+        choices.push(choose(&loaded.scene, &built.body));
     }
-    let stages = plan(&loaded.scene, &kinds);
+    let stages = plan(&loaded.scene, &kinds, &choices);
     println!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };

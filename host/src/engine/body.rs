@@ -10,6 +10,7 @@ use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, 
 /// A body, the paths of its handles, and how it publishes.
 pub struct HostBody {
     name: String,
+    solved: String,
     body: Body,
     solver: Box<dyn Solver>,
     paths: Vec<HandlePath>,
@@ -26,6 +27,8 @@ pub struct HostBody {
 pub struct HostBodyParts {
     /// Name of the body.
     pub name: String,
+    /// How it is solved and why so, for people.
+    pub solved: String,
     /// The physics, at rest.
     pub body: Body,
     /// Steps and condenses it.
@@ -51,6 +54,7 @@ impl HostBody {
         }
         Self {
             name: parts.name,
+            solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
             body: parts.body,
             solver: parts.solver,
@@ -65,6 +69,11 @@ impl HostBody {
     /// Its name.
     pub fn name(&self) -> &str {
         &self.name
+    }
+
+    /// How it is solved and why so, for people.
+    pub fn solved(&self) -> &str {
+        &self.solved
     }
 
     /// The physics.

@@ -2,6 +2,7 @@
 
 use super::beside::Beside;
 use super::body::{HostBody, HostBodyParts};
+use super::choice::{Choice, choose};
 use super::path::HandlePath;
 use super::plan;
 use super::solver::{Assembled, Frozen, Solver};
@@ -9,10 +10,14 @@ use super::stats::StepFault;
 use crate::bodies::{self, Built};
 use crate::scene::spec::{self, Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
+use physics::fast::{Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::cholesky::Kernels;
 use physics::fem::{Body, Condenser};
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
+
+/// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred; a limit keeps
+/// a model that is a little off from holding up the steps.
+const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
 
 /// How bodies are run.
 #[derive(Clone, Copy, Debug, Default)]
@@ -76,7 +81,8 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
     let Built { body, handles, .. } = bodies::build(loaded, index)?;
-    let solver = solver(scene, &body, how).map_err(|e| {
+    let choice = choose(scene, &body);
+    let solver = solver(scene, &body, &choice, how).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
@@ -95,6 +101,11 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         .collect();
     Ok(HostBody::new(HostBodyParts {
         name: spec.name.clone(),
+        solved: format!(
+            "{} ({})",
+            plan::in_words(choice.solver, scene.host.tolerance),
+            choice.why
+        ),
         body,
         solver,
         paths,
@@ -105,12 +116,22 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
 }
 
 /// What steps a body.
-fn solver(scene: &Scene, body: &Body, how: How) -> Result<Box<dyn Solver>, StepFault> {
+fn solver(
+    scene: &Scene,
+    body: &Body,
+    choice: &Choice,
+    how: How,
+) -> Result<Box<dyn Solver>, StepFault> {
     let condenses = plan::condenses(scene);
-    Ok(match plan::solver(scene) {
-        SolverName::Frozen => Box::new(frozen::<f64>(scene, body, how)?),
-        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, how)?),
-        _ => {
+    let complete = Preconditioner::Complete;
+    let incomplete = Preconditioner::Incomplete;
+    Ok(match choice.solver {
+        SolverName::Auto | SolverName::Frozen => {
+            Box::new(frozen::<f64>(scene, body, complete, how)?)
+        }
+        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, complete, how)?),
+        SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, incomplete, how)?),
+        SolverName::Assembled => {
             let condenser = condenses.then(|| Condenser::with_kernels(body, how.kernels));
             Box::new(Assembled {
                 condenser: condenser.transpose()?,
@@ -119,11 +140,17 @@ fn solver(scene: &Scene, body: &Body, how: How) -> Result<Box<dyn Solver>, StepF
     })
 }
 
-fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, StepFault> {
+fn frozen<T: Real>(
+    scene: &Scene,
+    body: &Body,
+    preconditioner: Preconditioner,
+    how: How,
+) -> Result<Frozen<T>, StepFault> {
     let h = 1.0 / scene.host.step_rate;
     let options = StepperOptions {
         tolerance: scene.host.tolerance,
         max_iterations: scene.host.max_iterations,
+        preconditioner,
         kernels: how.kernels,
         refresh: false,
         ..StepperOptions::default()
@@ -138,7 +165,13 @@ fn frozen<T: Real>(scene: &Scene, body: &Body, how: How) -> Result<Frozen<T>, St
         } else {
             Beside::at_a_step(h)
         },
-        shapes: plan::condenses(scene).then(ShapeOptions::default),
+        shapes: plan::condenses(scene).then(|| ShapeOptions {
+            max_iterations: match preconditioner {
+                Preconditioner::Complete => ShapeOptions::default().max_iterations,
+                Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
+            },
+            ..ShapeOptions::default()
+        }),
         budget_ns: how
             .real
             .then_some(scene.host.budget)

@@ -8,6 +8,7 @@
 pub mod beside;
 pub mod body;
 pub mod build;
+pub mod choice;
 pub mod faults;
 pub mod pacer;
 pub mod path;

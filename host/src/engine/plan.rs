@@ -1,8 +1,9 @@
 //! The plan: which stages a scene needs, and why the others are skipped.
 //!
-//! A scene pays only for what it needs. The plan is decided from the scene alone, before anything runs,
+//! A scene pays only for what it needs. The plan is decided from the scene and its bodies' meshes, before anything runs,
 //! and the engine is built from the same answers.
 
+use super::choice::Choice;
 use crate::bodies::{Kind, bending};
 use crate::scene::spec::{Scene, SchemeName, SolverName};
 
@@ -22,43 +23,50 @@ pub fn condenses(scene: &Scene) -> bool {
     scene.realtime.scheme == SchemeName::Linear
 }
 
-/// What solves the steps. A frozen factor has won on every body measured (`palpate bench speed`), and single
-/// precision never by so much that its error would be worth explaining to someone who did not ask for it.
-pub fn solver(scene: &Scene) -> SolverName {
-    match scene.host.solver {
-        SolverName::Auto => SolverName::Frozen,
-        chosen => chosen,
+/// Whether steps assemble a matrix.
+fn assembles(scene: &Scene) -> bool {
+    scene.host.solver == SolverName::Assembled
+}
+
+/// A solver in a few words, with what it solves to.
+pub fn in_words(solver: SolverName, tolerance: f64) -> String {
+    let on = |factor: &str| {
+        format!(
+            "conjugate gradients on {factor} to {tolerance:e} of the forces, a new factor made beside the steps"
+        )
+    };
+    match solver {
+        SolverName::Assembled => {
+            format!("conjugate gradients on diagonal blocks to {tolerance:e}")
+        }
+        SolverName::FrozenSingle => on("a frozen factor") + ", in single precision",
+        SolverName::Incomplete => on("a frozen incomplete factor and the motions of patches"),
+        SolverName::Auto | SolverName::Frozen => on("a frozen factor"),
     }
 }
 
-fn solver_in_words(scene: &Scene) -> String {
-    let choice = match scene.host.solver {
-        SolverName::Auto => "chosen for every body, see `host.solver`",
-        _ => "as `host.solver` asks",
-    };
+fn solver_in_words(scene: &Scene, choices: &[Choice]) -> String {
     let host = &scene.host;
-    let factor = format!(
-        "conjugate gradients on a frozen factor to {:e} of the forces, a new factor made beside the steps",
-        host.tolerance
-    );
-    let how = match solver(scene) {
-        SolverName::Assembled => {
-            format!(
-                "conjugate gradients on diagonal blocks to {:e}",
-                host.tolerance
-            )
-        }
-        SolverName::FrozenSingle => format!("{factor}, in single precision"),
-        _ => factor,
-    };
+    let alone = scene.bodies.len() == 1;
+    let bodies = scene.bodies.iter().zip(choices).map(|(body, choice)| {
+        let how = in_words(choice.solver, host.tolerance);
+        let name = if alone {
+            String::new()
+        } else {
+            format!("{}: ", body.name)
+        };
+        format!("{name}{how} ({})", choice.why)
+    });
     format!(
-        "implicit Euler at {} Hz: {how}, at most {} iterations ({choice})",
-        host.step_rate, host.max_iterations
+        "implicit Euler at {} Hz, at most {} iterations: {}",
+        host.step_rate,
+        host.max_iterations,
+        bodies.collect::<Vec<_>>().join("; ")
     )
 }
 
-/// The stages of a host step in their order, for bodies of these kinds.
-pub fn plan(scene: &Scene, kinds: &[Kind]) -> Vec<Stage> {
+/// The stages of a host step in their order, for bodies of these kinds with these solvers.
+pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
     let stage = |name, needed, why: String| Stage { name, needed, why };
     let handles: usize = scene.bodies.iter().map(|body| body.handles.len()).sum();
     let each = || scene.bodies.iter().zip(kinds);
@@ -95,8 +103,8 @@ pub fn plan(scene: &Scene, kinds: &[Kind]) -> Vec<Stage> {
         ),
         stage(
             "assemble",
-            solver(scene) == SolverName::Assembled,
-            if solver(scene) == SolverName::Assembled {
+            assembles(scene),
+            if assembles(scene) {
                 "one matrix a step".into()
             } else {
                 "a frozen solver multiplies by elements (those without a kernel keep their own blocks)".into()
@@ -152,11 +160,11 @@ pub fn plan(scene: &Scene, kinds: &[Kind]) -> Vec<Stage> {
                 "no Rayleigh damping".into()
             },
         ),
-        stage("solve", true, solver_in_words(scene)),
+        stage("solve", true, solver_in_words(scene, choices)),
         stage(
             "sleep",
-            solver(scene) != SolverName::Assembled,
-            if solver(scene) == SolverName::Assembled {
+            !assembles(scene),
+            if assembles(scene) {
                 "only frozen solvers let bodies sleep".into()
             } else {
                 "a body that nothing has moved faster than 0.1 um/s for 20 steps is left alone"
@@ -173,7 +181,7 @@ pub fn plan(scene: &Scene, kinds: &[Kind]) -> Vec<Stage> {
                     "scheme \"linear\" extrapolates with stiffness and damping, translations only \
                      (the devices actuate no rotation), at {} Hz{}",
                     scene.host.publish_rate,
-                    if solver(scene) == SolverName::Assembled {
+                    if assembles(scene) {
                         ""
                     } else {
                         "; shapes are kept up with the frozen factor"

@@ -134,6 +134,10 @@ fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize
         None => (&fresh, 0),
     };
     let iterations = stats.iterations.summary();
+    let bodies = parts.host.iter().flat_map(|host| host.engine.bodies());
+    let solvers = bodies
+        .map(|body| format!("{}: {}", body.name(), body.solved()))
+        .collect();
     HostSummary {
         steps: stats.steps,
         skipped_steps,
@@ -141,6 +145,7 @@ fn host_summary(parts: &Parts, elapsed: f64, (elements, vertices): (usize, usize
         publications: stats.publications,
         elements,
         vertices,
+        solvers,
         assemble: stats.assemble.summary().into(),
         factors: stats.factors,
         solve: stats.solve.summary().into(),

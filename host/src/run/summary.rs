@@ -118,6 +118,8 @@ pub struct HostSummary {
     pub elements: usize,
     /// See `elements`.
     pub vertices: usize,
+    /// How each body is solved, and why so.
+    pub solvers: Vec<String>,
     /// Computing time of the stages, as measured; it does not enter the state.
     pub assemble: Distribution,
     /// Factors made beside the steps.
@@ -243,6 +245,9 @@ impl fmt::Display for RunSummary {
                 n => format!("; {n} factors made beside"),
             }
         )?;
+        for solver in &h.solvers {
+            writeln!(f, "  solver     {solver}")?;
+        }
         if h.unconverged_steps > 0 {
             writeln!(
                 f,

@@ -18,11 +18,11 @@ pub enum Part {
     Linearize,
     /// The stiffness times a vector.
     Product,
-    /// The preconditioner: a solve with the panels, the residual rounded before, the product of both after.
+    /// The preconditioner: a solve with the factor, the residual rounded before, the product of both after.
     Precondition,
     /// What an iteration does with whole vectors otherwise.
     Vectors,
-    /// A new factor and its panels: not a part of every step.
+    /// A new factor, of a complete one its panels, too: not a part of every step.
     Refresh,
 }
 
@@ -126,7 +126,7 @@ impl<T: Real> Stepper<T> {
                 let z = size_of::<Node<f32>>() * self.free;
                 let ends = Cost::read(free) + Cost::read(free).again() + Cost::write(z);
                 let dot = Cost::read(z).again() + Cost::flops(6 * self.free);
-                Some(self.panels.solve_cost() + ends + dot)
+                Some(self.solves.cost() + ends + dot)
             }
             Part::Vectors => {
                 let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.free)
@@ -198,7 +198,7 @@ impl<T: Real> Stepper<T> {
         size_of::<Self>()
             + kernels
             + self.refresher_bytes()
-            + self.panels.bytes()
+            + self.solves.bytes()
             + nodes
             + size_of_val(self.z.as_slice())
             + size_of_val(self.inertia.as_slice())

@@ -13,17 +13,21 @@
 //! - `tet_kernels`: what is computed on such a block.
 //! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - `vectors`: what conjugate gradients do with whole vectors.
+//! - `precondition`: which of the two factors that follow preconditions a step.
 //! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
 //!   preconditioner.
+//! - [`incomplete`]: an incomplete one with a coarse space, for bodies whose complete one is too large.
 
 mod condense;
 mod cost;
 pub mod factor;
+pub mod incomplete;
 mod kernel;
 pub mod lanes;
 pub mod order;
 pub mod panel;
 pub mod polar;
+mod precondition;
 pub mod refresh;
 mod sleep;
 mod stepper;
@@ -39,6 +43,7 @@ mod vectors;
 pub use condense::{ShapeOptions, ShapeReport};
 pub use cost::{Cost, Part};
 pub use lanes::Real;
+pub use precondition::{Preconditioner, complete_bytes};
 pub use refresh::Refresher;
 pub use stepper::{Guess, Stepper, StepperOptions, StepperReport};
 

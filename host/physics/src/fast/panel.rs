@@ -22,6 +22,11 @@ use multiversion::multiversion;
 /// Operations of a solve for each number stored: a product and a sum forward, and both backward.
 pub const SOLVE_FLOPS: usize = 4;
 
+/// Memory that the numbers of the panels of `supernodes` take (bytes).
+pub(super) fn bytes_of_values(supernodes: &Supernodes) -> usize {
+    size_of::<Line>() * supernodes.blocks.iter().map(lines).sum::<usize>()
+}
+
 /// The factor's panels.
 ///
 /// A panel's rows are its own places and those below, three to a place, in strips of 16; its columns are

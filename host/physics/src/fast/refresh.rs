@@ -6,10 +6,9 @@
 //! two, never correctness.
 
 use super::cost::Cost;
-use super::factor::Factor;
 use super::kernel::Kernel;
-use super::panel::Panels;
-use super::{Node, Real};
+use super::precondition::{Makes, Preconditioner, Solves, Step};
+use super::{Node, Real, to_vec};
 use crate::Vec3;
 use crate::fem::cholesky::Kernels;
 use crate::fem::{BlockMatrix, CondenseError};
@@ -19,9 +18,9 @@ use crate::fem::{BlockMatrix, CondenseError};
 pub struct Refresher<T> {
     kernels: Vec<Box<dyn Kernel<T>>>,
     matrix: BlockMatrix,
-    factor: Factor,
-    panels: Panels,
-    /// Whether `panels` are those of `factors`.
+    makes: Makes,
+    made: Solves,
+    /// Whether `made` is that of `factors`.
     done: bool,
     factors: (f64, f64),
     d: Vec<Node<T>>,
@@ -31,23 +30,22 @@ pub struct Refresher<T> {
 }
 
 impl<T: Real> Refresher<T> {
-    /// For the free places of `matrix`, all in their order; `guided` is 1 where an axis of one is free, 0 where a
-    /// support guides it, and empty without supports. `code` is what factorizes.
+    /// For the free places of `matrix`, all in their order, at `rest` (m); `guided` is 1 where an axis of one is free,
+    /// 0 where a support guides it, and empty without supports. `code` is what factorizes.
     pub(super) fn new(
         kernels: Vec<Box<dyn Kernel<T>>>,
         matrix: BlockMatrix,
+        rest: &[Vec3],
         mass: Vec<f64>,
         guided: Vec<Vec3>,
-        code: Kernels,
+        (kind, code): (Preconditioner, Kernels),
     ) -> Result<Self, CondenseError> {
-        let identity: Vec<u32> = (0..matrix.free() as u32).collect();
-        let factor = Factor::with_kernels(&matrix, &identity, code)?;
-        let panels = Panels::new(&factor);
+        let (makes, made) = Makes::new(kind, &matrix, rest, code)?;
         let zeros = vec![[T::ZERO; 4]; matrix.nodes()];
         Ok(Self {
             kernels,
-            factor,
-            panels,
+            makes,
+            made,
             done: false,
             factors: (0.0, 0.0),
             d: zeros.clone(),
@@ -58,9 +56,9 @@ impl<T: Real> Refresher<T> {
         })
     }
 
-    /// What the factorization and the panels cost.
+    /// What the factorization and, of a complete factor, the panels cost.
     pub(super) fn cost(&self) -> Cost {
-        Cost::read(self.matrix.bytes()) + self.factor.cost() + self.panels.refresh_cost()
+        Cost::read(self.matrix.bytes()) + self.makes.cost(&self.made)
     }
 
     /// Memory that it holds (bytes).
@@ -69,17 +67,17 @@ impl<T: Real> Refresher<T> {
         size_of::<Self>()
             + kernels
             + self.matrix.bytes()
-            + self.factor.bytes()
-            + self.panels.bytes()
+            + self.makes.bytes()
+            + self.made.bytes()
             + size_of_val(self.d.as_slice())
             + size_of_val(self.force.as_slice())
             + size_of_val(self.mass.as_slice())
             + size_of_val(self.guided.as_slice())
     }
 
-    /// Panels like those that it makes, of nothing yet.
-    pub(super) fn panels(&self) -> Panels {
-        self.panels.clone()
+    /// A factor like those that it makes, of nothing yet.
+    pub(super) fn like_made(&self) -> Solves {
+        self.made.clone()
     }
 
     /// Where the next factor is to be made, and of which multiples of mass and stiffness.
@@ -101,26 +99,25 @@ impl<T: Real> Refresher<T> {
             kernel.linearize(&self.d, &mut self.force);
             kernel.add_to(&mut self.matrix);
         }
-        let (mass_factor, stiffness_factor) = self.factors;
-        let mask = (!self.guided.is_empty()).then_some(self.guided.as_slice());
-        self.factor.factorize(
-            &self.matrix,
-            &self.mass,
-            mass_factor,
-            stiffness_factor,
-            mask,
-        )?;
-        self.panels.refresh(&self.factor)?;
+        let d = &self.d;
+        let step = Step {
+            matrix: &self.matrix,
+            mass: &self.mass,
+            factors: self.factors,
+            mask: (!self.guided.is_empty()).then_some(self.guided.as_slice()),
+            d: |place| to_vec(&d[place]),
+        };
+        self.makes.make(&mut self.made, &step)?;
         self.done = true;
         Ok(())
     }
 
-    /// Exchanges the panels made, if they are, for `panels`; returns the factors for which they are.
-    pub(super) fn exchange(&mut self, panels: &mut Panels) -> Option<(f64, f64)> {
+    /// Exchanges the factor made, if it is, for `solves`; returns the factors for which it is.
+    pub(super) fn exchange(&mut self, solves: &mut Solves) -> Option<(f64, f64)> {
         if !self.done {
             return None;
         }
-        core::mem::swap(&mut self.panels, panels);
+        core::mem::swap(&mut self.made, solves);
         self.done = false;
         Some(self.factors)
     }

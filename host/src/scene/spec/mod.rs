@@ -163,6 +163,8 @@ pub enum SolverName {
     Frozen,
     /// The same in single precision.
     FrozenSingle,
+    /// As `Frozen`, on an incomplete factor with the motions of patches: for bodies whose complete one is too large.
+    Incomplete,
 }
 
 impl Default for Host {

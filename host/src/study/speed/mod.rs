@@ -16,6 +16,7 @@ mod parts;
 mod path;
 mod precision;
 mod scaling;
+mod set_up;
 mod sheets;
 mod skips;
 pub mod sofa;
@@ -31,6 +32,7 @@ pub use machine::Machine;
 pub use parts::{Memory, Parts, Timed};
 pub use precision::{Curve, Setting, Varied};
 pub use scaling::{Scaling, Size};
+pub use set_up::SetUp;
 pub use skips::Skip;
 
 /// The share of a force that a hand can just tell: the unit of errors that matter to it.

@@ -3,7 +3,7 @@
 //! A new one is a variant of [`Method`], its stepper and its tight version, and an entry in [`ALL`].
 
 use super::SpeedError;
-use physics::fast::{self, Real, Refresher, StepperOptions};
+use physics::fast::{self, Preconditioner, Real, Refresher, StepperOptions};
 use physics::fem::{
     Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Scheme,
 };
@@ -16,6 +16,8 @@ pub(super) enum Method {
     Assembled(Budget),
     /// [`fast::Stepper`](Stepper): one linearization, nothing assembled, conjugate gradients on a frozen factor.
     Frozen {
+        /// Which factor.
+        preconditioner: Preconditioner,
         /// Whether in single precision.
         single: bool,
         /// Where the residual is this share of the forces that act, it stops.
@@ -76,6 +78,7 @@ pub(super) const fn iterations(max_iterations: usize) -> Method {
 /// Nothing assembled, in double precision down to `tolerance`.
 pub(super) const fn frozen(tolerance: f64) -> Method {
     Method::Frozen {
+        preconditioner: Preconditioner::Complete,
         single: false,
         tolerance,
         max_iterations: 1000,
@@ -85,6 +88,7 @@ pub(super) const fn frozen(tolerance: f64) -> Method {
 /// Nothing assembled, in single precision down to `tolerance`, at most so many iterations.
 pub(super) const fn single(tolerance: f64, max_iterations: usize) -> Method {
     Method::Frozen {
+        preconditioner: Preconditioner::Complete,
         single: true,
         tolerance,
         max_iterations,
@@ -142,6 +146,18 @@ pub(super) const ALL: [Path; 8] = [
     },
 ];
 
+/// For bodies too large for a complete factor: [`ALL`] is of small ones.
+pub(super) const INCOMPLETE: Path = Path {
+    name: "incomplete 1e-6",
+    method: Method::Frozen {
+        preconditioner: Preconditioner::Incomplete,
+        single: false,
+        tolerance: 1e-6,
+        max_iterations: 1000,
+    },
+    strict: true,
+};
+
 /// Factors are made on another thread, whose time is not the step's, and taken a fixed number of steps later: about
 /// ten milliseconds, so that errors repeat.
 fn frozen_stepper<T: Real>(
@@ -198,11 +214,13 @@ impl Method {
                 })
             }
             Self::Frozen {
+                preconditioner,
                 single,
                 tolerance,
                 max_iterations,
             } => {
                 let options = StepperOptions {
+                    preconditioner,
                     tolerance,
                     max_iterations,
                     // What is measured is stepping.

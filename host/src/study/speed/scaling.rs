@@ -3,6 +3,7 @@
 use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
 use super::path;
+use super::set_up::{SetUp, set_up};
 use super::trial::drive;
 use super::{Level, SpeedError};
 use physics::Vec3;
@@ -21,6 +22,8 @@ pub struct Size {
     pub iterations: f64,
     /// Time of a step for each tetrahedron and iteration (s).
     pub per_element_and_iteration: f64,
+    /// Memory and time beside the steps, of frozen paths.
+    pub set_up: Option<SetUp>,
 }
 
 /// One path on meshes of growing size.
@@ -40,13 +43,14 @@ pub struct Scaling {
 const STEPS: usize = 15;
 
 pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Scaling>, SpeedError> {
-    // 20, 64 and 197 thousand tetrahedra; the time goes with the power 1.3.
+    // 6, 20, 64 and 197 thousand tetrahedra; the time goes with the power 1.3.
     let meshes: &[(u32, f64)] = match level {
         Level::Quick => &[],
-        Level::Full => &[(15, 0.05), (22, 0.2), (32, 0.75)],
+        Level::Full => &[(10, 0.01), (15, 0.04), (22, 0.2), (32, 0.75)],
     };
     let paths = path::ALL
         .into_iter()
+        .chain([path::INCOMPLETE])
         // Factors of fine meshes in three dimensions take gigabytes.
         .filter(|path| path.method != path::NEWTON);
     let mut all: Vec<Scaling> = paths
@@ -63,7 +67,8 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
         progress(done);
         let body = cube(n, false, Stiffness::Uniform)?;
         let elements = body.element_count();
-        let motion = Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, 0.01).first(STEPS);
+        let h = 0.01;
+        let motion = Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, h).first(STEPS);
         for (path, scaling) in paths.clone().zip(&mut all) {
             let course = drive(&body, TOP, &motion, path.method)?;
             let (median, iterations) = (course.median(), course.iterations() as f64 / STEPS as f64);
@@ -73,6 +78,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
                 median,
                 iterations,
                 per_element_and_iteration: median / (elements as f64 * iterations.max(1.0)),
+                set_up: set_up(path.method, &body, h)?,
             });
         }
         done += share;
@@ -117,6 +123,7 @@ mod tests {
             median: 1e-7 * libm::pow(elements as f64, 1.25),
             iterations: 3.0,
             per_element_and_iteration: 0.0,
+            set_up: None,
         };
         let sizes = [1000, 5000, 70_000].map(size);
         // Rounding of logarithms near 10.

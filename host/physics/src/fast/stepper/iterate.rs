@@ -1,4 +1,4 @@
-//! The solver of a stepper: conjugate gradients, preconditioned by its panels.
+//! The solver of a stepper: conjugate gradients, preconditioned by its frozen factor.
 
 use super::super::{Real, to_vec, vectors};
 use super::{Stepper, StepperReport};
@@ -88,7 +88,7 @@ impl<T: Real> Stepper<T> {
     pub(in crate::fast) fn precondition(&mut self) -> f64 {
         vectors::round(&self.residual, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
-        self.panels.solve(&mut self.z);
+        self.solves.solve(&mut self.z);
         vectors::filter(&self.mask, &mut self.z);
         vectors::dot_single(&self.z, &self.residual)
     }

@@ -24,7 +24,7 @@ pub use options::{Guess, StepperOptions, StepperReport};
 
 use super::condense::Shapes;
 use super::kernel::{Assembled, Kernel, Placed, ScalarMatrix};
-use super::panel::Panels;
+use super::precondition::{Preconditioner, Solves};
 use super::refresh::Refresher;
 use super::sleep::Sleep;
 use super::{Node, Real, to_node, to_vec};
@@ -43,10 +43,13 @@ pub struct Stepper<T> {
     pub(super) kernels: Vec<Box<dyn Kernel<T>>>,
     /// Absent while it is lent.
     pub(super) refresher: Option<Box<Refresher<T>>>,
-    pub(super) panels: Panels,
+    /// The factor that steps solve with.
+    pub(super) solves: Solves,
     /// Factors of mass and stiffness in the matrix that was factorized.
     pub(super) factors: Option<(f64, f64)>,
     stale: bool,
+    /// Iterations of the first step on an incomplete factor; 0 before it.
+    usual: usize,
     /// Positions (m) by node for which the kernels are linearized.
     pub(super) at: Vec<Vec3>,
     elastic: f64,
@@ -121,7 +124,7 @@ impl<T: Real> Stepper<T> {
     pub fn new(body: &Body, options: StepperOptions) -> Result<Self, CondenseError> {
         let count = body.x.len();
         let free = body.stiffness.free();
-        let mut node = super::order::order(&body.stiffness, &body.rest);
+        let mut node = options.preconditioner.order(body);
         node.extend(free as u32..count as u32);
         let mut place = vec![0; count];
         for (at, &node) in node.iter().enumerate() {
@@ -143,15 +146,16 @@ impl<T: Real> Stepper<T> {
         let refresher = Refresher::new(
             kernels(),
             matrix.clone(),
+            &rest,
             mass.clone(),
             guided,
-            options.kernels,
+            (options.preconditioner, options.kernels),
         )?;
         let zeros = vec![[T::ZERO; 4]; count];
         Ok(Self {
             options,
             kernels: kept,
-            panels: refresher.panels(),
+            solves: refresher.like_made(),
             refresher: Some(Box::new(refresher)),
             place,
             node,
@@ -159,6 +163,7 @@ impl<T: Real> Stepper<T> {
             mass,
             factors: None,
             stale: true,
+            usual: 0,
             at: vec![Vec3::repeat(f64::NAN); count],
             elastic: 0.0,
             rest,
@@ -243,7 +248,7 @@ impl<T: Real> Stepper<T> {
         };
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
-        self.stale |= report.iterations > self.options.patience;
+        self.stale |= self.is_slow(report.iterations);
         self.finish(body, h, targets, &mut report)?;
         if speed > 0.0 && report.converged {
             self.sleep.observe(body, h, targets, speed);
@@ -251,6 +256,29 @@ impl<T: Real> Stepper<T> {
             self.sleep.wake();
         }
         Ok(report)
+    }
+
+    /// Whether a step took so many iterations that a new factor would pay.
+    fn is_slow(&mut self, iterations: usize) -> bool {
+        let patience = self.options.patience;
+        match self.solves {
+            Solves::Complete(_) => iterations > patience,
+            // A new one takes many, too: only what has been added since counts.
+            Solves::Incomplete(_) => {
+                if self.usual == 0 {
+                    self.usual = iterations;
+                }
+                iterations > self.usual + self.usual / 4 + patience
+            }
+        }
+    }
+
+    /// What preconditions the steps.
+    pub fn preconditioner(&self) -> Preconditioner {
+        match self.solves {
+            Solves::Complete(_) => Preconditioner::Complete,
+            Solves::Incomplete(_) => Preconditioner::Incomplete,
+        }
     }
 
     /// Forces, tangent and energy at the positions `self.at`.
@@ -276,8 +304,9 @@ impl<T: Real> Stepper<T> {
         if let Some(refresher) = &mut self.refresher {
             refresher.load(&self.d, factors);
             refresher.work()?;
-            self.factors = refresher.exchange(&mut self.panels);
+            self.factors = refresher.exchange(&mut self.solves);
             self.stale = false;
+            self.usual = 0;
         }
         Ok(())
     }
@@ -296,9 +325,10 @@ impl<T: Real> Stepper<T> {
 
     /// Takes the refresher back, and the factor that it has made.
     pub fn give_back(&mut self, mut refresher: Box<Refresher<T>>) {
-        if let Some(factors) = refresher.exchange(&mut self.panels) {
+        if let Some(factors) = refresher.exchange(&mut self.solves) {
             self.factors = Some(factors);
             self.stale = false;
+            self.usual = 0;
         }
         self.refresher = Some(refresher);
     }

@@ -1,5 +1,6 @@
 //! What a stepper is asked, and what it answers.
 
+use super::super::precondition::Preconditioner;
 use crate::fem::cholesky::Kernels;
 
 /// Where conjugate gradients start.
@@ -21,7 +22,11 @@ pub struct StepperOptions {
     pub max_iterations: usize,
     /// Where they start.
     pub guess: Guess,
-    /// A step of more iterations than this asks for a new factor.
+    /// What preconditions them; what the stepper was made with stays. An incomplete factor wants more of them: on a
+    /// sheet of 30 thousand triangles up to 140.
+    pub preconditioner: Preconditioner,
+    /// A step of more iterations than this asks for a new factor. On an incomplete factor, of so many more than a
+    /// quarter above those of the first step on it.
     pub patience: usize,
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
     /// see [`Stepper::lend`](super::Stepper::lend).
@@ -39,6 +44,7 @@ impl Default for StepperOptions {
             tolerance: 1e-6,
             max_iterations: 100,
             guess: Guess::Acceleration,
+            preconditioner: Preconditioner::default(),
             patience: 5,
             refresh: true,
             kernels: Kernels::default(),

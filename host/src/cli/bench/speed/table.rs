@@ -140,13 +140,21 @@ fn print_scaling(found: &Speed) {
     }
     println!("\nLarger cubes, pressed with steps of 10 ms:\n");
     println!(
-        "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration |"
+        "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |"
     );
-    println!("|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for scaling in &found.scaling {
         for size in &scaling.sizes {
+            let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
+                format!(
+                    "{:.0} | {:.0} | {:.1}",
+                    set_up.bytes as f64 / size.elements as f64,
+                    1e3 * set_up.time,
+                    1e3 * set_up.refresh
+                )
+            });
             println!(
-                "| {} | {} | {} | {:.1} | {:.1} | {:.2} |",
+                "| {} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
                 scaling.path,
                 size.elements,
                 size.unknowns,

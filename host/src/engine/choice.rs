@@ -1,0 +1,66 @@
+//! Which solver steps a body: as its scene asks, or by what a factor would take.
+
+use crate::scene::spec::{Scene, SolverName};
+use physics::fast::complete_bytes;
+use physics::fem::Body;
+
+/// The largest complete factor that `auto` takes (bytes, as [`complete_bytes`] counts them). On a cube it is reached at
+/// 160 thousand tetrahedra; the process then holds nearly twice as much, and a new factor takes some four seconds, which
+/// is long after what asked for it.
+pub const LARGEST_FACTOR: usize = 1 << 30;
+
+/// What steps a body.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Choice {
+    /// The solver: never `auto`.
+    pub solver: SolverName,
+    /// Why, for people.
+    pub why: String,
+}
+
+/// The solver of `body`.
+pub fn choose(scene: &Scene, body: &Body) -> Choice {
+    match scene.host.solver {
+        SolverName::Auto => by_memory(complete_bytes(body)),
+        solver => Choice {
+            solver,
+            why: "as `host.solver` asks".to_owned(),
+        },
+    }
+}
+
+/// A frozen factor has won on every body measured (`palpate bench speed`) that has room for one, and single precision
+/// never by so much that its error would be worth explaining to someone who did not ask for it.
+fn by_memory(bytes: usize) -> Choice {
+    let megabytes = |bytes: usize| bytes as f64 / 1e6;
+    let (found, most) = (megabytes(bytes), megabytes(LARGEST_FACTOR));
+    if bytes > LARGEST_FACTOR {
+        Choice {
+            solver: SolverName::Incomplete,
+            why: format!("a complete factor would take {found:.0} MB, `auto` allows {most:.0}"),
+        }
+    } else {
+        Choice {
+            solver: SolverName::Frozen,
+            why: format!("the factor takes {found:.1} MB, `auto` allows {most:.0}"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_decides_and_is_told() {
+        let fits = by_memory(LARGEST_FACTOR);
+        assert_eq!(fits.solver, SolverName::Frozen);
+        assert_eq!(fits.why, "the factor takes 1073.7 MB, `auto` allows 1074");
+        let large = by_memory(1_500_000_000);
+        assert_eq!(large.solver, SolverName::Incomplete);
+        assert_eq!(
+            large.why,
+            "a complete factor would take 1500 MB, `auto` allows 1074"
+        );
+    }
+}
