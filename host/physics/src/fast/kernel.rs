@@ -5,6 +5,7 @@
 
 use super::cost::Cost;
 use super::lanes::{less, plus};
+use super::quadratic::{QuadraticTet, QuadraticTets};
 use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
@@ -52,6 +53,15 @@ impl<T: Real> Placed<Tets<T>, 4> {
     }
 }
 
+impl<T: Real> Placed<QuadraticTets<T>, 10> {
+    pub(crate) fn quadratic_tets(tets: &[QuadraticTet], matrix: &BlockMatrix) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: QuadraticTets::new(tets),
+        }
+    }
+}
+
 impl<T: Real> Placed<Triangles<T>, 3> {
     pub(crate) fn triangles(triangles: &[Triangle], matrix: &BlockMatrix) -> Self {
         Self {
@@ -85,61 +95,41 @@ fn add_blocks<const N: usize>(
     }
 }
 
-impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
-    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        self.elements.linearize(d, force).to_f64()
-    }
+macro_rules! placed {
+    ($elements:ident, $nodes:literal) => {
+        impl<T: Real> Kernel<T> for Placed<$elements<T>, $nodes> {
+            fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+                self.elements.linearize(d, force).to_f64()
+            }
 
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        self.elements.product(factor, u, y);
-    }
+            fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+                self.elements.product(factor, u, y);
+            }
 
-    fn add_to(&self, matrix: &mut BlockMatrix) {
-        add_blocks(matrix, &self.slots, |element| {
-            self.elements.stiffness(element)
-        });
-    }
+            fn add_to(&self, matrix: &mut BlockMatrix) {
+                add_blocks(matrix, &self.slots, |element| {
+                    self.elements.stiffness(element)
+                });
+            }
 
-    fn linearize_cost(&self) -> Option<Cost> {
-        Some(self.elements.linearize_cost())
-    }
+            fn linearize_cost(&self) -> Option<Cost> {
+                Some(self.elements.linearize_cost())
+            }
 
-    fn product_cost(&self) -> Option<Cost> {
-        Some(self.elements.product_cost())
-    }
+            fn product_cost(&self) -> Option<Cost> {
+                Some(self.elements.product_cost())
+            }
 
-    fn bytes(&self) -> usize {
-        self.elements.bytes() + size_of_val(self.slots.as_slice())
-    }
+            fn bytes(&self) -> usize {
+                self.elements.bytes() + size_of_val(self.slots.as_slice())
+            }
+        }
+    };
 }
 
-impl<T: Real> Kernel<T> for Placed<Triangles<T>, 3> {
-    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        self.elements.linearize(d, force).to_f64()
-    }
-
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        self.elements.product(factor, u, y);
-    }
-
-    fn add_to(&self, matrix: &mut BlockMatrix) {
-        add_blocks(matrix, &self.slots, |element| {
-            self.elements.stiffness(element)
-        });
-    }
-
-    fn linearize_cost(&self) -> Option<Cost> {
-        Some(self.elements.linearize_cost())
-    }
-
-    fn product_cost(&self) -> Option<Cost> {
-        Some(self.elements.product_cost())
-    }
-
-    fn bytes(&self) -> usize {
-        self.elements.bytes() + size_of_val(self.slots.as_slice())
-    }
-}
+placed!(Tets, 4);
+placed!(QuadraticTets, 10);
+placed!(Triangles, 3);
 
 /// Elements by their assembled matrix.
 #[derive(Debug)]

@@ -11,6 +11,8 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
+//! - [`quadratic`] and `quadratic_kernels`: the same of quadratic tetrahedra.
+//! - `matrices`: those of one element in a lane.
 //! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - `vectors`: what conjugate gradients do with whole vectors.
 //! - [`order`], [`supernodes`], [`factor`], [`panel`] and `sweep`: a frozen sparse Cholesky factor as a
@@ -21,9 +23,12 @@ mod cost;
 pub mod factor;
 mod kernel;
 pub mod lanes;
+mod matrices;
 pub mod order;
 pub mod panel;
 pub mod polar;
+pub mod quadratic;
+mod quadratic_kernels;
 pub mod refresh;
 mod sleep;
 mod stepper;

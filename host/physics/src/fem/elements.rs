@@ -6,6 +6,7 @@
 
 use super::Tangent;
 use super::block_matrix::BlockMatrix;
+use crate::fast::quadratic::QuadraticTet;
 use crate::fast::tet::Tet;
 use crate::fast::triangle::Triangle;
 use crate::{Mat3, Vec3};
@@ -52,6 +53,11 @@ pub trait Elements: fmt::Debug + Send + Sync {
 
     /// The elements as corotational linear tetrahedra, where that is what they are.
     fn corotational_tets(&self) -> Option<Vec<Tet>> {
+        None
+    }
+
+    /// The elements as corotational quadratic tetrahedra, where that is what they are.
+    fn corotational_quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
         None
     }
 

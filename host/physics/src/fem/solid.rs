@@ -15,7 +15,9 @@ use super::error::BodyError;
 use super::law::{Lame, Law, Modulus};
 use super::material::SolidMaterial;
 use super::shape::Shape;
+use crate::fast::quadratic::QuadraticTet;
 use crate::fast::tet::Tet;
+use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
@@ -302,6 +304,34 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
                 nodes: *self.nodes[element].first_chunk()?,
                 gradients: *gradients.first_chunk()?,
                 volume: self.volume(element),
+                lambda: self.lame[element].lambda,
+                mu: self.lame[element].mu,
+            })
+        };
+        (0..self.nodes.len()).map(tet).collect()
+    }
+
+    fn corotational_quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
+        if N != 10 || !L::COROTATIONAL {
+            return None;
+        }
+        let tet = |element: usize| {
+            // A quadratic element has its barycentric coordinates for linear fields: 1 at their corner, 1/2 at the
+            // middles of its edges.
+            let coordinates = |gradients: &[Vec3; N]| {
+                [1, 2, 3].map(|corner| {
+                    let ends = gradients[4..].iter().zip(MIDSIDE_ENDS);
+                    let middles = ends.filter(|(_, ends)| ends.contains(&corner));
+                    gradients[corner] + middles.map(|(gradient, _)| gradient).sum::<Vec3>() * 0.5
+                })
+            };
+            Some(QuadraticTet {
+                nodes: *self.nodes[element].first_chunk()?,
+                gradients: *self.gradients[element]
+                    .each_ref()
+                    .map(coordinates)
+                    .first_chunk()?,
+                volumes: *self.volumes[element].first_chunk()?,
                 lambda: self.lame[element].lambda,
                 mu: self.lame[element].mu,
             })

@@ -96,6 +96,8 @@ fn kernels<T: Real>(
         set.renumber(place);
         if let Some(tets) = set.corotational_tets() {
             kernels.push(Box::new(Placed::tets(tets, matrix)));
+        } else if let Some(tets) = set.corotational_quadratic_tets() {
+            kernels.push(Box::new(Placed::quadratic_tets(&tets, matrix)));
         } else if let Some(triangles) = set.corotational_triangles() {
             kernels.push(Box::new(Placed::triangles(&triangles, matrix)));
         } else {
