@@ -6,6 +6,7 @@ use physics::fast::quadratic::{self, QuadraticTet, QuadraticTets};
 use physics::fast::tet::{self, Tet, Tets};
 use physics::fast::triangle::{self, Triangle, Triangles};
 use physics::fast::{Node, Part, Stepper, StepperOptions};
+use physics::fem::law::Frame;
 use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
 use std::cell::Cell;
@@ -145,6 +146,13 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
 
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
     assert_eq!(found, LANES * (tet::PRODUCT_FLOPS + fill(4)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = tet::PRODUCT_FLOPS + tet::ENERGY_FLOPS + fill(4) + 1;
+    assert_eq!(found, LANES * expected);
 }
 
 #[test]
@@ -170,6 +178,13 @@ fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
     assert_eq!(found, LANES * (quadratic::LINEARIZE_FLOPS + fill(10) + 1));
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
     assert_eq!(found, LANES * (quadratic::PRODUCT_FLOPS + fill(10)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = quadratic::PRODUCT_FLOPS + quadratic::ENERGY_FLOPS + fill(10) + 1;
+    assert_eq!(found, LANES * expected);
 }
 
 #[test]

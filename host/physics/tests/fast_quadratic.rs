@@ -9,7 +9,7 @@ use fem_support::{Random, block, cube};
 use physics::fast::lanes::Real;
 use physics::fast::quadratic::{QuadraticTet, QuadraticTets};
 use physics::fem::elements::Elements;
-use physics::fem::law::{Corotational, svd};
+use physics::fem::law::{Corotational, Frame, svd};
 use physics::fem::shape::Tet10;
 use physics::fem::solid::Solid;
 use physics::fem::{Body, BodyConfig, SolidLaw};
@@ -31,16 +31,16 @@ fn law(mesh: &TetMesh) -> Quadratic {
 }
 
 fn list(mesh: &TetMesh) -> Vec<QuadraticTet> {
-    law(mesh).corotational_quadratic_tets().unwrap()
+    law(mesh).hookean_quadratic_tets().unwrap().1
 }
 
-fn body(mesh: &TetMesh) -> Body {
+fn body(mesh: &TetMesh, law: SolidLaw) -> Body {
     let config = BodyConfig {
         gravity: Vec3::zeros(),
         ..BodyConfig::default()
     };
     let materials = materials(mesh.cells.len());
-    Body::solid(mesh, &materials, SolidLaw::Corotational, config, &[]).unwrap()
+    Body::solid(mesh, &materials, law, config, &[]).unwrap()
 }
 
 /// Middles of edges moved by up to a twentieth of a cell: no two points of an element have the same gradients.
@@ -96,7 +96,7 @@ fn field(count: usize, random: &mut Random) -> Vec<Vec3> {
 #[test]
 fn forces_energy_and_rotations_are_those_of_the_body() {
     for (name, mesh) in meshes() {
-        let (mut body, law) = (body(&mesh), law(&mesh));
+        let (mut body, law) = (body(&mesh, SolidLaw::Corotational), law(&mesh));
         let mut inverted = 0;
         for (seed, share) in [1e-4, 0.02, 0.1].into_iter().enumerate() {
             // One after the other: each starts from the last one's rotations, far away.
@@ -258,6 +258,31 @@ fn the_stiffness_at_rest_is_the_derivative_of_the_forces_and_that_of_its_blocks(
         let found = difference(&product(&tets, &u), &sum);
         // Sums of 1000 terms in two orders.
         assert!(found < 1e-13, "{name}: {found:e}");
+    }
+}
+
+#[test]
+fn in_a_fixed_frame_the_law_is_linear() {
+    for (name, mesh) in meshes() {
+        let mut body = body(&mesh, SolidLaw::Linear);
+        let mut tets = QuadraticTets::<f64>::new(&list(&mesh)).in_frame(Frame::Fixed);
+        for (angle, share) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
+            let d = displaced(&mesh, angle, share, 1);
+            body.set_positions(&moved(&mesh, &d)).unwrap();
+            body.assemble();
+            let expected: Vec<Vec3> = body.internal_forces().collect();
+            let (force, energy) = forces(&mut tets, &d);
+            // Rounding of F, a few 1e-16, over a strain of at least 1e-4.
+            let found = difference(&force, &expected);
+            assert!(found < 1e-11, "{name}, {share}: {found:e}");
+            let reference = body.elastic_energy();
+            let found = (energy - reference).abs() / reference;
+            assert!(found < 1e-11, "{name}, {share}: {found:e}");
+            // Forces are minus the product, and no rotation was looked for.
+            let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
+            assert_eq!(force, minus);
+            assert_eq!(tets.rotations(0), [Mat3::identity(); 4]);
+        }
     }
 }
 

@@ -10,6 +10,7 @@ use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
 use crate::fem::block_matrix::ElementSlots;
+use crate::fem::law::Frame;
 use crate::fem::{BlockMatrix, Elements, Tangent};
 use crate::{Mat3, Vec3};
 use core::fmt;
@@ -45,19 +46,23 @@ pub(crate) struct Placed<E, const N: usize> {
 }
 
 impl<T: Real> Placed<Tets<T>, 4> {
-    pub(crate) fn tets(tets: Vec<Tet>, matrix: &BlockMatrix) -> Self {
+    pub(crate) fn tets(frame: Frame, tets: Vec<Tet>, matrix: &BlockMatrix) -> Self {
         Self {
             slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
-            elements: Tets::new(tets.into_iter()),
+            elements: Tets::new(tets.into_iter()).in_frame(frame),
         }
     }
 }
 
 impl<T: Real> Placed<QuadraticTets<T>, 10> {
-    pub(crate) fn quadratic_tets(tets: &[QuadraticTet], matrix: &BlockMatrix) -> Self {
+    pub(crate) fn quadratic_tets(
+        frame: Frame,
+        tets: &[QuadraticTet],
+        matrix: &BlockMatrix,
+    ) -> Self {
         Self {
             slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
-            elements: QuadraticTets::new(tets),
+            elements: QuadraticTets::new(tets).in_frame(frame),
         }
     }
 }

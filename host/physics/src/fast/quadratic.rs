@@ -14,11 +14,15 @@ use super::polar::matrix;
 use super::quadratic_kernels::{
     self, Blocks, FACTOR, POINTS, Rest, SHARE, Turned, linearize, product,
 };
+use crate::fem::law::Frame;
 use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::{Mat3, Vec3};
 
 /// Operations of [`QuadraticTets::linearize`] for each element, with one Newton iteration for its rotations.
 pub const LINEARIZE_FLOPS: usize = quadratic_kernels::LINEARIZE_FLOPS;
+
+/// Those of the energy in a fixed frame, where the forces are a product.
+pub const ENERGY_FLOPS: usize = quadratic_kernels::ENERGY_FLOPS;
 
 /// Operations of [`QuadraticTets::product`] for each element.
 pub const PRODUCT_FLOPS: usize = quadratic_kernels::PRODUCT_FLOPS;
@@ -45,6 +49,7 @@ pub struct QuadraticTets<T> {
     blocks: Blocks<T>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
+    frame: Frame,
 }
 
 impl<T: Real> QuadraticTets<T> {
@@ -54,6 +59,7 @@ impl<T: Real> QuadraticTets<T> {
         let mut all = Self {
             blocks: Blocks::default(),
             places: vec![(0, 0); tets.len()],
+            frame: Frame::Turning,
         };
         for (block, elements) in order.chunks(LANES).enumerate() {
             let zero = [T::ZERO; LANES];
@@ -96,6 +102,13 @@ impl<T: Real> QuadraticTets<T> {
         all
     }
 
+    /// The same with strains measured in `frame`: in a fixed one no rotation is looked for, and the stiffness is that
+    /// at rest.
+    #[must_use]
+    pub fn in_frame(self, frame: Frame) -> Self {
+        Self { frame, ..self }
+    }
+
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -117,6 +130,9 @@ impl<T: Real> QuadraticTets<T> {
 
     /// What a linearization with one Newton iteration costs, but for displacements and forces.
     pub(super) fn linearize_cost(&self) -> Cost {
+        if self.frame == Frame::Fixed {
+            return self.product_cost() + Cost::flops(ENERGY_FLOPS * self.len());
+        }
         let ratios = self.blocks.turned.len() * size_of::<Lanes<T>>();
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.rest.as_slice()))
@@ -140,6 +156,9 @@ impl<T: Real> QuadraticTets<T> {
     ///
     /// Where `d` or `force` is shorter than a node's number.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
+        if self.frame == Frame::Fixed {
+            return product::<T, true>(&self.blocks, T::of(-1.0), d, force);
+        }
         linearize(&mut self.blocks, d, force)
     }
 
@@ -149,7 +168,7 @@ impl<T: Real> QuadraticTets<T> {
     ///
     /// Where `u` or `y` is shorter than a node's number.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        product(&self.blocks, factor, u, y);
+        product::<T, false>(&self.blocks, factor, u, y);
     }
 
     /// Rotation of an element at each point in the last call of `linearize`; the identity before the first.

@@ -16,7 +16,7 @@ use super::Node;
 use super::lanes::{LANES, Lanes, Real, less, plus};
 use super::matrices::{energy, matrix, outer, product_of, stress, symmetric, times};
 use super::polar::{rotation_less_identity, strain};
-use super::tet_kernels::{TURN_FLOPS, at, node, put, quaternion_at, rotate};
+use super::tet_kernels::{TURN_FLOPS, at, node, put, quaternion_at, rotate, sum};
 use multiversion::multiversion;
 
 /// Quadrature points.
@@ -36,6 +36,9 @@ pub(super) const LINEARIZE_FLOPS: usize =
 /// Of a product: differences 27, spread 117, at each point the gradient 45, its symmetric part 10, the stress 6 and
 /// forces 45, then collected 117, and their sums 54.
 pub(super) const PRODUCT_FLOPS: usize = 27 + 117 + POINTS * (45 + 10 + 6 + 45) + 117 + 54;
+
+/// Of the energy, as of a linear tetrahedron at each point.
+pub(super) const ENERGY_FLOPS: usize = POINTS * 13;
 
 /// What does not change of a block.
 #[derive(Clone, Debug)]
@@ -106,19 +109,22 @@ pub(super) fn linearize<T: Real>(
         collect(&points, &mut others);
         scatter(nodes, &others, force);
     }
-    let mut sum = T::ZERO;
-    for energy in energies {
-        sum += energy;
-    }
-    sum
+    sum(&energies)
 }
 
-/// See [`QuadraticTets::product`](super::quadratic::QuadraticTets::product).
+/// See [`QuadraticTets::product`](super::quadratic::QuadraticTets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
+/// the gradients, where `factor` is 1 or -1.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+pub(super) fn product<T: Real, const ENERGY: bool>(
+    blocks: &Blocks<T>,
+    factor: T,
+    u: &[Node<T>],
+    y: &mut [Node<T>],
+) -> T {
+    let mut energies = [T::ZERO; LANES];
     let mut others = [[[T::ZERO; 4]; LANES]; 9];
     let mut points = [[[T::ZERO; LANES]; 9]; POINTS];
     for (nodes, turned) in blocks.nodes.iter().zip(&blocks.turned) {
@@ -128,7 +134,11 @@ pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
             for lane in 0..LANES {
                 let b = at(gradients, lane);
                 let e = symmetric(&outer(&at(point, lane), &b), factor);
-                let s = matrix(&stress(&e, turned.ratio[lane]));
+                let s = stress(&e, turned.ratio[lane]);
+                if ENERGY {
+                    energies[lane] += energy(&e, &s);
+                }
+                let s = matrix(&s);
                 put(point, lane, 0, times(&s, b[0]));
                 put(point, lane, 1, times(&s, b[1]));
                 put(point, lane, 2, times(&s, b[2]));
@@ -137,16 +147,17 @@ pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
         collect(&points, &mut others);
         scatter(nodes, &others, y);
     }
+    if ENERGY { sum(&energies) } else { T::ZERO }
 }
 
 /// `F - I` from the differences of derivatives at a point, in their place.
 #[inline(always)]
 fn deformation<T: Real>(gradients: &[Lanes<T>; 9], point: &mut [Lanes<T>; 9]) {
     for lane in 0..LANES {
-        let sum = outer(&at(point, lane), &at(gradients, lane));
-        put(point, lane, 0, sum[0]);
-        put(point, lane, 1, sum[1]);
-        put(point, lane, 2, sum[2]);
+        let h = outer(&at(point, lane), &at(gradients, lane));
+        put(point, lane, 0, h[0]);
+        put(point, lane, 1, h[1]);
+        put(point, lane, 2, h[2]);
     }
 }
 

@@ -26,6 +26,9 @@ pub(super) const TURN_FLOPS: usize = 84 + 40 + 24 + 35 + 13;
 /// Of a product: differences 9, their gradient 45, its symmetric part 10, the stress 6, forces 45, their sums 18.
 pub(super) const PRODUCT_FLOPS: usize = 9 + 45 + 10 + 6 + 45 + 18;
 
+/// Of the energy: three products along the axes and three across, their sums and a half, and the sum over elements.
+pub(super) const ENERGY_FLOPS: usize = 13;
+
 /// What does not change of a block.
 #[derive(Clone, Debug)]
 pub(super) struct Rest<T> {
@@ -84,19 +87,22 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
         respond::<T, GUESS>(rest, rotations, &h, &vectors, factor, turned, out);
         scatter(nodes, &forces, force);
     }
-    let mut sum = T::ZERO;
-    for energy in energy {
-        sum += energy;
-    }
-    sum
+    sum(&energy)
 }
 
-/// See [`Tets::product`](super::tet::Tets::product).
+/// See [`Tets::product`](super::tet::Tets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
+/// the gradients, where `factor` is 1 or -1.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+pub(super) fn product<T: Real, const ENERGY: bool>(
+    blocks: &Blocks<T>,
+    factor: T,
+    u: &[Node<T>],
+    y: &mut [Node<T>],
+) -> T {
+    let mut energies = [T::ZERO; LANES];
     let zero = [[[T::ZERO; 4]; LANES]; 3];
     let (mut differences, mut forces) = (zero, zero);
     for (nodes, turned) in blocks.nodes.iter().zip(&blocks.turned) {
@@ -104,13 +110,18 @@ pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
         for lane in 0..LANES {
             let b = at(&turned.gradients, lane);
             let e = symmetric(&outer(&vectors_at(&differences, lane), &b), factor);
-            let s = matrix(&stress(&e, turned.ratio[lane]));
+            let s = stress(&e, turned.ratio[lane]);
+            if ENERGY {
+                energies[lane] += energy(&e, &s);
+            }
+            let s = matrix(&s);
             forces[0][lane] = node(times(&s, b[0]));
             forces[1][lane] = node(times(&s, b[1]));
             forces[2][lane] = node(times(&s, b[2]));
         }
         scatter(nodes, &forces, y);
     }
+    if ENERGY { sum(&energies) } else { T::ZERO }
 }
 
 /// `F - I = sum (d_a - d_0) g_a^T`, row by row, from the differences.
@@ -208,6 +219,16 @@ fn respond<T: Real, const GUESS: bool>(
         put(gradients, lane, 1, times(&r, g[1]));
         put(gradients, lane, 2, times(&r, g[2]));
     }
+}
+
+/// Over all lanes.
+#[inline(always)]
+pub(super) fn sum<T: Real>(lanes: &Lanes<T>) -> T {
+    let mut sum = T::ZERO;
+    for &lane in lanes {
+        sum += lane;
+    }
+    sum
 }
 
 /// Rows of one element.

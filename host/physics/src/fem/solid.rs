@@ -12,7 +12,7 @@ use super::Tangent;
 use super::block_matrix::BlockMatrix;
 use super::elements::Elements;
 use super::error::BodyError;
-use super::law::{Lame, Law, Modulus};
+use super::law::{Frame, Lame, Law, Modulus};
 use super::material::SolidMaterial;
 use super::shape::Shape;
 use crate::fast::quadratic::QuadraticTet;
@@ -294,8 +294,8 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         }
     }
 
-    fn corotational_tets(&self) -> Option<Vec<Tet>> {
-        if N != 4 || Q != 1 || !L::COROTATIONAL {
+    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
+        if N != 4 || Q != 1 {
             return None;
         }
         let tet = |element: usize| {
@@ -308,11 +308,12 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
                 mu: self.lame[element].mu,
             })
         };
-        (0..self.nodes.len()).map(tet).collect()
+        let tets: Option<_> = (0..self.nodes.len()).map(tet).collect();
+        Some((L::FRAME?, tets?))
     }
 
-    fn corotational_quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
-        if N != 10 || !L::COROTATIONAL {
+    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
+        if N != 10 {
             return None;
         }
         let tet = |element: usize| {
@@ -336,7 +337,8 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
                 mu: self.lame[element].mu,
             })
         };
-        (0..self.nodes.len()).map(tet).collect()
+        let tets: Option<_> = (0..self.nodes.len()).map(tet).collect();
+        Some((L::FRAME?, tets?))
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

@@ -94,10 +94,10 @@ fn kernels<T: Real>(
     for set in &body.elements {
         let mut set = set.boxed();
         set.renumber(place);
-        if let Some(tets) = set.corotational_tets() {
-            kernels.push(Box::new(Placed::tets(tets, matrix)));
-        } else if let Some(tets) = set.corotational_quadratic_tets() {
-            kernels.push(Box::new(Placed::quadratic_tets(&tets, matrix)));
+        if let Some((frame, tets)) = set.hookean_tets() {
+            kernels.push(Box::new(Placed::tets(frame, tets, matrix)));
+        } else if let Some((frame, tets)) = set.hookean_quadratic_tets() {
+            kernels.push(Box::new(Placed::quadratic_tets(frame, &tets, matrix)));
         } else if let Some(triangles) = set.corotational_triangles() {
             kernels.push(Box::new(Placed::triangles(&triangles, matrix)));
         } else {
