@@ -5,12 +5,15 @@
 
 use super::cost::Cost;
 use super::lanes::{less, plus};
+use super::principal::PrincipalTets;
+use super::principal_kernels::{Cell, Four, Ten};
 use super::quadratic::{QuadraticTet, QuadraticTets};
 use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
 use crate::fem::block_matrix::ElementSlots;
 use crate::fem::law::Frame;
+use crate::fem::law::isotropic::PointLaw;
 use crate::fem::{BlockMatrix, Elements, Tangent};
 use crate::{Mat3, Vec3};
 use core::fmt;
@@ -63,6 +66,28 @@ impl<T: Real> Placed<QuadraticTets<T>, 10> {
         Self {
             slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
             elements: QuadraticTets::new(tets).in_frame(frame),
+        }
+    }
+}
+
+impl<T: Real> Placed<PrincipalTets<T, Four, 4, 1>, 4> {
+    pub(crate) fn principal_tets(law: PointLaw, tets: &[Tet], matrix: &BlockMatrix) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: PrincipalTets::linear(law, tets),
+        }
+    }
+}
+
+impl<T: Real> Placed<PrincipalTets<T, Ten, 10, 4>, 10> {
+    pub(crate) fn principal_quadratic_tets(
+        law: PointLaw,
+        tets: &[QuadraticTet],
+        matrix: &BlockMatrix,
+    ) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: PrincipalTets::quadratic(law, tets),
         }
     }
 }
@@ -130,6 +155,36 @@ macro_rules! placed {
             }
         }
     };
+}
+
+impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> Kernel<T>
+    for Placed<PrincipalTets<T, C, N, Q>, N>
+{
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        self.elements.linearize(d, force)
+    }
+
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        self.elements.product(factor, u, y);
+    }
+
+    fn add_to(&self, matrix: &mut BlockMatrix) {
+        add_blocks(matrix, &self.slots, |element| {
+            self.elements.stiffness(element)
+        });
+    }
+
+    fn linearize_cost(&self) -> Option<Cost> {
+        None
+    }
+
+    fn product_cost(&self) -> Option<Cost> {
+        Some(self.elements.product_cost())
+    }
+
+    fn bytes(&self) -> usize {
+        self.elements.bytes() + size_of_val(self.slots.as_slice())
+    }
 }
 
 placed!(Tets, 4);

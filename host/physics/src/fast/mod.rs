@@ -12,6 +12,7 @@
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
 //! - [`quadratic`] and `quadratic_kernels`: the same of quadratic tetrahedra.
+//! - `principal` and `principal_kernels`: tetrahedra of any isotropic law.
 //! - `matrices`: those of one element in a lane.
 //! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - `vectors`: what conjugate gradients do with whole vectors.
@@ -27,6 +28,8 @@ mod matrices;
 pub mod order;
 pub mod panel;
 pub mod polar;
+mod principal;
+mod principal_kernels;
 pub mod quadratic;
 mod quadratic_kernels;
 pub mod refresh;

@@ -70,10 +70,10 @@ pub(super) struct Blocks<T> {
 }
 
 /// A 3 x 3 matrix at each point, row by row.
-type Points<T> = [[Lanes<T>; 9]; POINTS];
+pub(super) type Points<T> = [[Lanes<T>; 9]; POINTS];
 
 /// A vector for each node but the first, filled up like nodes.
-type Others<T> = [[Node<T>; LANES]; 9];
+pub(super) type Others<T> = [[Node<T>; LANES]; 9];
 
 /// See [`QuadraticTets::linearize`](super::quadratic::QuadraticTets::linearize).
 #[multiversion(targets(
@@ -198,7 +198,7 @@ fn respond<T: Real>(
 /// Derivatives by the barycentric coordinates 1, 2 and 3 at each point, less that by coordinate 0, from the vectors of
 /// the nodes less that of the first.
 #[inline(always)]
-fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
+pub(super) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
     let (share, quarter) = (T::of(SHARE), T::of(0.25));
     for lane in 0..LANES {
         // The fill, zero, is read too: see `tet_kernels`.
@@ -231,7 +231,7 @@ fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
 
 /// The transpose of [`spread`]: forces on all nodes but the first.
 #[inline(always)]
-fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
+pub(super) fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
     let (share, quarter) = (T::of(SHARE), T::of(0.25));
     for lane in 0..LANES {
         let mut forces = [[T::ZERO; 3]; 9];
@@ -265,7 +265,7 @@ fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
 
 /// Differences of the vectors `of` at each element's other nodes from that at its first.
 #[inline(always)]
-fn gather<T: Real>(nodes: &[[u32; 10]; LANES], of: &[Node<T>], others: &mut Others<T>) {
+pub(super) fn gather<T: Real>(nodes: &[[u32; 10]; LANES], of: &[Node<T>], others: &mut Others<T>) {
     for lane in 0..LANES {
         let nodes = &nodes[lane];
         let first = of[nodes[0] as usize];
@@ -277,7 +277,7 @@ fn gather<T: Real>(nodes: &[[u32; 10]; LANES], of: &[Node<T>], others: &mut Othe
 
 /// Adds `others` to the vectors `to` at each element's other nodes, and subtracts their sum at its first.
 #[inline(always)]
-fn scatter<T: Real>(nodes: &[[u32; 10]; LANES], others: &Others<T>, to: &mut [Node<T>]) {
+pub(super) fn scatter<T: Real>(nodes: &[[u32; 10]; LANES], others: &Others<T>, to: &mut [Node<T>]) {
     for lane in 0..LANES {
         let nodes = nodes[lane].map(|node| node as usize);
         let mut sum = others[0][lane];

@@ -246,7 +246,7 @@ pub(super) fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
 /// The vectors of one element, as rows. The fill, zero, is read too: where one entry in four is left out, the
 /// compiler does the last lanes one by one.
 #[inline(always)]
-fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
+pub(super) fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
     let vector = |a: usize| {
         let node = &vectors[a][lane];
         [node[0] + node[3], node[1], node[2]]

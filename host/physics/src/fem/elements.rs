@@ -7,6 +7,7 @@
 use super::Tangent;
 use super::block_matrix::BlockMatrix;
 use super::law::Frame;
+use super::law::isotropic::PointLaw;
 use crate::fast::quadratic::QuadraticTet;
 use crate::fast::tet::Tet;
 use crate::fast::triangle::Triangle;
@@ -59,6 +60,16 @@ pub trait Elements: fmt::Debug + Send + Sync {
 
     /// The elements as quadratic tetrahedra under Hooke's law in a frame, where that is what they are.
     fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
+        None
+    }
+
+    /// The elements as linear tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
+        None
+    }
+
+    /// The elements as quadratic tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
         None
     }
 

@@ -70,6 +70,9 @@ pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// The frame in which this is Hooke's law, where there is one: [`fast`](crate::fast) has kernels for it.
     const FRAME: Option<Frame> = None;
 
+    /// The law in principal axes, where it is isotropic and [`fast`](crate::fast) is to step it by them.
+    const POINT: Option<isotropic::PointLaw> = None;
+
     /// Energy per rest volume (J/m^3), zero at rest.
     fn energy(&self, lame: Lame, f: &Mat3) -> f64;
 
