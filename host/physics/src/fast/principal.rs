@@ -41,6 +41,8 @@ pub(super) struct PrincipalTets<T, C, const N: usize, const Q: usize> {
     nodes: Vec<[[u32; N]; LANES]>,
     /// By block and lane, without what fills up the last block.
     rest: Vec<Rest<Q>>,
+    /// The right axes of each point where it last was, by block and lane.
+    right: Vec<[Mat3; Q]>,
     tangents: Vec<Tangents<T, Q>>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
@@ -61,7 +63,8 @@ impl<T: Real> PrincipalTets<T, Four, 4, 1> {
                 },
             }
         };
-        Self::new(law, tets.iter().map(|tet| (tet.nodes, rest(tet))).collect())
+        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, rest(tet))).collect();
+        Self::new(law, &tets)
     }
 }
 
@@ -76,7 +79,8 @@ impl<T: Real> PrincipalTets<T, Ten, 10, 4> {
                 lambda: tet.lambda,
             },
         };
-        Self::new(law, tets.iter().map(|tet| (tet.nodes, rest(tet))).collect())
+        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, rest(tet))).collect();
+        Self::new(law, &tets)
     }
 }
 
@@ -86,12 +90,13 @@ fn rows(vectors: [Vec3; 3]) -> Mat3 {
 
 impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C, N, Q> {
     /// The elements, with no stiffness before the first call of `linearize`.
-    fn new(law: PointLaw, tets: Vec<([u32; N], Rest<Q>)>) -> Self {
+    fn new(law: PointLaw, tets: &[([u32; N], Rest<Q>)]) -> Self {
         let order = apart(tets.len(), |element| &tets[element].0);
         let mut all = Self {
             law,
             nodes: Vec::new(),
             rest: order.iter().map(|&element| tets[element].1).collect(),
+            right: vec![[Mat3::identity(); Q]; tets.len()],
             tangents: Vec::new(),
             places: vec![(0, 0); tets.len()],
             cell: PhantomData,
@@ -119,6 +124,7 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         size_of_val(self.places.as_slice())
             + size_of_val(self.nodes.as_slice())
             + size_of_val(self.rest.as_slice())
+            + size_of_val(self.right.as_slice())
             + size_of_val(self.tangents.as_slice())
     }
 
@@ -135,7 +141,8 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         let mut energy = 0.0;
         let mut points = [[[T::ZERO; LANES]; 9]; Q];
         let blocks = self.rest.chunks(LANES).zip(&self.nodes);
-        for ((rest, nodes), tangents) in blocks.zip(&mut self.tangents) {
+        let state = self.right.chunks_mut(LANES).zip(&mut self.tangents);
+        for ((rest, nodes), (right, tangents)) in blocks.zip(state) {
             C::spread(nodes, d, &mut points);
             for (q, point) in points.iter_mut().enumerate() {
                 for lane in 0..LANES {
@@ -146,7 +153,9 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
                     let (gradients, volume) = (&rest.gradients[q], rest.volumes[q]);
                     let derivatives = matrix_at(point, lane);
                     let f = derivatives.tr_mul(gradients) + Mat3::identity();
-                    let found = (self.law)(rest.lame, &f);
+                    let right = &mut right[lane][q];
+                    let found = (self.law)(rest.lame, &f, right);
+                    *right = found.axes.v;
                     energy += volume * found.energy;
                     let pull = gradients * found.stress.transpose() * -volume;
                     put_matrix(point, lane, &pull);
@@ -230,3 +239,6 @@ fn put_matrix<T: Real>(rows: &mut [[T; LANES]; 9], lane: usize, matrix: &Mat3) {
         put(rows, lane, i, [0, 1, 2].map(|j| T::of(matrix[(i, j)])));
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -4,7 +4,7 @@
 //! *twists* and three *flips*, whose eigenvalues have closed forms (Smith, de Goes and Kim, "Analytic
 //! eigensystems for isotropic distortion energies", 2019). Clipping is then a matter of signs.
 
-use super::svd::{Svd, svd};
+use super::svd::{Svd, svd, svd_from};
 use super::{Lame, Law, Modulus, Response};
 use crate::fem::Tangent;
 use crate::{Mat3, Vec3};
@@ -47,8 +47,8 @@ pub struct Axes {
 }
 
 impl Axes {
-    fn new(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Self {
-        let Svd { u, s, v } = svd(f);
+    fn new(svd: Svd, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Self {
+        let Svd { u, s, v } = svd;
         let mut principal = law(&s);
         if tangent == Tangent::Clipped {
             principal.stretch = clipped(&principal.stretch);
@@ -70,29 +70,46 @@ pub struct Point {
     pub axes: Axes,
 }
 
-/// A law as [`fast`](crate::fast) calls it.
-pub type PointLaw = fn(Lame, &Mat3) -> Point;
+/// A law as [`fast`](crate::fast) calls it: with the right axes of a deformation gradient near this one.
+pub type PointLaw = fn(Lame, &Mat3, &Mat3) -> Point;
 
-/// What `law`, whose derivatives by the principal stretches are `principal`, says at `f`.
+/// What `law`, whose derivatives by the principal stretches are `principal`, says at `f`, whose right axes are near
+/// those of `start`.
 pub(super) fn point<L: Law>(
     law: &L,
     lame: Lame,
     f: &Mat3,
+    start: &Mat3,
     principal: impl Fn(&Vec3) -> Principal,
 ) -> Point {
     Point {
         energy: law.energy(lame, f),
         stress: law.stress(lame, f),
-        axes: Axes::new(f, Tangent::Clipped, principal),
+        axes: Axes::new(
+            svd_from(f, &orthonormal(start)),
+            Tangent::Clipped,
+            principal,
+        ),
     }
 }
+
+/// A rotation from one that rounding has worn.
+fn orthonormal(worn: &Mat3) -> Mat3 {
+    let x = worn.column(0).normalize();
+    let y = worn.column(1) - x * x.dot(&worn.column(1));
+    let y = y.normalize();
+    Mat3::from_columns(&[x, y, x.cross(&y)])
+}
+
+/// A pivot above this share of the trace is not rounding.
+const PIVOT: f64 = 1e-10;
 
 /// The pairs of axes, by the axis that is left out.
 pub const PAIRS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Stress and modulus at `f` of the law with these derivatives.
 pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Response {
-    let Axes { u, v, principal } = Axes::new(f, tangent, law);
+    let Axes { u, v, principal } = Axes::new(svd(f), tangent, law);
     let p = principal;
     // In principal axes: dP_ii by dF_jj; and dP_ij by dF_ij and dF_ji.
     let (same, crossed) = (p.same(), p.crossed());
@@ -129,8 +146,22 @@ pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> 
     }
 }
 
+/// Whether elimination meets no pivot that is not clearly positive.
+fn is_definite(matrix: &Mat3) -> bool {
+    let least = PIVOT * matrix.trace();
+    let first = matrix[(0, 0)];
+    let (y, z) = (matrix[(1, 0)] / first, matrix[(2, 0)] / first);
+    let second = matrix[(1, 1)] - y * matrix[(0, 1)];
+    let beside = matrix[(2, 1)] - z * matrix[(0, 1)];
+    let third = matrix[(2, 2)] - z * matrix[(0, 2)] - beside * beside / second;
+    first > least && second > least && third > least && least > 0.0
+}
+
 /// A symmetric matrix with its negative eigenvalues replaced by zero.
 fn clipped(matrix: &Mat3) -> Mat3 {
+    if is_definite(matrix) {
+        return *matrix;
+    }
     // The singular values of a symmetric matrix are its eigenvalues but for signs: `(A + |A|) / 2`.
     let Svd { s, v, .. } = svd(matrix);
     let size = v * Mat3::from_diagonal(&s.abs()) * v.transpose();

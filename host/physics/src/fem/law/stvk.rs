@@ -37,7 +37,7 @@ fn principal(lame: Lame, s: &Vec3) -> Principal {
 
 impl Law for StVenantKirchhoff {
     const POINT: Option<PointLaw> =
-        Some(|lame, f| isotropic::point(&Self, lame, f, |s| principal(lame, s)));
+        Some(|lame, f, start| isotropic::point(&Self, lame, f, start, |s| principal(lame, s)));
 
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let strain = (f.transpose() * f - Mat3::identity()) * 0.5;
