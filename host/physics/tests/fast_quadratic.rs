@@ -396,7 +396,7 @@ fn hashes<T: Real>() -> [u64; 2] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // Recorded with vectors of 128 bits, and found again with 256 and 512. They change where the arithmetic does.
+    // Recorded with vectors of 512 bits, and found again with 256 and 128. They change where the arithmetic does.
     let recorded = [
         [13_371_203_822_940_903_211, 14_155_941_559_127_313_246],
         [10_191_363_930_477_554_124, 18_398_915_991_308_564_296],
