@@ -78,7 +78,7 @@ fn waves<T: Real>(count: usize) -> Vec<Node<T>> {
 }
 
 fn tets<T: Real>(body: &Body) -> Tets<T> {
-    let tets = body.elements()[0].corotational_tets().expect("tetrahedra");
+    let (_, tets) = body.elements()[0].hookean_tets().expect("tetrahedra");
     Tets::new(tets.into_iter())
 }
 

@@ -2,9 +2,11 @@
 
 use physics::Vec3;
 use physics::fast::lanes::{LANES, Real};
+use physics::fast::quadratic::{self, QuadraticTet, QuadraticTets};
 use physics::fast::tet::{self, Tet, Tets};
 use physics::fast::triangle::{self, Triangle, Triangles};
 use physics::fast::{Node, Part, Stepper, StepperOptions};
+use physics::fem::law::Frame;
 use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
 use std::cell::Cell;
@@ -87,7 +89,11 @@ fn operations(work: impl FnOnce()) -> usize {
 
 /// Displacements of four nodes, strained by about a hundredth; a little more with each number of `nodes`.
 fn displaced(scale: f64) -> Vec<Node<Counted>> {
-    (0..4)
+    displacements(4, scale)
+}
+
+fn displacements(nodes: i32, scale: f64) -> Vec<Node<Counted>> {
+    (0..nodes)
         .map(|n: i32| {
             let at = |axis: i32| Counted(scale * 1e-3 * f64::from((7 * n * n + 3 * axis) % 5));
             [at(0), at(1), at(2), Counted(0.0)]
@@ -140,6 +146,45 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
 
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
     assert_eq!(found, LANES * (tet::PRODUCT_FLOPS + fill(4)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = tet::PRODUCT_FLOPS + tet::ENERGY_FLOPS + fill(4) + 1;
+    assert_eq!(found, LANES * expected);
+}
+
+#[test]
+fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
+    let one = QuadraticTet {
+        nodes: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
+        gradients: [[Vec3::x() * 10.0, Vec3::y() * 10.0, Vec3::z() * 10.0]; 4],
+        volumes: [1e-3 / 24.0; 4],
+        lambda: 1e4,
+        mu: 8e3,
+    };
+    let mut tets = QuadraticTets::<Counted>::new(&[one; LANES]);
+    let mut force = vec![[Counted(0.0); 4]; 10];
+    let d = displacements(10, 1.0);
+    // Until rotations are found, then once more from there: one Newton iteration each.
+    for _ in 0..2 {
+        tets.linearize(&d, &mut force);
+    }
+    let found = operations(|| {
+        tets.linearize(&d, &mut force);
+    });
+    // Energies are summed at the end.
+    assert_eq!(found, LANES * (quadratic::LINEARIZE_FLOPS + fill(10) + 1));
+    let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (quadratic::PRODUCT_FLOPS + fill(10)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = quadratic::PRODUCT_FLOPS + quadratic::ENERGY_FLOPS + fill(10) + 1;
+    assert_eq!(found, LANES * expected);
 }
 
 #[test]

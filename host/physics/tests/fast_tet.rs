@@ -5,22 +5,22 @@ mod fem_support;
 
 use fast_support::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use fem_support::{Random, block, cube};
-use physics::Vec3;
 use physics::fast::lanes::{LANES, Real};
 use physics::fast::tet::Tets;
-use physics::fem::law::svd;
+use physics::fem::law::{Frame, svd};
 use physics::fem::shape::Tet4;
 use physics::fem::solid::Solid;
 use physics::fem::{Body, BodyConfig, SolidLaw, law::Corotational};
 use physics::mesh::TetMesh;
+use physics::{Mat3, Vec3};
 
-fn solid(mesh: &TetMesh) -> Body {
+fn solid(mesh: &TetMesh, law: SolidLaw) -> Body {
     let config = BodyConfig {
         gravity: Vec3::zeros(),
         ..BodyConfig::default()
     };
     let materials = materials(mesh.cells.len());
-    Body::solid(mesh, &materials, SolidLaw::Corotational, config, &[]).unwrap()
+    Body::solid(mesh, &materials, law, config, &[]).unwrap()
 }
 
 /// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `share` of the mesh.
@@ -47,7 +47,7 @@ fn product<T: Real>(tets: &Tets<T>, u: &[Vec3]) -> Vec<Vec3> {
 #[test]
 fn forces_energy_and_rotations_are_those_of_the_body() {
     let mesh = cube(4, 0.2, false);
-    let mut body = solid(&mesh);
+    let mut body = solid(&mesh, SolidLaw::Corotational);
     let list = materials(mesh.cells.len());
     let law = Solid::<4, 1, Tet4, _>::new(Corotational, &mesh.positions, cells(&mesh), &list);
     let law = law.unwrap();
@@ -206,6 +206,41 @@ fn a_guess_takes_off_the_product() {
     assert!((found - energy).abs() <= 1e-13 * energy);
     let found = difference(&vectors(&residual), &expected);
     assert!(found < 1e-13, "{found:e}");
+}
+
+#[test]
+fn in_a_fixed_frame_the_law_is_linear() {
+    let mesh = cube(3, 0.2, false);
+    let count = mesh.positions.len();
+    let mut body = solid(&mesh, SolidLaw::Linear);
+    let mut tets = Tets::<f64>::new(tets(&mesh).into_iter()).in_frame(Frame::Fixed);
+    for (angle, share) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
+        let d = displaced(&mesh, angle, share, 1);
+        let x: Vec<Vec3> = mesh.positions.iter().zip(&d).map(|(x, d)| x + d).collect();
+        body.set_positions(&x).unwrap();
+        body.assemble();
+        let expected: Vec<Vec3> = body.internal_forces().collect();
+        let (force, energy) = forces(&mut tets, &d);
+        // Rounding of F, 1e-16, over a strain of at least 1e-4.
+        let found = difference(&force, &expected);
+        assert!(found < 1e-11, "{share}: {found:e}");
+        let reference = body.elastic_energy();
+        let found = (energy - reference).abs() / reference;
+        assert!(found < 1e-11, "{share}: {found:e}");
+        // Forces are minus the product, and no rotation was looked for.
+        let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
+        assert_eq!(force, minus);
+        assert_eq!(tets.rotation(0), Mat3::identity());
+    }
+    let (d, u) = (displaced(&mesh, 0.5, 0.1, 3), displaced(&mesh, 0.2, 0.1, 4));
+    let (force, energy) = forces(&mut tets, &d);
+    let expected = force.iter().zip(product(&tets, &u));
+    let expected: Vec<Vec3> = expected.map(|(f, ku)| f - ku * 0.37).collect();
+    let mut residual = zeros(count);
+    let found = tets.linearize_with(&nodes(&d), &nodes(&u), 0.37, &mut residual);
+    assert!(found == energy);
+    // Another order of the sums.
+    assert!(difference(&vectors(&residual), &expected) < 1e-14);
 }
 
 #[test]

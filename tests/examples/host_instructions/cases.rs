@@ -38,11 +38,17 @@ type Failure = Box<dyn Error>;
 type Prepare = fn() -> Result<Case, Failure>;
 
 /// By name, what prepares each case.
-pub(crate) const ALL: [(&str, Prepare); 8] = [
+pub(crate) const ALL: [(&str, Prepare); 10] = [
     ("step, solid, f64", || step::<f64>(solid(6, false)?)),
     ("step, solid, f32", || step::<f32>(solid(6, false)?)),
     ("step, quadratic solid, f64", || {
         step::<f64>(solid(3, true)?)
+    }),
+    ("step, small strains, f64", || {
+        step::<f64>(solid_of(SolidLaw::Linear, 6, false)?)
+    }),
+    ("step, neo-Hookean solid, f64", || {
+        step::<f64>(solid_of(SolidLaw::StableNeoHookean, 6, false)?)
     }),
     ("step, sheet, f64", || step::<f64>(strip()?)),
     ("step, sheet, f32", || step::<f32>(strip()?)),
@@ -110,6 +116,11 @@ fn ends(positions: &[Vec3], axis: Vec3, length: f64, freedom: Freedom) -> [Handl
 
 /// A cube of `n` cells along each edge, six corotational tetrahedra each.
 fn solid(n: u32, quadratic: bool) -> Result<Pulled, Failure> {
+    solid_of(SolidLaw::Corotational, n, quadratic)
+}
+
+/// The same of another law.
+fn solid_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Pulled, Failure> {
     let (length, axis) = (0.1, Vec3::z());
     let mesh = solid_box([length; 3], [n; 3])?;
     let mesh = if quadratic { mesh.quadratic() } else { mesh };
@@ -125,7 +136,7 @@ fn solid(n: u32, quadratic: bool) -> Result<Pulled, Failure> {
         stiffness_damping: 0.1,
         ..BodyConfig::default()
     };
-    let body = Body::solid(&mesh, &[soft], SolidLaw::Corotational, config, &handles)?;
+    let body = Body::solid(&mesh, &[soft], law, config, &handles)?;
     let poses = handles.map(|handle| HandlePose::at(handle.origin));
     Ok(Pulled { body, axis, poses })
 }

@@ -5,10 +5,16 @@
 
 use super::cost::Cost;
 use super::lanes::{less, plus};
+use super::principal::PrincipalTets;
+use super::principal_kernels::{Cell, Four, Ten};
+use super::quadratic::{QuadraticTet, QuadraticTets};
 use super::tet::{Tet, Tets};
 use super::triangle::{Triangle, Triangles};
 use super::{Node, Real};
 use crate::fem::block_matrix::ElementSlots;
+use crate::fem::elements::slots;
+use crate::fem::law::Frame;
+use crate::fem::law::isotropic::PointLaw;
 use crate::fem::{BlockMatrix, Elements, Tangent};
 use crate::{Mat3, Vec3};
 use core::fmt;
@@ -44,10 +50,45 @@ pub(crate) struct Placed<E, const N: usize> {
 }
 
 impl<T: Real> Placed<Tets<T>, 4> {
-    pub(crate) fn tets(tets: Vec<Tet>, matrix: &BlockMatrix) -> Self {
+    pub(crate) fn tets(frame: Frame, tets: Vec<Tet>, matrix: &BlockMatrix) -> Self {
         Self {
             slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
-            elements: Tets::new(tets.into_iter()),
+            elements: Tets::new(tets.into_iter()).in_frame(frame),
+        }
+    }
+}
+
+impl<T: Real> Placed<QuadraticTets<T>, 10> {
+    pub(crate) fn quadratic_tets(
+        frame: Frame,
+        tets: &[QuadraticTet],
+        matrix: &BlockMatrix,
+    ) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: QuadraticTets::new(tets).in_frame(frame),
+        }
+    }
+}
+
+impl<T: Real> Placed<PrincipalTets<T, Four, 4, 1>, 4> {
+    pub(crate) fn principal_tets(law: PointLaw, tets: &[Tet], matrix: &BlockMatrix) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: PrincipalTets::linear(law, tets),
+        }
+    }
+}
+
+impl<T: Real> Placed<PrincipalTets<T, Ten, 10, 4>, 10> {
+    pub(crate) fn principal_quadratic_tets(
+        law: PointLaw,
+        tets: &[QuadraticTet],
+        matrix: &BlockMatrix,
+    ) -> Self {
+        Self {
+            slots: slots(tets.iter().map(|tet| tet.nodes), matrix),
+            elements: PrincipalTets::quadratic(law, tets),
         }
     }
 }
@@ -59,15 +100,6 @@ impl<T: Real> Placed<Triangles<T>, 3> {
             elements: Triangles::new(triangles),
         }
     }
-}
-
-/// Of `matrix`, whose pattern has all elements.
-fn slots<const N: usize>(
-    elements: impl Iterator<Item = [u32; N]>,
-    matrix: &BlockMatrix,
-) -> Vec<ElementSlots<N>> {
-    let slots = elements.map(|nodes| matrix.element_slots(nodes));
-    slots.collect::<Option<_>>().unwrap_or_default()
 }
 
 fn add_blocks<const N: usize>(
@@ -85,9 +117,43 @@ fn add_blocks<const N: usize>(
     }
 }
 
-impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
+macro_rules! placed {
+    ($elements:ident, $nodes:literal) => {
+        impl<T: Real> Kernel<T> for Placed<$elements<T>, $nodes> {
+            fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+                self.elements.linearize(d, force).to_f64()
+            }
+
+            fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+                self.elements.product(factor, u, y);
+            }
+
+            fn add_to(&self, matrix: &mut BlockMatrix) {
+                add_blocks(matrix, &self.slots, |element| {
+                    self.elements.stiffness(element)
+                });
+            }
+
+            fn linearize_cost(&self) -> Option<Cost> {
+                Some(self.elements.linearize_cost())
+            }
+
+            fn product_cost(&self) -> Option<Cost> {
+                Some(self.elements.product_cost())
+            }
+
+            fn bytes(&self) -> usize {
+                self.elements.bytes() + size_of_val(self.slots.as_slice())
+            }
+        }
+    };
+}
+
+impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> Kernel<T>
+    for Placed<PrincipalTets<T, C, N, Q>, N>
+{
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        self.elements.linearize(d, force).to_f64()
+        self.elements.linearize(d, force)
     }
 
     fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
@@ -101,7 +167,7 @@ impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
     }
 
     fn linearize_cost(&self) -> Option<Cost> {
-        Some(self.elements.linearize_cost())
+        None
     }
 
     fn product_cost(&self) -> Option<Cost> {
@@ -113,33 +179,9 @@ impl<T: Real> Kernel<T> for Placed<Tets<T>, 4> {
     }
 }
 
-impl<T: Real> Kernel<T> for Placed<Triangles<T>, 3> {
-    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        self.elements.linearize(d, force).to_f64()
-    }
-
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        self.elements.product(factor, u, y);
-    }
-
-    fn add_to(&self, matrix: &mut BlockMatrix) {
-        add_blocks(matrix, &self.slots, |element| {
-            self.elements.stiffness(element)
-        });
-    }
-
-    fn linearize_cost(&self) -> Option<Cost> {
-        Some(self.elements.linearize_cost())
-    }
-
-    fn product_cost(&self) -> Option<Cost> {
-        Some(self.elements.product_cost())
-    }
-
-    fn bytes(&self) -> usize {
-        self.elements.bytes() + size_of_val(self.slots.as_slice())
-    }
-}
+placed!(Tets, 4);
+placed!(QuadraticTets, 10);
+placed!(Triangles, 3);
 
 /// Elements by their assembled matrix.
 #[derive(Debug)]

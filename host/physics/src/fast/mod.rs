@@ -11,6 +11,9 @@
 //! - [`polar`]: rotations of elements, from where they last were.
 //! - [`tet`]: linear tetrahedra in blocks: forces, energies and products with the stiffness.
 //! - `tet_kernels`: what is computed on such a block.
+//! - [`quadratic`] and `quadratic_kernels`: the same of quadratic tetrahedra.
+//! - `principal` and `principal_kernels`: tetrahedra of any isotropic law.
+//! - `matrices`: those of one element in a lane.
 //! - [`triangle`], `triangle_kernels` and `triangle_polar`: the same of membrane triangles.
 //! - `vectors`: what conjugate gradients do with whole vectors.
 //! - `precondition`: which of the two factors that follow preconditions a step.
@@ -24,10 +27,15 @@ pub mod factor;
 pub mod incomplete;
 mod kernel;
 pub mod lanes;
+mod matrices;
 pub mod order;
 pub mod panel;
 pub mod polar;
 mod precondition;
+mod principal;
+mod principal_kernels;
+pub mod quadratic;
+mod quadratic_kernels;
 pub mod refresh;
 mod sleep;
 mod stepper;

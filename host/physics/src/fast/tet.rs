@@ -14,6 +14,7 @@ use super::cost::Cost;
 use super::lanes::{LANES, Lanes, Real, apart};
 use super::polar::matrix;
 use super::tet_kernels::{self, Blocks, Rest, Turned, linearize, product};
+use crate::fem::law::Frame;
 use crate::{Mat3, Vec3};
 
 /// Operations of [`Tets::linearize`] for each element, with one Newton iteration for its rotation.
@@ -21,6 +22,9 @@ pub const LINEARIZE_FLOPS: usize = tet_kernels::LINEARIZE_FLOPS;
 
 /// Those of each Newton iteration more.
 pub const TURN_FLOPS: usize = tet_kernels::TURN_FLOPS;
+
+/// Those of the energy in a fixed frame, where the forces are a product.
+pub const ENERGY_FLOPS: usize = tet_kernels::ENERGY_FLOPS;
 
 /// Operations of [`Tets::product`] for each element.
 pub const PRODUCT_FLOPS: usize = tet_kernels::PRODUCT_FLOPS;
@@ -46,6 +50,7 @@ pub struct Tets<T> {
     blocks: Blocks<T>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
+    frame: Frame,
 }
 
 impl<T: Real> Tets<T> {
@@ -56,6 +61,7 @@ impl<T: Real> Tets<T> {
         let mut all = Self {
             blocks: Blocks::default(),
             places: vec![(0, 0); tets.len()],
+            frame: Frame::Turning,
         };
         for (block, elements) in order.chunks(LANES).enumerate() {
             let zero = [T::ZERO; LANES];
@@ -97,6 +103,13 @@ impl<T: Real> Tets<T> {
         all
     }
 
+    /// The same with strains measured in `frame`: in a fixed one no rotation is looked for, and the stiffness is that
+    /// at rest.
+    #[must_use]
+    pub fn in_frame(self, frame: Frame) -> Self {
+        Self { frame, ..self }
+    }
+
     /// Number of elements.
     pub fn len(&self) -> usize {
         self.places.len()
@@ -118,6 +131,9 @@ impl<T: Real> Tets<T> {
 
     /// What a linearization with one Newton iteration costs, but for displacements and forces.
     pub(super) fn linearize_cost(&self) -> Cost {
+        if self.frame == Frame::Fixed {
+            return self.product_cost() + Cost::flops(ENERGY_FLOPS * self.len());
+        }
         let ratios = self.blocks.turned.len() * size_of::<Lanes<T>>();
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.rest.as_slice()))
@@ -141,6 +157,9 @@ impl<T: Real> Tets<T> {
     ///
     /// Where `d` or `force` is shorter than a node's number.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
+        if self.frame == Frame::Fixed {
+            return product::<T, true>(&self.blocks, T::of(-1.0), d, force);
+        }
         linearize::<T, false>(&mut self.blocks, d, d, T::ZERO, force)
     }
 
@@ -157,6 +176,10 @@ impl<T: Real> Tets<T> {
         factor: T,
         force: &mut [Node<T>],
     ) -> T {
+        if self.frame == Frame::Fixed {
+            self.product(-factor, u, force);
+            return self.linearize(d, force);
+        }
         linearize::<T, true>(&mut self.blocks, d, u, factor, force)
     }
 
@@ -166,7 +189,7 @@ impl<T: Real> Tets<T> {
     ///
     /// Where `u` or `y` is shorter than a node's number.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        product(&self.blocks, factor, u, y);
+        product::<T, false>(&self.blocks, factor, u, y);
     }
 
     /// Rotation of an element in the last call of `linearize`; the identity before the first.

@@ -6,6 +6,9 @@
 
 use super::Node;
 use super::lanes::{LANES, Lanes, Real, Vectors, gather, scatter};
+use super::matrices::{
+    energy, matrix, outer, product_of, stress, symmetric, times, transposed_times,
+};
 use super::polar::{Matrix, Quaternion, quaternion, rotation_less_identity, strain, turn};
 use multiversion::multiversion;
 
@@ -22,6 +25,9 @@ pub(super) const TURN_FLOPS: usize = 84 + 40 + 24 + 35 + 13;
 
 /// Of a product: differences 9, their gradient 45, its symmetric part 10, the stress 6, forces 45, their sums 18.
 pub(super) const PRODUCT_FLOPS: usize = 9 + 45 + 10 + 6 + 45 + 18;
+
+/// Of the energy: three products along the axes and three across, their sums and a half, and the sum over elements.
+pub(super) const ENERGY_FLOPS: usize = 13;
 
 /// What does not change of a block.
 #[derive(Clone, Debug)]
@@ -50,9 +56,6 @@ pub(super) struct Blocks<T> {
     /// Quaternions, by component.
     pub(super) rotations: Vec<[Lanes<T>; 4]>,
 }
-
-/// A symmetric matrix: 00, 11, 22, 12, 02, 01.
-type Symmetric<T> = [T; 6];
 
 /// See [`Tets::linearize_with`](super::tet::Tets::linearize_with); without `GUESS`, `u` is not read.
 #[multiversion(targets(
@@ -84,19 +87,22 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
         respond::<T, GUESS>(rest, rotations, &h, &vectors, factor, turned, out);
         scatter(nodes, &forces, force);
     }
-    let mut sum = T::ZERO;
-    for energy in energy {
-        sum += energy;
-    }
-    sum
+    sum(&energy)
 }
 
-/// See [`Tets::product`](super::tet::Tets::product).
+/// See [`Tets::product`](super::tet::Tets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
+/// the gradients, where `factor` is 1 or -1.
 #[multiversion(targets(
     "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
     "x86_64+avx2+bmi1+bmi2"
 ))]
-pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+pub(super) fn product<T: Real, const ENERGY: bool>(
+    blocks: &Blocks<T>,
+    factor: T,
+    u: &[Node<T>],
+    y: &mut [Node<T>],
+) -> T {
+    let mut energies = [T::ZERO; LANES];
     let zero = [[[T::ZERO; 4]; LANES]; 3];
     let (mut differences, mut forces) = (zero, zero);
     for (nodes, turned) in blocks.nodes.iter().zip(&blocks.turned) {
@@ -104,13 +110,18 @@ pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
         for lane in 0..LANES {
             let b = at(&turned.gradients, lane);
             let e = symmetric(&outer(&vectors_at(&differences, lane), &b), factor);
-            let s = matrix(&stress(&e, turned.ratio[lane]));
+            let s = stress(&e, turned.ratio[lane]);
+            if ENERGY {
+                energies[lane] += energy(&e, &s);
+            }
+            let s = matrix(&s);
             forces[0][lane] = node(times(&s, b[0]));
             forces[1][lane] = node(times(&s, b[1]));
             forces[2][lane] = node(times(&s, b[2]));
         }
         scatter(nodes, &forces, y);
     }
+    if ENERGY { sum(&energies) } else { T::ZERO }
 }
 
 /// `F - I = sum (d_a - d_0) g_a^T`, row by row, from the differences.
@@ -130,7 +141,7 @@ fn deformation<T: Real>(
 
 /// Rotations of a block.
 #[inline(always)]
-fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
+pub(super) fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
     for _ in 0..MAX_TURNS {
         let mut open = 0_u32;
         for lane in 0..LANES {
@@ -210,9 +221,19 @@ fn respond<T: Real, const GUESS: bool>(
     }
 }
 
+/// Over all lanes.
+#[inline(always)]
+pub(super) fn sum<T: Real>(lanes: &Lanes<T>) -> T {
+    let mut sum = T::ZERO;
+    for &lane in lanes {
+        sum += lane;
+    }
+    sum
+}
+
 /// Rows of one element.
 #[inline(always)]
-fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
+pub(super) fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
     let mut m = [[T::ZERO; 3]; 3];
     for i in 0..3 {
         for j in 0..3 {
@@ -225,7 +246,7 @@ fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
 /// The vectors of one element, as rows. The fill, zero, is read too: where one entry in four is left out, the
 /// compiler does the last lanes one by one.
 #[inline(always)]
-fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
+pub(super) fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
     let vector = |a: usize| {
         let node = &vectors[a][lane];
         [node[0] + node[3], node[1], node[2]]
@@ -234,97 +255,18 @@ fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
 }
 
 #[inline(always)]
-fn node<T: Real>(v: [T; 3]) -> Node<T> {
+pub(super) fn node<T: Real>(v: [T; 3]) -> Node<T> {
     [v[0], v[1], v[2], T::ZERO]
 }
 
 #[inline(always)]
-fn put<T: Real>(rows: &mut [Lanes<T>; 9], lane: usize, a: usize, value: [T; 3]) {
+pub(super) fn put<T: Real>(rows: &mut [Lanes<T>; 9], lane: usize, a: usize, value: [T; 3]) {
     for i in 0..3 {
         rows[3 * a + i][lane] = value[i];
     }
 }
 
 #[inline(always)]
-fn quaternion_at<T: Real>(rows: &[Lanes<T>; 4], lane: usize) -> Quaternion<T> {
+pub(super) fn quaternion_at<T: Real>(rows: &[Lanes<T>; 4], lane: usize) -> Quaternion<T> {
     [rows[0][lane], rows[1][lane], rows[2][lane], rows[3][lane]]
-}
-
-/// `sum a_k b_k^T` over the rows of both.
-#[inline(always)]
-fn outer<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
-    let mut sum = [[T::ZERO; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            sum[i][j] = a[0][i] * b[0][j] + a[1][i] * b[1][j] + a[2][i] * b[2][j];
-        }
-    }
-    sum
-}
-
-/// `a^T b`: the same sum.
-#[inline(always)]
-fn transposed_times<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
-    outer(a, b)
-}
-
-#[inline(always)]
-fn product_of<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
-    let mut product = [[T::ZERO; 3]; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            product[i][j] = a[i][0] * b[0][j] + a[i][1] * b[1][j] + a[i][2] * b[2][j];
-        }
-    }
-    product
-}
-
-#[inline(always)]
-fn times<T: Real>(m: &Matrix<T>, v: [T; 3]) -> [T; 3] {
-    let mut product = [T::ZERO; 3];
-    for i in 0..3 {
-        product[i] = m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2];
-    }
-    product
-}
-
-/// `factor` times the symmetric part.
-#[inline(always)]
-fn symmetric<T: Real>(m: &Matrix<T>, factor: T) -> Symmetric<T> {
-    let half = T::of(0.5) * factor;
-    [
-        m[0][0] * factor,
-        m[1][1] * factor,
-        m[2][2] * factor,
-        (m[1][2] + m[2][1]) * half,
-        (m[0][2] + m[2][0]) * half,
-        (m[0][1] + m[1][0]) * half,
-    ]
-}
-
-#[inline(always)]
-fn matrix<T: Real>(s: &Symmetric<T>) -> Matrix<T> {
-    [[s[0], s[5], s[4]], [s[5], s[1], s[3]], [s[4], s[3], s[2]]]
-}
-
-/// Stress of a strain, both scaled by `sqrt(2 mu V)` of their elements: `e + ratio tr(e) I`.
-#[inline(always)]
-fn stress<T: Real>(e: &Symmetric<T>, ratio: T) -> Symmetric<T> {
-    let pressure = ratio * (e[0] + e[1] + e[2]);
-    [
-        e[0] + pressure,
-        e[1] + pressure,
-        e[2] + pressure,
-        e[3],
-        e[4],
-        e[5],
-    ]
-}
-
-/// Half of strain times stress.
-#[inline(always)]
-fn energy<T: Real>(e: &Symmetric<T>, s: &Symmetric<T>) -> T {
-    let along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];
-    let across = e[3] * s[3] + e[4] * s[4] + e[5] * s[5];
-    T::of(0.5) * along + across
 }

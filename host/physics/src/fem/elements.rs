@@ -6,6 +6,9 @@
 
 use super::Tangent;
 use super::block_matrix::{BlockMatrix, ElementSlots};
+use super::law::Frame;
+use super::law::isotropic::PointLaw;
+use crate::fast::quadratic::QuadraticTet;
 use crate::fast::tet::Tet;
 use crate::fast::triangle::Triangle;
 use crate::{Mat3, Vec3};
@@ -50,8 +53,23 @@ pub trait Elements: fmt::Debug + Send + Sync {
     /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
 
-    /// The elements as corotational linear tetrahedra, where that is what they are.
-    fn corotational_tets(&self) -> Option<Vec<Tet>> {
+    /// The elements as linear tetrahedra under Hooke's law in a frame, where that is what they are.
+    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
+        None
+    }
+
+    /// The elements as quadratic tetrahedra under Hooke's law in a frame, where that is what they are.
+    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
+        None
+    }
+
+    /// The elements as linear tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
+        None
+    }
+
+    /// The elements as quadratic tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
         None
     }
 

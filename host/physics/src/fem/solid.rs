@@ -12,10 +12,13 @@ use super::Tangent;
 use super::block_matrix::BlockMatrix;
 use super::elements::{Elements, renumber, slots};
 use super::error::BodyError;
-use super::law::{Lame, Law, Modulus};
+use super::law::isotropic::PointLaw;
+use super::law::{Frame, Lame, Law, Modulus};
 use super::material::SolidMaterial;
 use super::shape::Shape;
+use crate::fast::quadratic::QuadraticTet;
 use crate::fast::tet::Tet;
+use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
@@ -136,6 +139,53 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
     pub fn deformation(&self, element: usize, x: &[Vec3]) -> [Mat3; Q] {
         let x = self.at(element, x);
         core::array::from_fn(|q| deformation(&self.gradients[element][q], &x))
+    }
+
+    /// As linear tetrahedra, where they are.
+    fn tets(&self) -> Option<Vec<Tet>> {
+        if N != 4 || Q != 1 {
+            return None;
+        }
+        let tet = |element: usize| {
+            let gradients = self.gradients[element].first()?;
+            Some(Tet {
+                nodes: *self.nodes[element].first_chunk()?,
+                gradients: *gradients.first_chunk()?,
+                volume: self.volume(element),
+                lambda: self.lame[element].lambda,
+                mu: self.lame[element].mu,
+            })
+        };
+        (0..self.nodes.len()).map(tet).collect()
+    }
+
+    /// As quadratic tetrahedra, where they are.
+    fn quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
+        if N != 10 {
+            return None;
+        }
+        let tet = |element: usize| {
+            // A quadratic element has its barycentric coordinates for linear fields: 1 at their corner, 1/2 at the
+            // middles of its edges.
+            let coordinates = |gradients: &[Vec3; N]| {
+                [1, 2, 3].map(|corner| {
+                    let ends = gradients[4..].iter().zip(MIDSIDE_ENDS);
+                    let middles = ends.filter(|(_, ends)| ends.contains(&corner));
+                    gradients[corner] + middles.map(|(gradient, _)| gradient).sum::<Vec3>() * 0.5
+                })
+            };
+            Some(QuadraticTet {
+                nodes: *self.nodes[element].first_chunk()?,
+                gradients: *self.gradients[element]
+                    .each_ref()
+                    .map(coordinates)
+                    .first_chunk()?,
+                volumes: *self.volumes[element].first_chunk()?,
+                lambda: self.lame[element].lambda,
+                mu: self.lame[element].mu,
+            })
+        };
+        (0..self.nodes.len()).map(tet).collect()
     }
 }
 
@@ -287,21 +337,20 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         }
     }
 
-    fn corotational_tets(&self) -> Option<Vec<Tet>> {
-        if N != 4 || Q != 1 || !L::COROTATIONAL {
-            return None;
-        }
-        let tet = |element: usize| {
-            let gradients = self.gradients[element].first()?;
-            Some(Tet {
-                nodes: *self.nodes[element].first_chunk()?,
-                gradients: *gradients.first_chunk()?,
-                volume: self.volume(element),
-                lambda: self.lame[element].lambda,
-                mu: self.lame[element].mu,
-            })
-        };
-        (0..self.nodes.len()).map(tet).collect()
+    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
+        Some((L::FRAME?, self.tets()?))
+    }
+
+    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
+        Some((L::FRAME?, self.quadratic_tets()?))
+    }
+
+    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
+        Some((L::POINT?, self.tets()?))
+    }
+
+    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
+        Some((L::POINT?, self.quadratic_tets()?))
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

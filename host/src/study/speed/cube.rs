@@ -61,6 +61,22 @@ pub(super) fn cube_damped(
     stiffness: Stiffness,
     stiffness_damping: f64,
 ) -> Result<Body, SpeedError> {
+    let law = SolidLaw::Corotational;
+    cube_with(law, n, quadratic, stiffness, stiffness_damping)
+}
+
+/// The same everywhere, under another law.
+pub(super) fn cube_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Body, SpeedError> {
+    cube_with(law, n, quadratic, Stiffness::Uniform, 0.1)
+}
+
+fn cube_with(
+    law: SolidLaw,
+    n: u32,
+    quadratic: bool,
+    stiffness: Stiffness,
+    stiffness_damping: f64,
+) -> Result<Body, SpeedError> {
     let mut mesh = solid_box([EDGE; 3], [n; 3])?;
     if quadratic {
         mesh = mesh.quadratic();
@@ -92,7 +108,6 @@ pub(super) fn cube_damped(
         }
     };
     let handles = [face(-1.0), face(1.0)];
-    let law = SolidLaw::Corotational;
     Ok(Body::solid(&mesh, &materials, law, config, &handles)?)
 }
 

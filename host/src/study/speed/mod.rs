@@ -10,6 +10,7 @@ mod calibration;
 mod ceiling;
 mod clock;
 mod cube;
+mod kernels;
 mod machine;
 mod motion;
 mod parts;
@@ -28,6 +29,7 @@ use physics::mesh::generate_box::BoxError;
 use serde::Serialize;
 
 pub use clock::Times;
+pub use kernels::KernelRow;
 pub use machine::Machine;
 pub use parts::{Memory, Parts, Timed};
 pub use precision::{Curve, Setting, Varied};
@@ -83,6 +85,8 @@ pub enum Section {
     Precision,
     /// Where the time of the fast step goes
     Parts,
+    /// Each kind of element and law, assembled and not
+    Kernels,
 }
 
 /// One scene on one path.
@@ -144,6 +148,8 @@ pub struct Speed {
     pub precision: Vec<Curve>,
     /// Where the time of the fast step goes.
     pub parts: Parts,
+    /// Each kind of element and law, assembled and not.
+    pub kernels: Vec<KernelRow>,
 }
 
 impl Speed {
@@ -165,9 +171,9 @@ pub fn run(
     mut progress: impl FnMut(f64),
 ) -> Result<Speed, SpeedError> {
     // Each part with its share of the whole time, roughly.
-    let [cube_end, sheets_end, scaling_end, precision_end] = match level {
-        Level::Quick => [0.55, 0.7, 0.7, 0.95],
-        Level::Full => [0.55, 0.7, 0.85, 0.99],
+    let [cube_end, sheets_end, scaling_end, precision_end, parts_end] = match level {
+        Level::Quick => [0.5, 0.65, 0.65, 0.85, 0.9],
+        Level::Full => [0.54, 0.68, 0.82, 0.95, 0.96],
     };
     let wanted = |section| only.is_none_or(|only| only == section);
     let mut found = Speed {
@@ -180,6 +186,7 @@ pub fn run(
         skips: Vec::new(),
         precision: Vec::new(),
         parts: Parts::default(),
+        kernels: Vec::new(),
     };
     let mut within = |from: f64, to: f64, share: f64| progress(from + (to - from) * share);
     if wanted(Section::Cube) {
@@ -198,7 +205,10 @@ pub fn run(
         found.precision = precision::run(level, |share| within(scaling_end, precision_end, share))?;
     }
     if wanted(Section::Parts) {
-        found.parts = parts::run(level, |share| within(precision_end, 1.0, share))?;
+        found.parts = parts::run(level, |share| within(precision_end, parts_end, share))?;
+    }
+    if wanted(Section::Kernels) {
+        found.kernels = kernels::run(level, |share| within(parts_end, 1.0, share))?;
     }
     Ok(found)
 }

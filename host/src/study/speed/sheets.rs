@@ -10,7 +10,7 @@ use super::path;
 use super::trial::Scene;
 use super::{Level, Row, SpeedError};
 use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material};
+use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material, SheetLawName, Weave};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 
@@ -63,20 +63,47 @@ pub(super) fn body(nx: u32, ny: u32) -> Result<Body, SpeedError> {
         thickness: 0.001,
         density: 1000.0,
     };
+    Ok(Body::sheet(&mesh, &[material], config(), &handles(&mesh))?)
+}
+
+/// The same of cloth, half as stiff along the weft as along the warp, which has no bending.
+pub(super) fn woven(nx: u32, ny: u32, law: SheetLawName) -> Result<Body, SpeedError> {
+    let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
+    let weave = Weave {
+        warp: Vec3::x(),
+        young_warp: 1e6,
+        young_weft: 5e5,
+        poisson: 0.2,
+        shear: 2e5,
+        thickness: 0.001,
+        density: 1000.0,
+    };
     let config = BodyConfig {
+        bending: 0.0,
+        ..config()
+    };
+    let handles = handles(&mesh);
+    Ok(Body::woven(&mesh, &[weave], law, config, &handles)?)
+}
+
+fn config() -> BodyConfig {
+    BodyConfig {
         gravity: Vec3::zeros(),
         mass_damping: 0.1,
         stiffness_damping: 0.01,
         bending: 1.0,
         ..BodyConfig::default()
-    };
+    }
+}
+
+/// Two opposite sides, and a patch in the middle.
+fn handles(mesh: &TriMesh) -> [HandleSpec; 3] {
     let end = 0.5 * SIDE - 1e-9;
-    let handles = [
-        held(&mesh, Vec3::x() * (-0.5 * SIDE), |x| x.x < -end),
-        held(&mesh, Vec3::x() * (0.5 * SIDE), |x| x.x > end),
-        held(&mesh, Vec3::zeros(), |x| x.norm() < 0.05 * SIDE),
-    ];
-    Ok(Body::sheet(&mesh, &[material], config, &handles)?)
+    [
+        held(mesh, Vec3::x() * (-0.5 * SIDE), |x| x.x < -end),
+        held(mesh, Vec3::x() * (0.5 * SIDE), |x| x.x > end),
+        held(mesh, Vec3::zeros(), |x| x.norm() < 0.05 * SIDE),
+    ]
 }
 
 fn held(mesh: &TriMesh, origin: Vec3, chosen: impl Fn(&Vec3) -> bool) -> HandleSpec {

@@ -97,8 +97,16 @@ fn kernels<T: Real>(
     for set in &body.elements {
         let mut set = set.boxed();
         set.renumber(place);
-        if let Some(tets) = set.corotational_tets() {
-            kernels.push(Box::new(Placed::tets(tets, matrix)));
+        if let Some((frame, tets)) = set.hookean_tets() {
+            kernels.push(Box::new(Placed::tets(frame, tets, matrix)));
+        } else if let Some((frame, tets)) = set.hookean_quadratic_tets() {
+            kernels.push(Box::new(Placed::quadratic_tets(frame, &tets, matrix)));
+        } else if let Some((law, tets)) = set.isotropic_tets() {
+            kernels.push(Box::new(Placed::principal_tets(law, &tets, matrix)));
+        } else if let Some((law, tets)) = set.isotropic_quadratic_tets() {
+            kernels.push(Box::new(Placed::principal_quadratic_tets(
+                law, &tets, matrix,
+            )));
         } else if let Some(triangles) = set.corotational_triangles() {
             kernels.push(Box::new(Placed::triangles(&triangles, matrix)));
         } else {

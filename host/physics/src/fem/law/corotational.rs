@@ -8,7 +8,7 @@
 
 use super::isotropic::{self, PAIRS, Principal};
 use super::svd::svd;
-use super::{Lame, Law, Response};
+use super::{Frame, Lame, Law, Response};
 use crate::fem::Tangent;
 use crate::{Mat3, Vec3};
 
@@ -21,7 +21,7 @@ const STRETCH_FLOOR: f64 = 0.02;
 pub struct Corotational;
 
 impl Law for Corotational {
-    const COROTATIONAL: bool = true;
+    const FRAME: Option<Frame> = Some(Frame::Turning);
 
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let strain = svd(f).s - Vec3::repeat(1.0);

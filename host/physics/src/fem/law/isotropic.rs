@@ -4,8 +4,8 @@
 //! *twists* and three *flips*, whose eigenvalues have closed forms (Smith, de Goes and Kim, "Analytic
 //! eigensystems for isotropic distortion energies", 2019). Clipping is then a matter of signs.
 
-use super::svd::{Svd, svd};
-use super::{Modulus, Response};
+use super::svd::{Svd, svd, svd_from};
+use super::{Lame, Law, Modulus, Response};
 use crate::fem::Tangent;
 use crate::{Mat3, Vec3};
 
@@ -23,21 +23,96 @@ pub struct Principal {
     pub flip: Vec3,
 }
 
+impl Principal {
+    /// By pair of axes `ij`, how the shear `P_ij` answers to `F_ij`.
+    pub fn same(&self) -> Vec3 {
+        (self.flip + self.twist) * 0.5
+    }
+
+    /// By pair of axes `ij`, how the shear `P_ij` answers to `F_ji`.
+    pub fn crossed(&self) -> Vec3 {
+        (self.flip - self.twist) * 0.5
+    }
+}
+
+/// The axes of a deformation gradient `F = u diag(s) v^T`, and what a law says in them.
+#[derive(Clone, Copy, Debug)]
+pub struct Axes {
+    /// The left ones, a rotation.
+    pub u: Mat3,
+    /// The right ones, a rotation.
+    pub v: Mat3,
+    /// Derivatives of the energy density.
+    pub principal: Principal,
+}
+
+impl Axes {
+    fn new(svd: Svd, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Self {
+        let Svd { u, s, v } = svd;
+        let mut principal = law(&s);
+        if tangent == Tangent::Clipped {
+            principal.stretch = clipped(&principal.stretch);
+            principal.twist = principal.twist.sup(&Vec3::zeros());
+            principal.flip = principal.flip.sup(&Vec3::zeros());
+        }
+        Self { u, v, principal }
+    }
+}
+
+/// All that a law says at one deformation gradient, its modulus clipped and in principal axes.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Energy per rest volume (J/m^3).
+    pub energy: f64,
+    /// First Piola-Kirchhoff stress (Pa).
+    pub stress: Mat3,
+    /// The modulus.
+    pub axes: Axes,
+}
+
+/// A law as [`fast`](crate::fast) calls it: with the right axes of a deformation gradient near this one.
+pub type PointLaw = fn(Lame, &Mat3, &Mat3) -> Point;
+
+/// What `law`, whose derivatives by the principal stretches are `principal`, says at `f`, whose right axes are near
+/// those of `start`.
+pub(super) fn point<L: Law>(
+    law: &L,
+    lame: Lame,
+    f: &Mat3,
+    start: &Mat3,
+    principal: impl Fn(&Vec3) -> Principal,
+) -> Point {
+    Point {
+        energy: law.energy(lame, f),
+        stress: law.stress(lame, f),
+        axes: Axes::new(
+            svd_from(f, &orthonormal(start)),
+            Tangent::Clipped,
+            principal,
+        ),
+    }
+}
+
+/// A rotation from one that rounding has worn.
+fn orthonormal(worn: &Mat3) -> Mat3 {
+    let x = worn.column(0).normalize();
+    let y = worn.column(1) - x * x.dot(&worn.column(1));
+    let y = y.normalize();
+    Mat3::from_columns(&[x, y, x.cross(&y)])
+}
+
+/// A pivot above this share of the trace is not rounding.
+const PIVOT: f64 = 1e-10;
+
 /// The pairs of axes, by the axis that is left out.
 pub const PAIRS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Stress and modulus at `f` of the law with these derivatives.
 pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Response {
-    let Svd { u, s, v } = svd(f);
-    let mut p = law(&s);
-    if tangent == Tangent::Clipped {
-        p.stretch = clipped(&p.stretch);
-        p.twist = p.twist.sup(&Vec3::zeros());
-        p.flip = p.flip.sup(&Vec3::zeros());
-    }
+    let Axes { u, v, principal } = Axes::new(svd(f), tangent, law);
+    let p = principal;
     // In principal axes: dP_ii by dF_jj; and dP_ij by dF_ij and dF_ji.
-    let same: Vec3 = (p.flip + p.twist) * 0.5;
-    let crossed: Vec3 = (p.flip - p.twist) * 0.5;
+    let (same, crossed) = (p.same(), p.crossed());
     // The modulus of the term a_ij E_ij (x) E_kl, with E_ij = u_i v_j^T, has the block v_j[J] v_l[L]
     // u_i u_k^T. Sum over what is not zero, for fixed right axes first.
     let mut right = [[Mat3::zeros(); 3]; 3];
@@ -71,8 +146,22 @@ pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> 
     }
 }
 
+/// Whether elimination meets no pivot that is not clearly positive.
+fn is_definite(matrix: &Mat3) -> bool {
+    let least = PIVOT * matrix.trace();
+    let first = matrix[(0, 0)];
+    let (y, z) = (matrix[(1, 0)] / first, matrix[(2, 0)] / first);
+    let second = matrix[(1, 1)] - y * matrix[(0, 1)];
+    let beside = matrix[(2, 1)] - z * matrix[(0, 1)];
+    let third = matrix[(2, 2)] - z * matrix[(0, 2)] - beside * beside / second;
+    first > least && second > least && third > least && least > 0.0
+}
+
 /// A symmetric matrix with its negative eigenvalues replaced by zero.
 fn clipped(matrix: &Mat3) -> Mat3 {
+    if is_definite(matrix) {
+        return *matrix;
+    }
     // The singular values of a symmetric matrix are its eigenvalues but for signs: `(A + |A|) / 2`.
     let Svd { s, v, .. } = svd(matrix);
     let size = v * Mat3::from_diagonal(&s.abs()) * v.transpose();

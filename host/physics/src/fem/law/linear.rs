@@ -3,7 +3,7 @@
 //! `epsilon = sym(F) - I`, `P = 2 mu epsilon + lambda tr(epsilon) I`. The stress of a turned body is wrong;
 //! that of a strained one is the reference against which analytic solutions are stated.
 
-use super::{Lame, Law, Modulus, Response};
+use super::{Frame, Lame, Law, Modulus, Response};
 use crate::Mat3;
 use crate::fem::Tangent;
 
@@ -27,6 +27,8 @@ pub(super) fn modulus(lame: Lame) -> Modulus {
 }
 
 impl Law for Linear {
+    const FRAME: Option<Frame> = Some(Frame::Fixed);
+
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let strain = (f + f.transpose()) * 0.5 - Mat3::identity();
         let trace = strain.trace();

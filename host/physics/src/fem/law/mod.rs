@@ -37,6 +37,15 @@ impl Lame {
     }
 }
 
+/// The frame in which small strains are measured: stresses are those of Hooke's law there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// That of space.
+    Fixed,
+    /// That which turns with the deformation gradient.
+    Turning,
+}
+
 /// Derivative of the stress `P` by the deformation gradient `F` (Pa).
 ///
 /// Block `[j][l]` holds at row `i`, column `k` the derivative of `P_ij` by `F_kl`, so that an element's
@@ -58,8 +67,11 @@ pub struct Response {
 /// exactly that of the stress. With [`Tangent::Clipped`] its negative eigenvalues are replaced by zero.
 /// None of the three may return a value that is not finite for a finite `F`, whatever its determinant.
 pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
-    /// Whether this is the corotational law, for which [`fast`](crate::fast) has kernels.
-    const COROTATIONAL: bool = false;
+    /// The frame in which this is Hooke's law, where there is one: [`fast`](crate::fast) has kernels for it.
+    const FRAME: Option<Frame> = None;
+
+    /// The law in principal axes, where it is isotropic and [`fast`](crate::fast) is to step it by them.
+    const POINT: Option<isotropic::PointLaw> = None;
 
     /// Energy per rest volume (J/m^3), zero at rest.
     fn energy(&self, lame: Lame, f: &Mat3) -> f64;

@@ -9,7 +9,7 @@
 //! with `m = 4 mu / 3` and `l = lambda + 5 mu / 6`, so that it agrees with linear elasticity at rest
 //! (section 3.4). `J` enters as a polynomial, without a logarithm: inside out is only another state.
 
-use super::isotropic::{self, PAIRS, Principal};
+use super::isotropic::{self, PAIRS, PointLaw, Principal};
 use super::{Lame, Law, Response};
 use crate::fem::Tangent;
 use crate::{Mat3, Vec3};
@@ -32,7 +32,37 @@ fn cofactor(f: &Mat3) -> Mat3 {
     Mat3::from_columns(&[b.cross(&c), c.cross(&a), a.cross(&b)])
 }
 
+/// Derivatives of the energy density by the principal stretches `s`.
+fn principal(lame: Lame, s: &Vec3) -> Principal {
+    let (m, l, a) = constants(lame);
+    let squares = s.norm_squared();
+    let shear = m * squares / (squares + 1.0);
+    let slope = 2.0 * m / ((squares + 1.0) * (squares + 1.0));
+    let others = Vec3::new(s.y * s.z, s.x * s.z, s.x * s.y);
+    let pressure = l * (s.x * s.y * s.z - a);
+    let mut stretch = Mat3::from_diagonal_element(shear)
+        + s * s.transpose() * slope
+        + others * others.transpose() * l;
+    let mut twist = Vec3::zeros();
+    let mut flip = Vec3::zeros();
+    for (k, [i, j]) in PAIRS.into_iter().enumerate() {
+        stretch[(i, j)] += pressure * s[k];
+        stretch[(j, i)] += pressure * s[k];
+        twist[k] = shear + pressure * s[k];
+        flip[k] = shear - pressure * s[k];
+    }
+    Principal {
+        stress: s * shear + others * pressure,
+        stretch,
+        twist,
+        flip,
+    }
+}
+
 impl Law for StableNeoHookean {
+    const POINT: Option<PointLaw> =
+        Some(|lame, f, start| isotropic::point(&Self, lame, f, start, |s| principal(lame, s)));
+
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let (m, l, a) = constants(lame);
         let squares = f.norm_squared();
@@ -49,31 +79,7 @@ impl Law for StableNeoHookean {
     }
 
     fn respond(&self, lame: Lame, f: &Mat3, tangent: Tangent) -> Response {
-        let (m, l, a) = constants(lame);
-        let mut response = isotropic::respond(f, tangent, |s| {
-            let squares = s.norm_squared();
-            let shear = m * squares / (squares + 1.0);
-            let slope = 2.0 * m / ((squares + 1.0) * (squares + 1.0));
-            let others = Vec3::new(s.y * s.z, s.x * s.z, s.x * s.y);
-            let pressure = l * (s.x * s.y * s.z - a);
-            let mut stretch = Mat3::from_diagonal_element(shear)
-                + s * s.transpose() * slope
-                + others * others.transpose() * l;
-            let mut twist = Vec3::zeros();
-            let mut flip = Vec3::zeros();
-            for (k, [i, j]) in PAIRS.into_iter().enumerate() {
-                stretch[(i, j)] += pressure * s[k];
-                stretch[(j, i)] += pressure * s[k];
-                twist[k] = shear + pressure * s[k];
-                flip[k] = shear - pressure * s[k];
-            }
-            Principal {
-                stress: s * shear + others * pressure,
-                stretch,
-                twist,
-                flip,
-            }
-        });
+        let mut response = isotropic::respond(f, tangent, |s| principal(lame, s));
         response.stress = self.stress(lame, f);
         response
     }

@@ -36,6 +36,11 @@ fn perpendicular(to: &Vec3) -> Vec3 {
 
 /// The decomposition of a finite matrix.
 pub fn svd(f: &Mat3) -> Svd {
+    svd_from(f, &Mat3::identity())
+}
+
+/// The same from right axes near the right ones, a rotation: fewer sweeps.
+pub fn svd_from(f: &Mat3, start: &Mat3) -> Svd {
     let scale = f.amax();
     if scale == 0.0 || !scale.is_finite() {
         return Svd {
@@ -44,8 +49,8 @@ pub fn svd(f: &Mat3) -> Svd {
             v: Mat3::identity(),
         };
     }
-    let mut b: [Vec3; 3] = core::array::from_fn(|k| f.column(k) / scale);
-    let mut v: [Vec3; 3] = [Vec3::x(), Vec3::y(), Vec3::z()];
+    let mut v: [Vec3; 3] = core::array::from_fn(|k| start.column(k).into());
+    let mut b = v.map(|v| f * v / scale);
     for _ in 0..MAX_SWEEPS {
         let mut turned = false;
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -55,8 +60,8 @@ pub fn svd(f: &Mat3) -> Svd {
             }
             turned = true;
             let zeta = (qq - pp) / (2.0 * pq);
-            let t = libm::copysign(1.0, zeta) / (zeta.abs() + libm::hypot(1.0, zeta));
-            let c = 1.0 / libm::hypot(1.0, t);
+            let t = libm::copysign(1.0, zeta) / (zeta.abs() + libm::sqrt(1.0 + zeta * zeta));
+            let c = 1.0 / libm::sqrt(1.0 + t * t);
             let s = c * t;
             (b[p], b[q]) = (b[p] * c - b[q] * s, b[p] * s + b[q] * c);
             (v[p], v[q]) = (v[p] * c - v[q] * s, v[p] * s + v[q] * c);

@@ -2,6 +2,7 @@
 
 mod chart;
 mod csv;
+mod kernels;
 mod parts;
 mod table;
 

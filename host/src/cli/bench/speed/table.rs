@@ -1,6 +1,6 @@
 //! What is printed: the machine, and a table for each part of the study.
 
-use super::parts;
+use super::{kernels, parts};
 use crate::study::speed::sofa::{self, Elsewhere};
 use crate::study::speed::{Machine, Row, Speed, Varied};
 
@@ -12,6 +12,7 @@ pub(super) fn print(found: &Speed) {
     print_skips(found);
     print_precision(found);
     parts::print(&found.parts);
+    kernels::print(&found.kernels);
 }
 
 fn print_scenes(found: &Speed) {
