@@ -18,6 +18,7 @@ use crate::fem::law::isotropic::PointLaw;
 use crate::fem::{BlockMatrix, Elements, Tangent};
 use crate::{Mat3, Vec3};
 use core::fmt;
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// A set of elements, linearized where it was last told to be.
@@ -322,7 +323,10 @@ impl<T: Real> ScalarMatrix<T> {
 }
 
 /// Subtracts the rows times `d` from `force`; returns twice the energy.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
+)]
 fn scalar_linearize<T: Real>(
     matrix: &ScalarMatrix<T>,
     d: &[Node<T>],
@@ -337,7 +341,10 @@ fn scalar_linearize<T: Real>(
 }
 
 /// Adds `factor` times the rows times `u` to `y`.
-#[multiversion(targets("x86_64+avx2+bmi1+bmi2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
+)]
 fn scalar_product<T: Real>(matrix: &ScalarMatrix<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
     matrix.rows(u, |row, pull| {
         y[row] = plus(y[row], pull.map(|pull| factor * pull));

@@ -17,6 +17,7 @@ use super::factor::{Factor, Rows};
 use super::supernodes::{Supernode, Supernodes};
 use super::sweep::{self, LANES, Line, Work, column_blocks, lines, strips};
 use crate::fem::error::CondenseError;
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Operations of a solve for each number stored: a product and a sum forward, and both backward.
@@ -56,7 +57,10 @@ struct Build {
 /// `P L = [1; -B]` for one strip: `strip` holds rows of `[1; -B]` by columns, then of `P`.
 ///
 /// `diagonal` is `L` by columns of `width` entries; rows of `P` end with column `end`.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))
+)]
 fn solve_strip(strip: &mut [[f64; LANES]], diagonal: &[f64], width: usize, end: usize) {
     for column in (0..end).rev() {
         let l = &diagonal[column * width..(column + 1) * width];

@@ -8,6 +8,7 @@ use super::matrices::{outer, product_of, times};
 use super::quadratic_kernels::{self, FACTOR, SHARE};
 use super::tet_kernels::{at, node, put, vectors_at};
 use crate::mesh::tet::MIDSIDE_ENDS;
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Numbers of the modulus at a point in principal axes: stretches 00, 11, 22, 12, 02, 01, then by the axis that is left
@@ -144,10 +145,13 @@ pub(super) const fn product_flops<C: Cell<N, Q>, const N: usize, const Q: usize>
 }
 
 /// See [`PrincipalTets::product`](super::principal::PrincipalTets::product).
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn product<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize>(
     (nodes, tangents): (&[[[u32; N]; LANES]], &[Tangents<T, Q>]),
     factor: T,

@@ -17,6 +17,7 @@ use super::lanes::{LANES, Lanes, Real, less, plus};
 use super::matrices::{energy, matrix, outer, product_of, stress, symmetric, times};
 use super::polar::{rotation_less_identity, strain};
 use super::tet_kernels::{TURN_FLOPS, at, node, put, quaternion_at, rotate, sum};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Quadrature points.
@@ -76,10 +77,13 @@ pub(super) type Points<T> = [[Lanes<T>; 9]; POINTS];
 pub(super) type Others<T> = [[Node<T>; LANES]; 9];
 
 /// See [`QuadraticTets::linearize`](super::quadratic::QuadraticTets::linearize).
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn linearize<T: Real>(
     blocks: &mut Blocks<T>,
     d: &[Node<T>],
@@ -114,10 +118,13 @@ pub(super) fn linearize<T: Real>(
 
 /// See [`QuadraticTets::product`](super::quadratic::QuadraticTets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
 /// the gradients, where `factor` is 1 or -1.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn product<T: Real, const ENERGY: bool>(
     blocks: &Blocks<T>,
     factor: T,

@@ -5,6 +5,7 @@
 
 use super::Node;
 use super::supernodes::{Supernode, Supernodes};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Numbers in a line of the cache, and rows of a strip of a panel.
@@ -272,7 +273,10 @@ fn both_ways<const K: usize>(
 }
 
 /// Solves for one right-hand side in place.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
 pub(super) fn solve(
     supernodes: &Supernodes,
     values: &[Line],
@@ -285,7 +289,10 @@ pub(super) fn solve(
 }
 
 /// Solves for three right-hand sides in place.
-#[multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
 pub(super) fn solve_three(
     supernodes: &Supernodes,
     values: &[Line],

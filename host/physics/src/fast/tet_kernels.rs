@@ -10,6 +10,7 @@ use super::matrices::{
     energy, matrix, outer, product_of, stress, symmetric, times, transposed_times,
 };
 use super::polar::{Matrix, Quaternion, quaternion, rotation_less_identity, strain, turn};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Newton iterations a call spends on a rotation before it takes the singular values instead.
@@ -58,10 +59,13 @@ pub(super) struct Blocks<T> {
 }
 
 /// See [`Tets::linearize_with`](super::tet::Tets::linearize_with); without `GUESS`, `u` is not read.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn linearize<T: Real, const GUESS: bool>(
     blocks: &mut Blocks<T>,
     d: &[Node<T>],
@@ -92,10 +96,13 @@ pub(super) fn linearize<T: Real, const GUESS: bool>(
 
 /// See [`Tets::product`](super::tet::Tets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
 /// the gradients, where `factor` is 1 or -1.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn product<T: Real, const ENERGY: bool>(
     blocks: &Blocks<T>,
     factor: T,

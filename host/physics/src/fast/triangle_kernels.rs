@@ -6,6 +6,7 @@
 use super::Node;
 use super::lanes::{LANES, Lanes, Real, less, plus};
 use super::triangle_polar::{Vector, combine, dot, larger, out_of_plane, polar, sum, times};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// The vectors of two nodes of each element, filled up like nodes.
@@ -54,10 +55,13 @@ struct Shape<T> {
 }
 
 /// See [`Triangles::linearize`](super::triangle::Triangles::linearize).
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn linearize<T: Real>(
     blocks: &mut Blocks<T>,
     d: &[Node<T>],
@@ -80,10 +84,13 @@ pub(super) fn linearize<T: Real>(
 }
 
 /// See [`Triangles::product`](super::triangle::Triangles::product).
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 pub(super) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
     let mut differences = [[[T::ZERO; 4]; LANES]; 2];
     let mut forces = differences;

@@ -3,6 +3,7 @@
 //! Sums run in sixteen lanes that are added up at the end: the same bytes on every machine.
 
 use super::{Node, Real};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// Nodes that are summed side by side.
@@ -21,7 +22,10 @@ fn add_up<T: Real>(sums: &[Node<T>; SIDE]) -> f64 {
 }
 
 /// The vector in single precision, as far as `z` goes.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn round<T: Real>(r: &[Node<T>], z: &mut [Node<f32>]) {
     for (z, r) in z.iter_mut().zip(r) {
         for i in 0..4 {
@@ -31,7 +35,10 @@ pub(super) fn round<T: Real>(r: &[Node<T>], z: &mut [Node<f32>]) {
 }
 
 /// `z . r`, as far as `z` goes.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {
     let mut sums = [[T::ZERO; 4]; SIDE];
     let r = &r[..z.len()];
@@ -46,7 +53,10 @@ pub(super) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {
 }
 
 /// `a . b`, as far as both go.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn dot<T: Real>(a: &[Node<T>], b: &[Node<T>]) -> f64 {
     let mut sums = [[T::ZERO; 4]; SIDE];
     for (a, b) in a.chunks(SIDE).zip(b.chunks(SIDE)) {
@@ -60,7 +70,10 @@ pub(super) fn dot<T: Real>(a: &[Node<T>], b: &[Node<T>]) -> f64 {
 }
 
 /// `p := z + beta p` and `q := m p`, as far as `z` goes.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn turn<T: Real>(
     z: &[Node<f32>],
     beta: T,
@@ -77,7 +90,10 @@ pub(super) fn turn<T: Real>(
 }
 
 /// `u := u + alpha p` and `r := r - alpha q`; returns `r . r`.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn advance<T: Real>(
     alpha: T,
     p: &[Node<T>],

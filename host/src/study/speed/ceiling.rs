@@ -1,6 +1,7 @@
 //! What the machine can do at most, on one thread: read from memory, and multiply and add.
 
 use super::clock::{Times, cpu_time};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 use physics::fast::Real;
 use std::hint::black_box;
@@ -41,10 +42,13 @@ pub(super) fn bandwidth(bytes: usize, time: f64) -> f64 {
 }
 
 /// The sum of a block, whose length is a multiple of [`SIDE`].
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 fn sum(block: &[f32]) -> f32 {
     let mut sums = [0.0; SIDE];
     for part in block.as_chunks::<SIDE>().0 {
@@ -81,10 +85,13 @@ fn rate<T: Real, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
 /// Independent chains of products by `one` and of sums with it, in registers. Where they start is not known to the
 /// compiler, which would make one chain of equal ones; and lanes are outside of chains, for otherwise it makes vectors
 /// of some numbers of them only.
-#[multiversion(targets(
-    "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
-    "x86_64+avx2+bmi1+bmi2"
-))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
 fn multiply_and_add<T: Real, const LANES: usize, const CHAINS: usize>(
     start: &[[T; LANES]; CHAINS],
     one: T,

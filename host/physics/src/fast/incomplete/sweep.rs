@@ -6,6 +6,7 @@
 
 use super::super::Node;
 use super::blocks::{BLOCK, PADDING};
+#[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
 /// A block as it is read.
@@ -31,7 +32,10 @@ fn transposed(block: &Read, x: &Node<f32>) -> Node<f32> {
 ///
 /// `row_end` and `columns` are of the blocks before the diagonal; `values` has each row's inverse diagonal block after
 /// those.
-#[multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))]
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
 pub(super) fn solve(row_end: &[u32], columns: &[u32], values: &[f32], r: &mut [Node<f32>]) {
     let mut rest = values;
     let mut start = 0;
