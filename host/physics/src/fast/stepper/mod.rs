@@ -16,6 +16,7 @@
 //! step (`guard`) at no cost.
 
 mod finish;
+mod guess;
 mod iterate;
 mod options;
 
@@ -60,11 +61,9 @@ pub struct Stepper<T> {
     pub(super) inertia: Vec<T>,
     pub(super) d: Vec<Node<T>>,
     pub(super) force: Vec<Node<T>>,
-    /// Displacement over the step, and over the last.
+    /// Displacement over the step (m).
     pub(super) u: Vec<Node<T>>,
-    pub(super) last: Vec<Node<T>>,
-    /// The step of which `last` is the displacement (s); 0 where there is none.
-    last_h: f64,
+    pub(super) history: Vec<guess::Differences<T>>,
     pub(super) residual: Vec<Node<T>>,
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
@@ -167,8 +166,7 @@ impl<T: Real> Stepper<T> {
             d: zeros.clone(),
             force: zeros.clone(),
             u: zeros.clone(),
-            last: zeros.clone(),
-            last_h: 0.0,
+            history: vec![guess::Differences::default(); count],
             residual: zeros.clone(),
             z: vec![[0.0; 4]; free],
             p: zeros.clone(),
@@ -223,7 +221,7 @@ impl<T: Real> Stepper<T> {
             self.sleep.wake();
             self.at.copy_from_slice(&body.x);
             self.linearize();
-            self.last_h = 0.0;
+            self.begin_history(body);
         }
         if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
             return Ok(StepperReport {
@@ -301,29 +299,6 @@ impl<T: Real> Stepper<T> {
             self.stale = false;
         }
         self.refresher = Some(refresher);
-    }
-
-    /// The displacement to start from, with what handles and supports prescribe.
-    fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
-        let free = self.free;
-        let known = self.last_h > 0.0 && self.options.guess == Guess::Acceleration;
-        for place in 0..free {
-            let node = self.node[place] as usize;
-            let v = body.v[node];
-            let mut u = v * h;
-            if known {
-                u += (v - to_vec(&self.last[place]) / self.last_h) * h;
-            }
-            body.displacement[node] = u;
-        }
-        body.prescribe(targets);
-        for (u, &node) in self.u.iter_mut().zip(&self.node) {
-            *u = to_node(&body.displacement[node as usize]);
-        }
-        for (last, &node) in self.last[..free].iter_mut().zip(&self.node) {
-            *last = to_node(&(body.v[node as usize] * h));
-        }
-        self.last_h = h;
     }
 
     /// The residual of the guess; returns the norm of the forces against which it is to be small (N): those that
