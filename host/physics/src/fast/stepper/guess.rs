@@ -23,6 +23,9 @@ const PAIRS: usize = KEPT * (KEPT + 1) / 2;
 /// Nodes that are summed in the vectors' own precision: few, so that single precision loses no more than [`CUT`].
 const BLOCK: usize = 64;
 
+/// Free nodes of a block that are fitted to: the others, beside them, move alike.
+const SAMPLE: usize = 16;
+
 /// A difference of which no more than this share of its square is new is left out: it says what lower ones do.
 const CUT: f64 = 1e-5;
 
@@ -136,10 +139,15 @@ fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
 fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
     for (differences, velocity) in differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK)) {
         let mut lanes = Lanes::ZERO;
-        for (kept, v) in differences.iter_mut().zip(velocity) {
+        let sample = SAMPLE.min(differences.len());
+        let (first, others) = differences.split_at_mut(sample);
+        for (kept, v) in first.iter_mut().zip(velocity) {
             let new = next(kept, v);
             lanes.add(kept, &new[1]);
             *kept = new;
+        }
+        for (kept, v) in others.iter_mut().zip(&velocity[sample..]) {
+            *kept = next(kept, v);
         }
         sums.add(&lanes);
     }
