@@ -42,7 +42,7 @@ impl Default for StepperOptions {
             tolerance: 1e-6,
             max_iterations: 100,
             guess: Guess::default(),
-            patience: 5,
+            patience: 3,
             refresh: true,
             kernels: Kernels::default(),
             sleep_speed: 1e-7,
