@@ -184,7 +184,7 @@ fn a_sheet_with_bending_is_stepped_as_before() {
 #[test]
 fn where_iterations_start_does_not_matter_to_where_they_end() {
     let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);
-    for guess in [Guess::Velocity, Guess::Acceleration] {
+    for guess in [Guess::Velocity, Guess::Acceleration, Guess::Fitted] {
         let options = StepperOptions { guess, ..options() };
         compare(&body, &handles, (1.0, 1.0), options, 1e-9);
     }

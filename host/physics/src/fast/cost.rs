@@ -189,7 +189,6 @@ impl<T: Real> Stepper<T> {
             &self.d,
             &self.force,
             &self.u,
-            &self.last,
             &self.residual,
             &self.p,
             &self.q,
@@ -200,6 +199,7 @@ impl<T: Real> Stepper<T> {
             + self.refresher_bytes()
             + self.solves.bytes()
             + nodes
+            + size_of_val(self.history.as_slice())
             + size_of_val(self.z.as_slice())
             + size_of_val(self.inertia.as_slice())
             + size_of_val(self.mass.as_slice())

@@ -25,7 +25,6 @@ impl<T: Real> Stepper<T> {
             && report.residual.is_finite();
         if !sound {
             body.grip.fill(Vec3::zeros());
-            self.last_h = 0.0;
             return Err(StepError::Diverged {
                 iterations: report.iterations,
             });

@@ -16,6 +16,7 @@
 //! step (`guard`) at no cost.
 
 mod finish;
+mod guess;
 mod iterate;
 mod options;
 
@@ -63,11 +64,11 @@ pub struct Stepper<T> {
     pub(super) inertia: Vec<T>,
     pub(super) d: Vec<Node<T>>,
     pub(super) force: Vec<Node<T>>,
-    /// Displacement over the step, and over the last.
+    /// Displacement over the step (m).
     pub(super) u: Vec<Node<T>>,
-    pub(super) last: Vec<Node<T>>,
-    /// The step of which `last` is the displacement (s); 0 where there is none.
-    last_h: f64,
+    pub(super) history: Vec<guess::Differences<T>>,
+    /// Whether the last step ended before it converged.
+    unfinished: bool,
     pub(super) residual: Vec<Node<T>>,
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
@@ -180,8 +181,8 @@ impl<T: Real> Stepper<T> {
             d: zeros.clone(),
             force: zeros.clone(),
             u: zeros.clone(),
-            last: zeros.clone(),
-            last_h: 0.0,
+            history: vec![guess::Differences::default(); count],
+            unfinished: false,
             residual: zeros.clone(),
             z: vec![[0.0; 4]; free],
             p: zeros.clone(),
@@ -236,7 +237,7 @@ impl<T: Real> Stepper<T> {
             self.sleep.wake();
             self.at.copy_from_slice(&body.x);
             self.linearize();
-            self.last_h = 0.0;
+            self.begin_history(body);
         }
         if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
             return Ok(StepperReport {
@@ -250,12 +251,17 @@ impl<T: Real> Stepper<T> {
         }
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
+        let goal = self.options.tolerance * reference;
         let limits = Limits {
-            goal: self.options.tolerance * reference,
+            goal,
+            // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
+            // hand by a hundred times as much.
+            start: 0.1 * goal,
             max_iterations: self.options.max_iterations,
         };
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
+        self.unfinished = !report.converged;
         self.stale |= self.is_slow(report.iterations);
         self.finish(body, h, targets, &mut report)?;
         if speed > 0.0 && report.converged {
@@ -339,29 +345,6 @@ impl<T: Real> Stepper<T> {
             self.usual = 0;
         }
         self.refresher = Some(refresher);
-    }
-
-    /// The displacement to start from, with what handles and supports prescribe.
-    fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
-        let free = self.free;
-        let known = self.last_h > 0.0 && self.options.guess == Guess::Acceleration;
-        for place in 0..free {
-            let node = self.node[place] as usize;
-            let v = body.v[node];
-            let mut u = v * h;
-            if known {
-                u += (v - to_vec(&self.last[place]) / self.last_h) * h;
-            }
-            body.displacement[node] = u;
-        }
-        body.prescribe(targets);
-        for (u, &node) in self.u.iter_mut().zip(&self.node) {
-            *u = to_node(&body.displacement[node as usize]);
-        }
-        for (last, &node) in self.last[..free].iter_mut().zip(&self.node) {
-            *last = to_node(&(body.v[node as usize] * h));
-        }
-        self.last_h = h;
     }
 
     /// The residual of the guess; returns the norm of the forces against which it is to be small (N): those that

@@ -7,10 +7,13 @@ use crate::fem::cholesky::Kernels;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Guess {
     /// The velocity stays.
-    #[default]
     Velocity,
-    /// The velocity changes as in the last step: closer in a smooth motion.
+    /// The velocity changes as in the last step: closer in a smooth motion, twice too far where one begins.
     Acceleration,
+    /// The velocity changes by those shares of its last changes that would have fitted best: closest in a smooth
+    /// motion, and no further off where one begins or ends.
+    #[default]
+    Fitted,
 }
 
 /// How a step is solved.
@@ -43,9 +46,9 @@ impl Default for StepperOptions {
         Self {
             tolerance: 1e-6,
             max_iterations: 100,
-            guess: Guess::Acceleration,
+            guess: Guess::default(),
             preconditioner: Preconditioner::default(),
-            patience: 5,
+            patience: 3,
             refresh: true,
             kernels: Kernels::default(),
             sleep_speed: 1e-7,
