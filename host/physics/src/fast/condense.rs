@@ -124,8 +124,10 @@ impl<T: Real> Stepper<T> {
                 shapes.references[column] = self.norm().max(f64::MIN_POSITIVE);
             }
             self.lay(body, shapes, column);
+            let goal = options.tolerance * shapes.references[column];
             let limits = Limits {
-                goal: options.tolerance * shapes.references[column],
+                goal,
+                start: goal,
                 max_iterations: options.max_iterations,
             };
             let found = self.iterate(shapes.factors, limits, &mut || false);

@@ -29,6 +29,9 @@ const SAMPLE: usize = 16;
 /// A difference of which no more than this share of its square is new is left out: it says what lower ones do.
 const CUT: f64 = 1e-5;
 
+/// Of them are fitted after a step that ran out of iterations: what it left over is most of the higher ones.
+const AFTER_UNFINISHED: usize = 2;
+
 /// A node's velocity (m/s), how it changed in the last step, how that changed, and so on.
 pub(super) type Differences<T> = [Node<T>; KEPT];
 
@@ -80,8 +83,8 @@ impl Sums {
         }
     }
 
-    /// How much of each difference fits best; nothing where there is nothing to fit.
-    fn shares(self) -> [f64; KEPT] {
+    /// How much of each of the first `count` differences fits best; nothing where there is nothing to fit.
+    fn shares(self, count: usize) -> [f64; KEPT] {
         // Gaussian elimination in the order of the differences.
         let (mut matrix, mut wanted) = ([[0.0; KEPT]; KEPT], self.wanted);
         let mut pairs = self.pairs.into_iter();
@@ -92,7 +95,8 @@ impl Sums {
             }
         }
         let whole: [f64; KEPT] = core::array::from_fn(|i| matrix[i][i]);
-        let new = |matrix: &[[f64; KEPT]; KEPT], i: usize| matrix[i][i] > CUT * whole[i];
+        let new =
+            |matrix: &[[f64; KEPT]; KEPT], i: usize| i < count && matrix[i][i] > CUT * whole[i];
         for i in 0..KEPT {
             if !new(&matrix, i) {
                 continue;
@@ -228,7 +232,8 @@ impl<T: Real> Stepper<T> {
         let shares = match self.options.guess {
             Guess::Velocity => [0.0; KEPT],
             Guess::Acceleration => [0.0, 1.0, 0.0, 0.0],
-            Guess::Fitted => sums.shares(),
+            Guess::Fitted if self.unfinished => sums.shares(AFTER_UNFINISHED),
+            Guess::Fitted => sums.shares(KEPT),
         };
         let guided = self.mask.len();
         self.q[..guided].copy_from_slice(&self.u[..guided]);
@@ -283,7 +288,7 @@ mod tests {
     #[test]
     fn shares_that_made_the_motion_are_found() {
         let made = [0.3, -1.2, 0.7, 2.0];
-        let found = sums(&nodes(), made).shares();
+        let found = sums(&nodes(), made).shares(KEPT);
         assert!(near(found, made), "{found:?}");
     }
 
@@ -294,7 +299,7 @@ mod tests {
             node[1] = node[0].map(|v| 2.0 * v);
             node[3] = [0.0; 4];
         }
-        let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).shares();
+        let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).shares(KEPT);
         // The first does what the second would, and the last does nothing.
         assert!(near(found, [1.0, 0.0, 0.5, 0.0]), "{found:?}");
     }
@@ -303,7 +308,7 @@ mod tests {
     fn nothing_is_made_of_rest_and_of_numbers_too_large() {
         for size in [0.0, 1e-200, 1e200, f64::INFINITY, f64::NAN] {
             let node = [[size; 4]; KEPT];
-            let found = sums(&[node], [1.0; KEPT]).shares();
+            let found = sums(&[node], [1.0; KEPT]).shares(KEPT);
             assert_eq!(found, [0.0; KEPT], "{size}");
         }
     }

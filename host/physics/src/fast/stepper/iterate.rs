@@ -8,6 +8,8 @@ use super::{Stepper, StepperReport};
 pub(in crate::fast) struct Limits {
     /// At this residual (N).
     pub(in crate::fast) goal: f64,
+    /// Where they start at no more than this residual (N), there is nothing to do.
+    pub(in crate::fast) start: f64,
     pub(in crate::fast) max_iterations: usize,
 }
 
@@ -28,7 +30,7 @@ impl<T: Real> Stepper<T> {
             residual: self.norm(),
             ..StepperReport::default()
         };
-        report.converged = report.residual <= limits.goal;
+        report.converged = report.residual <= limits.start;
         let mut rz = 1.0;
         while !report.converged && report.iterations < limits.max_iterations {
             let rz_new = self.precondition();
@@ -81,6 +83,7 @@ impl<T: Real> Stepper<T> {
                 break;
             }
         }
+        report.converged |= report.residual <= limits.goal;
         report
     }
 

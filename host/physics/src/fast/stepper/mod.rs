@@ -64,6 +64,8 @@ pub struct Stepper<T> {
     /// Displacement over the step (m).
     pub(super) u: Vec<Node<T>>,
     pub(super) history: Vec<guess::Differences<T>>,
+    /// Whether the last step ended before it converged.
+    unfinished: bool,
     pub(super) residual: Vec<Node<T>>,
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
@@ -167,6 +169,7 @@ impl<T: Real> Stepper<T> {
             force: zeros.clone(),
             u: zeros.clone(),
             history: vec![guess::Differences::default(); count],
+            unfinished: false,
             residual: zeros.clone(),
             z: vec![[0.0; 4]; free],
             p: zeros.clone(),
@@ -235,12 +238,17 @@ impl<T: Real> Stepper<T> {
         }
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
+        let goal = self.options.tolerance * reference;
         let limits = Limits {
-            goal: self.options.tolerance * reference,
+            goal,
+            // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
+            // hand by a hundred times as much.
+            start: 0.1 * goal,
             max_iterations: self.options.max_iterations,
         };
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
+        self.unfinished = !report.converged;
         self.stale |= report.iterations > self.options.patience;
         self.finish(body, h, targets, &mut report)?;
         if speed > 0.0 && report.converged {
