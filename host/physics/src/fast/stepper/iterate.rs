@@ -30,6 +30,7 @@ impl<T: Real> Stepper<T> {
             residual: self.norm(),
             ..StepperReport::default()
         };
+        let first = report.residual;
         report.converged = report.residual <= limits.start;
         let mut rz = 1.0;
         while !report.converged && report.iterations < limits.max_iterations {
@@ -84,6 +85,9 @@ impl<T: Real> Stepper<T> {
             }
         }
         report.converged |= report.residual <= limits.goal;
+        if report.iterations > 0 {
+            report.rate = libm::pow(report.residual / first, 1.0 / report.iterations as f64);
+        }
         report
     }
 

@@ -32,6 +32,11 @@ use super::{Node, Real, to_node, to_vec};
 use crate::Vec3;
 use crate::fem::{BlockMatrix, Body, CondenseError, HandlePose, StepError};
 
+/// A complete factor of which an iteration leaves more than this share of the residual has aged. A fresh one leaves a
+/// thousandth. Good guesses need few iterations of any, so that their number tells too late: where a hand stops, and
+/// the guess is of no use, an old one takes twice as many as a fresh one.
+const SLOW: f64 = 0.03;
+
 /// Steps one body again and again without allocating.
 #[derive(Debug)]
 pub struct Stepper<T> {
@@ -262,7 +267,7 @@ impl<T: Real> Stepper<T> {
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
         self.unfinished = !report.converged;
-        self.stale |= self.is_slow(report.iterations);
+        self.stale |= self.is_slow(&report);
         self.finish(body, h, targets, &mut report)?;
         if speed > 0.0 && report.converged {
             self.sleep.observe(body, h, targets, speed);
@@ -272,11 +277,11 @@ impl<T: Real> Stepper<T> {
         Ok(report)
     }
 
-    /// Whether a step took so many iterations that a new factor would pay.
-    fn is_slow(&mut self, iterations: usize) -> bool {
-        let patience = self.options.patience;
+    /// Whether a step took so many iterations, or they brought so little each, that a new factor would pay.
+    fn is_slow(&mut self, report: &StepperReport) -> bool {
+        let (patience, iterations) = (self.options.patience, report.iterations);
         match self.solves {
-            Solves::Complete(_) => iterations > patience,
+            Solves::Complete(_) => iterations > patience || report.rate > SLOW,
             // A new one takes many, too: only what has been added since counts.
             Solves::Incomplete(_) => {
                 if self.usual == 0 {

@@ -28,7 +28,8 @@ pub struct StepperOptions {
     /// What preconditions them; what the stepper was made with stays. An incomplete factor wants more of them: on a
     /// sheet of 30 thousand triangles up to 140.
     pub preconditioner: Preconditioner,
-    /// A step of more iterations than this asks for a new factor. On an incomplete factor, of so many more than a
+    /// A step of more iterations than this asks for a new factor, as does one whose iterations bring little. On an
+    /// incomplete factor, of so many more than a
     /// quarter above those of the first step on it.
     pub patience: usize,
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
@@ -61,6 +62,8 @@ impl Default for StepperOptions {
 pub struct StepperReport {
     /// Iterations spent.
     pub iterations: usize,
+    /// By how much each of them shortened the residual, in the geometric mean; 0 without any.
+    pub rate: f64,
     /// Norm of the residual at the end (N), as the recurrence carries it.
     pub residual: f64,
     /// Norm of the forces that act on the free nodes, and of what moves them (N).
