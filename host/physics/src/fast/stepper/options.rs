@@ -29,8 +29,7 @@ pub struct StepperOptions {
     /// sheet of 30 thousand triangles up to 140.
     pub preconditioner: Preconditioner,
     /// A step of more iterations than this asks for a new factor, as does one whose iterations bring little. On an
-    /// incomplete factor, of so many more than a
-    /// quarter above those of the first step on it.
+    /// incomplete factor, of so many more than a quarter above those of the first step on it.
     pub patience: usize,
     /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
     /// see [`Stepper::lend`](super::Stepper::lend).
