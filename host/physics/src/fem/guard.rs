@@ -17,6 +17,10 @@ const ROUNDING: f64 = 1e-14;
 /// A kick of a thousand cells in a step, in cells that resist with the fourth power.
 pub(crate) const MOST_HALVINGS: usize = 30;
 
+/// Halvings that may bring nothing: a body that turns cells over has energy on the way, and a hand that tears at it
+/// brings energy that no halving takes away.
+pub(crate) const MOST_MISSES: usize = 4;
+
 /// What a body's energy may be after the next step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Guard {
@@ -110,19 +114,25 @@ impl Body {
         let mut kept = 1.0;
         if !guard.allows(self, found, work) {
             let drift = self.free_drift();
+            let (mut share, mut misses) = (1.0, 0);
             for _ in 0..MOST_HALVINGS {
                 self.scale_motion(0.5, &drift);
+                share *= 0.5;
                 let shorter = self.energy_ahead(h);
-                if !shorter.is_below(&found) {
-                    // Not where the energy comes from.
-                    self.scale_motion(2.0, &drift);
-                    break;
+                if shorter.is_below(&found) {
+                    (found, kept) = (shorter, share);
+                    if guard.allows(self, found, work) {
+                        break;
+                    }
+                } else {
+                    misses += 1;
+                    if misses == MOST_MISSES {
+                        break;
+                    }
                 }
-                found = shorter;
-                kept *= 0.5;
-                if guard.allows(self, found, work) {
-                    break;
-                }
+            }
+            if share < kept {
+                self.scale_motion(kept / share, &drift);
             }
         }
         guard.end(found, work);

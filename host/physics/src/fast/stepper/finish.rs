@@ -3,7 +3,7 @@
 use super::super::{Real, to_node, to_vec};
 use super::{Stepper, StepperReport};
 use crate::Vec3;
-use crate::fem::guard::{Energy, MOST_HALVINGS};
+use crate::fem::guard::{Energy, MOST_HALVINGS, MOST_MISSES};
 use crate::fem::{Body, HandlePose, StepError};
 
 impl<T: Real> Stepper<T> {
@@ -60,19 +60,26 @@ impl<T: Real> Stepper<T> {
         let mut kept = 1.0;
         if !guard.allows(body, after, work) {
             let drift = body.free_drift();
+            let (mut share, mut misses) = (1.0, 0);
             for _ in 0..MOST_HALVINGS {
                 body.scale_motion(0.5, &drift);
+                share *= 0.5;
                 let shorter = self.energy_ahead(body, h);
-                if !shorter.is_below(&after) {
-                    body.scale_motion(2.0, &drift);
-                    after = self.energy_ahead(body, h);
-                    break;
+                if shorter.is_below(&after) {
+                    (after, kept) = (shorter, share);
+                    if guard.allows(body, after, work) {
+                        break;
+                    }
+                } else {
+                    misses += 1;
+                    if misses == MOST_MISSES {
+                        break;
+                    }
                 }
-                after = shorter;
-                kept *= 0.5;
-                if guard.allows(body, after, work) {
-                    break;
-                }
+            }
+            if share < kept {
+                body.scale_motion(kept / share, &drift);
+                after = self.energy_ahead(body, h);
             }
         }
         guard.end(after, work);
