@@ -8,6 +8,7 @@ use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
 use crate::geometry::{Pose, Twist, Wrench};
 use crate::local_model::{LocalModel, ModelFault};
+use crate::passivity::EnergyAccount;
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
 use crate::safety::{Limiter, SafetyConfig, SafetyCounters};
@@ -117,10 +118,14 @@ impl Controller {
         }
 
         let mut on_proxies = [Wrench::zero(); MAX_DEVICES];
-        for (coupling, record) in self.couplings.iter_mut().zip(&mut telemetry.bodies) {
+        let mut shares = [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES];
+        let bodies = self.couplings.iter_mut().zip(&mut shares);
+        for ((coupling, shares), record) in bodies.zip(&mut telemetry.bodies) {
             let wrenches = coupling.tick(now_ns, &proxies);
             for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
-                if let Some(sum) = on_proxies.get_mut(usize::from(handle.device)) {
+                let device = usize::from(handle.device);
+                let sums = on_proxies.get_mut(device).into_iter();
+                for sum in sums.chain(shares.get_mut(device)) {
                     *sum = sum.plus(wrench);
                 }
             }
@@ -138,12 +143,20 @@ impl Controller {
             .zip(&proxies)
             .zip(&fresh)
             .zip(&on_proxies);
-        for ((((channel, proxy), fresh), wrench), (command, record)) in
-            inputs.zip(commands.iter_mut().zip(&mut telemetry.devices))
+        let outputs = commands.iter_mut().zip(&mut telemetry.devices);
+        for (device, ((((channel, proxy), fresh), wrench), (command, record))) in
+            inputs.zip(outputs).enumerate()
         {
-            *command = channel
-                .limiter
-                .pass(&channel.proxy.to_device(wrench), *fresh);
+            let asked = channel.proxy.to_device(wrench);
+            *command = channel.limiter.pass(&asked, *fresh);
+            let [force, moment] = passed(&asked, command);
+            for share in shares
+                .iter_mut()
+                .filter_map(|shares| shares.get_mut(device))
+            {
+                share.force *= force;
+                share.moment *= moment;
+            }
             record.pose = proxy.0;
             record.twist = proxy.1;
             record.wrench = Wrench {
@@ -155,8 +168,16 @@ impl Controller {
             record.fresh = *fresh;
             record.safety = channel.limiter.state();
         }
+        for (coupling, held) in self.couplings.iter_mut().zip(&shares) {
+            coupling.hold(held);
+        }
         self.tick = self.tick.wrapping_add(1);
         (commands, telemetry)
+    }
+
+    /// The energy of each body's hands so far.
+    pub fn energy(&self) -> impl Iterator<Item = EnergyAccount> {
+        self.couplings.iter().map(|coupling| *coupling.energy())
     }
 
     /// What each body's coupling met so far.
@@ -175,6 +196,21 @@ impl Controller {
     pub fn stray_models(&self) -> u64 {
         self.stray_models
     }
+}
+
+/// Which shares of the force and the moment that were asked for the last stage let through.
+fn passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
+    let share = |asked: f64, left: f64| {
+        if asked.is_finite() && asked > 0.0 {
+            left / asked
+        } else {
+            0.0
+        }
+    };
+    [
+        share(asked.force.norm(), command.force.norm()),
+        share(asked.moment.norm(), command.moment.norm()),
+    ]
 }
 
 /// One whole tick with its devices: read all, compute, write all. Returns the record of it and how many

@@ -6,14 +6,18 @@
 //! blend of the multirate study), or half the time since the last model if that was longer, two ticks at
 //! least. A model that arrives during a blend starts from the blended one.
 //!
+//! **Energy.** Whatever the scheme, the work of the hands is accounted for ([`crate::passivity`]); under `capped` the
+//! wrench is held to it.
+//!
 //! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
 //! first model the hold is all there is, so a run starts without a jump as well.
 
-use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use crate::local_model::{LocalModel, ModelFault};
+use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench};
+use crate::local_model::{LocalModel, ModelFault, Parts};
+use crate::passivity::{EnergyAccount, Motion, Passivity, PassivityConfig, Port};
 use crate::scheme::Scheme;
-use crate::{MAX_HANDLES, count_one};
+use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
 
 /// How a coupling blends and ages. Times in seconds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +36,8 @@ pub struct CouplingConfig {
     pub recovery: f64,
     /// Damping of the safe hold (N s/m).
     pub hold_damping: f64,
+    /// How the energy of its hands is accounted for.
+    pub passivity: PassivityConfig,
 }
 
 /// What the coupling is doing.
@@ -78,6 +84,9 @@ pub struct Coupling {
     trust: f64,
     state: HostState,
     counters: CouplingCounters,
+    passivity: Passivity,
+    /// Share of a step that the stiffness resists as a damper would, by handle: translation and rotation.
+    lead: [[f64; 2]; MAX_HANDLES],
 }
 
 impl Coupling {
@@ -93,6 +102,8 @@ impl Coupling {
             trust: 0.0,
             state: HostState::Waiting,
             counters: CouplingCounters::default(),
+            passivity: Passivity::new(config.passivity),
+            lead: [[0.0; 2]; MAX_HANDLES],
         }
     }
 
@@ -126,10 +137,17 @@ impl Coupling {
     /// One tick: the wrench on each of the body's hands, in the model's order of handles.
     /// `devices` are the proxies' poses and twists, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        let steps = self
+            .passivity
+            .observe(devices.iter().map(|(pose, _)| *pose));
         if let Some(model) = self.pending.take() {
             self.switch_to(&model, devices);
         }
-        let mut wrenches = self.rendered(devices);
+        let mut wrenches = if self.config.scheme == Scheme::Capped {
+            self.capped(devices, &steps)
+        } else {
+            self.rendered(devices)
+        };
         self.share = (self.share + self.share_step).min(1.0);
         self.grow_old(now_ns);
         let trust = smooth_step(self.trust);
@@ -142,6 +160,16 @@ impl Coupling {
             wrench.force += hold;
         }
         wrenches
+    }
+
+    /// What each device, by index, was in the end told to hold for this body (scene axes).
+    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES]) {
+        self.passivity.hold(wrenches);
+    }
+
+    /// The energy of its hands.
+    pub fn energy(&self) -> &EnergyAccount {
+        self.passivity.account()
     }
 
     /// The newest model in use, as the scheme reads it; without handles before the first.
@@ -172,6 +200,9 @@ impl Coupling {
     fn switch_to(&mut self, model: &LocalModel, devices: &[(Pose, Twist)]) {
         let mut shaped = *model;
         self.config.scheme.shape(&mut shaped);
+        if self.config.scheme == Scheme::Capped {
+            self.bound(&mut shaped);
+        }
         let before = self.rendered(devices);
 
         let mut from = if same_handles(&self.to, &shaped) {
@@ -200,6 +231,15 @@ impl Coupling {
                 Wrench::zero()
             };
         }
+        if self.config.scheme == Scheme::Capped {
+            // The same energy now, too. What is stored falls by the work of the mean force on the way.
+            let still = [Vec6::zeros(); MAX_HANDLES];
+            let stored = self.parts(devices, &still).stored;
+            from.energy = 0.0;
+            let deviations = from.deviations(devices);
+            from.energy = stored - from.change_of_energy(&deviations);
+            self.passivity.begin(shaped.energy);
+        }
         // After a gap the two models differ by what happened in it: the blend takes its share of that.
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(shaped.period);
@@ -227,6 +267,75 @@ impl Coupling {
                     .scaled(1.0 - self.share)
                     .plus(&wrench.scaled(self.share));
             }
+        }
+        wrenches
+    }
+
+    /// What of a model the devices can render: its damping bounded, and how much of the stiffness acts as one.
+    fn bound(&mut self, model: &mut LocalModel) {
+        let config = self.passivity.config();
+        let port = |device: u8| config.ports.get(usize::from(device));
+        let most = |device| port(device).map_or([f64::INFINITY; 2], Port::most);
+        model.bound_damping(most);
+        // A held force lags by half a tick, and by what the device is late.
+        let late = 0.5 + config.delay as f64;
+        let found = model.own_stiffness();
+        let mut lead = [[0.0; 2]; MAX_HANDLES];
+        for ((lead, found), handle) in lead.iter_mut().zip(&found).zip(model.handles()) {
+            for ((lead, found), most) in lead.iter_mut().zip(found).zip(most(handle.device)) {
+                *lead = late.min(most / (found * config.period).max(f64::MIN_POSITIVE));
+            }
+        }
+        self.lead = lead;
+    }
+
+    /// The model's wrenches in parts, blended as the whole is.
+    fn parts(&self, devices: &[(Pose, Twist)], lead: &[Vec6; MAX_HANDLES]) -> Parts {
+        let deviations = self.to.deviations(devices);
+        let mut parts = self.to.parts(&deviations, lead);
+        if self.share < 1.0 {
+            let mut from = self.from.parts(&deviations, lead);
+            from.mix(&parts, self.share);
+            parts = from;
+        }
+        parts
+    }
+
+    /// The wrenches under the cap of energy, where the devices made `steps` since the last tick.
+    fn capped(
+        &mut self,
+        devices: &[(Pose, Twist)],
+        steps: &[Vec6; MAX_DEVICES],
+    ) -> [Wrench; MAX_HANDLES] {
+        let mut motions = [Motion::none(); MAX_HANDLES];
+        let mut lead = [Vec6::zeros(); MAX_HANDLES];
+        let each = motions.iter_mut().zip(&mut lead).zip(&self.lead);
+        for (((motion, lead), share), handle) in each.zip(self.to.handles()) {
+            let device = usize::from(handle.device);
+            let (Some(step), Some((_, twist))) = (steps.get(device), devices.get(device)) else {
+                continue;
+            };
+            *motion = Motion {
+                step: *step,
+                velocity: twist.stacked(),
+            };
+            let [linear, angular] = *share;
+            *lead = step.component_mul(&Vec6::new(
+                linear, linear, linear, angular, angular, angular,
+            ));
+        }
+        let mut parts = self.parts(devices, &lead);
+        self.passivity.cap(
+            self.to.handles().map(|handle| handle.device),
+            &motions,
+            parts.stored,
+            &mut parts.elastic,
+            &mut parts.viscous,
+        );
+        let mut wrenches = [Wrench::zero(); MAX_HANDLES];
+        let each = parts.elastic.iter().zip(&parts.viscous);
+        for (wrench, (elastic, viscous)) in wrenches.iter_mut().zip(each) {
+            *wrench = Wrench::from_stacked(&(elastic + viscous));
         }
         wrenches
     }

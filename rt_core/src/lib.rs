@@ -49,6 +49,7 @@ pub mod coupling;
 pub mod device;
 pub mod geometry;
 pub mod local_model;
+pub mod passivity;
 pub mod proxy;
 pub mod record;
 pub mod safety;
@@ -60,6 +61,7 @@ pub use controller::{Controller, ControllerConfig, cycle};
 pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use local_model::{HandleReference, LocalModel};
+pub use passivity::{EnergyAccount, PassivityConfig, Port};
 pub use record::{Telemetry, TickRecord};
 pub use scheme::Scheme;
 

@@ -10,7 +10,7 @@
 //! `e_j` its velocity minus the published one. How `K` and `B` come from the finite elements, and why they
 //! are not the Schur complement of the step's matrix, stands with the condensation in `physics`.
 
-use crate::geometry::{Mat6, Pose, Twist, Vec6, Wrench};
+use crate::geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
 /// One handle's place in a [`LocalModel`].
@@ -24,6 +24,8 @@ pub struct HandleReference {
     pub twist: Twist,
     /// Wrench on the hand at the reference state, the handle's own inertia left out.
     pub wrench: Wrench,
+    /// Outward normal of a contact that can push the hand but not pull it; zero where the handle is held for good.
+    pub contact: Vec3,
 }
 
 impl HandleReference {
@@ -34,7 +36,15 @@ impl HandleReference {
             pose: Pose::identity(),
             twist: Twist::zero(),
             wrench: Wrench::zero(),
+            contact: Vec3::zeros(),
         }
+    }
+
+    fn is_finite(&self) -> bool {
+        self.pose.is_finite()
+            && self.twist.is_finite()
+            && self.wrench.is_finite()
+            && self.contact.iter().all(|x| x.is_finite())
     }
 }
 
@@ -52,6 +62,9 @@ pub struct LocalModel {
     pub time_ns: u64,
     /// The publication period it was condensed at (s).
     pub period: f64,
+    /// Energy that hands at rest could get back from the reference state (J): `w^T K^-1 w / 2` of the wrenches on all
+    /// handles. What bounds the energy of a body needs it; zero is always safe.
+    pub energy: f64,
     /// How many of `handles` are in use.
     pub handle_count: u8,
     /// The handles, the first `handle_count` of them in use.
@@ -80,6 +93,62 @@ impl Deviation {
     }
 }
 
+/// The wrenches on all handles, in parts.
+#[derive(Clone, Copy, Debug)]
+pub struct Parts {
+    /// What springs hold: the reference's wrench less the stiffness times the displacement.
+    pub elastic: [Vec6; MAX_HANDLES],
+    /// What dampers do: less the damping times the velocity.
+    pub viscous: [Vec6; MAX_HANDLES],
+    /// Energy that hands at rest could get back (J).
+    pub stored: f64,
+}
+
+impl Parts {
+    /// No wrench, no energy.
+    pub fn none() -> Self {
+        Self {
+            elastic: [Vec6::zeros(); MAX_HANDLES],
+            viscous: [Vec6::zeros(); MAX_HANDLES],
+            stored: 0.0,
+        }
+    }
+
+    /// A mixture: this one's share falls to `1 - share`. Its energy is no less than that of the mixed model, for
+    /// `w^T K^-1 w` is convex in both (S. Boyd and L. Vandenberghe, "Convex optimization", 2004, example 3.4).
+    pub(crate) fn mix(&mut self, other: &Self, share: f64) {
+        for (mine, theirs) in self.elastic.iter_mut().zip(&other.elastic) {
+            *mine = *mine * (1.0 - share) + theirs * share;
+        }
+        for (mine, theirs) in self.viscous.iter_mut().zip(&other.viscous) {
+            *mine = *mine * (1.0 - share) + theirs * share;
+        }
+        self.stored = self.stored * (1.0 - share) + other.stored * share;
+    }
+}
+
+/// The largest sum of absolute entries in a row of the translational block, and of the rotational one: no eigenvalue
+/// is larger.
+fn largest(block: &Mat6) -> [f64; 2] {
+    let sums = |first: usize| {
+        let part = block.fixed_view::<3, 3>(first, first);
+        let rows = part
+            .row_iter()
+            .map(|row| row.iter().fold(0.0, |sum, x| sum + x.abs()));
+        rows.fold(0.0, f64::max)
+    };
+    [sums(0), sums(3)]
+}
+
+/// Takes from `force` what would pull against `normal`; says whether there was such a part.
+fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
+    let along = force.dot(normal);
+    if along < 0.0 {
+        *force -= normal * along;
+    }
+    along < 0.0
+}
+
 /// Why a local model cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFault {
@@ -100,6 +169,7 @@ impl LocalModel {
             epoch: 0,
             time_ns: 0,
             period: 1.0,
+            energy: 0.0,
             handle_count: 0,
             handles: [HandleReference::zero(); MAX_HANDLES],
             stiffness: [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES],
@@ -148,8 +218,59 @@ impl LocalModel {
         let response = self.response(deviations);
         for ((handle, fall), out) in self.handles().zip(&response).zip(&mut wrenches) {
             *out = Wrench::from_stacked(&(handle.wrench.stacked() - fall));
+            if handle.contact != Vec3::zeros() {
+                clip(&mut out.force, &handle.contact);
+            }
         }
         wrenches
+    }
+
+    /// The same wrenches, what springs hold and what dampers do told apart. `lead` is a displacement of each handle
+    /// that the stiffness resists as a damper would: a share of its last step.
+    pub fn parts(
+        &self,
+        deviations: &[Deviation; MAX_HANDLES],
+        lead: &[Vec6; MAX_HANDLES],
+    ) -> Parts {
+        let mut parts = Parts::none();
+        let n = usize::from(self.handle_count);
+        let rows = self.stiffness.iter().zip(&self.damping);
+        let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
+        for (((stiffness, damping), (elastic, viscous)), handle) in
+            rows.zip(outs).zip(&self.handles).take(n)
+        {
+            let mut reference = handle.wrench.stacked();
+            let mut fall = Vec6::zeros();
+            let blocks = stiffness.iter().zip(damping).zip(deviations);
+            let others = self.handles.iter().zip(lead);
+            for (((k, b), deviation), (other, lead)) in blocks.zip(others).take(n) {
+                let own = other.twist.stacked();
+                reference += b * own;
+                fall += k * deviation.displacement;
+                *viscous -= b * (deviation.velocity + own) + k * lead;
+            }
+            *elastic = reference - fall;
+        }
+        parts.stored = (self.energy + self.change_of_energy(deviations)).max(0.0);
+        for ((elastic, viscous), handle) in parts
+            .elastic
+            .iter_mut()
+            .zip(&mut parts.viscous)
+            .zip(self.handles())
+        {
+            if handle.contact == Vec3::zeros() {
+                continue;
+            }
+            let mut force = Vec3::new(elastic.x, elastic.y, elastic.z);
+            let whole = force.norm_squared();
+            if clip(&mut force, &handle.contact) {
+                // What is not pushed with cannot be got back, and the air does not damp.
+                parts.stored *= force.norm_squared() / whole;
+                (elastic.x, elastic.y, elastic.z) = (force.x, force.y, force.z);
+                *viscous = Vec6::zeros();
+            }
+        }
+        parts
     }
 
     /// Whether every number that would be used is finite and every device index exists.
@@ -166,9 +287,8 @@ impl LocalModel {
         }
         let finite = self.period.is_finite()
             && self.period > 0.0
-            && self
-                .handles()
-                .all(|h| h.pose.is_finite() && h.twist.is_finite() && h.wrench.is_finite())
+            && self.energy.is_finite()
+            && self.handles().all(HandleReference::is_finite)
             && used_blocks(&self.stiffness, n).all(is_finite)
             && used_blocks(&self.damping, n).all(is_finite);
         if finite {
@@ -176,6 +296,68 @@ impl LocalModel {
         } else {
             Err(ModelFault::NotFinite)
         }
+    }
+
+    /// By how much the energy that could be got back differs from that at the reference (J): less the work of the
+    /// force on the way, which is linear, so that its mean counts.
+    pub(crate) fn change_of_energy(&self, deviations: &[Deviation; MAX_HANDLES]) -> f64 {
+        let n = usize::from(self.handle_count);
+        let mut change = 0.0;
+        let rows = self.stiffness.iter().zip(&self.damping);
+        let handles = self.handles.iter().zip(deviations);
+        for ((stiffness, damping), (handle, deviation)) in rows.zip(handles).take(n) {
+            let mut mean = handle.wrench.stacked();
+            let blocks = stiffness.iter().zip(damping).zip(deviations);
+            for (((k, b), deviation), other) in blocks.zip(&self.handles).take(n) {
+                mean += b * other.twist.stacked() - k * deviation.displacement * 0.5;
+            }
+            change -= mean.dot(&deviation.displacement);
+        }
+        change
+    }
+
+    /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device: `a_i a_j B_ij` with the
+    /// largest `a` up to one that do it, which keeps the matrix positive where it was.
+    pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
+        let mut shares = [[1.0; 2]; MAX_HANDLES];
+        let n = usize::from(self.handle_count);
+        let rows = self.damping.iter().enumerate().zip(&self.handles);
+        for (((i, row), handle), shares) in rows.zip(&mut shares).take(n) {
+            let Some(own) = row.get(i) else { continue };
+            for ((share, most), found) in
+                shares.iter_mut().zip(most(handle.device)).zip(largest(own))
+            {
+                if found > most {
+                    *share = libm::sqrt(most / found);
+                }
+            }
+        }
+        if shares.iter().flatten().all(|&share| share == 1.0) {
+            return;
+        }
+        let scale = |[linear, angular]: [f64; 2]| {
+            Vec6::new(linear, linear, linear, angular, angular, angular)
+        };
+        for (row, mine) in self.damping.iter_mut().zip(&shares).take(n) {
+            let mine = scale(*mine);
+            for (block, theirs) in row.iter_mut().zip(&shares).take(n) {
+                let theirs = scale(*theirs);
+                block.component_mul_assign(&(mine * theirs.transpose()));
+            }
+        }
+    }
+
+    /// The largest entry sums of each handle's own stiffness (N/m, N m/rad): no motion of one handle alone is resisted
+    /// more.
+    pub(crate) fn own_stiffness(&self) -> [[f64; 2]; MAX_HANDLES] {
+        let mut found = [[0.0; 2]; MAX_HANDLES];
+        let n = usize::from(self.handle_count);
+        for ((i, row), found) in self.stiffness.iter().enumerate().zip(&mut found).take(n) {
+            if let Some(own) = row.get(i) {
+                *found = largest(own);
+            }
+        }
+        found
     }
 
     /// Mixes the forces of two models that share their handles and references: this one's share falls to `1 - share`.

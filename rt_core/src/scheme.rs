@@ -8,6 +8,7 @@
 //! | `hold` | the published one, held | the usual baseline |
 //! | `thesis` | held, plus a spring from handle to proxy and damping | thesis, equation 4.5 |
 //! | `linear` | the body's own tangent, with damping and cross terms | [`crate::local_model`] |
+//! | `capped` | the same, held to the energy that the hands have put in | [`crate::passivity`] |
 //!
 //! Equation 4.5 as printed equates the two parts; as meant, they add: `F_tear + k (x_handle - x_proxy)
 //! - k_v v`. `linear` carries no second spring: it would count the same displacement twice.
@@ -30,6 +31,8 @@ pub enum Scheme {
     },
     /// The local model's own extrapolation.
     Linear,
+    /// The same, held to the energy that the hands have put in ([`crate::passivity`]).
+    Capped,
 }
 
 impl Scheme {
@@ -39,13 +42,14 @@ impl Scheme {
             Self::Hold => "hold",
             Self::Thesis { .. } => "thesis",
             Self::Linear => "linear",
+            Self::Capped => "capped",
         }
     }
 
     /// Turns a published model into the linear model that this scheme renders.
     pub fn shape(&self, model: &mut LocalModel) {
         let (stiffness, damping) = match *self {
-            Self::Linear => return,
+            Self::Linear | Self::Capped => return,
             Self::Hold => (0.0, 0.0),
             Self::Thesis { stiffness, damping } => (stiffness, damping),
         };

@@ -7,7 +7,10 @@ use nalgebra::UnitQuaternion;
 use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig, HostState};
 use rt_core::local_model::ModelFault;
-use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, Scheme, Twist, Vec3, Wrench};
+use rt_core::{
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, PassivityConfig, Pose, Scheme, Twist, Vec3,
+    Vec6, Wrench,
+};
 
 const MS: u64 = 1_000_000;
 
@@ -20,6 +23,7 @@ fn config(scheme: Scheme) -> CouplingConfig {
         decay: 0.2,
         recovery: 0.1,
         hold_damping: 2.0,
+        passivity: PassivityConfig::new(1e-3),
     }
 }
 
@@ -223,6 +227,7 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
                 },
                 twist: Twist { linear, angular },
                 wrench: Wrench { force, moment },
+                contact: Vec3::zeros(),
             },
         )
 }
@@ -253,6 +258,37 @@ fn any_model() -> impl Strategy<Value = LocalModel> {
 }
 
 proptest! {
+    /// Springs and dampers apart are the whole, and the energy falls by the work of the springs on any way.
+    #[test]
+    fn the_parts_of_a_model_add_up(model in any_model(), left in vector(0.1), right in vector(0.1)) {
+        let mut model = model;
+        model.energy = 1e3;
+        // Only a symmetric stiffness has an energy.
+        let k = model.stiffness;
+        for i in 0..MAX_HANDLES {
+            for j in 0..MAX_HANDLES {
+                model.stiffness[i][j] = (k[i][j] + k[j][i].transpose()) * 0.5;
+            }
+        }
+        let at = |s: f64| hands(left * s, right * s, 0.1);
+        let parts = |s: f64| model.parts(&model.deviations(&at(s)), &[Vec6::zeros(); MAX_HANDLES]);
+        let whole = model.wrenches(&model.deviations(&at(1.0)));
+        let end = parts(1.0);
+        for i in 0..2 {
+            let sum = end.elastic[i] + end.viscous[i];
+            // Forces of order 100 N, sums of some tens of terms.
+            prop_assert!((sum - whole[i].stacked()).amax() < 1e-10);
+        }
+        // The force is linear on the way, so the trapezoid is exact; the hands do not turn.
+        let begin = parts(0.0);
+        let mut work = 0.0;
+        for (i, way) in [left, right].iter().enumerate() {
+            let mean = (begin.elastic[i] + end.elastic[i]) * 0.5;
+            work += mean.fixed_rows::<3>(0).dot(way);
+        }
+        prop_assert!((begin.stored - end.stored - work).abs() < 1e-9);
+    }
+
     /// At the tick that takes a new model, even in the middle of a blend, the force at unchanged hands is
     /// the one rendered before; when the blend is over it is the new model's.
     #[test]

@@ -8,11 +8,11 @@ use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Controller, ControllerConfig, DeviceState, Freedom, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6,
-    Pose, Scheme, Twist, Vec3,
+    PassivityConfig, Pose, Scheme, Twist, Vec3,
 };
 
 /// The schemes, by name.
-pub const SCHEMES: [&str; 3] = ["hold", "thesis", "linear"];
+pub const SCHEMES: [&str; 4] = ["hold", "thesis", "linear", "capped"];
 /// Numbers of handles worth telling apart.
 pub const HANDLES: [usize; 3] = [1, 2, 4];
 /// Ticks in a row that a device may stay silent.
@@ -52,6 +52,7 @@ pub fn scheme(name: &str) -> Scheme {
             stiffness: 200.0,
             damping: 1.0,
         },
+        "capped" => Scheme::Capped,
         _ => Scheme::Linear,
     }
 }
@@ -85,6 +86,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
         decay: 0.3,
         recovery: 0.2,
         hold_damping: 2.0,
+        passivity: PassivityConfig::new(1e-3),
     });
     Controller::new(&config)
 }
@@ -95,6 +97,7 @@ pub fn model(handles: usize, period: f64) -> LocalModel {
     model.sequence = 1;
     model.time_ns = MODEL_NS;
     model.period = period;
+    model.energy = 0.1;
     model.handle_count = handles as u8;
     for i in 0..MAX_HANDLES {
         model.handles[i].device = i as u8;

@@ -3,9 +3,12 @@
 use super::path::HandlePath;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
+use super::stored::Stored;
 use physics::fem::dense::Square;
 use physics::fem::{Body, Condensed, HandlePose, HandleReport};
-use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Wrench};
+use rt_core::{
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Wrench,
+};
 
 /// A body, the paths of its handles, and how it publishes.
 pub struct HostBody {
@@ -21,6 +24,7 @@ pub struct HostBody {
     /// Publication period (s).
     period: f64,
     model: LocalModel,
+    stored: Option<Stored>,
 }
 
 /// What a [`HostBody`] is made of.
@@ -41,6 +45,8 @@ pub struct HostBodyParts {
     pub step: f64,
     /// Publication period (s).
     pub period: f64,
+    /// Whether models say how much energy they store.
+    pub tells_energy: bool,
 }
 
 impl HostBody {
@@ -53,6 +59,7 @@ impl HostBody {
             reference.device = *device;
         }
         Self {
+            stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
             name: parts.name,
             solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
@@ -131,6 +138,9 @@ impl HostBody {
                 *reference = reference_of(reference.device, report);
             }
         }
+        if let Some(stored) = &mut self.stored {
+            self.model.energy = stored.of(&self.model);
+        }
         stats.publications += 1;
         stats.condense.record(watch.now_ns().saturating_sub(solved));
         Ok(Some(&self.model))
@@ -141,6 +151,9 @@ impl HostBody {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);
+        if let Some(stored) = &mut self.stored {
+            stored.keep(condensed);
+        }
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {
             stats.clipped += 1;
@@ -180,5 +193,6 @@ pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
             force: report.wrench_on_hand.force,
             moment: report.wrench_on_hand.moment,
         },
+        contact: Vec3::zeros(),
     }
 }

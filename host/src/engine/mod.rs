@@ -15,6 +15,7 @@ pub mod path;
 pub mod plan;
 pub mod solver;
 pub mod stats;
+mod stored;
 
 use body::HostBody;
 use faults::Faults;

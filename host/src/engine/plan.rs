@@ -20,7 +20,15 @@ pub struct Stage {
 
 /// Whether the scheme uses the published stiffness and damping.
 pub fn condenses(scene: &Scene) -> bool {
-    scene.realtime.scheme == SchemeName::Linear
+    matches!(
+        scene.realtime.scheme,
+        SchemeName::Linear | SchemeName::Capped
+    )
+}
+
+/// Whether the scheme uses the published energy.
+pub fn tells_energy(scene: &Scene) -> bool {
+    scene.realtime.scheme == SchemeName::Capped
 }
 
 /// Whether steps assemble a matrix.

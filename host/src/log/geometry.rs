@@ -59,7 +59,7 @@ impl CdrWriter<'_> {
         self.vector(&wrench.moment);
     }
 
-    fn vector(&mut self, v: &Vec3) {
+    pub(super) fn vector(&mut self, v: &Vec3) {
         v.iter().for_each(|x| self.f64(*x));
     }
 }
@@ -87,7 +87,7 @@ impl CdrReader<'_> {
         })
     }
 
-    fn vector(&mut self) -> Option<Vec3> {
+    pub(super) fn vector(&mut self) -> Option<Vec3> {
         Some(Vec3::new(self.f64()?, self.f64()?, self.f64()?))
     }
 }

@@ -19,6 +19,7 @@ pub(super) const SCHEMA: &str = concat!(
 uint64 sequence     # counts the models of this body, from one
 uint64 time_ns      # when the linearized state held
 float64 period      # of publication
+float64 energy      # that hands at rest could get back
 uint32 epoch        # of the topology
 uint8 body          # index in a tick's bodies
 uint8 block         # rows of a block: 6, or 3 where only translations are coupled
@@ -31,6 +32,7 @@ geometry_msgs/Pose pose
 geometry_msgs/Twist twist
 geometry_msgs/Wrench wrench  # on the hand
 uint8 device                 # index in a tick's devices
+geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held
 ",
     geometry_messages!()
 );
@@ -46,6 +48,8 @@ pub struct ModelRow {
     pub time_ns: u64,
     /// The publication period (s).
     pub period: f64,
+    /// Energy that hands at rest could get back (J).
+    pub energy: f64,
     /// Counts the changes of topology.
     pub epoch: u32,
     /// The handles, at most [`MAX_HANDLES`].
@@ -64,6 +68,7 @@ impl ModelRow {
             epoch: self.epoch,
             time_ns: self.time_ns,
             period: self.period,
+            energy: self.energy,
             handle_count: self.handles.len() as u8,
             ..LocalModel::empty()
         };
@@ -93,6 +98,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     out.u64(model.sequence);
     out.u64(model.time_ns);
     out.f64(model.period);
+    out.f64(model.energy);
     out.u32(model.epoch);
     out.u8(body);
     out.u8(block as u8);
@@ -102,6 +108,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
         out.twist(&handle.twist);
         out.wrench(&handle.wrench);
         out.u8(handle.device);
+        out.vector(&handle.contact);
     }
     for blocks in [&model.stiffness, &model.damping] {
         out.u32((count * block * count * block) as u32);
@@ -127,7 +134,8 @@ fn turns(model: &LocalModel, count: usize) -> bool {
 /// Reads a model back; `None` if the message is short or its sizes make no sense.
 pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     let mut from = CdrReader::begin(message)?;
-    let (sequence, time_ns, period) = (from.u64()?, from.u64()?, from.f64()?);
+    let (sequence, time_ns) = (from.u64()?, from.u64()?);
+    let (period, energy) = (from.f64()?, from.f64()?);
     let epoch = from.u32()?;
     let (body, block) = (from.u8()?, usize::from(from.u8()?));
     let count = from.u32()? as usize;
@@ -149,6 +157,7 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
         sequence,
         time_ns,
         period,
+        energy,
         epoch,
         handles,
         block,
@@ -162,5 +171,6 @@ fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
         twist: from.twist()?,
         wrench: from.wrench()?,
         device: from.u8()?,
+        contact: from.vector()?,
     })
 }

@@ -2,13 +2,14 @@
 
 use super::collect::Collected;
 use super::summary::{
-    DeviceSummary, Distribution, DroppedSummary, EventSummary, HostSummary, RunSummary, SCHEMA,
-    TickSummary,
+    DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HostSummary,
+    RunSummary, SCHEMA, TickSummary,
 };
 use super::{Clock, Parts, RunOptions, clock_name, setup};
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
+use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
 
 /// `size`: elements and vertices of all bodies.
@@ -89,6 +90,7 @@ pub(super) fn summarize(
         tick,
         host: host_summary(parts, elapsed, size),
         devices,
+        energy: energy(scene, side.controller.energy()),
         dropped: DroppedSummary {
             tick_records: side.counters.refused_records,
             telemetry: side.counters.refused_telemetry,
@@ -108,6 +110,19 @@ pub(super) fn summarize(
         degradations: parts.degradations.clone(),
         failures: parts.failures.clone(),
     }
+}
+
+fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {
+    let bodies = scene.bodies.iter().zip(accounts);
+    let told = bodies.map(|(body, account)| EnergySummary {
+        body: body.name.clone(),
+        supplied: account.supplied,
+        // From nothing: -0 would be printed.
+        most_out: 0.0 - account.least,
+        credited: account.credited,
+        capped_ticks: account.capped,
+    });
+    told.collect()
 }
 
 /// Which models were refused, and why, in words.

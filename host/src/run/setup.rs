@@ -11,16 +11,19 @@ use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
-use rt_core::{Controller, ControllerConfig, Device, Scheme, Vec3};
+use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
 use sim::trajectory::Sine;
-use sim::{Arm, Hand, SimDevice, Trajectory, Tremor, Wired, models};
+use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired, models};
 
 /// Time over which a hand's sinusoids fade in (s).
 const FADE_IN: f64 = 0.5;
 /// Ticks in a row that a device may stay silent before its force is taken away.
 const PATIENCE: u32 = 10;
+/// Damping that a sampled damper may have on a mass, as a share of the mass over the tick's period: a tenth of what
+/// is unstable, for the velocity is estimated.
+const MOST_DAMPING: f64 = 0.1;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -123,6 +126,7 @@ pub fn controls(
     let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut devices = Vec::new();
+    let mut passivity = PassivityConfig::new(period);
     for index in 0..scene.devices.len() {
         let origin = handle_origin(loaded, index)?;
         let device = device(loaded, index, period, seed)?;
@@ -131,12 +135,13 @@ pub fn controls(
             ..Proxy::at(origin)
         };
         let safety = safety(&scene.devices[index], &device, scene, period);
+        passivity.ports[index] = port(&model(&scene.devices[index]), &proxy, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { proxy, safety });
         devices.push(device);
     }
     for _ in &scene.bodies {
-        let _ = config.bodies.push(coupling(scene, period));
+        let _ = config.bodies.push(coupling(scene, period, passivity));
     }
 
     Ok((config, devices))
@@ -151,10 +156,11 @@ pub fn scheme(scene: &Scene) -> Scheme {
             damping: scene.realtime.thesis_damping,
         },
         SchemeName::Linear => Scheme::Linear,
+        SchemeName::Capped => Scheme::Capped,
     }
 }
 
-fn coupling(scene: &Scene, period: f64) -> CouplingConfig {
+fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingConfig {
     CouplingConfig {
         scheme: scheme(scene),
         period,
@@ -163,6 +169,29 @@ fn coupling(scene: &Scene, period: f64) -> CouplingConfig {
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         hold_damping: scene.realtime.hold_damping,
+        passivity,
+    }
+}
+
+/// The mechanics behind a device's name.
+fn model(spec: &spec::Device) -> DeviceModel {
+    match spec.model {
+        DeviceName::Falcon => models::FALCON,
+        DeviceName::Touch => models::TOUCH,
+        DeviceName::PhantomPremium => models::PHANTOM_PREMIUM,
+        DeviceName::Omega3 => models::OMEGA3,
+    }
+}
+
+/// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
+fn port(model: &DeviceModel, proxy: &Proxy, period: f64) -> Port {
+    let scale = proxy.motion_scale;
+    Port {
+        damping: model.damping / (scale * scale),
+        friction: model.friction / scale,
+        most_damping: MOST_DAMPING * model.mass / period / (scale * scale * proxy.force_scale),
+        most_turning_damping: f64::INFINITY,
+        force_scale: proxy.force_scale,
     }
 }
 
@@ -206,12 +235,7 @@ fn device(
     let field = format!("device[{index}]");
     let refuse =
         |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
-    let model = match spec.model {
-        DeviceName::Falcon => models::FALCON,
-        DeviceName::Touch => models::TOUCH,
-        DeviceName::PhantomPremium => models::PHANTOM_PREMIUM,
-        DeviceName::Omega3 => models::OMEGA3,
-    };
+    let model = model(spec);
     let arm = Arm {
         mass: spec.hand.mass,
         damping: spec.hand.damping,

@@ -60,6 +60,8 @@ pub struct RunSummary {
     pub host: HostSummary,
     /// By device.
     pub devices: Vec<DeviceSummary>,
+    /// Between the hands and each body.
+    pub energy: Vec<EnergySummary>,
     /// Messages that did not arrive.
     pub dropped: DroppedSummary,
     /// Stretches of time in which something was not as it should be.
@@ -163,6 +165,21 @@ pub struct DeviceSummary {
     pub not_a_number_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
+}
+
+/// What passed between the hands and one body (J).
+#[derive(Clone, Debug, Serialize)]
+pub struct EnergySummary {
+    /// Name of the body.
+    pub body: String,
+    /// Net work of the hands, by held wrenches.
+    pub supplied: f64,
+    /// The most that ever came out beyond what had been put in.
+    pub most_out: f64,
+    /// What devices dissipated by themselves and a cap relied on.
+    pub credited: f64,
+    /// Ticks in which a cap took something off.
+    pub capped_ticks: u64,
 }
 
 /// Messages that did not arrive.
@@ -280,6 +297,19 @@ impl fmt::Display for RunSummary {
             }
             if d.not_a_number_ticks > 0 {
                 write!(f, ", not a number in {} ticks", d.not_a_number_ticks)?;
+            }
+            writeln!(f)?;
+        }
+        for e in &self.energy {
+            write!(
+                f,
+                "  energy     {}: {:+.1} mJ put in by the hands, at most {:.1} mJ out beyond that",
+                e.body,
+                e.supplied * 1e3,
+                e.most_out * 1e3
+            )?;
+            if e.capped_ticks > 0 {
+                write!(f, "; capped in {} ticks", e.capped_ticks)?;
             }
             writeln!(f)?;
         }

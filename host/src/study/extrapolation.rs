@@ -14,7 +14,7 @@ use crate::scene::{LoadedScene, Scene, SceneError};
 use physics::fem::pcg::Budget;
 use physics::fem::{BodyError, CondenseError, Condenser, HandlePose, StepError};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::{LocalModel, MAX_HANDLES, Pose, Scheme, Twist, Vec3};
+use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
 
 /// Length of a physics step, which is also the tick (s).
@@ -211,6 +211,7 @@ fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
         decay: 0.1,
         recovery: 0.1,
         hold_damping: 0.0,
+        passivity: PassivityConfig::new(1e-3),
     }
 }
 

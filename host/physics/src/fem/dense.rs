@@ -1,4 +1,5 @@
-//! Small dense symmetric matrices: a test of definiteness, and the nearest positive semidefinite matrix.
+//! Small dense symmetric matrices: a test of definiteness, the nearest positive semidefinite matrix, and the energy
+//! that one stores under a load.
 //!
 //! The eigenvalues come from cyclic Jacobi rotations (Golub and Van Loan, "Matrix computations", section
 //! 8.5), which are simple, accurate and quick enough for the few dozen rows that handles have.
@@ -137,6 +138,27 @@ impl Clipper {
             }
         }
         clip
+    }
+
+    /// `load . matrix^-1 load / 2` of a symmetric `matrix` whose eigenvalues are raised to `floor` at least, row `i`
+    /// divided by `scale[i]` as for [`clip`](Self::clip): for a stiffness (N/m) and forces (N) the energy stored (J),
+    /// bounded where the matrix gives way.
+    pub fn stored(&mut self, matrix: &Square, scale: &[f64], load: &[f64], floor: f64) -> f64 {
+        let size = matrix.size();
+        for j in 0..size {
+            for i in 0..size {
+                self.work[(i, j)] = matrix[(i, j)] / (scale[i] * scale[j]);
+            }
+        }
+        jacobi(&mut self.work, &mut self.vectors);
+        let mut energy = 0.0;
+        for k in 0..size {
+            let along: f64 = (0..size)
+                .map(|i| self.vectors[(i, k)] * load[i] / scale[i])
+                .sum();
+            energy += 0.5 * along * along / self.work[(k, k)].max(floor);
+        }
+        energy
     }
 }
 

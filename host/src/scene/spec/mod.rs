@@ -117,6 +117,8 @@ pub enum SchemeName {
     Thesis,
     /// The local model's extrapolation.
     Linear,
+    /// The same, held to the energy that the hands have put in.
+    Capped,
 }
 
 /// `[host]`: rates and solver.

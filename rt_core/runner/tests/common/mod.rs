@@ -10,7 +10,7 @@ use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Capabilities, Controller, ControllerConfig, Device, DeviceState, Freedom, HandleReference,
-    LocalModel, Scheme, Vec3, Wrench,
+    LocalModel, PassivityConfig, Scheme, Vec3, Wrench,
 };
 
 /// What a [`Puppet`] does in one of its reads.
@@ -122,6 +122,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
         decay: 0.1,
         recovery: 0.01,
         hold_damping: 1.0,
+        passivity: PassivityConfig::new(1e-3),
     };
     assert!(config.bodies.push(body).is_ok());
     Controller::new(&config)

@@ -1,0 +1,333 @@
+//! The energy that passes between hands and a body: an account of it, and a cap on what the body may give back.
+//!
+//! **Account.** A device holds a wrench `w` while it moves by `D`: the hands put `-w . D` in. Summed over the
+//! ticks and over all devices on one body that is the hands' net work, exact for any scheme; below zero by more
+//! than what was stored at the start, energy has been made. Cumulative sums are kept, so that a lost record loses
+//! nothing.
+//!
+//! **Cap.** The energy-capped linear model: an elastic force whose recoverable energy `V` is more than what the
+//! hands have put in (`H`) is scaled down by `sqrt(H / V)`, so the body never gives back more than it was given, be
+//! the local models late, wrong or contradictory. It is the passivity controller of B. Hannaford and J.-H. Ryu,
+//! "Time-domain passivity control of haptic interfaces" (2002), with the energy bounded above as well (a tank, as of
+//! M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011): credit that is not
+//! backed by the spring of the moment is forgotten, so it cannot be spent at once later. With `F_s` the elastic and
+//! `F_d` the viscous wrench on all handles, each tick:
+//!
+//! ```text
+//! H <- H - w . D + eta (b D^2 / T + f_c |D|)      what the device itself dissipates counts in part
+//! H <- min(H, 2 V + E)                            E: the allowance, a millijoule
+//! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
+//! F_d <- F_d clip(1 + H / E, 0, 1)
+//! F_s <- F_s H+ / p                               where p = T F_s . v > H+: more than a tick may spend
+//! ```
+//!
+//! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
+//! model's own force tells (`LocalModel::stored`).
+
+use crate::geometry::{Pose, Vec3, Vec6, Wrench};
+use crate::{MAX_DEVICES, MAX_HANDLES};
+
+/// Most ticks by which a device renders a wrench late.
+pub const MAX_DELAY: usize = 4;
+
+/// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
+/// of where it goes.
+const CREEP: f64 = 1e-3;
+
+/// A device as the account sees it, all of it at the handle and in the scene's units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Port {
+    /// Viscous damping of the mechanism that may be relied on (N s/m).
+    pub damping: f64,
+    /// Coulomb friction of the mechanism that may be relied on (N).
+    pub friction: f64,
+    /// Most damping that is rendered (N s/m): a sampled damper on a mass `m` is unstable from about `m / T`.
+    pub most_damping: f64,
+    /// The same of rotation (N m s/rad).
+    pub most_turning_damping: f64,
+    /// Newtons at the hand per newton in the scene beyond what the motion scale asks for.
+    pub force_scale: f64,
+}
+
+impl Port {
+    /// A device of which nothing is known: it dissipates nothing, and whatever damping is asked for is rendered.
+    pub const UNKNOWN: Self = Self {
+        damping: 0.0,
+        friction: 0.0,
+        most_damping: f64::INFINITY,
+        most_turning_damping: f64::INFINITY,
+        force_scale: 1.0,
+    };
+
+    pub(crate) fn most(&self) -> [f64; 2] {
+        [self.most_damping, self.most_turning_damping]
+    }
+}
+
+/// How energy is accounted for and capped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PassivityConfig {
+    /// The tick's period (s).
+    pub period: f64,
+    /// What may be spent without having been put in (J): the start of the account, its slack above twice what is
+    /// stored, and the debt at which damping ends.
+    pub allowance: f64,
+    /// Share of the devices' own damping and friction that is relied on.
+    pub credit: f64,
+    /// Ticks between a wrench's command and when the device renders it.
+    pub delay: usize,
+    /// The devices, by index.
+    pub ports: [Port; MAX_DEVICES],
+}
+
+impl PassivityConfig {
+    /// A millijoule, two fifths of what devices dissipate, no delay, devices of which nothing is known.
+    pub fn new(period: f64) -> Self {
+        Self {
+            period,
+            allowance: 1e-3,
+            credit: 0.4,
+            delay: 0,
+            ports: [Port::UNKNOWN; MAX_DEVICES],
+        }
+    }
+}
+
+/// Sums over all ticks (J). They tell the whole story without any record in between.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyAccount {
+    /// Net work of the hands on the body. Below zero, the body has given more than it got.
+    pub supplied: f64,
+    /// The least that it ever was: minus the net energy that came out.
+    pub least: f64,
+    /// Recoverable energy of the local model as rendered now.
+    pub stored: f64,
+    /// What the devices themselves dissipated and the cap relied on.
+    pub credited: f64,
+    /// What the cap has to spend now.
+    pub available: f64,
+    /// Ticks in which the cap took something off.
+    pub capped: u64,
+}
+
+/// How one handle moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    /// Displacement over the last tick.
+    pub(crate) step: Vec6,
+    /// Velocity, filtered.
+    pub(crate) velocity: Vec6,
+}
+
+impl Motion {
+    pub(crate) fn none() -> Self {
+        Self {
+            step: Vec6::zeros(),
+            velocity: Vec6::zeros(),
+        }
+    }
+}
+
+/// What is remembered of a device.
+#[derive(Clone, Copy, Debug)]
+struct Hand {
+    pose: Option<Pose>,
+    /// What it rendered and renders, newest first.
+    held: [Wrench; MAX_DELAY + 1],
+    /// The last translation that was one.
+    way: Vec3,
+}
+
+impl Hand {
+    fn new() -> Self {
+        Self {
+            pose: None,
+            held: [Wrench::zero(); MAX_DELAY + 1],
+            way: Vec3::zeros(),
+        }
+    }
+
+    /// A newer wrench is held; the oldest is forgotten.
+    fn push(&mut self, wrench: &Wrench) {
+        let mut newer = *wrench;
+        for held in &mut self.held {
+            core::mem::swap(held, &mut newer);
+        }
+    }
+}
+
+/// The energy of one body's hands.
+#[derive(Clone, Debug)]
+pub struct Passivity {
+    config: PassivityConfig,
+    hands: [Hand; MAX_DEVICES],
+    account: EnergyAccount,
+    began: bool,
+}
+
+impl Passivity {
+    /// Nothing has passed yet.
+    pub fn new(config: PassivityConfig) -> Self {
+        Self {
+            config,
+            hands: [Hand::new(); MAX_DEVICES],
+            account: EnergyAccount {
+                available: config.allowance,
+                ..EnergyAccount::default()
+            },
+            began: false,
+        }
+    }
+
+    /// The sums so far.
+    pub fn account(&self) -> &EnergyAccount {
+        &self.account
+    }
+
+    /// How the account is kept.
+    pub fn config(&self) -> &PassivityConfig {
+        &self.config
+    }
+
+    /// Takes the devices' poses of this tick; returns how each moved since the last. The wrenches held meanwhile
+    /// did their work.
+    pub(crate) fn observe(&mut self, poses: impl Iterator<Item = Pose>) -> [Vec6; MAX_DEVICES] {
+        let mut steps = [Vec6::zeros(); MAX_DEVICES];
+        let each = self.hands.iter_mut().zip(&self.config.ports);
+        for (((hand, port), pose), step) in each.zip(poses).zip(&mut steps) {
+            let Some(before) = hand.pose.replace(pose) else {
+                continue;
+            };
+            *step = pose.displacement_from(&before);
+            let held = hand.held.get(self.config.delay);
+            let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
+            let way = Vec3::new(step.x, step.y, step.z);
+            let mut credit = 0.0;
+            if way != Vec3::zeros() {
+                // A count that flickers to and fro dissipates nothing.
+                if way.dot(&hand.way) > 0.0 {
+                    let length = way.norm();
+                    credit = self.config.credit
+                        * length
+                        * (port.damping * length / self.config.period + port.friction);
+                }
+                hand.way = way;
+            }
+            self.account.supplied -= work;
+            self.account.credited += credit;
+            self.account.available += credit - work;
+        }
+        self.account.least = self.account.least.min(self.account.supplied);
+        steps
+    }
+
+    /// The body has a first local model, with so much energy in it (J): the hands need not have put it in.
+    pub(crate) fn begin(&mut self, stored: f64) {
+        if !self.began {
+            self.began = true;
+            self.account.available += stored;
+        }
+    }
+
+    /// Caps the elastic and viscous wrenches on the handles whose devices are `devices`, of which `stored` (J)
+    /// could be got back.
+    pub(crate) fn cap(
+        &mut self,
+        devices: impl Iterator<Item = u8>,
+        motions: &[Motion; MAX_HANDLES],
+        stored: f64,
+        elastic: &mut [Vec6; MAX_HANDLES],
+        viscous: &mut [Vec6; MAX_HANDLES],
+    ) {
+        let period = self.config.period;
+        let mut ports = [Port::UNKNOWN; MAX_HANDLES];
+        let mut under_way = 0.0;
+        for ((port, device), motion) in ports.iter_mut().zip(devices).zip(motions) {
+            let device = usize::from(device);
+            let known = self.config.ports.get(device).zip(self.hands.get(device));
+            if let Some((known, hand)) = known {
+                *port = *known;
+                let coming = hand.held.iter().take(self.config.delay);
+                under_way += coming
+                    .map(|wrench| wrench.stacked().dot(&motion.velocity) * period)
+                    .sum::<f64>()
+                    .max(0.0);
+            }
+        }
+        let available = &mut self.account.available;
+        *available = available.min(2.0 * stored + self.config.allowance);
+        // Wrenches under way will be rendered whatever is decided now.
+        let budget = (*available - under_way).max(0.0);
+        let mut kept = 1.0;
+        if stored > budget {
+            kept = libm::sqrt(budget / stored);
+            damp(stored - budget, period, &ports, motions, viscous);
+        }
+        let spent: f64 = pairs(elastic, motions).sum::<f64>() * period * kept;
+        if spent > budget {
+            kept *= budget / spent;
+        }
+        let solvent = (1.0 + *available / self.config.allowance).clamp(0.0, 1.0);
+        if kept < 1.0 {
+            for elastic in elastic.iter_mut() {
+                *elastic *= kept;
+            }
+        }
+        if solvent < 1.0 {
+            for viscous in viscous.iter_mut() {
+                *viscous *= solvent;
+            }
+        }
+        if kept < 1.0 || solvent < 1.0 {
+            crate::count_one(&mut self.account.capped);
+        }
+        self.account.stored = stored;
+    }
+
+    /// What each device, by index, was in the end commanded to hold for this body (scene axes).
+    pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES]) {
+        for (hand, wrench) in self.hands.iter_mut().zip(wrenches) {
+            hand.push(wrench);
+        }
+    }
+}
+
+/// Power of the wrenches on the hands that move so.
+fn pairs<'a>(
+    wrenches: &'a [Vec6; MAX_HANDLES],
+    motions: &'a [Motion; MAX_HANDLES],
+) -> impl Iterator<Item = f64> + 'a {
+    let each = wrenches.iter().zip(motions);
+    each.map(|(wrench, motion)| wrench.dot(&motion.velocity))
+}
+
+/// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each
+/// device can render.
+fn damp(
+    missing: f64,
+    period: f64,
+    ports: &[Port; MAX_HANDLES],
+    motions: &[Motion; MAX_HANDLES],
+    viscous: &mut [Vec6; MAX_HANDLES],
+) {
+    let agree = |motion: &Motion| {
+        let v = &motion.velocity;
+        motion.step.dot(v) > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
+    };
+    let mut most = [Vec6::zeros(); MAX_HANDLES];
+    let mut power = 0.0;
+    for ((most, port), motion) in most.iter_mut().zip(ports).zip(motions) {
+        let [linear, angular] = port.most().map(|limit| limit.min(1e3));
+        if agree(motion) {
+            let scale = Vec6::new(linear, linear, linear, angular, angular, angular);
+            *most = motion.velocity.component_mul(&scale);
+            power += most.dot(&motion.velocity);
+        }
+    }
+    if power > 0.0 {
+        let share = (missing / (period * power)).min(1.0);
+        for (viscous, most) in viscous.iter_mut().zip(&most) {
+            *viscous -= most * share;
+        }
+    }
+}
