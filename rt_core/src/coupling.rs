@@ -162,9 +162,18 @@ impl Coupling {
         wrenches
     }
 
-    /// What each device, by index, was in the end told to hold for this body (scene axes).
-    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES]) {
-        self.passivity.hold(wrenches);
+    /// What each device, by index, was in the end told to hold for this body (scene axes), and which share of the
+    /// force that was asked for this is.
+    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
+        let mut weights = [Vec3::zeros(); MAX_DEVICES];
+        let trust = smooth_step(self.trust);
+        for handle in self.to.handles() {
+            let device = usize::from(handle.device);
+            if let Some((weight, passed)) = weights.get_mut(device).zip(passed.get(device)) {
+                *weight += handle.weight * (trust * passed);
+            }
+        }
+        self.passivity.hold(wrenches, &weights);
     }
 
     /// The energy of its hands.
@@ -238,8 +247,9 @@ impl Coupling {
             from.energy = 0.0;
             let deviations = from.deviations(devices);
             from.energy = stored - from.change_of_energy(&deviations);
-            self.passivity.begin(shaped.energy);
         }
+        self.passivity.begin(shaped.energy);
+        self.passivity.note_stored(shaped.energy);
         // After a gap the two models differ by what happened in it: the blend takes its share of that.
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(shaped.period);
@@ -325,6 +335,7 @@ impl Coupling {
             ));
         }
         let mut parts = self.parts(devices, &lead);
+        self.passivity.note_stored(parts.stored);
         self.passivity.cap(
             self.to.handles().map(|handle| handle.device),
             &motions,
@@ -334,8 +345,10 @@ impl Coupling {
         );
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
         let each = parts.elastic.iter().zip(&parts.viscous);
-        for (wrench, (elastic, viscous)) in wrenches.iter_mut().zip(each) {
+        let handles = self.to.handles();
+        for ((wrench, (elastic, viscous)), handle) in wrenches.iter_mut().zip(each).zip(handles) {
             *wrench = Wrench::from_stacked(&(elastic + viscous));
+            wrench.force += handle.weight;
         }
         wrenches
     }

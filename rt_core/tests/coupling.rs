@@ -228,6 +228,7 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
                 twist: Twist { linear, angular },
                 wrench: Wrench { force, moment },
                 contact: Vec3::zeros(),
+                weight: Vec3::zeros(),
             },
         )
 }
