@@ -38,6 +38,10 @@ pub const MAX_DELAY: usize = 4;
 /// of where it goes.
 const CREEP: f64 = 1e-3;
 
+/// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
+/// the way. Without this one bad reading would leave a debt that no hand could ever repay.
+const FASTEST: [f64; 2] = [20.0, 200.0];
+
 /// A device as the account sees it, all of it at the handle and in the scene's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Port {
@@ -246,7 +250,11 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
-            *step = pose.displacement_from(&before);
+            let moved = pose.displacement_from(&before);
+            if !possible(&moved, self.config.period) {
+                continue;
+            }
+            *step = moved;
             let way = Vec3::new(step.x, step.y, step.z);
             let held = hand.held.get(self.config.delay);
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
@@ -353,6 +361,14 @@ impl Passivity {
             self.account.available -= raised.max(0.0);
         }
     }
+}
+
+/// Whether a device can have moved so far in a tick. What is not a number it cannot.
+fn possible(step: &Vec6, period: f64) -> bool {
+    let [linear, angular] = FASTEST.map(|speed| speed * period);
+    let translation = Vec3::new(step.x, step.y, step.z);
+    let rotation = Vec3::new(step.w, step.a, step.b);
+    translation.norm() <= linear && rotation.norm() <= angular
 }
 
 /// Power of the wrenches on the hands that move so.

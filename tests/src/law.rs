@@ -29,6 +29,8 @@ pub struct Limits {
     pub force: f64,
     /// Largest moment (N m).
     pub moment: f64,
+    /// Speed beyond which the force fades (m/s).
+    pub speed: f64,
 }
 
 impl Limits {
@@ -36,11 +38,13 @@ impl Limits {
     pub const WIDE: Self = Self {
         force: 1000.0,
         moment: 1000.0,
+        speed: 10.0,
     };
     /// Reached at once.
     pub const NARROW: Self = Self {
         force: 1e-6,
         moment: 1e-6,
+        speed: 10.0,
     };
 }
 
@@ -71,7 +75,11 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
                 actuated: Freedom::Six,
                 max_force: limits.force,
                 max_moment: limits.moment,
+                max_speed: limits.speed,
+                max_reach: 10.0,
+                max_slew: limits.force * 1e3,
                 patience: PATIENCE,
+                decay: 0.3,
                 recovery: 0.2,
                 period,
             },
@@ -103,6 +111,7 @@ pub fn model(handles: usize, period: f64) -> LocalModel {
         model.handles[i].device = i as u8;
         model.handles[i].wrench.force = Vec3::new(0.5, -1.0, 1.5);
         model.handles[i].wrench.moment = Vec3::new(0.01, 0.02, -0.01);
+        model.handles[i].weight = Vec3::new(0.0, 0.0, -0.1);
         for j in 0..MAX_HANDLES {
             let own = if i == j { 100.0 } else { -20.0 };
             model.stiffness[i][j] = Mat6::from_fn(|r, c| own / (1.0 + r.abs_diff(c) as f64));
