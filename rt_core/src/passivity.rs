@@ -24,6 +24,8 @@
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
 //! model's own force tells (`LocalModel::stored`).
 
+mod classic;
+
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
@@ -106,7 +108,7 @@ pub struct EnergyAccount {
     pub credited: f64,
     /// What the cap has to spend now.
     pub available: f64,
-    /// Ticks in which the cap took something off.
+    /// Ticks in which the cap took something off, or the classic controller damped.
     pub capped: u64,
 }
 
@@ -162,7 +164,8 @@ pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
-    began: bool,
+    /// What was stored when the first local model came (J); none before it.
+    lent: Option<f64>,
 }
 
 impl Passivity {
@@ -175,7 +178,7 @@ impl Passivity {
                 available: config.allowance,
                 ..EnergyAccount::default()
             },
-            began: false,
+            lent: None,
         }
     }
 
@@ -223,8 +226,8 @@ impl Passivity {
 
     /// The body has a first local model, with so much energy in it (J): the hands need not have put it in.
     pub(crate) fn begin(&mut self, stored: f64) {
-        if !self.began {
-            self.began = true;
+        if self.lent.is_none() {
+            self.lent = Some(stored);
             self.account.available += stored;
         }
     }
