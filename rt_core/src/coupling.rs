@@ -7,7 +7,7 @@
 //! least. A model that arrives during a blend starts from the blended one.
 //!
 //! **Energy.** Whatever the scheme, the work of the hands is accounted for ([`crate::passivity`]); under `capped` the
-//! wrench is held to it.
+//! wrench is held to it, and under `classic` hands that got more than they gave are damped.
 //!
 //! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
@@ -143,11 +143,15 @@ impl Coupling {
         if let Some(model) = self.pending.take() {
             self.switch_to(&model, devices);
         }
-        let mut wrenches = if self.config.scheme == Scheme::Capped {
-            self.capped(devices, &steps)
-        } else {
-            self.rendered(devices)
+        let mut wrenches = match self.config.scheme {
+            Scheme::Capped => self.capped(devices, &steps),
+            _ => self.rendered(devices),
         };
+        if self.config.scheme == Scheme::Classic {
+            let hands = self.to.handles().map(|handle| handle.device);
+            self.passivity
+                .restore(hands, devices, &steps, &mut wrenches);
+        }
         self.share = (self.share + self.share_step).min(1.0);
         self.grow_old(now_ns);
         let trust = smooth_step(self.trust);

@@ -28,6 +28,8 @@
 //! `F_s`, `V` and `H` and accounted for apart; only where it comes back from having been taken away (a host that was
 //! late, a device that was silent) higher up than it began, the cap pays for the difference.
 
+mod classic;
+
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
@@ -122,7 +124,7 @@ pub struct EnergyAccount {
     pub credited: f64,
     /// What the cap has to spend now.
     pub available: f64,
-    /// Ticks in which the cap took something off.
+    /// Ticks in which the cap took something off, or the classic controller damped.
     pub capped: u64,
 }
 
@@ -214,6 +216,7 @@ pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
+    /// Whether a first local model has come.
     began: bool,
 }
 
