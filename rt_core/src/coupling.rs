@@ -64,6 +64,8 @@ pub struct CouplingCounters {
     pub wrong_handles: u64,
     /// Models refused because they were not newer than the one in use.
     pub outdated: u64,
+    /// Models refused because the time that they speak of has not come.
+    pub to_come: u64,
     /// Times that the model grew too old.
     pub faded: u64,
 }
@@ -85,6 +87,8 @@ pub struct Coupling {
     state: HostState,
     counters: CouplingCounters,
     passivity: Passivity,
+    /// When the last tick was (ns); none before the first.
+    ticked_ns: Option<u64>,
     /// Share of a step that the stiffness resists as a damper would, by handle: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
 }
@@ -103,6 +107,7 @@ impl Coupling {
             state: HostState::Waiting,
             counters: CouplingCounters::default(),
             passivity: Passivity::new(config.passivity),
+            ticked_ns: None,
             lead: [[0.0; 2]; MAX_HANDLES],
         }
     }
@@ -115,8 +120,12 @@ impl Coupling {
         let current = self.pending.as_ref().unwrap_or(&self.to);
         let seen_one = current.handle_count > 0;
         let checked = model.check().and_then(|()| {
-            let newer = model.time_ns > current.time_ns && model.epoch >= current.epoch;
-            if seen_one && !newer {
+            // A clock that was set back must not leave the model that it made first and last.
+            let later = model.time_ns > current.time_ns || self.is_to_come(current.time_ns);
+            let newer = later && model.epoch >= current.epoch;
+            if self.is_to_come(model.time_ns) {
+                Err(ModelFault::ToCome)
+            } else if seen_one && !newer {
                 Err(ModelFault::Outdated)
             } else if seen_one && model.epoch == current.epoch && !same_handles(model, current) {
                 // Only a change of topology may give a body other handles.
@@ -130,6 +139,7 @@ impl Coupling {
             Err(ModelFault::NotFinite) => count_one(&mut self.counters.not_finite),
             Err(ModelFault::Handles) => count_one(&mut self.counters.wrong_handles),
             Err(ModelFault::Outdated) => count_one(&mut self.counters.outdated),
+            Err(ModelFault::ToCome) => count_one(&mut self.counters.to_come),
         }
         checked
     }
@@ -137,6 +147,7 @@ impl Coupling {
     /// One tick: the wrench on each of the body's hands, in the model's order of handles.
     /// `devices` are the proxies' poses and twists, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        self.ticked_ns = Some(now_ns);
         let steps = self
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
@@ -208,6 +219,14 @@ impl Coupling {
     /// What it met so far.
     pub fn counters(&self) -> CouplingCounters {
         self.counters
+    }
+
+    /// Whether a time lies further ahead of the last tick than a model may lie behind it.
+    fn is_to_come(&self, time_ns: u64) -> bool {
+        self.ticked_ns.is_some_and(|ticked| {
+            let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
+            ahead > self.config.age_limit
+        })
     }
 
     fn switch_to(&mut self, model: &LocalModel, devices: &[(Pose, Twist)]) {

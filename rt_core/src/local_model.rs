@@ -174,6 +174,8 @@ pub enum ModelFault {
     Handles,
     /// It is not newer than the one in use, or knows of fewer changes of topology.
     Outdated,
+    /// The time that it speaks of has not come.
+    ToCome,
 }
 
 impl LocalModel {

@@ -48,7 +48,7 @@ pub(super) fn summarize(
         locked_bytes: side.locked_bytes,
         refused_models: couplings
             .iter()
-            .map(|c| c.not_finite + c.wrong_handles + c.outdated)
+            .map(|c| c.not_finite + c.wrong_handles + c.outdated + c.to_come)
             .sum(),
         faded: couplings.iter().map(|c| c.faded).sum(),
     };
@@ -163,6 +163,7 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
             (c.not_finite, "a number is not finite"),
             (c.wrong_handles, "wrong handles"),
             (c.outdated, "not newer than the one in use"),
+            (c.to_come, "of a time that had not come"),
         ]
         .map(|(count, why)| (&body.name, count, why))
     });

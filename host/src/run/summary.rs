@@ -99,7 +99,7 @@ pub struct TickSummary {
     pub model_age: Vec<Distribution>,
     /// Memory locked (bytes).
     pub locked_bytes: u64,
-    /// Models that were refused: not finite, wrong handles, outdated.
+    /// Models that were refused: not finite, wrong handles, outdated, of a time to come.
     pub refused_models: u64,
     /// Times that the newest model grew too old.
     pub faded: u64,
