@@ -98,6 +98,7 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
     let hands = Hands::new(chance, devices);
     let mut models = Models::new(chance, devices);
     let mut last = [Wrench::zero(); MAX_DEVICES];
+    let mut in_debt = 0;
     let whole = STRETCH[0] + STRETCH[1];
     for tick in 0..TICKS {
         let (stretch, at) = (tick / whole, tick % whole);
@@ -112,8 +113,9 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
         outcome.ticks += 1;
         look(&config, &commands, &last, &telemetry, outcome);
         last = commands;
-        if at == whole - 1 && !is_back(&telemetry) {
-            outcome.not_back += 1;
+        if at == whole - 1 {
+            outcome.not_back += u64::from(!is_back(&telemetry));
+            in_debt += u64::from(telemetry.bodies().any(|body| body.energy.available < 0.0));
         }
     }
     let counters = controller.coupling_counters().next().unwrap_or_default();
@@ -124,6 +126,7 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
         ("models refused: of a time to come", counters.to_come),
         ("models used", counters.accepted),
         ("forces faded: model too old", counters.faded),
+        ("sound stretches that ended in debt of energy", in_debt),
     ] {
         *outcome.met.entry(name.to_owned()).or_default() += count;
     }
