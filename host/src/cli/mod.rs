@@ -10,6 +10,7 @@ mod replay;
 mod run;
 mod signals;
 mod solve;
+mod stress;
 
 use crate::scene::{LoadedScene, Scene, SceneError};
 use clap::{Parser, Subcommand};
@@ -37,7 +38,8 @@ Examples:
   palpate run my_scene.toml --seed 7           your own scene
   palpate solve my_scene.toml --vtu out        equilibrium without devices, as files for ParaView
   palpate plan my_scene.toml                   which stages it needs, and why the others are skipped
-  palpate bench speed --quick                  run time against error, beside other programs";
+  palpate bench speed --quick                  run time against error, beside other programs
+  palpate stress wall --quick                  how stiff a wall each device renders, against theory";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -51,6 +53,8 @@ enum Command {
     Mesh(mesh::MeshArguments),
     /// Measure, and print the tables that the book quotes
     Bench(bench::BenchArguments),
+    /// Take devices, couplings and scenes to their limits before a person touches them
+    Stress(stress::StressArguments),
 }
 
 /// Why a command ended without its result.
@@ -94,6 +98,8 @@ enum CommandError {
     Accuracy(#[from] crate::study::accuracy::AccuracyError),
     #[error(transparent)]
     Speed(#[from] crate::study::speed::SpeedError),
+    #[error(transparent)]
+    Jobs(#[from] crate::study::stress::jobs::JobError),
     #[error("{failed} of the suite's cases fail; they are listed above")]
     Unstable { failed: usize },
 }
@@ -121,6 +127,7 @@ pub fn main() -> ExitCode {
         Command::Solve(arguments) => solve::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,0 +1,269 @@
+//! Many independent cells of a study: on all cores, split over machines, resumed where they were cut off.
+//!
+//! A study has cells numbered from zero, and a cell's result is a function of its number and of the
+//! [`Header`] alone. So results do not depend on threads, shards or interruptions, and neither does what
+//! is made of them, as it is made of the cells in their order.
+//!
+//! With a file, each result is appended to it as soon as it is there, as one line of JSON (JSON Lines):
+//! the header first, then `{"cell": 7, ...}`. A run that finds lines there takes them for done. The files
+//! of several shards are merged by `cat`.
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Instant;
+
+mod file;
+#[cfg(test)]
+mod tests;
+
+/// What a study's results are a function of, beside the number of the cell. The first line of a file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Header {
+    /// The study's name.
+    pub study: String,
+    /// Version of the lines' layout.
+    pub schema: u32,
+    /// The seed of all that is random.
+    pub seed: u64,
+    /// How many cells it has.
+    pub cells: u64,
+    /// Whatever else the results depend on.
+    pub settings: serde_json::Value,
+}
+
+/// A share of the cells: those whose number leaves `index - 1` when divided by `count`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    index: u64,
+    count: u64,
+}
+
+impl Default for Shard {
+    /// All of them.
+    fn default() -> Self {
+        Self { index: 1, count: 1 }
+    }
+}
+
+impl Shard {
+    fn holds(self, cell: u64) -> bool {
+        cell % self.count == self.index - 1
+    }
+}
+
+/// A shard that is not one.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("a shard is I/N with I from 1 to N, as in 3/8, not {found:?}")]
+pub struct ShardError {
+    /// What was given.
+    pub found: String,
+}
+
+impl FromStr for Shard {
+    type Err = ShardError;
+
+    fn from_str(text: &str) -> Result<Self, ShardError> {
+        let parts = text.split_once('/');
+        let numbers = parts.and_then(|(i, n)| i.parse().ok().zip(n.parse().ok()));
+        match numbers {
+            Some((index, count)) if (1..=count).contains(&index) => Ok(Self { index, count }),
+            _ => Err(ShardError {
+                found: text.to_owned(),
+            }),
+        }
+    }
+}
+
+/// How the cells are run. None of it changes a result.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// Which of them.
+    pub shard: Shard,
+    /// On how many threads; all cores unless told.
+    pub threads: Option<NonZero<usize>>,
+    /// Where results are appended, and looked for first.
+    pub file: Option<PathBuf>,
+}
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Cells of this shard that are done.
+    pub done: u64,
+    /// Cells of this shard.
+    pub of: u64,
+    /// Time left (s), if the rest takes as long a cell as those of this run; none before its first.
+    pub left: Option<f64>,
+}
+
+/// Why cells could not be run, or their file not be used.
+#[derive(Debug, thiserror::Error)]
+pub enum JobError {
+    /// The file could not be opened, read or written.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Another run writes to the file.
+    #[error(
+        "{}: another run is writing to it; give each shard a file of its own, and merge them with cat",
+        path.display()
+    )]
+    Busy {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The file belongs to another study, version, seed or setting.
+    #[error(
+        "{}, line {line}: the header differs from {other}; found {found}, expected {expected}: \
+         results of different settings do not mix, give another file",
+        path.display()
+    )]
+    Header {
+        /// The file.
+        path: PathBuf,
+        /// The line, from one.
+        line: usize,
+        /// Where the other header stands.
+        other: String,
+        /// What stands there.
+        found: String,
+        /// What should.
+        expected: String,
+    },
+    /// A line is neither a header nor a cell of the study.
+    #[error(
+        "{}, line {line}: {reason}; if a shard was cut off before files were merged, run it again and \
+         merge again, else remove the line",
+        path.display()
+    )]
+    Line {
+        /// The file.
+        path: PathBuf,
+        /// The line, from one.
+        line: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A result that JSON cannot hold.
+    #[error("cell {cell}: its result cannot be written: {reason}")]
+    Result {
+        /// The cell.
+        cell: u64,
+        /// Why.
+        reason: String,
+    },
+}
+
+/// One line of a file.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Cell<R> {
+    cell: u64,
+    #[serde(flatten)]
+    result: R,
+}
+
+/// Runs the cells that are not done yet; gives all that are, by number: those of this shard, and what else
+/// the file holds. A result must hold finite numbers only, and serialize to a map without a key `cell`.
+///
+/// # Errors
+/// [`JobError`]: the file cannot be used, or belongs to something else. Nothing is run before it is read.
+pub fn run<R: Serialize + DeserializeOwned + Send>(
+    header: &Header,
+    options: &Options,
+    work: impl Fn(u64) -> R + Sync,
+    mut progress: impl FnMut(&Progress),
+) -> Result<BTreeMap<u64, R>, JobError> {
+    let mut done = BTreeMap::new();
+    let mut file = None;
+    if let Some(path) = &options.file {
+        file = Some(file::open(path, header, &mut done)?);
+    }
+    let mine = || (0..header.cells).filter(|cell| options.shard.holds(*cell));
+    let left: Vec<u64> = mine().filter(|cell| !done.contains_key(cell)).collect();
+    let of = mine().count() as u64;
+    let before = of - left.len() as u64;
+    let threads = options
+        .threads
+        .or_else(|| std::thread::available_parallelism().ok());
+    let threads = threads.map_or(1, NonZero::get).min(left.len());
+    let began = Instant::now();
+    progress(&Progress {
+        done: before,
+        of,
+        left: None,
+    });
+
+    let next = AtomicUsize::new(0);
+    let (sender, results) = mpsc::channel();
+    std::thread::scope(|scope| {
+        // Dropped on the way out, so that after an error the workers end with the cell that they are at.
+        let results = results;
+        for _ in 0..threads {
+            let (sender, next, left, work) = (sender.clone(), &next, &left, &work);
+            scope.spawn(move || {
+                while let Some(&cell) = left.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if sender.send((cell, work(cell))).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for (count, (cell, result)) in (1_u64..).zip(&results) {
+            // What a later run would read is what this one goes on with.
+            let (line, result) = round_trip(cell, result)?;
+            if let Some(file) = &mut file {
+                file.append(&line)?;
+            }
+            done.insert(cell, result);
+            let each = began.elapsed().as_secs_f64() / count as f64;
+            progress(&Progress {
+                done: before + count,
+                of,
+                left: Some(each * (left.len() as u64 - count) as f64),
+            });
+        }
+        Ok(())
+    })?;
+    Ok(done)
+}
+
+fn round_trip<R: Serialize + DeserializeOwned>(
+    cell: u64,
+    result: R,
+) -> Result<(String, R), JobError> {
+    let refuse = |error: serde_json::Error| JobError::Result {
+        cell,
+        reason: error.to_string(),
+    };
+    let line = serde_json::to_string(&Cell { cell, result }).map_err(refuse)?;
+    let read: Cell<R> = serde_json::from_str(&line).map_err(refuse)?;
+    Ok((line, read.result))
+}
+
+/// All cells of a file, its header checked against the study's.
+///
+/// # Errors
+/// As [`run`].
+pub fn read<R: DeserializeOwned>(
+    path: &Path,
+    header: &Header,
+) -> Result<BTreeMap<u64, R>, JobError> {
+    let text = std::fs::read(path).map_err(|source| JobError::File {
+        path: path.to_owned(),
+        source,
+    })?;
+    let mut done = BTreeMap::new();
+    file::parse(path, &text, header, &mut done)?;
+    Ok(done)
+}
