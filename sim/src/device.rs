@@ -9,8 +9,10 @@
 //! force, the arm of [`crate::hand`]. What is not: rotation, end stops, motor dynamics, backlash, inertia
 //! that changes with the pose, gravity (devices compensate it).
 
-use crate::dynamics::{Arm, Dynamics, EnergyAccount};
+use crate::arm::Arm;
+use crate::dynamics::Dynamics;
 use crate::encoder::Encoder;
+use crate::energy::EnergyAccount;
 use crate::hand::{Aim, Hand};
 use crate::models::DeviceModel;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};

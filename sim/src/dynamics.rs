@@ -19,95 +19,17 @@
 //! Friction holds truly: a handle that does not move in a step, and that the other forces cannot move
 //! either, is at rest; what kinetic energy it had is friction's.
 
+use crate::arm::Arm;
+use crate::energy::EnergyAccount;
 use rt_core::Vec3;
-
-/// What an arm looks like from the handle that it holds.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arm {
-    /// Mass that moves with the handle (kg).
-    pub mass: f64,
-    /// Damping between the handle and where the hand wants to be (N s/m).
-    pub damping: f64,
-    /// Stiffness between the handle and where the hand wants to be (N/m).
-    pub stiffness: f64,
-}
-
-impl Arm {
-    /// A typical published fit of a relaxed arm: 0.554 kg, 6.45 N s/m, 135 N/m.
-    pub const TYPICAL: Self = Self {
-        mass: 0.554,
-        damping: 6.45,
-        stiffness: 135.0,
-    };
-
-    /// Nobody holds the device.
-    pub(crate) const NONE: Self = Self {
-        mass: 0.0,
-        damping: 0.0,
-        stiffness: 0.0,
-    };
-
-    pub(crate) fn is_sound(&self) -> bool {
-        [self.mass, self.damping, self.stiffness]
-            .iter()
-            .all(|x| x.is_finite() && *x >= 0.0)
-    }
-}
-
-impl Default for Arm {
-    fn default() -> Self {
-        Self::TYPICAL
-    }
-}
-
-/// Where the energy came from and went since the start (J). Works and losses are sums over all steps.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct EnergyAccount {
-    /// Work of the motors on device and hand: the port energy that passivity is judged by, negative where
-    /// the hand does work on the motors.
-    pub motor_work: f64,
-    /// Work of the muscles: of what moves the aim against the arm's spring and damper.
-    pub hand_work: f64,
-    /// Lost to the mechanism's Coulomb friction; never falls.
-    pub friction_loss: f64,
-    /// Lost to the mechanism's viscous damping; never falls.
-    pub damping_loss: f64,
-    /// Lost to the arm's damping; never falls.
-    pub arm_loss: f64,
-    /// Kinetic energy now.
-    pub kinetic: f64,
-    /// Energy in the arm's spring now.
-    pub spring: f64,
-    /// Kinetic and spring energy at the start.
-    pub initial: f64,
-}
-
-impl EnergyAccount {
-    /// All that was ever put in: works and initial energy.
-    pub fn supplied(&self) -> f64 {
-        self.motor_work + self.hand_work + self.initial
-    }
-
-    /// All that was lost.
-    pub fn lost(&self) -> f64 {
-        self.friction_loss + self.damping_loss + self.arm_loss
-    }
-
-    /// All that is stored now.
-    pub fn stored(&self) -> f64 {
-        self.kinetic + self.spring
-    }
-
-    /// What the account fails to explain: supplied less lost less stored. Rounding, and nothing else.
-    pub fn residual(&self) -> f64 {
-        self.supplied() - self.lost() - self.stored()
-    }
-}
 
 /// Device and arm as one moving mass.
 #[derive(Clone, Debug)]
 pub(crate) struct Dynamics {
+    /// Of device and arm together (kg).
     mass: f64,
+    /// The device's part of it.
+    share: f64,
     damping: f64,
     friction: f64,
     arm: Arm,
@@ -123,6 +45,7 @@ impl Dynamics {
     pub(crate) fn new(mass: f64, damping: f64, friction: f64, arm: Arm, position: Vec3) -> Self {
         Self {
             mass: mass + arm.mass,
+            share: mass / (mass + arm.mass),
             damping,
             friction,
             arm,
@@ -196,6 +119,7 @@ impl Dynamics {
         energy.arm_loss += arm_damping * slip.norm_squared() / h;
         energy.spring = 0.5 * stiffness * (self.aim - self.position).norm_squared();
         self.energy.kinetic = self.kinetic();
+        self.energy.device_kinetic = self.share * self.energy.kinetic;
     }
 
     fn kinetic(&self) -> f64 {
@@ -207,7 +131,9 @@ impl Dynamics {
     pub(crate) fn push(&mut self, velocity: Vec3) {
         self.velocity = velocity;
         self.energy.kinetic = self.kinetic();
+        self.energy.device_kinetic = self.share * self.energy.kinetic;
         self.energy.initial = self.energy.stored();
+        self.energy.device_initial = self.energy.device_kinetic;
     }
 }
 

@@ -4,8 +4,8 @@
 //! (its aim), the mass moves with the handle, which the hand holds rigidly. That is the usual second-order
 //! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes.
 
+use crate::arm::Arm;
 use crate::curve::{Knot, hermite};
-use crate::dynamics::Arm;
 use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
 use rt_core::Vec3;

@@ -5,17 +5,19 @@
 //! else is used is exactly rounded). Nothing allocates once it is built, because a simulated device also
 //! runs inside the real-time tick.
 //!
-//! Read [`device`] first: a hand ([`hand`]) that wants to be somewhere ([`trajectory`], [`tremor`]) holds a
-//! device ([`models`]); their motion and its energy are integrated between ticks ([`dynamics`]). [`firmware`]
-//! puts a device behind the bytes of its real wire; [`replay`] gives recorded readings again; [`clock`] says
+//! Read [`device`] first: a hand ([`hand`], [`arm`]) that wants to be somewhere ([`trajectory`], [`tremor`])
+//! holds a device ([`models`]); their motion is integrated between ticks (`dynamics`), and where its energy
+//! goes is accounted for ([`energy`]). [`firmware`] puts a device behind the bytes of its real wire; [`replay`] gives recorded readings again; [`clock`] says
 //! when periodic events are due.
 #![forbid(unsafe_code)]
 
+pub mod arm;
 pub mod clock;
 mod curve;
 pub mod device;
-pub mod dynamics;
+mod dynamics;
 mod encoder;
+pub mod energy;
 pub mod firmware;
 pub mod hand;
 pub mod models;
@@ -23,9 +25,10 @@ pub mod replay;
 pub mod trajectory;
 pub mod tremor;
 
+pub use arm::Arm;
 pub use clock::{Periodic, Ticks};
 pub use device::{SimDevice, SimError};
-pub use dynamics::{Arm, EnergyAccount};
+pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;
 pub use hand::Hand;
 pub use models::DeviceModel;

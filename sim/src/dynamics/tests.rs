@@ -80,6 +80,78 @@ fn coulomb_friction_brings_it_to_rest_at_the_analytic_place_and_time() {
 }
 
 #[test]
+fn the_work_on_the_hand_is_what_the_arm_gained_and_lost() {
+    // Known by two ways: at the port from the device's side, and from the arm's side. A constant force holds
+    // device and arm against the arm's spring: motors do F d, of which half ends in the spring and half in
+    // what damps the swing, shared as the dampers are; friction takes nothing where there is none.
+    let (mass, damping, force) = (0.15, 0.5, 2.0);
+    let arm = Arm::TYPICAL;
+    let mut body = Dynamics::new(mass, damping, 0.0, arm, Vec3::zeros());
+    let rate = (damping + arm.damping) / (2.0 * (mass + arm.mass));
+    let mut throughput = 0.0;
+    for n in 1..=200_000_u32 {
+        let before = *body.energy();
+        body.step(50e-6, &along(force), &Vec3::zeros());
+        let energy = body.energy();
+        throughput += (energy.motor_work - before.motor_work).abs();
+        let arm_side = energy.kinetic - energy.device_kinetic + energy.spring + energy.arm_loss
+            - energy.hand_work;
+        // Both ways are the same identity: rounding of the sums, as for the residual.
+        assert!((energy.on_hand() - arm_side).abs() < 5e-13 * throughput);
+        if n % 1000 == 0 {
+            let share = mass / (mass + arm.mass);
+            assert!((energy.device_kinetic - share * energy.kinetic).abs() <= 1e-16);
+        }
+    }
+    let work = force * force / arm.stiffness;
+    let exact = work - 0.5 * work * damping / (damping + arm.damping);
+    // The swing has died (e^(-2 rate t) at 10 s: e^-99) and the mean rule holds for any step: rounding.
+    assert!(rate * 10.0 > 45.0);
+    assert!((body.energy().on_hand() - exact).abs() < 1e-12);
+}
+
+#[test]
+fn a_free_device_does_no_work_on_a_hand_that_is_not_there() {
+    let mut body = Dynamics::new(0.15, 0.5, 0.3, Arm::NONE, Vec3::zeros());
+    body.push(along(0.2));
+    for n in 0..20_000_u32 {
+        let push = if (n / 100).is_multiple_of(2) {
+            2.0
+        } else {
+            -2.0
+        };
+        body.step(50e-6, &along(push), &Vec3::zeros());
+        let energy = body.energy();
+        // No arm: the port passes nothing, whatever the motors do. Rounding of the account.
+        assert!(energy.on_hand().abs() < 5e-13 * energy.lost().max(1e-3));
+    }
+    // The motors did work, more than the 3 mJ that it started with.
+    assert!(body.energy().lost() > 0.004, "{}", body.energy().lost());
+}
+
+#[test]
+fn what_a_throw_gives_the_hand_is_the_devices_loss_of_speed() {
+    // Device and arm fly together, stopped by friction alone: the arm's part of the kinetic energy passes
+    // through the port into friction, so the hand does that much work on the device.
+    let (mass, friction, speed) = (0.2, 0.3, 0.4);
+    let arm = Arm {
+        mass: 0.6,
+        damping: 0.0,
+        stiffness: 0.0,
+    };
+    let mut body = Dynamics::new(mass, 0.0, friction, arm, Vec3::zeros());
+    body.push(along(speed));
+    for _ in 0..40_000 {
+        body.step(50e-6, &Vec3::zeros(), &Vec3::zeros());
+    }
+    let energy = body.energy();
+    assert_eq!(body.velocity(), Vec3::zeros());
+    // Thousands of roundings of sums below 0.1 J.
+    assert!((energy.on_hand() + 0.5 * arm.mass * speed * speed).abs() < 1e-13);
+    assert!((energy.device_initial - 0.5 * mass * speed * speed).abs() < 1e-17);
+}
+
+#[test]
 fn friction_holds_up_to_its_limit_for_ever_and_not_beyond() {
     for (force, holds) in [(0.2999, true), (0.3, true), (0.3001, false)] {
         let mut body = Dynamics::new(0.2, 0.1, 0.3, Arm::NONE, Vec3::zeros());

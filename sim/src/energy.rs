@@ -1,0 +1,133 @@
+//! Where a simulated device's energy came from and went, and the certificate that judges a controller.
+//!
+//! A coupling is judged by what it does to the person, so by the energy at the port between device and
+//! hand: what the motors gave, less what the mechanism lost on the way, less what its own mass holds
+//! ([`EnergyAccount::on_hand`]). It is integrated between ticks from the true motion; the controller's own
+//! account, made of encoder counts, has no part in it. [`NetEnergy`] keeps the largest of it over time and
+//! over all devices on one body: above zero, the body gave back what nobody had put in.
+
+/// Where the energy came from and went since the start (J). Works and losses are sums over all steps.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyAccount {
+    /// Work of the motors on device and hand: the energy at the motors' port, negative where the hand does
+    /// work on the motors.
+    pub motor_work: f64,
+    /// Work of the muscles: of what moves the aim against the arm's spring and damper.
+    pub hand_work: f64,
+    /// Lost to the mechanism's Coulomb friction; never falls.
+    pub friction_loss: f64,
+    /// Lost to the mechanism's viscous damping; never falls.
+    pub damping_loss: f64,
+    /// Lost to the arm's damping; never falls.
+    pub arm_loss: f64,
+    /// Kinetic energy now, of device and arm.
+    pub kinetic: f64,
+    /// The part of `kinetic` that is in the device's own moving mass.
+    pub device_kinetic: f64,
+    /// Energy in the arm's spring now.
+    pub spring: f64,
+    /// Kinetic and spring energy at the start.
+    pub initial: f64,
+    /// The part of `initial` that was in the device's own moving mass.
+    pub device_initial: f64,
+}
+
+impl EnergyAccount {
+    /// All that was ever put in: works and initial energy.
+    pub fn supplied(&self) -> f64 {
+        self.motor_work + self.hand_work + self.initial
+    }
+
+    /// All that was lost.
+    pub fn lost(&self) -> f64 {
+        self.friction_loss + self.damping_loss + self.arm_loss
+    }
+
+    /// All that is stored now.
+    pub fn stored(&self) -> f64 {
+        self.kinetic + self.spring
+    }
+
+    /// What the account fails to explain: supplied less lost less stored. Rounding, and nothing else.
+    pub fn residual(&self) -> f64 {
+        self.supplied() - self.lost() - self.stored()
+    }
+
+    /// The work that the device did on the hand so far (J), at the port between the two: work of the motors
+    /// less what the mechanism's damping and friction took, less what its own moving mass gained. Negative
+    /// where the hand worked on the device.
+    pub fn on_hand(&self) -> f64 {
+        self.motor_work - self.damping_loss - self.friction_loss - self.device_kinetic
+            + self.device_initial
+    }
+}
+
+/// The net energy that the devices on one body have given their hands: the largest over time of the work on
+/// the hands, less what was stored at the start.
+///
+/// ```
+/// # use sim::NetEnergy;
+/// let mut net = NetEnergy::new(0.5);
+/// for (left, right) in [(-0.1, 0.2), (0.4, 0.3), (0.1, 0.1)] {
+///     net.observe([left, right]);
+/// }
+/// // 0.7 J came out of a body that held 0.5 J: 0.2 J came from nowhere.
+/// assert!((net.largest() - 0.2).abs() < 1e-15);
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NetEnergy {
+    stored: f64,
+    now: f64,
+    largest: f64,
+}
+
+impl NetEnergy {
+    /// Of a body in which `stored` (J: elastic, kinetic, gravity) may be taken out, at the start.
+    pub fn new(stored: f64) -> Self {
+        Self {
+            stored,
+            now: -stored,
+            largest: -stored,
+        }
+    }
+
+    /// Takes the work on the hand of each device so far (J), as [`EnergyAccount::on_hand`] gives it; to be
+    /// called once a tick. A sum that is not a number counts as infinite: it is no reason to trust a run.
+    pub fn observe(&mut self, on_hands: impl IntoIterator<Item = f64>) {
+        let sum: f64 = on_hands.into_iter().sum();
+        self.now = if sum.is_nan() {
+            f64::INFINITY
+        } else {
+            sum - self.stored
+        };
+        self.largest = self.largest.max(self.now);
+    }
+
+    /// Work on the hands so far less what was stored at the start (J).
+    pub fn now(&self) -> f64 {
+        self.now
+    }
+
+    /// The largest that it ever was (J): above zero, energy was generated.
+    pub fn largest(&self) -> f64 {
+        self.largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn net_energy_is_the_largest_sum_ever_less_the_store() {
+        let mut net = NetEnergy::new(0.1);
+        assert_eq!((net.now(), net.largest()), (-0.1, -0.1));
+        net.observe([0.25, 0.25]);
+        assert_eq!(net.largest(), 0.4);
+        net.observe([-1.0, 0.5]);
+        // What was put back does not undo it.
+        assert_eq!((net.now(), net.largest()), (-0.6, 0.4));
+        net.observe([f64::NAN, 0.0]);
+        assert_eq!(net.largest(), f64::INFINITY);
+    }
+}
