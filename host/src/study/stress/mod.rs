@@ -4,4 +4,5 @@
 //! Each can be run again with `palpate stress`.
 
 pub mod jobs;
+pub mod scene;
 pub mod wall;
