@@ -29,6 +29,20 @@ pub struct DeviceTrace {
     pub body: Vec<Vec3>,
 }
 
+impl DeviceTrace {
+    /// The direction of the largest force; along x where there is none.
+    pub fn main_direction(&self) -> Vec3 {
+        let largest = self.force.iter().fold(Vec3::zeros(), |a: Vec3, b| {
+            if b.norm_squared() > a.norm_squared() {
+                *b
+            } else {
+                a
+            }
+        });
+        largest.try_normalize(1e-9).unwrap_or_else(Vec3::x)
+    }
+}
+
 /// A whole run.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {

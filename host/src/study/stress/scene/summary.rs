@@ -64,16 +64,25 @@ impl Band {
     }
 }
 
+/// What `scheme` made of the cells of `band`, by number.
+pub fn outcomes<'a>(
+    cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
+    scheme: &str,
+    band: Band,
+) -> Vec<(u64, &'a Outcome)> {
+    cells
+        .filter(|(_, cell)| band.holds(cell))
+        .filter_map(|(number, cell)| Some((*number, cell.schemes.get(scheme)?)))
+        .collect()
+}
+
 /// The row of `scheme` over the cells of `band`; none where there are none.
 pub fn row<'a>(
     cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
     scheme: &str,
     band: Band,
 ) -> Option<Row> {
-    let found: Vec<(u64, &Outcome)> = cells
-        .filter(|(_, cell)| band.holds(cell))
-        .filter_map(|(number, cell)| Some((*number, cell.schemes.get(scheme)?)))
-        .collect();
+    let found = outcomes(cells, scheme, band);
     let count = found.len() as f64;
     let sorted = |value: &dyn Fn(&Outcome) -> Option<f64>| {
         let mut all: Vec<f64> = found.iter().filter_map(|(_, o)| value(o)).collect();
