@@ -6,12 +6,12 @@
 
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
-use crate::geometry::{Pose, Twist, Wrench};
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
-use crate::safety::{Limiter, SafetyConfig, SafetyCounters};
+use crate::safety::{Limiter, SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
 /// One device as the controller knows it.
@@ -137,6 +137,7 @@ impl Controller {
         }
 
         let mut commands = [Wrench::zero(); MAX_DEVICES];
+        let mut passed = [0.0; MAX_DEVICES];
         let inputs = self
             .channels
             .iter_mut()
@@ -148,14 +149,26 @@ impl Controller {
             inputs.zip(outputs).enumerate()
         {
             let asked = channel.proxy.to_device(wrench);
-            *command = channel.limiter.pass(&asked, *fresh);
-            let [force, moment] = passed(&asked, command);
-            for share in shares
+            *command = channel
+                .limiter
+                .pass(&asked, fresh.then_some(&channel.state));
+            let [force, moment] = shares_passed(&asked, command);
+            if let Some(passed) = passed.get_mut(device) {
+                *passed = force;
+            }
+            // What left in another direction than asked (a slew limit) is put down to the first body.
+            let rest = Wrench {
+                force: command.force - asked.force * force,
+                moment: Vec3::zeros(),
+            };
+            let mut rest = channel.proxy.on_proxy(&rest);
+            let here = shares
                 .iter_mut()
-                .filter_map(|shares| shares.get_mut(device))
-            {
-                share.force *= force;
+                .filter_map(|shares| shares.get_mut(device));
+            for share in here {
+                share.force = share.force * force + rest.force;
                 share.moment *= moment;
+                rest = Wrench::zero();
             }
             record.pose = proxy.0;
             record.twist = proxy.1;
@@ -169,7 +182,10 @@ impl Controller {
             record.safety = channel.limiter.state();
         }
         for (coupling, held) in self.couplings.iter_mut().zip(&shares) {
-            coupling.hold(held);
+            coupling.hold(held, &passed);
+        }
+        for (coupling, record) in self.couplings.iter().zip(&mut telemetry.bodies) {
+            record.energy = *coupling.energy();
         }
         self.tick = self.tick.wrapping_add(1);
         (commands, telemetry)
@@ -192,6 +208,13 @@ impl Controller {
             .map(|channel| channel.limiter.counters())
     }
 
+    /// What tripped each device's last stage first.
+    pub fn first_trips(&self) -> impl Iterator<Item = Option<Trip>> {
+        self.channels
+            .iter()
+            .map(|channel| channel.limiter.first_trip())
+    }
+
     /// How many models came for a body that does not exist.
     pub fn stray_models(&self) -> u64 {
         self.stray_models
@@ -199,7 +222,7 @@ impl Controller {
 }
 
 /// Which shares of the force and the moment that were asked for the last stage let through.
-fn passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
+fn shares_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
     let share = |asked: f64, left: f64| {
         if asked.is_finite() && asked > 0.0 {
             left / asked

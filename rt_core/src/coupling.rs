@@ -7,7 +7,7 @@
 //! least. A model that arrives during a blend starts from the blended one.
 //!
 //! **Energy.** Whatever the scheme, the work of the hands is accounted for ([`crate::passivity`]); under `capped` the
-//! wrench is held to it.
+//! wrench is held to it, and under `classic` hands that got more than they gave are damped.
 //!
 //! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
@@ -64,6 +64,8 @@ pub struct CouplingCounters {
     pub wrong_handles: u64,
     /// Models refused because they were not newer than the one in use.
     pub outdated: u64,
+    /// Models refused because the time that they speak of has not come.
+    pub to_come: u64,
     /// Times that the model grew too old.
     pub faded: u64,
 }
@@ -85,6 +87,8 @@ pub struct Coupling {
     state: HostState,
     counters: CouplingCounters,
     passivity: Passivity,
+    /// When the last tick was (ns); none before the first.
+    ticked_ns: Option<u64>,
     /// Share of a step that the stiffness resists as a damper would, by handle: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
 }
@@ -103,6 +107,7 @@ impl Coupling {
             state: HostState::Waiting,
             counters: CouplingCounters::default(),
             passivity: Passivity::new(config.passivity),
+            ticked_ns: None,
             lead: [[0.0; 2]; MAX_HANDLES],
         }
     }
@@ -115,8 +120,12 @@ impl Coupling {
         let current = self.pending.as_ref().unwrap_or(&self.to);
         let seen_one = current.handle_count > 0;
         let checked = model.check().and_then(|()| {
-            let newer = model.time_ns > current.time_ns && model.epoch >= current.epoch;
-            if seen_one && !newer {
+            // A clock that was set back must not leave the model that it made first and last.
+            let later = model.time_ns > current.time_ns || self.is_to_come(current.time_ns);
+            let newer = later && model.epoch >= current.epoch;
+            if self.is_to_come(model.time_ns) {
+                Err(ModelFault::ToCome)
+            } else if seen_one && !newer {
                 Err(ModelFault::Outdated)
             } else if seen_one && model.epoch == current.epoch && !same_handles(model, current) {
                 // Only a change of topology may give a body other handles.
@@ -130,6 +139,7 @@ impl Coupling {
             Err(ModelFault::NotFinite) => count_one(&mut self.counters.not_finite),
             Err(ModelFault::Handles) => count_one(&mut self.counters.wrong_handles),
             Err(ModelFault::Outdated) => count_one(&mut self.counters.outdated),
+            Err(ModelFault::ToCome) => count_one(&mut self.counters.to_come),
         }
         checked
     }
@@ -137,17 +147,22 @@ impl Coupling {
     /// One tick: the wrench on each of the body's hands, in the model's order of handles.
     /// `devices` are the proxies' poses and twists, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
+        self.ticked_ns = Some(now_ns);
         let steps = self
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
         if let Some(model) = self.pending.take() {
             self.switch_to(&model, devices);
         }
-        let mut wrenches = if self.config.scheme == Scheme::Capped {
-            self.capped(devices, &steps)
-        } else {
-            self.rendered(devices)
+        let mut wrenches = match self.config.scheme {
+            Scheme::Capped => self.capped(devices, &steps),
+            _ => self.rendered(devices),
         };
+        if self.config.scheme == Scheme::Classic {
+            let hands = self.to.handles().map(|handle| handle.device);
+            self.passivity
+                .restore(hands, devices, &steps, &mut wrenches);
+        }
         self.share = (self.share + self.share_step).min(1.0);
         self.grow_old(now_ns);
         let trust = smooth_step(self.trust);
@@ -162,9 +177,18 @@ impl Coupling {
         wrenches
     }
 
-    /// What each device, by index, was in the end told to hold for this body (scene axes).
-    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES]) {
-        self.passivity.hold(wrenches);
+    /// What each device, by index, was in the end told to hold for this body (scene axes), and which share of the
+    /// force that was asked for this is.
+    pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
+        let mut weights = [Vec3::zeros(); MAX_DEVICES];
+        let trust = smooth_step(self.trust);
+        for handle in self.to.handles() {
+            let device = usize::from(handle.device);
+            if let Some((weight, passed)) = weights.get_mut(device).zip(passed.get(device)) {
+                *weight += handle.weight * (trust * passed);
+            }
+        }
+        self.passivity.hold(wrenches, &weights);
     }
 
     /// The energy of its hands.
@@ -195,6 +219,14 @@ impl Coupling {
     /// What it met so far.
     pub fn counters(&self) -> CouplingCounters {
         self.counters
+    }
+
+    /// Whether a time lies further ahead of the last tick than a model may lie behind it.
+    fn is_to_come(&self, time_ns: u64) -> bool {
+        self.ticked_ns.is_some_and(|ticked| {
+            let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
+            ahead > self.config.age_limit
+        })
     }
 
     fn switch_to(&mut self, model: &LocalModel, devices: &[(Pose, Twist)]) {
@@ -238,8 +270,9 @@ impl Coupling {
             from.energy = 0.0;
             let deviations = from.deviations(devices);
             from.energy = stored - from.change_of_energy(&deviations);
-            self.passivity.begin(shaped.energy);
         }
+        self.passivity.begin(shaped.energy);
+        self.passivity.note_stored(shaped.energy);
         // After a gap the two models differ by what happened in it: the blend takes its share of that.
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(shaped.period);
@@ -325,6 +358,7 @@ impl Coupling {
             ));
         }
         let mut parts = self.parts(devices, &lead);
+        self.passivity.note_stored(parts.stored);
         self.passivity.cap(
             self.to.handles().map(|handle| handle.device),
             &motions,
@@ -334,8 +368,10 @@ impl Coupling {
         );
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
         let each = parts.elastic.iter().zip(&parts.viscous);
-        for (wrench, (elastic, viscous)) in wrenches.iter_mut().zip(each) {
+        let handles = self.to.handles();
+        for ((wrench, (elastic, viscous)), handle) in wrenches.iter_mut().zip(each).zip(handles) {
             *wrench = Wrench::from_stacked(&(elastic + viscous));
+            wrench.force += handle.weight;
         }
         wrenches
     }

@@ -26,6 +26,9 @@ pub struct HandleReference {
     pub wrench: Wrench,
     /// Outward normal of a contact that can push the hand but not pull it; zero where the handle is held for good.
     pub contact: Vec3,
+    /// The part of the wrench's force that is the body's weight and stays the same wherever the handle goes (N): a
+    /// potential, which gives back what it was given. Zero is always safe.
+    pub weight: Vec3,
 }
 
 impl HandleReference {
@@ -37,6 +40,7 @@ impl HandleReference {
             twist: Twist::zero(),
             wrench: Wrench::zero(),
             contact: Vec3::zeros(),
+            weight: Vec3::zeros(),
         }
     }
 
@@ -44,7 +48,18 @@ impl HandleReference {
         self.pose.is_finite()
             && self.twist.is_finite()
             && self.wrench.is_finite()
-            && self.contact.iter().all(|x| x.is_finite())
+            && self
+                .contact
+                .iter()
+                .chain(self.weight.iter())
+                .all(|x| x.is_finite())
+    }
+
+    /// The wrench without the weight.
+    pub fn unweighted(&self) -> Vec6 {
+        let mut wrench = self.wrench;
+        wrench.force -= self.weight;
+        wrench.stacked()
     }
 }
 
@@ -63,7 +78,7 @@ pub struct LocalModel {
     /// The publication period it was condensed at (s).
     pub period: f64,
     /// Energy that hands at rest could get back from the reference state (J): `w^T K^-1 w / 2` of the wrenches on all
-    /// handles. What bounds the energy of a body needs it; zero is always safe.
+    /// handles, without the weight. What bounds the energy of a body needs it; zero is always safe.
     pub energy: f64,
     /// How many of `handles` are in use.
     pub handle_count: u8,
@@ -96,7 +111,7 @@ impl Deviation {
 /// The wrenches on all handles, in parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts {
-    /// What springs hold: the reference's wrench less the stiffness times the displacement.
+    /// What springs hold: the reference's wrench without the weight, less the stiffness times the displacement.
     pub elastic: [Vec6; MAX_HANDLES],
     /// What dampers do: less the damping times the velocity.
     pub viscous: [Vec6; MAX_HANDLES],
@@ -159,6 +174,8 @@ pub enum ModelFault {
     Handles,
     /// It is not newer than the one in use, or knows of fewer changes of topology.
     Outdated,
+    /// The time that it speaks of has not come.
+    ToCome,
 }
 
 impl LocalModel {
@@ -239,7 +256,7 @@ impl LocalModel {
         for (((stiffness, damping), (elastic, viscous)), handle) in
             rows.zip(outs).zip(&self.handles).take(n)
         {
-            let mut reference = handle.wrench.stacked();
+            let mut reference = handle.unweighted();
             let mut fall = Vec6::zeros();
             let blocks = stiffness.iter().zip(damping).zip(deviations);
             let others = self.handles.iter().zip(lead);
@@ -306,7 +323,7 @@ impl LocalModel {
         let rows = self.stiffness.iter().zip(&self.damping);
         let handles = self.handles.iter().zip(deviations);
         for ((stiffness, damping), (handle, deviation)) in rows.zip(handles).take(n) {
-            let mut mean = handle.wrench.stacked();
+            let mut mean = handle.unweighted();
             let blocks = stiffness.iter().zip(damping).zip(deviations);
             for (((k, b), deviation), other) in blocks.zip(&self.handles).take(n) {
                 mean += b * other.twist.stacked() - k * deviation.displacement * 0.5;

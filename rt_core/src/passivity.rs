@@ -23,6 +23,12 @@
 //!
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
 //! model's own force tells (`LocalModel::stored`).
+//!
+//! **Weight** is a potential and not the cap's business: it gives back exactly what lifting it took. It is left out of
+//! `F_s`, `V` and `H` and accounted for apart; only where it comes back from having been taken away (a host that was
+//! late, a device that was silent) higher up than it began, the cap pays for the difference.
+
+mod classic;
 
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
@@ -33,6 +39,10 @@ pub const MAX_DELAY: usize = 4;
 /// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
 /// of where it goes.
 const CREEP: f64 = 1e-3;
+
+/// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
+/// the way. Without this one bad reading would leave a debt that no hand could ever repay.
+const FASTEST: [f64; 2] = [20.0, 200.0];
 
 /// A device as the account sees it, all of it at the handle and in the scene's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,6 +57,9 @@ pub struct Port {
     pub most_turning_damping: f64,
     /// Newtons at the hand per newton in the scene beyond what the motion scale asks for.
     pub force_scale: f64,
+    /// Fastest change of its force (N/s); infinite where there is no such limit. A force that cannot fall at once goes
+    /// on doing work, and the cap keeps that much back.
+    pub max_slew: f64,
 }
 
 impl Port {
@@ -57,6 +70,7 @@ impl Port {
         most_damping: f64::INFINITY,
         most_turning_damping: f64::INFINITY,
         force_scale: 1.0,
+        max_slew: f64::INFINITY,
     };
 
     pub(crate) fn most(&self) -> [f64; 2] {
@@ -98,16 +112,28 @@ impl PassivityConfig {
 pub struct EnergyAccount {
     /// Net work of the hands on the body. Below zero, the body has given more than it got.
     pub supplied: f64,
-    /// The least that it ever was: minus the net energy that came out.
+    /// Part of it that lifted the body's weight; below zero where it was let down.
+    pub raised: f64,
+    /// The least that `supplied - raised` ever was: minus the net energy that came out.
     pub least: f64,
-    /// Recoverable energy of the local model as rendered now.
+    /// What was stored when the first model came.
+    pub initial: f64,
+    /// Recoverable energy of the local model as rendered now; under other schemes than `capped` as it was published.
     pub stored: f64,
     /// What the devices themselves dissipated and the cap relied on.
     pub credited: f64,
     /// What the cap has to spend now.
     pub available: f64,
-    /// Ticks in which the cap took something off.
+    /// Ticks in which the cap took something off, or the classic controller damped.
     pub capped: u64,
+}
+
+impl EnergyAccount {
+    /// What the body, as rendered, has dissipated (J): supplied, and neither stored nor raised. Below zero, energy was
+    /// made.
+    pub fn dissipated(&self) -> f64 {
+        self.supplied + self.initial - self.raised - self.stored
+    }
 }
 
 /// How one handle moves.
@@ -134,6 +160,10 @@ struct Hand {
     pose: Option<Pose>,
     /// What it rendered and renders, newest first.
     held: [Wrench; MAX_DELAY + 1],
+    /// How much of that is weight.
+    weights: [Vec3; MAX_DELAY + 1],
+    /// Where it was when it first bore weight.
+    lifted_from: Option<Vec3>,
     /// The last translation that was one.
     way: Vec3,
 }
@@ -143,16 +173,40 @@ impl Hand {
         Self {
             pose: None,
             held: [Wrench::zero(); MAX_DELAY + 1],
+            weights: [Vec3::zeros(); MAX_DELAY + 1],
+            lifted_from: None,
             way: Vec3::zeros(),
         }
     }
 
-    /// A newer wrench is held; the oldest is forgotten.
-    fn push(&mut self, wrench: &Wrench) {
+    /// A newer wrench is held, `weight` of it weight; the oldest is forgotten. Returns what the change of weight adds
+    /// to the potential (J).
+    fn push(&mut self, wrench: &Wrench, weight: &Vec3) -> f64 {
+        let [before, ..] = self.weights;
         let mut newer = *wrench;
         for held in &mut self.held {
             core::mem::swap(held, &mut newer);
         }
+        let mut newer = *weight;
+        for held in &mut self.weights {
+            core::mem::swap(held, &mut newer);
+        }
+        let change = weight - before;
+        let Some(pose) = self.pose.filter(|_| change != Vec3::zeros()) else {
+            return 0.0;
+        };
+        let from = *self.lifted_from.get_or_insert(pose.position);
+        -change.dot(&(pose.position - from))
+    }
+
+    /// Work that the wrench held now will do (J) before it can be taken away, moving on at `velocity`: it falls by
+    /// `slew` (N/s) at most.
+    fn lingering(&self, velocity: &Vec6, slew: f64) -> f64 {
+        let [held, ..] = &self.held;
+        let power = held
+            .force
+            .dot(&Vec3::new(velocity.x, velocity.y, velocity.z));
+        (0.5 * power * held.force.norm() / slew).max(0.0)
     }
 }
 
@@ -162,6 +216,7 @@ pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
+    /// Whether a first local model has come.
     began: bool,
 }
 
@@ -198,10 +253,16 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
-            *step = pose.displacement_from(&before);
+            let moved = pose.displacement_from(&before);
+            if !possible(&moved, self.config.period) {
+                continue;
+            }
+            *step = moved;
+            let way = Vec3::new(step.x, step.y, step.z);
             let held = hand.held.get(self.config.delay);
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
-            let way = Vec3::new(step.x, step.y, step.z);
+            let weight = hand.weights.get(self.config.delay);
+            let fallen = weight.map_or(0.0, |weight| weight.dot(&way)) * port.force_scale;
             let mut credit = 0.0;
             if way != Vec3::zeros() {
                 // A count that flickers to and fro dissipates nothing.
@@ -215,9 +276,11 @@ impl Passivity {
             }
             self.account.supplied -= work;
             self.account.credited += credit;
-            self.account.available += credit - work;
+            self.account.raised -= fallen;
+            self.account.available += credit - (work - fallen);
         }
-        self.account.least = self.account.least.min(self.account.supplied);
+        let account = &mut self.account;
+        account.least = account.least.min(account.supplied - account.raised);
         steps
     }
 
@@ -225,6 +288,7 @@ impl Passivity {
     pub(crate) fn begin(&mut self, stored: f64) {
         if !self.began {
             self.began = true;
+            self.account.initial = stored;
             self.account.available += stored;
         }
     }
@@ -251,7 +315,8 @@ impl Passivity {
                 under_way += coming
                     .map(|wrench| wrench.stacked().dot(&motion.velocity) * period)
                     .sum::<f64>()
-                    .max(0.0);
+                    .max(0.0)
+                    + hand.lingering(&motion.velocity, known.max_slew);
             }
         }
         let available = &mut self.account.available;
@@ -281,15 +346,32 @@ impl Passivity {
         if kept < 1.0 || solvent < 1.0 {
             crate::count_one(&mut self.account.capped);
         }
+    }
+
+    /// Notes what could be got back now (J).
+    pub(crate) fn note_stored(&mut self, stored: f64) {
         self.account.stored = stored;
     }
 
-    /// What each device, by index, was in the end commanded to hold for this body (scene axes).
-    pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES]) {
-        for (hand, wrench) in self.hands.iter_mut().zip(wrenches) {
-            hand.push(wrench);
+    /// What each device, by index, was in the end commanded to hold for this body (scene axes), and how much of that is
+    /// weight.
+    pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
+        let each = self.hands.iter_mut().zip(&self.config.ports);
+        for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
+            let raised = hand.push(wrench, weight) * port.force_scale;
+            self.account.raised += raised;
+            // What is lost is not credited.
+            self.account.available -= raised.max(0.0);
         }
     }
+}
+
+/// Whether a device can have moved so far in a tick. What is not a number it cannot.
+fn possible(step: &Vec6, period: f64) -> bool {
+    let [linear, angular] = FASTEST.map(|speed| speed * period);
+    let translation = Vec3::new(step.x, step.y, step.z);
+    let rotation = Vec3::new(step.w, step.a, step.b);
+    translation.norm() <= linear && rotation.norm() <= angular
 }
 
 /// Power of the wrenches on the hands that move so.

@@ -54,6 +54,16 @@ impl Proxy {
             moment: back * wrench.moment * self.force_scale,
         }
     }
+
+    /// The other way: the wrench on the proxy (world axes) that a device's wrench (its own axes) renders. Zero where the
+    /// scales leave nothing to render.
+    pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
+        let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
+        Wrench {
+            force: self.rotation * wrench.force * back(self.motion_scale * self.force_scale),
+            moment: self.rotation * wrench.moment * back(self.force_scale),
+        }
+    }
 }
 
 #[cfg(test)]

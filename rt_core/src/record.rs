@@ -4,6 +4,7 @@ use crate::controller::Reading;
 use crate::coupling::HostState;
 use crate::device::DeviceError;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use crate::passivity::EnergyAccount;
 use crate::safety::SafetyState;
 use crate::{MAX_BODIES, MAX_DEVICES};
 
@@ -67,6 +68,8 @@ pub struct BodyTelemetry {
     pub trust: f64,
     /// What the coupling was doing.
     pub state: HostState,
+    /// The energy of its hands since the start.
+    pub energy: EnergyAccount,
 }
 
 /// Everything about one tick that the log keeps.
@@ -108,6 +111,7 @@ impl Telemetry {
             age_ns: 0,
             trust: 0.0,
             state: HostState::Waiting,
+            energy: EnergyAccount::default(),
         };
         Self {
             tick: 0,

@@ -2,18 +2,24 @@
 //!
 //! - A wrench that is **not a number** becomes zero.
 //! - A device that has given **no good state** for a while gets zero.
+//! - A device that moves **too fast**, or is **out of reach**, has its force fade; below nine tenths of the limit it
+//!   comes back.
 //! - A moment for a device that actuates none is left out: that is no fault and is not counted.
 //! - A wrench beyond the device's limits is scaled to them, its direction kept.
+//! - A force that would change faster than the device can stand follows at its **slew limit**.
 //!
 //! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a
-//! counter and this way back. The slew limit that some devices need belongs inside the energy account
-//! (alone it injects energy), so it is not here.
+//! counter, the number that tripped it first, and this way back. Whatever is done here the account of energy sees: it
+//! is told what was passed on (a slew limit that it does not know of injects energy).
 
 use crate::count_one;
-use crate::device::Freedom;
+use crate::device::{DeviceState, Freedom};
 use crate::geometry::{Vec3, Wrench};
 
-/// Limits of what may leave for a device.
+/// Share of a limit below which what it took away comes back.
+const BACK: f64 = 0.9;
+
+/// Limits of what may leave for a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyConfig {
     /// Degrees of freedom that the device actuates.
@@ -22,8 +28,16 @@ pub struct SafetyConfig {
     pub max_force: f64,
     /// Largest moment (N m).
     pub max_moment: f64,
+    /// Speed beyond which the force fades (m/s).
+    pub max_speed: f64,
+    /// Distance from the device's origin beyond which the force fades (m).
+    pub max_reach: f64,
+    /// Fastest change of the force (N/s).
+    pub max_slew: f64,
     /// How many ticks in a row may pass without a good device state.
     pub patience: u32,
+    /// How long the force takes to fade (s).
+    pub decay: f64,
     /// How long the force takes to come back after a fault (s).
     pub recovery: f64,
     /// The tick's period (s).
@@ -37,8 +51,14 @@ pub enum SafetyState {
     Normal,
     /// Scaled it to the device's limits.
     Limited,
+    /// Let it change no faster than the device can stand.
+    Slewed,
     /// Is bringing it back after a fault.
     Recovering,
+    /// Lets it fade: the device moves too fast.
+    TooFast,
+    /// Lets it fade: the device is out of reach.
+    OutOfReach,
     /// Replaced it by zero: the device gives no good state.
     DeviceStale,
     /// Replaced it by zero: it was not a number.
@@ -50,12 +70,31 @@ pub enum SafetyState {
 pub struct SafetyCounters {
     /// Ticks with the wrench scaled down.
     pub limited: u64,
+    /// Ticks with the force held back by the slew limit.
+    pub slewed: u64,
     /// Ticks with a wrench that was not a number.
     pub not_a_number: u64,
     /// Ticks without a good device state.
     pub missed_reads: u64,
     /// Times that the device went stale.
     pub stale: u64,
+    /// Times that it moved too fast.
+    pub too_fast: u64,
+    /// Times that it was out of reach.
+    pub out_of_reach: u64,
+}
+
+/// The first time that something tripped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trip {
+    /// What.
+    pub state: SafetyState,
+    /// In which tick, from zero.
+    pub tick: u64,
+    /// What was found: newtons, newton metres, metres per second, metres, newtons per second, or ticks without a state.
+    pub found: f64,
+    /// What it may be at most, in the same unit.
+    pub limit: f64,
 }
 
 /// The last stage of one device.
@@ -65,8 +104,14 @@ pub struct Limiter {
     /// How much of the wrench passes, from zero to one.
     authority: f64,
     misses: u32,
+    too_fast: bool,
+    out_of_reach: bool,
+    /// The force that left last.
+    last: Vec3,
+    tick: u64,
     state: SafetyState,
     counters: SafetyCounters,
+    trip: Option<Trip>,
 }
 
 impl Limiter {
@@ -76,46 +121,21 @@ impl Limiter {
             config,
             authority: 1.0,
             misses: 0,
+            too_fast: false,
+            out_of_reach: false,
+            last: Vec3::zeros(),
+            tick: 0,
             state: SafetyState::Normal,
             counters: SafetyCounters::default(),
+            trip: None,
         }
     }
 
-    /// The wrench that may leave. `fresh` says whether the device gave a good state this tick.
-    pub fn pass(&mut self, wrench: &Wrench, fresh: bool) -> Wrench {
-        if fresh {
-            self.misses = 0;
-        } else {
-            self.misses = self.misses.saturating_add(1);
-            count_one(&mut self.counters.missed_reads);
-            if self.misses == self.config.patience.saturating_add(1) {
-                count_one(&mut self.counters.stale);
-            }
-        }
-        if !wrench.is_finite() {
-            count_one(&mut self.counters.not_a_number);
-            return self.fault(SafetyState::NotANumber);
-        }
-        if self.misses > self.config.patience {
-            return self.fault(SafetyState::DeviceStale);
-        }
-        self.state = SafetyState::Normal;
-        let mut passed = *wrench;
-        if self.config.actuated == Freedom::Three {
-            passed.moment = Vec3::zeros();
-        }
-        if self.authority < 1.0 {
-            self.authority = (self.authority + self.config.period / self.config.recovery).min(1.0);
-            self.state = SafetyState::Recovering;
-            let s = self.authority;
-            passed = passed.scaled(s * s * (3.0 - 2.0 * s));
-        }
-        let force = shorten(&mut passed.force, self.config.max_force);
-        let moment = shorten(&mut passed.moment, self.config.max_moment);
-        if force || moment {
-            self.state = SafetyState::Limited;
-            count_one(&mut self.counters.limited);
-        }
+    /// The wrench that may leave. `state` is what the device gave this tick (its own axes), if anything good.
+    pub fn pass(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
+        let passed = self.decide(wrench, state);
+        self.last = passed.force;
+        self.tick = self.tick.saturating_add(1);
         passed
     }
 
@@ -129,18 +149,129 @@ impl Limiter {
         self.counters
     }
 
-    fn fault(&mut self, state: SafetyState) -> Wrench {
+    /// What tripped first, if anything did.
+    pub fn first_trip(&self) -> Option<Trip> {
+        self.trip
+    }
+
+    fn decide(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
+        let config = self.config;
+        if let Some(state) = state {
+            self.misses = 0;
+            self.watch(state);
+        } else {
+            self.misses = self.misses.saturating_add(1);
+            count_one(&mut self.counters.missed_reads);
+            if self.misses == config.patience.saturating_add(1) {
+                count_one(&mut self.counters.stale);
+            }
+        }
+        if !wrench.is_finite() {
+            count_one(&mut self.counters.not_a_number);
+            return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
+        }
+        if self.misses > config.patience {
+            let (found, limit) = (f64::from(self.misses), f64::from(config.patience));
+            return self.fault(SafetyState::DeviceStale, found, limit);
+        }
+        self.state = SafetyState::Normal;
+        let mut passed = *wrench;
+        if config.actuated == Freedom::Three {
+            passed.moment = Vec3::zeros();
+        }
+        let fading = self.too_fast || self.out_of_reach;
+        if fading || self.authority < 1.0 {
+            let step = if fading {
+                -config.period / config.decay
+            } else {
+                config.period / config.recovery
+            };
+            self.authority = (self.authority + step).clamp(0.0, 1.0);
+            self.state = if self.too_fast {
+                SafetyState::TooFast
+            } else if self.out_of_reach {
+                SafetyState::OutOfReach
+            } else {
+                SafetyState::Recovering
+            };
+            let s = self.authority;
+            passed = passed.scaled(s * s * (3.0 - 2.0 * s));
+        }
+        let force = shorten(&mut passed.force, config.max_force);
+        let moment = shorten(&mut passed.moment, config.max_moment);
+        for (found, limit) in [(force, config.max_force), (moment, config.max_moment)] {
+            if let Some(found) = found {
+                self.note(SafetyState::Limited, found, limit);
+            }
+        }
+        if force.or(moment).is_some() {
+            self.act(SafetyState::Limited);
+            count_one(&mut self.counters.limited);
+        }
+        let mut change = passed.force - self.last;
+        if let Some(found) = shorten(&mut change, config.max_slew * config.period) {
+            passed.force = self.last + change;
+            self.act(SafetyState::Slewed);
+            count_one(&mut self.counters.slewed);
+            let slew = found / config.period;
+            self.note(SafetyState::Slewed, slew, config.max_slew);
+        }
+        passed
+    }
+
+    /// Whether the device keeps inside its limits of motion.
+    fn watch(&mut self, state: &DeviceState) {
+        let speed = state.twist.linear.norm();
+        let reach = state.pose.position.norm();
+        let (max_speed, max_reach) = (self.config.max_speed, self.config.max_reach);
+        if trips(&mut self.too_fast, speed, max_speed) {
+            count_one(&mut self.counters.too_fast);
+            self.note(SafetyState::TooFast, speed, max_speed);
+        }
+        if trips(&mut self.out_of_reach, reach, max_reach) {
+            count_one(&mut self.counters.out_of_reach);
+            self.note(SafetyState::OutOfReach, reach, max_reach);
+        }
+    }
+
+    /// Says what was done, unless something graver is being done.
+    fn act(&mut self, state: SafetyState) {
+        if matches!(self.state, SafetyState::Normal | SafetyState::Recovering) {
+            self.state = state;
+        }
+    }
+
+    fn note(&mut self, state: SafetyState, found: f64, limit: f64) {
+        let tick = self.tick;
+        self.trip.get_or_insert(Trip {
+            state,
+            tick,
+            found,
+            limit,
+        });
+    }
+
+    fn fault(&mut self, state: SafetyState, found: f64, limit: f64) -> Wrench {
+        self.note(state, found, limit);
         self.authority = 0.0;
         self.state = state;
         Wrench::zero()
     }
 }
 
-/// Scales `v` to length `limit` if it is longer; says whether it did.
-fn shorten(v: &mut Vec3, limit: f64) -> bool {
+/// Keeps `tripped` true from above `limit` to below nine tenths of it; says whether it has just become so.
+fn trips(tripped: &mut bool, found: f64, limit: f64) -> bool {
+    let before = *tripped;
+    // A speed or a place that overflowed is beyond any limit but none.
+    *tripped = found > limit || (before && found >= BACK * limit);
+    *tripped && !before
+}
+
+/// Scales `v` to length `limit` if it is longer; the length that it had, if so.
+fn shorten(v: &mut Vec3, limit: f64) -> Option<f64> {
     let length = v.norm();
     if length <= limit {
-        return false;
+        return None;
     }
     // The squares of very large components overflow to infinity: those have no usable direction left.
     *v = if length.is_finite() {
@@ -148,95 +279,8 @@ fn shorten(v: &mut Vec3, limit: f64) -> bool {
     } else {
         Vec3::zeros()
     };
-    true
+    Some(length)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    fn config() -> SafetyConfig {
-        SafetyConfig {
-            actuated: Freedom::Six,
-            max_force: 8.0,
-            max_moment: 0.2,
-            patience: 3,
-            recovery: 0.01,
-            period: 1e-3,
-        }
-    }
-
-    fn push(x: f64) -> Wrench {
-        Wrench {
-            force: Vec3::new(x, 0.0, 0.0),
-            moment: Vec3::zeros(),
-        }
-    }
-
-    #[test]
-    fn a_wrench_that_is_not_a_number_becomes_zero_and_the_force_comes_back_smoothly() {
-        let mut limiter = Limiter::new(config());
-        assert_eq!(limiter.pass(&push(2.0), true), push(2.0));
-        assert_eq!(limiter.pass(&push(f64::NAN), true), Wrench::zero());
-        assert_eq!(limiter.state(), SafetyState::NotANumber);
-        let mut last = 0.0;
-        // Ten tenths round to just below one: the eleventh tick completes the way back.
-        for _ in 0..11 {
-            let now = limiter.pass(&push(2.0), true).force.x;
-            // Ten steps of a smooth step: none larger than 1.5 times the even share.
-            assert!(now >= last && now - last <= 2.0 * 0.15 + 1e-12);
-            last = now;
-        }
-        assert_eq!(limiter.pass(&push(2.0), true), push(2.0));
-        assert_eq!(limiter.state(), SafetyState::Normal);
-        assert_eq!(limiter.counters().not_a_number, 1);
-    }
-
-    #[test]
-    fn a_device_without_moments_is_not_limited_for_want_of_them() {
-        let mut limiter = Limiter::new(SafetyConfig {
-            actuated: Freedom::Three,
-            ..config()
-        });
-        let wrench = Wrench {
-            moment: Vec3::new(0.0, 5.0, 0.0),
-            ..push(2.0)
-        };
-        assert_eq!(limiter.pass(&wrench, true), push(2.0));
-        assert_eq!(
-            (limiter.state(), limiter.counters().limited),
-            (SafetyState::Normal, 0)
-        );
-    }
-
-    #[test]
-    fn a_silent_device_gets_zero_after_its_patience() {
-        let mut limiter = Limiter::new(config());
-        for _ in 0..3 {
-            assert_eq!(limiter.pass(&push(1.0), false), push(1.0));
-        }
-        assert_eq!(limiter.pass(&push(1.0), false), Wrench::zero());
-        assert_eq!(limiter.state(), SafetyState::DeviceStale);
-        let counters = limiter.counters();
-        assert_eq!((counters.missed_reads, counters.stale), (4, 1));
-    }
-
-    proptest! {
-        #[test]
-        fn nothing_beyond_the_limits_ever_leaves(
-            fx in proptest::num::f64::ANY, fy in proptest::num::f64::ANY,
-            mz in proptest::num::f64::ANY, fresh in any::<bool>(),
-        ) {
-            let mut limiter = Limiter::new(config());
-            let wrench = Wrench {
-                force: Vec3::new(fx, fy, 1.0),
-                moment: Vec3::new(0.0, 0.0, mz),
-            };
-            let out = limiter.pass(&wrench, fresh);
-            // One rounding of a product and a norm.
-            prop_assert!(out.force.norm() <= 8.0 * (1.0 + 1e-14));
-            prop_assert!(out.moment.norm() <= 0.2 * (1.0 + 1e-14));
-        }
-    }
-}
+mod tests;

@@ -170,6 +170,24 @@ fn models_that_make_no_sense_are_refused_and_counted() {
 }
 
 #[test]
+fn a_model_of_a_time_to_come_is_refused_and_a_clock_set_back_is_survived() {
+    let mut coupling = Coupling::new(config(Scheme::Linear));
+    let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
+    coupling.tick(1000 * MS, &at);
+    let early = spring(1, 1051 * MS, 300.0, 0.0, 2.0);
+    assert_eq!(coupling.accept(&early), Err(ModelFault::ToCome));
+    assert_eq!(coupling.counters().to_come, 1);
+    assert_eq!(
+        coupling.accept(&spring(2, 999 * MS, 300.0, 0.0, 2.0)),
+        Ok(())
+    );
+    coupling.tick(1001 * MS, &at);
+    // The clock is set back by nearly a second: what comes now is not older than what was.
+    coupling.tick(10 * MS, &at);
+    assert_eq!(coupling.accept(&spring(3, 9 * MS, 300.0, 0.0, 2.0)), Ok(()));
+}
+
+#[test]
 fn force_fades_without_a_jump_and_comes_back_the_same_way() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
@@ -228,6 +246,7 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
                 twist: Twist { linear, angular },
                 wrench: Wrench { force, moment },
                 contact: Vec3::zeros(),
+                weight: Vec3::zeros(),
             },
         )
 }

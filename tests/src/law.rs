@@ -12,7 +12,7 @@ use rt_core::{
 };
 
 /// The schemes, by name.
-pub const SCHEMES: [&str; 4] = ["hold", "thesis", "linear", "capped"];
+pub const SCHEMES: [&str; 5] = ["hold", "thesis", "linear", "classic", "capped"];
 /// Numbers of handles worth telling apart.
 pub const HANDLES: [usize; 3] = [1, 2, 4];
 /// Ticks in a row that a device may stay silent.
@@ -29,6 +29,8 @@ pub struct Limits {
     pub force: f64,
     /// Largest moment (N m).
     pub moment: f64,
+    /// Speed beyond which the force fades (m/s).
+    pub speed: f64,
 }
 
 impl Limits {
@@ -36,11 +38,13 @@ impl Limits {
     pub const WIDE: Self = Self {
         force: 1000.0,
         moment: 1000.0,
+        speed: 10.0,
     };
     /// Reached at once.
     pub const NARROW: Self = Self {
         force: 1e-6,
         moment: 1e-6,
+        speed: 10.0,
     };
 }
 
@@ -52,6 +56,7 @@ pub fn scheme(name: &str) -> Scheme {
             stiffness: 200.0,
             damping: 1.0,
         },
+        "classic" => Scheme::Classic,
         "capped" => Scheme::Capped,
         _ => Scheme::Linear,
     }
@@ -71,7 +76,11 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
                 actuated: Freedom::Six,
                 max_force: limits.force,
                 max_moment: limits.moment,
+                max_speed: limits.speed,
+                max_reach: 10.0,
+                max_slew: limits.force * 1e3,
                 patience: PATIENCE,
+                decay: 0.3,
                 recovery: 0.2,
                 period,
             },
@@ -103,6 +112,7 @@ pub fn model(handles: usize, period: f64) -> LocalModel {
         model.handles[i].device = i as u8;
         model.handles[i].wrench.force = Vec3::new(0.5, -1.0, 1.5);
         model.handles[i].wrench.moment = Vec3::new(0.01, 0.02, -0.01);
+        model.handles[i].weight = Vec3::new(0.0, 0.0, -0.1);
         for j in 0..MAX_HANDLES {
             let own = if i == j { 100.0 } else { -20.0 };
             model.stiffness[i][j] = Mat6::from_fn(|r, c| own / (1.0 + r.abs_diff(c) as f64));

@@ -5,7 +5,9 @@ use firmware_proto::report::ReportError;
 use palpate_tests::counting::{Counting, count};
 use palpate_tests::law::{HANDLES, Limits, PATIENCE, SCHEMES, law, model, reading, scheme};
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
-use rt_core::safety::SafetyState::{self, DeviceStale, Limited, Normal, NotANumber, Recovering};
+use rt_core::safety::SafetyState::{
+    self, DeviceStale, Limited, Normal, NotANumber, OutOfReach, Recovering, TooFast,
+};
 use rt_core::{
     Capabilities, Device, DeviceError, DeviceState, Freedom, LocalModel, Telemetry, Vec3, Wrench,
 };
@@ -25,6 +27,8 @@ enum Script {
     Move,
     Fail(DeviceError),
     SayNotANumber,
+    /// Faster than any limit.
+    Rush,
     /// The hand is this far away (m).
     Stray(f64),
     RefuseWrenches,
@@ -53,6 +57,7 @@ impl Device for Scripted {
             Script::Move | Script::RefuseWrenches => {}
             Script::Fail(error) => return Err(error),
             Script::SayNotANumber => state.pose.position.y = f64::NAN,
+            Script::Rush => state.twist.linear.x = 1e3,
             Script::Stray(distance) => state.pose.position = Vec3::new(distance, 0.0, 0.0),
         }
         Ok(state)
@@ -240,6 +245,17 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
     run.live(ends, 300, 4);
     run.expect(Live, Normal);
 
+    for (script, safety) in [(Script::Rush, TooFast), (Script::Stray(20.0), OutOfReach)] {
+        run.script(script);
+        run.live(ends, 50, 4);
+        run.expect(Live, safety);
+        run.script(Script::Move);
+        run.live(ends, 10, 4);
+        run.expect(Live, Recovering);
+        run.live(ends, 300, 4);
+        run.expect(Live, Normal);
+    }
+
     run.script(Script::RefuseWrenches);
     let before = run.tick.refused_wrenches;
     run.live(ends, 10, 4);
@@ -251,7 +267,9 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
 fn forces_that_cannot_leave(run: &mut Watched, ends: &mut (HostEnd, LogEnd), scheme: &str) {
     let sound = run.model.handles;
     // The largest numbers overflow where they are turned into the device's axes.
-    for (force, safety) in [(1e5, Limited), (f64::MAX, NotANumber)] {
+    // A cap has taken off beforehand what nobody ever put in.
+    let met = |safety| if scheme == "capped" { Normal } else { safety };
+    for (force, safety) in [(1e5, met(Limited)), (f64::MAX, met(NotANumber))] {
         for handle in &mut run.model.handles {
             handle.wrench.force = Vec3::new(force, force, force);
         }

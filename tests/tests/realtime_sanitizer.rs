@@ -41,7 +41,13 @@ fn the_sanitizer_is_there_and_ends_a_process_that_allocates() {
 
 #[test]
 fn every_scheme_ticks_under_the_sanitizer() {
-    for scheme in [SchemeName::Hold, SchemeName::Thesis, SchemeName::Linear] {
+    for scheme in [
+        SchemeName::Hold,
+        SchemeName::Thesis,
+        SchemeName::Linear,
+        SchemeName::Classic,
+        SchemeName::Capped,
+    ] {
         let mut scene = palpate_tests::default_scene();
         scene.scene.realtime.scheme = scheme;
         let built = setup(&scene, 1.0, 1).expect("the built-in scene can be built");

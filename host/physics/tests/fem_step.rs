@@ -46,6 +46,34 @@ fn a_free_sheet_keeps_its_momentum() {
 }
 
 #[test]
+fn the_weight_goes_to_the_nearest_handle_or_support() {
+    let config = BodyConfig {
+        gravity: Vec3::new(0.0, 0.0, -9.81),
+        ..tight()
+    };
+    let (sheet, _) = held_strip(config, Freedom::Fixed);
+    let weight = sheet.total_mass() * 9.81;
+    let shares = sheet.handle_weights();
+    // The middle column, a tenth of the strip, goes one way or the other as a whole.
+    for share in &shares {
+        assert!((share.z / -weight - 0.5).abs() < 0.051, "{share}");
+    }
+    let sum: Vec3 = shares.iter().sum();
+    // Rounding of a sum of 55 numbers.
+    assert!((sum - Vec3::new(0.0, 0.0, -weight)).norm() < 1e-14 * weight);
+
+    let mesh = grid(10, 4, LX, 0.04, Split::Right);
+    let held = [handle(&mesh, Freedom::Fixed, |x| x.x > LX - 1e-9)];
+    let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &held).unwrap();
+    assert!((sheet.handle_weights()[0].z + weight).abs() < 1e-14 * weight);
+    let left: Vec<u32> = (0..mesh.positions.len() as u32)
+        .filter(|&v| mesh.positions[v as usize].x < 1e-9)
+        .collect();
+    sheet.add_support(&left, [true; 3]).unwrap();
+    assert!((sheet.handle_weights()[0].z / -weight - 0.5).abs() < 0.051);
+}
+
+#[test]
 fn at_rest_the_handles_carry_the_weight() {
     let config = BodyConfig {
         gravity: Vec3::new(0.0, 0.0, -9.81),

@@ -55,8 +55,12 @@ impl HostBody {
         let mut model = LocalModel::empty();
         model.period = parts.period;
         model.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
-        for (reference, device) in model.handles.iter_mut().zip(&parts.devices) {
+        let weights = parts.body.handle_weights();
+        for ((reference, device), weight) in
+            model.handles.iter_mut().zip(&parts.devices).zip(weights)
+        {
             reference.device = *device;
+            reference.weight = weight;
         }
         Self {
             stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
@@ -146,7 +150,10 @@ impl HostBody {
             .enumerate()
         {
             if let Some(report) = self.body.handle_report(i) {
-                *reference = reference_of(reference.device, report);
+                *reference = HandleReference {
+                    weight: reference.weight,
+                    ..reference_of(reference.device, report)
+                };
             }
         }
         if let Some(stored) = &mut self.stored {
@@ -205,5 +212,6 @@ pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
             moment: report.wrench_on_hand.moment,
         },
         contact: Vec3::zeros(),
+        weight: Vec3::zeros(),
     }
 }

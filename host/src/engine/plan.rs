@@ -5,6 +5,7 @@
 
 use super::choice::Choice;
 use crate::bodies::{Kind, bending};
+use crate::run::setup;
 use crate::scene::spec::{Scene, SchemeName, SolverName};
 
 /// One stage of the host step.
@@ -22,13 +23,16 @@ pub struct Stage {
 pub fn condenses(scene: &Scene) -> bool {
     matches!(
         scene.realtime.scheme,
-        SchemeName::Linear | SchemeName::Capped
+        SchemeName::Linear | SchemeName::Classic | SchemeName::Capped
     )
 }
 
 /// Whether the scheme uses the published energy.
 pub fn tells_energy(scene: &Scene) -> bool {
-    scene.realtime.scheme == SchemeName::Capped
+    matches!(
+        scene.realtime.scheme,
+        SchemeName::Classic | SchemeName::Capped
+    )
 }
 
 /// Whether steps assemble a matrix.
@@ -186,8 +190,9 @@ pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
             condenses(scene),
             if condenses(scene) {
                 format!(
-                    "scheme \"linear\" extrapolates with stiffness and damping, translations only \
+                    "scheme \"{}\" extrapolates with stiffness and damping, translations only \
                      (the devices actuate no rotation), at {} Hz{}",
+                    setup::scheme(scene).name(),
                     scene.host.publish_rate,
                     if assembles(scene) {
                         ""

@@ -37,11 +37,11 @@ impl Stored {
         }
     }
 
-    /// `w . K^-1 w / 2` (J) with the wrenches of `model`, what dampers hold included as a reader of the model does.
+    /// `w . K^-1 w / 2` (J) with the wrenches of `model`, without their weights, what dampers hold included as a reader of the model does.
     pub(super) fn of(&mut self, model: &LocalModel) -> f64 {
         let loads = self.load.chunks_exact_mut(6).zip(&model.damping);
         for ((load, damping), handle) in loads.zip(&model.handles) {
-            let mut wrench = handle.wrench.stacked();
+            let mut wrench = handle.unweighted();
             for (b, other) in damping.iter().zip(model.handles()) {
                 wrench += b * other.twist.stacked();
             }

@@ -33,6 +33,7 @@ geometry_msgs/Twist twist
 geometry_msgs/Wrench wrench  # on the hand
 uint8 device                 # index in a tick's devices
 geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held
+geometry_msgs/Vector3 weight   # the part of the force that is weight
 ",
     geometry_messages!()
 );
@@ -109,6 +110,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
         out.wrench(&handle.wrench);
         out.u8(handle.device);
         out.vector(&handle.contact);
+        out.vector(&handle.weight);
     }
     for blocks in [&model.stiffness, &model.damping] {
         out.u32((count * block * count * block) as u32);
@@ -172,5 +174,6 @@ fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
         wrench: from.wrench()?,
         device: from.u8()?,
         contact: from.vector()?,
+        weight: from.vector()?,
     })
 }

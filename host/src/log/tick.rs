@@ -1,9 +1,9 @@
 //! One tick as a ROS 2 message: its definition, and the way between it and [`Telemetry`].
 
-use rt_core::Telemetry;
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
+use rt_core::{EnergyAccount, Telemetry};
 
 use super::cdr::{CdrReader, CdrWriter};
 use super::geometry::geometry_messages;
@@ -30,6 +30,9 @@ uint8 LIMITED=1
 uint8 RECOVERING=2
 uint8 DEVICE_STALE=3
 uint8 NOT_A_NUMBER=4
+uint8 SLEWED=5
+uint8 TOO_FAST=6
+uint8 OUT_OF_REACH=7
 geometry_msgs/Pose pose      # of the proxy
 geometry_msgs/Twist twist    # of the proxy
 geometry_msgs/Wrench wrench  # on the hand, as it left for the device
@@ -48,6 +51,15 @@ uint64 age_ns    # of that model
 float64 trust    # in it, from zero (safe hold) to one
 uint32 epoch     # of its topology
 uint8 state      # what the coupling was doing
+# Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.
+float64 supplied   # net work of the hands
+float64 raised     # part of it that lifted weight
+float64 least      # least that supplied - raised ever was
+float64 initial    # stored when the first model came
+float64 stored     # that could be got back now
+float64 credited   # dissipated by devices and relied on
+float64 available  # what the cap has to spend
+uint64 capped      # ticks in which it took something off
 ================================================================================
 MSG: palpate_msgs/Reading
 # What the device gave, as it gave it: its own axes. All zero where it gave nothing.
@@ -120,6 +132,10 @@ pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
             .iter()
             .position(|s| *s == body.state)
             .map_or(u8::MAX, |i| i as u8));
+        for sum in sums(&body.energy) {
+            out.f64(sum);
+        }
+        out.u64(body.energy.capped);
     }
     out.u32(telemetry.readings().count() as u32);
     for reading in telemetry.readings() {
@@ -186,16 +202,42 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
         trust: from.f64()?,
         epoch: from.u32()?,
         state: *HOST_STATES.get(usize::from(from.u8()?))?,
+        energy: EnergyAccount {
+            supplied: from.f64()?,
+            raised: from.f64()?,
+            least: from.f64()?,
+            initial: from.f64()?,
+            stored: from.f64()?,
+            credited: from.f64()?,
+            available: from.f64()?,
+            capped: from.u64()?,
+        },
     })
 }
 
+/// The sums of energy, in the order of the message's definition.
+fn sums(energy: &EnergyAccount) -> [f64; 7] {
+    [
+        energy.supplied,
+        energy.raised,
+        energy.least,
+        energy.initial,
+        energy.stored,
+        energy.credited,
+        energy.available,
+    ]
+}
+
 /// In the order of the constants in [`SCHEMA`].
-const SAFETY_STATES: [SafetyState; 5] = [
+const SAFETY_STATES: [SafetyState; 8] = [
     SafetyState::Normal,
     SafetyState::Limited,
     SafetyState::Recovering,
     SafetyState::DeviceStale,
     SafetyState::NotANumber,
+    SafetyState::Slewed,
+    SafetyState::TooFast,
+    SafetyState::OutOfReach,
 ];
 
 /// In the order of the constants in [`SCHEMA`].

@@ -96,6 +96,9 @@ impl Collector {
         let limited = telemetry.devices().map(|device| match device.safety {
             SafetyState::Normal | SafetyState::Recovering => None,
             SafetyState::Limited => Some("force limited"),
+            SafetyState::Slewed => Some("force at its slew limit"),
+            SafetyState::TooFast => Some("too fast, force fading"),
+            SafetyState::OutOfReach => Some("out of reach, force fading"),
             SafetyState::DeviceStale => Some("device silent"),
             SafetyState::NotANumber => Some("force not a number"),
         });

@@ -3,14 +3,16 @@
 use super::collect::Collected;
 use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HostSummary,
-    RunSummary, SCHEMA, TickSummary,
+    RunSummary, SCHEMA, TickSummary, TripSummary,
 };
 use super::{Clock, Parts, RunOptions, clock_name, setup};
+use crate::engine::plan::tells_energy;
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
+use rt_core::safety::{SafetyState, Trip};
 
 /// `size`: elements and vertices of all bodies.
 pub(super) fn summarize(
@@ -46,7 +48,7 @@ pub(super) fn summarize(
         locked_bytes: side.locked_bytes,
         refused_models: couplings
             .iter()
-            .map(|c| c.not_finite + c.wrong_handles + c.outdated)
+            .map(|c| c.not_finite + c.wrong_handles + c.outdated + c.to_come)
             .sum(),
         faded: couplings.iter().map(|c| c.faded).sum(),
     };
@@ -58,7 +60,8 @@ pub(super) fn summarize(
         .zip(&parts.collected.totals);
     let devices = devices
         .zip(side.controller.safety_counters())
-        .map(|(((spec, device), totals), safety)| DeviceSummary {
+        .zip(side.controller.first_trips())
+        .map(|((((spec, device), totals), safety), trip)| DeviceSummary {
             name: spec.name.clone(),
             peak_force: totals.peak_force,
             peak_time: totals.peak_time,
@@ -67,7 +70,11 @@ pub(super) fn summarize(
             reach: totals.reach,
             limited_ticks: safety.limited,
             not_a_number_ticks: safety.not_a_number,
+            slewed_ticks: safety.slewed,
             missed_reads: safety.missed_reads,
+            too_fast: safety.too_fast,
+            out_of_reach: safety.out_of_reach,
+            first_trip: trip.map(|trip| told_trip(&trip, scene.realtime.rate)),
         })
         .collect();
     let injected = options.faults.iter().map(|fault| EventSummary {
@@ -113,16 +120,39 @@ pub(super) fn summarize(
 }
 
 fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {
+    let tells = tells_energy(scene);
     let bodies = scene.bodies.iter().zip(accounts);
     let told = bodies.map(|(body, account)| EnergySummary {
         body: body.name.clone(),
         supplied: account.supplied,
+        raised: account.raised,
+        stored: tells.then_some(account.stored),
+        dissipated: tells.then(|| account.dissipated()),
         // From nothing: -0 would be printed.
         most_out: 0.0 - account.least,
         credited: account.credited,
         capped_ticks: account.capped,
     });
     told.collect()
+}
+
+fn told_trip(trip: &Trip, rate: f64) -> TripSummary {
+    let (what, unit) = match trip.state {
+        SafetyState::Normal | SafetyState::Recovering => ("nothing", ""),
+        SafetyState::Limited => ("force or moment limited", "N or N m"),
+        SafetyState::Slewed => ("force at its slew limit", "N/s"),
+        SafetyState::TooFast => ("too fast", "m/s"),
+        SafetyState::OutOfReach => ("out of reach", "m"),
+        SafetyState::DeviceStale => ("device silent", "ticks"),
+        SafetyState::NotANumber => ("force not a number", "N"),
+    };
+    TripSummary {
+        what,
+        time: trip.tick as f64 / rate,
+        found: trip.found,
+        limit: trip.limit,
+        unit,
+    }
 }
 
 /// Which models were refused, and why, in words.
@@ -133,6 +163,7 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
             (c.not_finite, "a number is not finite"),
             (c.wrong_handles, "wrong handles"),
             (c.outdated, "not newer than the one in use"),
+            (c.to_come, "of a time that had not come"),
         ]
         .map(|(count, why)| (&body.name, count, why))
     });

@@ -135,7 +135,7 @@ pub fn controls(
             ..Proxy::at(origin)
         };
         let safety = safety(&scene.devices[index], &device, scene, period);
-        passivity.ports[index] = port(&model(&scene.devices[index]), &proxy, period);
+        passivity.ports[index] = port(&model(&scene.devices[index]), &safety, &proxy, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { proxy, safety });
         devices.push(device);
@@ -156,6 +156,7 @@ pub fn scheme(scene: &Scene) -> Scheme {
             damping: scene.realtime.thesis_damping,
         },
         SchemeName::Linear => Scheme::Linear,
+        SchemeName::Classic => Scheme::Classic,
         SchemeName::Capped => Scheme::Capped,
     }
 }
@@ -184,7 +185,7 @@ fn model(spec: &spec::Device) -> DeviceModel {
 }
 
 /// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
-fn port(model: &DeviceModel, proxy: &Proxy, period: f64) -> Port {
+fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) -> Port {
     let scale = proxy.motion_scale;
     Port {
         damping: model.damping / (scale * scale),
@@ -192,6 +193,7 @@ fn port(model: &DeviceModel, proxy: &Proxy, period: f64) -> Port {
         most_damping: MOST_DAMPING * model.mass / period / (scale * scale * proxy.force_scale),
         most_turning_damping: f64::INFINITY,
         force_scale: proxy.force_scale,
+        max_slew: safety.max_slew / (scale * proxy.force_scale),
     }
 }
 
@@ -204,7 +206,11 @@ fn safety(spec: &spec::Device, device: &AnyDevice, scene: &Scene, period: f64) -
             .unwrap_or(f64::INFINITY)
             .min(capabilities.max_force),
         max_moment: capabilities.max_moment,
+        max_speed: spec.max_speed.unwrap_or(f64::INFINITY),
+        max_reach: spec.max_reach.unwrap_or(f64::INFINITY),
+        max_slew: spec.max_slew.unwrap_or(f64::INFINITY),
         patience: PATIENCE,
+        decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         period,
     }

@@ -4,7 +4,7 @@ use serde::Serialize;
 use std::fmt;
 
 /// Version of the JSON that `--json` writes. A field that changes its meaning changes this.
-pub const SCHEMA: &str = "palpate.run/2";
+pub const SCHEMA: &str = "palpate.run/3";
 
 /// A distribution of times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -99,7 +99,7 @@ pub struct TickSummary {
     pub model_age: Vec<Distribution>,
     /// Memory locked (bytes).
     pub locked_bytes: u64,
-    /// Models that were refused: not finite, wrong handles, outdated.
+    /// Models that were refused: not finite, wrong handles, outdated, of a time to come.
     pub refused_models: u64,
     /// Times that the newest model grew too old.
     pub faded: u64,
@@ -163,8 +163,31 @@ pub struct DeviceSummary {
     pub limited_ticks: u64,
     /// Ticks with a force that was not a number.
     pub not_a_number_ticks: u64,
+    /// Ticks with the force at its slew limit.
+    pub slewed_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
+    /// Times that it moved too fast.
+    pub too_fast: u64,
+    /// Times that it was out of reach.
+    pub out_of_reach: u64,
+    /// What tripped first, if anything did.
+    pub first_trip: Option<TripSummary>,
+}
+
+/// The first time that a device's last stage took something away.
+#[derive(Clone, Debug, Serialize)]
+pub struct TripSummary {
+    /// What tripped.
+    pub what: &'static str,
+    /// When (s).
+    pub time: f64,
+    /// What was found, and what may be at most.
+    pub found: f64,
+    /// See `found`.
+    pub limit: f64,
+    /// Unit of both.
+    pub unit: &'static str,
 }
 
 /// What passed between the hands and one body (J).
@@ -174,6 +197,12 @@ pub struct EnergySummary {
     pub body: String,
     /// Net work of the hands, by held wrenches.
     pub supplied: f64,
+    /// Part of it that lifted the body's weight.
+    pub raised: f64,
+    /// What hands at rest could get back at the end, by the last local model; nothing where the scheme knows none.
+    pub stored: Option<f64>,
+    /// Supplied, and neither stored nor raised.
+    pub dissipated: Option<f64>,
     /// The most that ever came out beyond what had been put in.
     pub most_out: f64,
     /// What devices dissipated by themselves and a cap relied on.
@@ -298,16 +327,39 @@ impl fmt::Display for RunSummary {
             if d.not_a_number_ticks > 0 {
                 write!(f, ", not a number in {} ticks", d.not_a_number_ticks)?;
             }
+            for (count, what) in [(d.too_fast, "too fast"), (d.out_of_reach, "out of reach")] {
+                if count > 0 {
+                    write!(f, ", {what} {count} times")?;
+                }
+            }
+            if d.slewed_ticks > 0 {
+                write!(f, ", slewed in {} ticks", d.slewed_ticks)?;
+            }
             writeln!(f)?;
+            if let Some(trip) = &d.first_trip {
+                let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
+                writeln!(
+                    f,
+                    "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
+                    trip.time, trip.what
+                )?;
+            }
         }
         for e in &self.energy {
             write!(
                 f,
-                "  energy     {}: {:+.1} mJ put in by the hands, at most {:.1} mJ out beyond that",
+                "  energy     {}: {:+.1} mJ put in by the hands",
                 e.body,
-                e.supplied * 1e3,
-                e.most_out * 1e3
+                e.supplied * 1e3
             )?;
+            if let (Some(stored), Some(dissipated)) = (e.stored, e.dissipated) {
+                let [raised, stored, dissipated] = [e.raised, stored, dissipated].map(|j| j * 1e3);
+                write!(
+                    f,
+                    " ({raised:+.1} raised, {stored:.1} stored, {dissipated:.1} dissipated)"
+                )?;
+            }
+            write!(f, ", at most {:.1} mJ out beyond that", e.most_out * 1e3)?;
             if e.capped_ticks > 0 {
                 write!(f, "; capped in {} ticks", e.capped_ticks)?;
             }

@@ -29,6 +29,8 @@ pub(crate) enum Situation {
     NotANumber,
     /// The devices have been silent for long. In a blend.
     Silent,
+    /// The devices move too fast. In a blend.
+    TooFast,
     /// The model is too old, in a blend, and the force is beyond the limits.
     Fading,
     /// A model comes whose very last number in use is none, in a blend, beyond the limits.
@@ -38,12 +40,13 @@ pub(crate) enum Situation {
 }
 
 impl Situation {
-    pub(crate) const ALL: [Self; 8] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::AtRest,
         Self::Moving,
         Self::Blending,
         Self::NotANumber,
         Self::Silent,
+        Self::TooFast,
         Self::Fading,
         Self::Refused,
         Self::NewModel,
@@ -56,6 +59,7 @@ impl Situation {
             Self::Blending => "blending",
             Self::NotANumber => "not a number",
             Self::Silent => "silent",
+            Self::TooFast => "too fast",
             Self::Fading => "fading",
             Self::Refused => "refused",
             Self::NewModel => "new model",
@@ -171,6 +175,11 @@ impl Prepared {
                     self.law.tick(MODEL_NS, &self.readings);
                 }
             }
+            Situation::TooFast => {
+                for state in self.readings.iter_mut().flatten() {
+                    state.twist.linear *= 1e3;
+                }
+            }
             Situation::Fading => self.now_ns = MODEL_NS + 2 * AGE_LIMIT_NS,
             Situation::Refused => {
                 let mut spoilt = newer;
@@ -207,6 +216,7 @@ impl Prepared {
             }
             Situation::NotANumber => !fresh && safety == SafetyState::Normal,
             Situation::Silent => safety == SafetyState::DeviceStale,
+            Situation::TooFast => safety == SafetyState::TooFast,
             Situation::Fading => safety == SafetyState::Limited && host == HostState::Fading,
             Situation::Refused => safety == SafetyState::Limited && counters.not_finite == 1,
             Situation::NewModel => safety == SafetyState::Limited && counters.accepted == 3,

@@ -51,6 +51,7 @@ mod support;
 pub(crate) mod surface_polar;
 mod triangle_frame;
 pub mod weave;
+mod weight;
 pub mod woven;
 
 pub use block_matrix::BlockMatrix;

@@ -137,6 +137,19 @@ fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
         put(part, "age_ns", "", Value::Count(body.age_ns));
         put(part, "trust", "", Value::Number(body.trust));
         put(part, "state", "", Value::Host(body.state));
+        let energy = &body.energy;
+        for (name, sum) in [
+            ("supplied", energy.supplied),
+            ("raised", energy.raised),
+            ("least", energy.least),
+            ("initial", energy.initial),
+            ("stored", energy.stored),
+            ("credited", energy.credited),
+            ("available", energy.available),
+        ] {
+            put(part, name, "", Value::Number(sum));
+        }
+        put(part, "capped", "", Value::Count(energy.capped));
     }
 }
 

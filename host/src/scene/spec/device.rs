@@ -19,6 +19,15 @@ pub struct Device {
     /// Largest force to ask of it (N), if lower than its own.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_force: Option<f64>,
+    /// Speed of the handle beyond which its force fades (m/s, at the device); no limit if not given.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub max_speed: Option<f64>,
+    /// Distance from the device's origin beyond which its force fades (m, at the device); no limit if not given.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub max_reach: Option<f64>,
+    /// Fastest change of its force (N/s), for a device that needs such a limit.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub max_slew: Option<f64>,
     /// Scene metres per device metre.
     #[serde(default = "one", deserialize_with = "check::positive")]
     pub motion_scale: f64,

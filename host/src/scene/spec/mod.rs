@@ -117,7 +117,9 @@ pub enum SchemeName {
     Thesis,
     /// The local model's extrapolation.
     Linear,
-    /// The same, held to the energy that the hands have put in.
+    /// The same, damped once the hands have got more than they gave.
+    Classic,
+    /// As `Linear`, held to the energy that the hands have put in.
     Capped,
 }
 

@@ -1,0 +1,59 @@
+//! The classic passivity controller: a damper that takes back what the hands have got too much.
+//!
+//! B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), in impedance causality. The
+//! passivity observer is the account of [`super`], over all hands of the body; `E_0` is what was stored when the first
+//! local model came:
+//!
+//! ```text
+//! E   = E_0 + supplied - raised
+//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most what the device can render
+//! ```
+//!
+//! It acts after the fact: energy comes out first and is taken back in the ticks that follow, as long as hands move.
+//! There is no allowance, and what the devices dissipate themselves is not relied on.
+
+use super::{Motion, Passivity, Port, damp};
+use crate::geometry::{Pose, Twist, Vec6, Wrench};
+use crate::{MAX_DEVICES, MAX_HANDLES};
+
+impl Passivity {
+    /// Damps the hands, held by `handles` of the devices in their order, if they have got more than they gave.
+    pub(crate) fn restore(
+        &mut self,
+        handles: impl Iterator<Item = u8>,
+        devices: &[(Pose, Twist)],
+        steps: &[Vec6; MAX_DEVICES],
+        wrenches: &mut [Wrench; MAX_HANDLES],
+    ) {
+        let account = &self.account;
+        let observed = account.initial + account.supplied - account.raised;
+        self.account.available = observed;
+        let mut ports = [Port::UNKNOWN; MAX_HANDLES];
+        let mut motions = [Motion::none(); MAX_HANDLES];
+        for ((port, motion), device) in ports.iter_mut().zip(&mut motions).zip(handles) {
+            let device = usize::from(device);
+            let known = self.config.ports.get(device).zip(steps.get(device));
+            if let Some(((known, step), (_, twist))) = known.zip(devices.get(device)) {
+                *port = *known;
+                *motion = Motion {
+                    step: *step,
+                    velocity: twist.stacked(),
+                };
+            }
+        }
+        if observed < 0.0 {
+            let mut damping = [Vec6::zeros(); MAX_HANDLES];
+            damp(
+                -observed,
+                self.config.period,
+                &ports,
+                &motions,
+                &mut damping,
+            );
+            for (wrench, damping) in wrenches.iter_mut().zip(&damping) {
+                *wrench = wrench.plus(&Wrench::from_stacked(damping));
+            }
+            crate::count_one(&mut self.account.capped);
+        }
+    }
+}

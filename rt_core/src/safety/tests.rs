@@ -1,0 +1,165 @@
+use super::*;
+use proptest::prelude::*;
+
+fn config() -> SafetyConfig {
+    SafetyConfig {
+        actuated: Freedom::Six,
+        max_force: 8.0,
+        max_moment: 0.2,
+        max_speed: 1.0,
+        max_reach: 0.1,
+        max_slew: f64::INFINITY,
+        patience: 3,
+        decay: 0.01,
+        recovery: 0.01,
+        period: 1e-3,
+    }
+}
+
+fn here() -> DeviceState {
+    DeviceState::resting()
+}
+
+fn moving(speed: f64) -> DeviceState {
+    let mut state = here();
+    state.twist.linear.y = speed;
+    state
+}
+
+fn push(x: f64) -> Wrench {
+    Wrench {
+        force: Vec3::new(x, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    }
+}
+
+#[test]
+fn a_wrench_that_is_not_a_number_becomes_zero_and_the_force_comes_back_smoothly() {
+    let mut limiter = Limiter::new(config());
+    assert_eq!(limiter.pass(&push(2.0), Some(&here())), push(2.0));
+    assert_eq!(limiter.pass(&push(f64::NAN), Some(&here())), Wrench::zero());
+    assert_eq!(limiter.state(), SafetyState::NotANumber);
+    let mut last = 0.0;
+    // Ten tenths round to just below one: the eleventh tick completes the way back.
+    for _ in 0..11 {
+        let now = limiter.pass(&push(2.0), Some(&here())).force.x;
+        // Ten steps of a smooth step: none larger than 1.5 times the even share.
+        assert!(now >= last && now - last <= 2.0 * 0.15 + 1e-12);
+        last = now;
+    }
+    assert_eq!(limiter.pass(&push(2.0), Some(&here())), push(2.0));
+    assert_eq!(limiter.state(), SafetyState::Normal);
+    assert_eq!(limiter.counters().not_a_number, 1);
+}
+
+#[test]
+fn a_device_without_moments_is_not_limited_for_want_of_them() {
+    let mut limiter = Limiter::new(SafetyConfig {
+        actuated: Freedom::Three,
+        ..config()
+    });
+    let wrench = Wrench {
+        moment: Vec3::new(0.0, 5.0, 0.0),
+        ..push(2.0)
+    };
+    assert_eq!(limiter.pass(&wrench, Some(&here())), push(2.0));
+    assert_eq!(
+        (limiter.state(), limiter.counters().limited),
+        (SafetyState::Normal, 0)
+    );
+}
+
+#[test]
+fn a_silent_device_gets_zero_after_its_patience() {
+    let mut limiter = Limiter::new(config());
+    for _ in 0..3 {
+        assert_eq!(limiter.pass(&push(1.0), None), push(1.0));
+    }
+    assert_eq!(limiter.pass(&push(1.0), None), Wrench::zero());
+    assert_eq!(limiter.state(), SafetyState::DeviceStale);
+    let counters = limiter.counters();
+    assert_eq!((counters.missed_reads, counters.stale), (4, 1));
+}
+
+/// The largest change between forces in a row.
+fn largest_step(forces: &[f64]) -> f64 {
+    let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    steps.fold(0.0, f64::max)
+}
+
+#[test]
+fn the_force_fades_while_the_device_is_too_fast_and_comes_back_without_a_jump() {
+    let mut limiter = Limiter::new(config());
+    let mut forces = [limiter.pass(&push(2.0), Some(&here())).force.x; 61];
+    for k in 0..60 {
+        // Between nine tenths of the limit and the limit nothing changes sides.
+        let speed = [1.5, 0.95, 0.5][k / 20];
+        forces[k + 1] = limiter.pass(&push(2.0), Some(&moving(speed))).force.x;
+        if k == 30 {
+            assert_eq!(limiter.state(), SafetyState::TooFast);
+        }
+    }
+    assert_eq!((forces[30], forces[60]), (0.0, 2.0));
+    // Ten steps of a smooth step each way: none larger than 1.5 times the even share.
+    assert!(largest_step(&forces) <= 2.0 * 0.15 + 1e-12);
+    assert_eq!(limiter.counters().too_fast, 1);
+    assert_eq!(
+        limiter.first_trip(),
+        Some(Trip {
+            state: SafetyState::TooFast,
+            tick: 1,
+            found: 1.5,
+            limit: 1.0
+        })
+    );
+}
+
+#[test]
+fn the_force_fades_out_of_reach() {
+    let mut limiter = Limiter::new(config());
+    let mut far = here();
+    far.pose.position.z = 0.11;
+    for _ in 0..11 {
+        limiter.pass(&push(2.0), Some(&far));
+    }
+    assert_eq!(limiter.pass(&push(2.0), Some(&far)), Wrench::zero());
+    assert_eq!(limiter.state(), SafetyState::OutOfReach);
+    assert_eq!(limiter.counters().out_of_reach, 1);
+}
+
+#[test]
+fn a_force_follows_at_the_slew_limit_and_a_fault_does_not_wait_for_it() {
+    let mut limiter = Limiter::new(SafetyConfig {
+        max_slew: 100.0,
+        ..config()
+    });
+    let mut pass = |x: f64| limiter.pass(&push(x), Some(&here())).force.x;
+    for k in 1..=20 {
+        // A tenth of a newton a tick; sums of tenths round.
+        assert!((pass(2.0) - 0.1 * f64::from(k)).abs() < 1e-12);
+    }
+    assert_eq!(pass(2.0), 2.0);
+    assert_eq!(limiter.counters().slewed, 19);
+    assert_eq!(limiter.first_trip().map(|trip| trip.limit), Some(100.0));
+    let stopped = limiter.pass(&push(f64::NAN), Some(&here()));
+    assert_eq!(stopped, Wrench::zero());
+}
+
+proptest! {
+    #[test]
+    fn nothing_beyond_the_limits_ever_leaves(
+        fx in proptest::num::f64::ANY, fy in proptest::num::f64::ANY,
+        mz in proptest::num::f64::ANY, fresh in any::<bool>(),
+    ) {
+        let mut limiter = Limiter::new(config());
+        let resting = here();
+        let wrench = Wrench {
+            force: Vec3::new(fx, fy, 1.0),
+            moment: Vec3::new(0.0, 0.0, mz),
+        };
+        let out = limiter.pass(&wrench, fresh.then_some(&resting));
+        // One rounding of a product and a norm.
+        prop_assert!(out.force.norm() <= 8.0 * (1.0 + 1e-14));
+        prop_assert!(out.moment.norm() <= 0.2 * (1.0 + 1e-14));
+    }
+}
