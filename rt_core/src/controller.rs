@@ -11,7 +11,7 @@ use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
-use crate::safety::{Limiter, SafetyConfig, SafetyCounters, Trip};
+use crate::safety::{Limiter, SafetyConfig, SafetyCounters, SafetyState, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
 /// One device as the controller knows it.
@@ -37,6 +37,8 @@ struct Channel {
     proxy: Proxy,
     limiter: Limiter,
     state: DeviceState,
+    /// Whether it ever gave a state.
+    known: bool,
 }
 
 /// The controller's whole state.
@@ -59,6 +61,7 @@ impl Controller {
             proxy: device.proxy,
             limiter: Limiter::new(device.safety),
             state: DeviceState::resting(),
+            known: false,
         });
         Self {
             channels: channels.collect(),
@@ -111,7 +114,11 @@ impl Controller {
             if let Ok(state) = reading
                 && state.is_finite()
             {
+                if channel.known && channel.limiter.state() == SafetyState::DeviceStale {
+                    channel.proxy.go_on(&channel.state, state);
+                }
                 channel.state = *state;
+                channel.known = true;
                 *fresh = true;
             }
             *proxy = channel.proxy.to_scene(&channel.state);

@@ -14,12 +14,14 @@
 //! `F_d` the viscous wrench on all handles, each tick:
 //!
 //! ```text
-//! H <- H - w . D + eta (b D^2 / T + f_c |D|)      what the device itself dissipates counts in part
+//! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
 //! H <- min(H, 2 V + E)                            E: the allowance, a millijoule
 //! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
 //! F_d <- F_d clip(1 + H / E, 0, 1)
 //! F_s <- F_s H+ / p                               where p = T F_s . v > H+: more than a tick may spend
 //! ```
+//!
+//! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
 //!
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
 //! model's own force tells (`LocalModel::stored`).
@@ -169,6 +171,8 @@ struct Hand {
     lifted_from: Option<Vec3>,
     /// The last translation that was one.
     way: Vec3,
+    /// Ticks since then.
+    since: u32,
 }
 
 impl Hand {
@@ -179,6 +183,7 @@ impl Hand {
             weights: [Vec3::zeros(); MAX_DELAY + 1],
             lifted_from: None,
             way: Vec3::zeros(),
+            since: 0,
         }
     }
 
@@ -256,6 +261,7 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
+            hand.since = hand.since.saturating_add(1);
             let moved = pose.displacement_from(&before);
             if !possible(&moved, self.config.period) {
                 continue;
@@ -268,14 +274,15 @@ impl Passivity {
             let fallen = weight.map_or(0.0, |weight| weight.dot(&way)) * port.force_scale;
             let mut credit = 0.0;
             if way != Vec3::zeros() {
-                // A count that flickers to and fro dissipates nothing.
+                // A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a
+                // device was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
                 if way.dot(&hand.way) > 0.0 {
                     let length = way.norm();
-                    credit = self.config.credit
-                        * length
-                        * (port.damping * length / self.config.period + port.friction);
+                    let speed = length / (self.config.period * f64::from(hand.since));
+                    credit = self.config.credit * length * (port.damping * speed + port.friction);
                 }
                 hand.way = way;
+                hand.since = 0;
             }
             self.account.supplied -= work;
             self.account.credited += credit;

@@ -102,6 +102,8 @@ enum CommandError {
     Jobs(#[from] crate::study::stress::jobs::JobError),
     #[error("{failed} of {of} cells fail")]
     Stressed { failed: usize, of: usize },
+    #[error(transparent)]
+    StressScene(#[from] crate::study::stress::scene::StressError),
     #[error("{failed} of the suite's cases fail; they are listed above")]
     Unstable { failed: usize },
 }

@@ -5,7 +5,7 @@ use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
 use physics::fem::dense::Square;
-use physics::fem::{Body, Condensed, HandlePose, HandleReport};
+use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Wrench,
 };
@@ -90,6 +90,17 @@ impl HostBody {
     /// The physics.
     pub fn body(&self) -> &Body {
         &self.body
+    }
+
+    /// The same body made of what `other` is made of, from now on. Its hands, paths and models go on.
+    ///
+    /// # Errors
+    /// [`BodyError`] where the two are not of the same mesh; nothing is changed then.
+    pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
+        other.body.continue_from(&self.body)?;
+        self.body = other.body;
+        self.solver = other.solver;
+        Ok(())
     }
 
     /// Takes one tick's record.

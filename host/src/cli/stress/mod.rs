@@ -1,6 +1,7 @@
 //! `palpate stress`: what is to be run before a person touches a device. Under virtual time, on all cores, in shards.
 
 mod faults;
+mod scene;
 mod wall;
 
 use super::{CommandError, progress_bar};
@@ -22,6 +23,8 @@ enum What {
     Wall(wall::WallArguments),
     /// A hundred million ticks of input that no device, host or clock should ever give
     Faults(faults::FaultsArguments),
+    /// A scene under all kinds of hands, rates and faults, under each scheme
+    Scene(scene::SceneArguments),
 }
 
 /// What all of its commands take.
@@ -62,6 +65,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Wall(arguments) => wall::run(arguments),
         What::Faults(arguments) => faults::run(arguments),
+        What::Scene(arguments) => scene::run(arguments),
     }
 }
 

@@ -7,4 +7,5 @@
 mod chance;
 pub mod faults;
 pub mod jobs;
+pub mod scene;
 pub mod wall;
