@@ -12,7 +12,7 @@ use rt_core::{
 };
 
 /// The schemes, by name.
-pub const SCHEMES: [&str; 5] = ["hold", "thesis", "linear", "classic", "capped"];
+pub const SCHEMES: [&str; 6] = ["hold", "thesis", "linear", "proxy", "classic", "capped"];
 /// Numbers of handles worth telling apart.
 pub const HANDLES: [usize; 3] = [1, 2, 4];
 /// Ticks in a row that a device may stay silent.
@@ -52,6 +52,7 @@ pub fn scheme(name: &str) -> Scheme {
             stiffness: 200.0,
             damping: 1.0,
         },
+        "proxy" => Scheme::Proxy,
         "classic" => Scheme::Classic,
         "capped" => Scheme::Capped,
         _ => Scheme::Linear,
