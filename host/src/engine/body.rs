@@ -4,6 +4,7 @@ use super::path::HandlePath;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
+use super::virtual_coupling::VirtualCoupling;
 use physics::fem::dense::Square;
 use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
@@ -25,6 +26,7 @@ pub struct HostBody {
     period: f64,
     model: LocalModel,
     stored: Option<Stored>,
+    coupling: Option<VirtualCoupling>,
 }
 
 /// What a [`HostBody`] is made of.
@@ -47,6 +49,8 @@ pub struct HostBodyParts {
     pub period: f64,
     /// Whether models say how much energy they store.
     pub tells_energy: bool,
+    /// What devices feel the body through, if not its local model itself.
+    pub coupling: Option<VirtualCoupling>,
 }
 
 impl HostBody {
@@ -64,6 +68,7 @@ impl HostBody {
         }
         Self {
             stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
+            coupling: parts.coupling,
             name: parts.name,
             solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
@@ -159,9 +164,13 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             self.model.energy = stored.of(&self.model);
         }
+        let model = match &mut self.coupling {
+            Some(coupling) => coupling.through(&self.model),
+            None => &self.model,
+        };
         stats.publications += 1;
         stats.condense.record(watch.now_ns().saturating_sub(solved));
-        Ok(Some(&self.model))
+        Ok(Some(model))
     }
 
     fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
@@ -171,6 +180,9 @@ impl HostBody {
         fill_blocks(&mut self.model, condensed);
         if let Some(stored) = &mut self.stored {
             stored.keep(condensed);
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.set_length(condensed.length);
         }
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {

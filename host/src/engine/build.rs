@@ -7,8 +7,9 @@ use super::path::HandlePath;
 use super::plan;
 use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
+use super::virtual_coupling::{Link, VirtualCoupling};
 use crate::bodies::{self, Built};
-use crate::scene::spec::{self, Scene, SolverName};
+use crate::scene::spec::{self, Scene, SchemeName, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::fast::{Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::cholesky::Kernels;
@@ -113,7 +114,29 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         step: 1.0 / scene.host.step_rate,
         period: 1.0 / scene.host.publish_rate,
         tells_energy: plan::tells_energy(scene),
+        coupling: (scene.realtime.scheme == SchemeName::Proxy)
+            .then(|| VirtualCoupling::new(links(scene, spec))),
     }))
+}
+
+/// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
+pub fn links(scene: &Scene, body: &spec::Body) -> Vec<Link> {
+    let each = body.handles.iter().map(|handle| {
+        let device = &scene.devices[usize::from(device_of(scene, handle))];
+        let recommended = Link::recommended(device.model);
+        // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
+        let scale = device.motion_scale * device.motion_scale;
+        let realtime = &scene.realtime;
+        Link {
+            stiffness: realtime
+                .proxy_stiffness
+                .unwrap_or(recommended.stiffness / scale),
+            damping: realtime
+                .proxy_damping
+                .unwrap_or(recommended.damping / scale),
+        }
+    });
+    each.collect()
 }
 
 /// What steps a body.

@@ -3,6 +3,7 @@
 //! A scene pays only for what it needs. The plan is decided from the scene and its bodies' meshes, before anything runs,
 //! and the engine is built from the same answers.
 
+use super::build::links;
 use super::choice::Choice;
 use crate::bodies::{Kind, bending};
 use crate::run::setup;
@@ -23,7 +24,7 @@ pub struct Stage {
 pub fn condenses(scene: &Scene) -> bool {
     matches!(
         scene.realtime.scheme,
-        SchemeName::Linear | SchemeName::Classic | SchemeName::Capped
+        SchemeName::Linear | SchemeName::Proxy | SchemeName::Classic | SchemeName::Capped
     )
 }
 
@@ -207,7 +208,11 @@ pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
         stage(
             "publish",
             true,
-            format!("one local model a body at {} Hz", scene.host.publish_rate),
+            format!(
+                "one local model a body at {} Hz{}",
+                scene.host.publish_rate,
+                through(scene)
+            ),
         ),
     ]
 }
@@ -218,6 +223,18 @@ fn count(n: usize, what: &str) -> String {
         (_, "body") => format!("{n} bodies"),
         _ => format!("{n} {what}s"),
     }
+}
+
+/// What devices feel a body through, if not its local model itself.
+fn through(scene: &Scene) -> String {
+    if scene.realtime.scheme != SchemeName::Proxy {
+        return String::new();
+    }
+    let links = scene.bodies.iter().flat_map(|body| links(scene, body));
+    let links: Vec<_> = links
+        .map(|link| format!("{} N/m and {} N s/m", link.stiffness, link.damping))
+        .collect();
+    format!(", felt through {} to a proxy", links.join(", "))
 }
 
 /// What is assembled, for so many bodies of each kind.

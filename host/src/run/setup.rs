@@ -156,6 +156,7 @@ pub fn scheme(scene: &Scene) -> Scheme {
             damping: scene.realtime.thesis_damping,
         },
         SchemeName::Linear => Scheme::Linear,
+        SchemeName::Proxy => Scheme::Proxy,
         SchemeName::Classic => Scheme::Classic,
         SchemeName::Capped => Scheme::Capped,
     }
