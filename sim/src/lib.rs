@@ -31,7 +31,7 @@ pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;
 pub use hand::Hand;
-pub use models::DeviceModel;
+pub use models::{DeviceFile, DeviceModel, RotationModel};
 pub use replay::ReplayDevice;
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};

@@ -115,15 +115,17 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         period: 1.0 / scene.host.publish_rate,
         tells_energy: plan::tells_energy(scene),
         coupling: (scene.realtime.scheme == SchemeName::Proxy)
-            .then(|| VirtualCoupling::new(links(scene, spec))),
+            .then(|| VirtualCoupling::new(links(loaded, spec))),
     }))
 }
 
 /// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
-pub fn links(scene: &Scene, body: &spec::Body) -> Vec<Link> {
+pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
+    let scene = &loaded.scene;
     let each = body.handles.iter().map(|handle| {
-        let device = &scene.devices[usize::from(device_of(scene, handle))];
-        let recommended = Link::recommended(device.model);
+        let index = usize::from(device_of(scene, handle));
+        let device = &scene.devices[index];
+        let recommended = Link::recommended(&loaded.models[index]);
         // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
         let scale = device.motion_scale * device.motion_scale;
         let realtime = &scene.realtime;

@@ -7,6 +7,7 @@ use super::build::links;
 use super::choice::Choice;
 use crate::bodies::{Kind, bending};
 use crate::run::setup;
+use crate::scene::LoadedScene;
 use crate::scene::spec::{Scene, SchemeName, SolverName};
 
 /// One stage of the host step.
@@ -79,7 +80,8 @@ fn solver_in_words(scene: &Scene, choices: &[Choice]) -> String {
 }
 
 /// The stages of a host step in their order, for bodies of these kinds with these solvers.
-pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
+pub fn plan(loaded: &LoadedScene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
+    let scene = &loaded.scene;
     let stage = |name, needed, why: String| Stage { name, needed, why };
     let handles: usize = scene.bodies.iter().map(|body| body.handles.len()).sum();
     let each = || scene.bodies.iter().zip(kinds);
@@ -211,7 +213,7 @@ pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
             format!(
                 "one local model a body at {} Hz{}",
                 scene.host.publish_rate,
-                through(scene)
+                through(loaded)
             ),
         ),
     ]
@@ -226,11 +228,12 @@ fn count(n: usize, what: &str) -> String {
 }
 
 /// What devices feel a body through, if not its local model itself.
-fn through(scene: &Scene) -> String {
+fn through(loaded: &LoadedScene) -> String {
+    let scene = &loaded.scene;
     if scene.realtime.scheme != SchemeName::Proxy {
         return String::new();
     }
-    let links = scene.bodies.iter().flat_map(|body| links(scene, body));
+    let links = scene.bodies.iter().flat_map(|body| links(loaded, body));
     let links: Vec<_> = links
         .map(|link| format!("{} N/m and {} N s/m", link.stiffness, link.damping))
         .collect();

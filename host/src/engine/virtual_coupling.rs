@@ -23,9 +23,9 @@
 //!
 //! It is done here and not in the tick, which renders the published model as it is.
 
-use crate::scene::spec::DeviceName;
 use physics::fem::dense::Square;
 use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
+use sim::DeviceModel;
 
 /// The spring and the damper between one device and its proxy, in the scene's metres and newtons.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,14 +38,11 @@ pub struct Link {
 
 impl Link {
     /// What the device's driver recommends at most.
-    pub fn recommended(device: DeviceName) -> Self {
-        let (stiffness, damping) = match device {
-            DeviceName::Falcon => (3000.0, 20.0),
-            DeviceName::Touch => (400.0, 4.0),
-            DeviceName::PhantomPremium => (800.0, 5.0),
-            DeviceName::Omega3 => (5000.0, 30.0),
-        };
-        Self { stiffness, damping }
+    pub fn recommended(device: &DeviceModel) -> Self {
+        Self {
+            stiffness: device.driver_stiffness,
+            damping: device.driver_damping,
+        }
     }
 }
 

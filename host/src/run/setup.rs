@@ -5,7 +5,7 @@ use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
-use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
+use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
@@ -15,7 +15,7 @@ use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Schem
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
 use sim::trajectory::Sine;
-use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired, models};
+use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired};
 
 /// Time over which a hand's sinusoids fade in (s).
 const FADE_IN: f64 = 0.5;
@@ -135,7 +135,7 @@ pub fn controls(
             ..Proxy::at(origin)
         };
         let safety = safety(&scene.devices[index], &device, scene, period);
-        passivity.ports[index] = port(&model(&scene.devices[index]), &safety, &proxy, period);
+        passivity.ports[index] = port(&loaded.models[index], &safety, &proxy, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { proxy, safety });
         devices.push(device);
@@ -172,16 +172,6 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
         recovery: scene.realtime.recovery,
         hold_damping: scene.realtime.hold_damping,
         passivity,
-    }
-}
-
-/// The mechanics behind a device's name.
-fn model(spec: &spec::Device) -> DeviceModel {
-    match spec.model {
-        DeviceName::Falcon => models::FALCON,
-        DeviceName::Touch => models::TOUCH,
-        DeviceName::PhantomPremium => models::PHANTOM_PREMIUM,
-        DeviceName::Omega3 => models::OMEGA3,
     }
 }
 
@@ -242,7 +232,6 @@ fn device(
     let field = format!("device[{index}]");
     let refuse =
         |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
-    let model = model(spec);
     let arm = Arm {
         mass: spec.hand.mass,
         damping: spec.hand.damping,
@@ -254,7 +243,8 @@ fn device(
         let own = seed.wrapping_mul(4).wrapping_add(index as u64);
         hand = hand.with_tremor(Tremor::new(spec.hand.tremor, own).map_err(|e| refuse(&e))?);
     }
-    let device = SimDevice::new(model, Some(hand), period).map_err(|e| refuse(&e))?;
+    let device =
+        SimDevice::new(loaded.models[index], Some(hand), period).map_err(|e| refuse(&e))?;
     Ok(if spec.wire {
         AnyDevice::Wired(Box::new(Wired::new(device)))
     } else {

@@ -12,7 +12,7 @@ use super::check;
 use serde::Deserialize;
 
 pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
-pub use device::{Device, DeviceName, Hand};
+pub use device::{Device, Hand, ModelName};
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.
