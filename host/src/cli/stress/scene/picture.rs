@@ -11,6 +11,9 @@ const POINTS: usize = 240;
 /// Net energies below this (mJ) are drawn as this much: a logarithmic axis has no zero.
 const LEAST_ENERGY: f64 = 1e-3;
 
+/// A number of an outcome.
+type Value = fn(&Outcome) -> f64;
+
 /// The distributions of force error and net energy, for late hosts, those of 60 Hz, and faster ones.
 pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> String {
     let bands = [
@@ -18,7 +21,6 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
         ("60 Hz", Band::of(60.0, 60.0)),
         ("125 to 1000 Hz", Band::of(125.0, 1000.0)),
     ];
-    type Value = fn(&Outcome) -> f64;
     let values: [(&str, Value); 2] = [
         ("force error (%)", |o| 100.0 * o.error),
         ("net energy (mJ)", |o| {

@@ -37,10 +37,11 @@ use std::collections::BTreeMap;
 use world::World;
 
 /// The schemes, in the order of the tables.
-pub const SCHEMES: [(SchemeName, &str); 4] = [
+pub const SCHEMES: [(SchemeName, &str); 5] = [
     (SchemeName::Hold, "hold"),
     (SchemeName::Thesis, "thesis"),
     (SchemeName::Linear, "linear"),
+    (SchemeName::Classic, "classic"),
     (SchemeName::Capped, "capped"),
 ];
 

@@ -2,7 +2,7 @@
 //!
 //! Each tick reads where the hands truly are, takes a step to there, and renders what the step says, at once: no
 //! model, no encoder, no host that is late. What happens to the world happens here, too: the body softens, the
-//! device is gone.
+//! device is gone, and goes on from where it was left.
 
 use super::StressError;
 use super::measure::Trace;
@@ -50,7 +50,8 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
     let held = devices.held.clone();
     let mut softening = world.draw.softening;
     let step = world.period_ns() as f64 * 1e-9;
-    let mut places: Vec<Vec3> = config.devices.iter().map(|d| d.proxy.origin).collect();
+    let mut proxies: Vec<_> = config.devices.iter().map(|d| d.proxy).collect();
+    let mut left = vec![DeviceState::resting(); proxies.len()];
     let mut targets = Vec::new();
     for k in 0..world.ticks() {
         let now = k * world.period_ns();
@@ -64,23 +65,27 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
             }
             bodies = others;
         }
-        let mut fresh = [false; MAX_DEVICES];
+        let mut readings = [None; MAX_DEVICES];
         devices.read(now, |device, state, position| {
-            fresh[device] = state.is_some();
-            if state.is_some() {
-                let state = DeviceState {
-                    pose: Pose::at(position),
-                    ..DeviceState::resting()
-                };
-                places[device] = config.devices[device].proxy.to_scene(&state).0.position;
+            let state = state.map(|state| DeviceState {
+                pose: Pose::at(position),
+                ..state
+            });
+            readings[device] = state;
+            if let Some(state) = state {
+                if limiters[device].state() == SafetyState::DeviceStale {
+                    proxies[device].go_on(&left[device], &state);
+                }
+                left[device] = state;
             }
         });
+        let place = |device: usize| proxies[device].to_scene(&left[device]).0.position;
 
         let mut forces = [Vec3::zeros(); MAX_DEVICES];
         let mut weight = 0.0;
         for ((body, stepper), held) in bodies.0.iter_mut().zip(&held) {
             targets.clear();
-            targets.extend(held.iter().map(|device| HandlePose::at(places[*device])));
+            targets.extend(held.iter().map(|device| HandlePose::at(place(*device))));
             stepper.step(body, step, &targets, || false)?;
             weight += body.load_potential();
             for (handle, device) in held.iter().enumerate() {
@@ -92,13 +97,13 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
 
         let mut commands = [Wrench::zero(); MAX_DEVICES];
         let mut states = [SafetyState::Normal; MAX_DEVICES];
-        let each = limiters.iter_mut().zip(&config.devices).enumerate();
-        for (device, (limiter, config)) in each {
+        let each = limiters.iter_mut().zip(&proxies).enumerate();
+        for (device, (limiter, proxy)) in each {
             let asked = Wrench {
                 force: forces[device],
                 moment: Vec3::zeros(),
             };
-            commands[device] = limiter.pass(&config.proxy.to_device(&asked), fresh[device]);
+            commands[device] = limiter.pass(&proxy.to_device(&asked), readings[device].as_ref());
             states[device] = limiter.state();
         }
         devices.write(now, &commands, |device| {

@@ -8,6 +8,7 @@ use super::StressError;
 use super::measure::Trace;
 use super::world::World;
 use crate::engine::Engine;
+use crate::engine::body::HostBody;
 use crate::engine::build::{self, How};
 use crate::engine::pacer::Due;
 use crate::engine::stats::Stopwatch;
@@ -94,7 +95,7 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
     let stored: f64 = engine
         .bodies()
         .iter()
-        .map(|body| body.body())
+        .map(HostBody::body)
         .map(|body| body.elastic_energy() + body.kinetic_energy() + body.load_potential())
         .sum();
     let (config, mut devices) = world.devices(stored)?;

@@ -21,7 +21,7 @@ pub(super) struct World {
 
 /// The devices of a run under virtual time.
 pub(super) struct Devices {
-    devices: Vec<AnyDevice>,
+    all: Vec<AnyDevice>,
     /// For each body and handle, the device that holds it.
     pub(super) held: Vec<Vec<usize>>,
     /// Scene metres per device metre.
@@ -74,7 +74,7 @@ impl World {
                 held: held.collect(),
                 scales: scene.devices.iter().map(|d| d.motion_scale).collect(),
                 gone: self.draw.vanishing,
-                devices,
+                all: devices,
                 trace,
                 stored,
             },
@@ -96,9 +96,9 @@ impl Devices {
         now_ns: u64,
         mut take: impl FnMut(usize, Option<DeviceState>, Vec3),
     ) {
-        for index in 0..self.devices.len() {
+        for index in 0..self.all.len() {
             let gone = self.is_gone(index, now_ns);
-            let device = &mut self.devices[index];
+            let device = &mut self.all[index];
             // A simulated device never fails by itself. One that is gone moves on all the same.
             let state = device.read(now_ns).ok().filter(|_| !gone);
             take(index, state, device.simulated().position());
@@ -112,9 +112,9 @@ impl Devices {
         commands: &[Wrench],
         limited: impl Fn(usize) -> bool,
     ) {
-        for (index, command) in commands.iter().enumerate().take(self.devices.len()) {
+        for (index, command) in commands.iter().enumerate().take(self.all.len()) {
             let gone = self.is_gone(index, now_ns);
-            let device = &mut self.devices[index];
+            let device = &mut self.all[index];
             let command = if gone { &Wrench::zero() } else { command };
             // A simulated device takes every wrench.
             let _ = device.write(now_ns, command);
@@ -133,7 +133,7 @@ impl Devices {
         for ((trace, scale), force) in traces.zip(bodies) {
             trace.body.push(force * *scale);
         }
-        let on_hands: f64 = self.devices.iter().map(|d| d.energy().on_hand()).sum();
+        let on_hands: f64 = self.all.iter().map(|d| d.energy().on_hand()).sum();
         self.trace.out.push(on_hands + weight - self.stored);
         self.trace.account.push(account);
     }
