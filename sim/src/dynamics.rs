@@ -23,11 +23,13 @@
 //! in pieces; what energy is left where friction ends it is friction's.
 
 mod friction;
+mod turning;
 
 use crate::arm::Arm;
 use crate::energy::EnergyAccount;
 use friction::{PIECES, ROUNDING, SMALL, Slide, holds_for};
 use rt_core::Vec3;
+pub(crate) use turning::Turning;
 
 /// Device and arm as one moving mass.
 #[derive(Clone, Debug)]

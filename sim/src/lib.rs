@@ -25,7 +25,7 @@ pub mod replay;
 pub mod trajectory;
 pub mod tremor;
 
-pub use arm::Arm;
+pub use arm::{Arm, Wrist};
 pub use clock::{Periodic, Ticks};
 pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
