@@ -4,3 +4,4 @@ pub mod accuracy;
 pub mod extrapolation;
 pub mod speed;
 pub mod stability;
+pub mod velocity;
