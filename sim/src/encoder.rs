@@ -24,7 +24,7 @@ impl Encoder {
             step,
             period,
             longest_gap_ns,
-            estimator: VelocityEstimator::new(period, VelocityEstimator::DEFAULT_CUTOFF),
+            estimator: VelocityEstimator::for_encoder(period, step),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
             sampled_at_ns: None,

@@ -11,6 +11,7 @@ use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
+use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
@@ -21,9 +22,6 @@ use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired};
 const FADE_IN: f64 = 0.5;
 /// Ticks in a row that a device may stay silent before its force is taken away.
 const PATIENCE: u32 = 10;
-/// Damping that a sampled damper may have on a mass, as a share of the mass over the tick's period: a tenth of what
-/// is unstable, for the velocity is estimated.
-const MOST_DAMPING: f64 = 0.1;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,10 +176,12 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
 /// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
 fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) -> Port {
     let scale = proxy.motion_scale;
+    // The estimate that its driver makes.
+    let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
     Port {
         damping: model.damping / (scale * scale),
         friction: model.friction / scale,
-        most_damping: MOST_DAMPING * model.mass / period / (scale * scale * proxy.force_scale),
+        most_damping: most_damping(model.mass, period, delay) / (scale * scale * proxy.force_scale),
         most_turning_damping: f64::INFINITY,
         force_scale: proxy.force_scale,
         max_slew: safety.max_slew / (scale * proxy.force_scale),
