@@ -21,8 +21,8 @@ pub struct HostBody {
     targets: Vec<HandlePose>,
     /// Length of a step (s).
     step: f64,
-    /// Publication period (s).
-    period: f64,
+    /// How far ahead models are to be good for (s).
+    horizon: f64,
     model: LocalModel,
     stored: Option<Stored>,
 }
@@ -45,6 +45,8 @@ pub struct HostBodyParts {
     pub step: f64,
     /// Publication period (s).
     pub period: f64,
+    /// How far ahead models are to be good for (s): from the state that one tells of to the last tick that uses it.
+    pub horizon: f64,
     /// Whether models say how much energy they store.
     pub tells_energy: bool,
 }
@@ -72,7 +74,7 @@ impl HostBody {
             paths: parts.paths,
             devices: parts.devices,
             step: parts.step,
-            period: parts.period,
+            horizon: parts.horizon,
             model,
         }
     }
@@ -165,7 +167,7 @@ impl HostBody {
     }
 
     fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
-        let Some(condensed) = self.solver.condense(&self.body, self.period)? else {
+        let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);
