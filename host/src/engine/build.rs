@@ -113,6 +113,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         devices,
         step: 1.0 / scene.host.step_rate,
         period: 1.0 / scene.host.publish_rate,
+        horizon: 1.0 / scene.host.publish_rate + scene.host.latency,
         tells_energy: plan::tells_energy(scene),
         coupling: (scene.realtime.scheme == SchemeName::Proxy)
             .then(|| VirtualCoupling::new(links(loaded, spec))),

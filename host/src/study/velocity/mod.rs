@@ -164,8 +164,9 @@ pub struct VelocityStudy {
 /// Runs the study. `progress` is given the share done.
 pub fn run(mut progress: impl FnMut(f64)) -> VelocityStudy {
     let mut rows = Vec::new();
-    let all = sim::models::ALL.len() * RATES.len() * CANDIDATES.len();
-    for (device, model) in sim::models::ALL {
+    let models: Vec<_> = sim::DeviceModel::all().collect();
+    let all = models.len() * RATES.len() * CANDIDATES.len();
+    for (device, model) in models {
         for rate in RATES {
             for candidate in CANDIDATES {
                 rows.push(row(device, &model, rate, candidate));

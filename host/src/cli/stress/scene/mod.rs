@@ -21,12 +21,15 @@ pub(super) struct SceneArguments {
     /// How many worlds are drawn; each is run under every scheme
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
+    /// Which schemes; all unless told
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = scheme)]
+    schemes: Vec<SchemeName>,
     /// Run one world again and show it whole: --plot draws it, --log writes every tick
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
-    /// The scheme that it is run under
-    #[arg(long, value_name = "NAME", requires = "cell", default_value = "capped", value_parser = scheme)]
-    scheme: SchemeName,
+    /// The scheme that it is run under; capped unless told
+    #[arg(long, value_name = "NAME", requires = "cell", value_parser = scheme)]
+    scheme: Option<SchemeName>,
     /// Write every tick of it (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
@@ -51,6 +54,10 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     let loaded = Scene::load(&arguments.scene)?;
     let name = loaded.scene.name.clone();
+    let schemes: Vec<_> = SCHEMES
+        .into_iter()
+        .filter(|(scheme, _)| arguments.schemes.is_empty() || arguments.schemes.contains(scheme))
+        .collect();
     let default = if common.quick { QUICK } else { RUNS };
     let header = Header {
         study: "scene".to_owned(),
@@ -59,7 +66,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({
             "scene": loaded.source.text,
-            "schemes": SCHEMES.map(|(_, name)| name),
+            "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
         }),
     };
     let study = Study::new(loaded, common.seed)?;
@@ -67,7 +74,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         return show_cell(arguments, &study, cell);
     }
     let bar = progress_bar();
-    let work = |cell| study.cell(cell, &SCHEMES);
+    let work = |cell| study.cell(cell, &schemes);
     let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
     bar.finish_and_clear();
     let cells = cells?;
@@ -90,14 +97,19 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
 
 /// Runs one world under one scheme, and shows it.
 fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(), CommandError> {
-    let (draw, reference, runs) = study.traces(cell, &[arguments.scheme])?;
-    let known = SCHEMES.iter().find(|(name, _)| *name == arguments.scheme);
+    let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
+    let (draw, reference, runs) = study.traces(cell, &[wanted])?;
+    let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
     println!("{draw:#?}");
     for run in &runs {
         let outcome = Outcome::of(run, &reference, &draw);
         println!("{scheme}: {outcome:#?}");
-        println!("reference: {:#?}", reference.stillness());
+        println!(
+            "reference: net energy {:.3} mJ, {:#?}",
+            1e3 * reference.net_energy(),
+            reference.stillness()
+        );
         if let Some(path) = &arguments.common.plot {
             let title = format!("Cell {cell} under \"{scheme}\"");
             let subtitle = format!(

@@ -18,7 +18,7 @@ pub const ARRIVED: f64 = 2.6;
 /// From when it is measured how still they are (s).
 pub const HOLD: f64 = DURATION - 1.0;
 /// Whatever goes wrong for a while is over by then (s).
-const OVER: f64 = 2.8;
+const OVER: f64 = 2.5;
 
 /// What goes wrong in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

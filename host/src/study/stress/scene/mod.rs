@@ -121,6 +121,7 @@ impl Study {
         let draw = Draw::new(self.seed, cell, self.reaches.len());
         let mut loaded = self.loaded.clone();
         loaded.scene.host.publish_rate = draw.rate;
+        loaded.scene.host.latency = draw.latency;
         hands::give(
             &mut loaded,
             &draw,
