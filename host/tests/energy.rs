@@ -59,7 +59,7 @@ fn where_nothing_is_wrong_the_cap_changes_nothing_that_a_hand_could_feel()
     ];
     let of = |scheme: &str| {
         let named = format!("scheme = \"{scheme}\"");
-        let linear = [("scheme = \"linear\"", named.as_str())];
+        let linear = [("scheme = \"capped\"", named.as_str())];
         let scene = with(STRETCH, &[&healthy[..], &linear[..]].concat())?;
         forces(&scene, 6.0)
     };
@@ -78,7 +78,7 @@ fn what_the_hands_put_in_is_what_the_motors_took() -> Result<(), Box<dyn Error>>
     let falcon = DeviceModel::named("falcon").ok_or("no falcon")?;
     for scheme in ["hold", "linear", "classic", "capped"] {
         let named = format!("scheme = \"{scheme}\"");
-        let scene = with(STRETCH, &[("scheme = \"linear\"", &named)])?;
+        let scene = with(STRETCH, &[("scheme = \"capped\"", &named)])?;
         let found = summary(&scene, 6.0)?;
         let motors: f64 = found.devices.iter().map(|device| device.port_work).sum();
         let supplied: f64 = found.energy.iter().map(|body| body.supplied).sum();

@@ -210,7 +210,7 @@ model = "touch"
   x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, or the name of a device's file, which ends in .toml
 [loop]
   -> [loop]¶scheme = "Hold"
-  x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`
+  x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`, `proxy`, `classic`, `capped`
 hand = {}
   -> hand = {}¶wire = 1
   x.toml:40: device[0].wire: found 1, allowed: true or false

@@ -16,7 +16,7 @@ const SCENE: &str = include_str!("../scenes/stretch.toml");
 /// The built-in scene with another scheme and lines more under `[loop]`.
 fn with(scheme: &str, lines: &str) -> Result<LoadedScene, Box<dyn Error>> {
     let text = SCENE.replacen(
-        "scheme = \"linear\"",
+        "scheme = \"capped\"",
         &format!("scheme = \"{scheme}\"\n{lines}"),
         1,
     );
@@ -66,7 +66,7 @@ fn a_proxy_is_felt_through_its_spring() -> Result<(), Box<dyn Error>> {
     assert_eq!(linear.sequence, 10);
     for lines in ["", "proxy_stiffness = 150.0\nproxy_damping = 0.5"] {
         let scene = with("proxy", lines)?;
-        let links = links(&scene.scene, &scene.scene.bodies[0]);
+        let links = links(&scene, &scene.scene.bodies[0]);
         let wanted = if lines.is_empty() {
             (3000.0, 20.0)
         } else {

@@ -45,7 +45,7 @@ fn the_estimate_in_use_is_better_than_the_filter_it_replaced() {
 
 #[test]
 fn every_device_stands_the_damping_that_is_allowed() {
-    for (device, model) in sim::models::ALL {
+    for (device, model) in sim::DeviceModel::all() {
         for row in FOUND.rows.iter().filter(|row| row.device == device) {
             if row.method != "best fit, 4 ms" {
                 continue;

@@ -165,7 +165,7 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
         scheme: scheme(scene),
         period,
         blend: scene.realtime.blend,
-        age_limit: scene.realtime.age_limit,
+        age_limit: scene.realtime.age_limit(),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         hold_damping: scene.realtime.hold_damping,

@@ -83,9 +83,9 @@ pub struct Realtime {
     /// Share of a publication period over which a new model takes over.
     #[serde(deserialize_with = "check::share")]
     pub blend: f64,
-    /// Age beyond which a model is not trusted (s).
-    #[serde(deserialize_with = "check::positive")]
-    pub age_limit: f64,
+    /// Age beyond which a model is not trusted (s); if not given, see [`Realtime::age_limit`].
+    #[serde(deserialize_with = "check::optional_positive")]
+    pub age_limit: Option<f64>,
     /// Time in which the force then fades (s).
     #[serde(deserialize_with = "check::positive")]
     pub decay: f64,
@@ -101,17 +101,29 @@ impl Default for Realtime {
     fn default() -> Self {
         Self {
             rate: 1000.0,
-            scheme: SchemeName::Linear,
+            scheme: SchemeName::Capped,
             thesis_stiffness: 200.0,
             thesis_damping: 2.0,
             proxy_stiffness: None,
             proxy_damping: None,
             blend: 0.5,
-            age_limit: 0.1,
+            age_limit: None,
             decay: 0.3,
             recovery: 0.2,
             hold_damping: 2.0,
         }
+    }
+}
+
+impl Realtime {
+    /// Age beyond which a model is not trusted (s). Under `capped` an old model is a passive spring, whatever has
+    /// become of the body, and a force that fades loses what hands have put in: two seconds, the longest stall that
+    /// the stress study knows. Under the others it is on its own: a tenth.
+    pub fn age_limit(&self) -> f64 {
+        self.age_limit.unwrap_or(match self.scheme {
+            SchemeName::Capped => 2.0,
+            _ => 0.1,
+        })
     }
 }
 
