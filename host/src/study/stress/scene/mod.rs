@@ -33,7 +33,6 @@ use physics::Vec3;
 use physics::fem::dense::Square;
 use physics::fem::{BodyError, CondenseError, Condenser, StepError};
 use serde::{Deserialize, Serialize};
-use sim::DeviceModel;
 use std::collections::BTreeMap;
 use world::World;
 
@@ -100,18 +99,21 @@ impl Study {
     pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StressError> {
         crate::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
-        let (_, devices) = crate::run::setup::controls(&loaded, seed)?;
-        let friction = devices.iter().map(|d| {
-            let DeviceModel { friction, .. } = *d.simulated().model();
-            friction
-        });
+        let (config, devices) = crate::run::setup::controls(&loaded, seed)?;
+        let friction = devices.iter().map(|d| d.simulated().model().friction);
         let stiffness = stiffness(&loaded)?;
+        let mut reaches = hands::reaches(&loaded);
+        let limits = config.devices.iter();
+        let limits: Vec<_> = limits
+            .map(|device| device.safety.max_force / device.proxy.motion_scale)
+            .collect();
+        hands::within(&mut reaches, &stiffness, &limits);
         // What the thesis's spring is best given: the body's own.
         let own = (0..devices.len()).map(|d| stiffness[(3 * d, 3 * d)].abs());
         loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
         Ok(Self {
             seed,
-            reaches: hands::reaches(&loaded),
+            reaches,
             friction: friction.collect(),
             stiffness,
             loaded,
