@@ -140,7 +140,7 @@ fn forces(stiffness: &Square, reaches: &[Vec3]) -> Vec<Vec3> {
         .collect()
 }
 
-/// `reaches`, shortened so that no device is asked for more than most of what it can render (N, in the scene).
+/// `reaches`, shortened so that no device is asked for more than most of what it can render (N).
 /// Beyond that it would be its motors that are studied.
 pub(super) fn within(reaches: &mut [Vec3], stiffness: &Square, limits: &[f64]) {
     let found = forces(stiffness, reaches);
@@ -172,8 +172,7 @@ pub(super) fn give(
     for (index, device) in hands {
         let (grip, reach) = (&draw.grips[index], reaches[index]);
         let along = reach.try_normalize(1e-9).unwrap_or_default();
-        let scale = device.motion_scale;
-        let held = (forces[index] * draw.depth).dot(&along).max(0.0) * scale + friction[index];
+        let held = (forces[index] * draw.depth).dot(&along).max(0.0) + friction[index];
         let beyond = along * (held / grip.stiffness).min(FURTHEST);
         // A rub across is each hand's own; carried is what all do alike.
         let side = if draw.task == Task::Rub && index % 2 == 1 {
