@@ -152,8 +152,9 @@ impl Controller {
             .zip(&fresh)
             .zip(&on_proxies);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
-        for (device, ((((channel, proxy), fresh), wrench), (command, record))) in
-            inputs.zip(outputs).enumerate()
+        // Not `enumerate`: its count could overflow, as far as the compiler knows.
+        for (((((channel, proxy), fresh), wrench), (command, record)), device) in
+            inputs.zip(outputs).zip(0..MAX_DEVICES)
         {
             let asked = channel.proxy.to_device(wrench);
             *command = channel

@@ -272,7 +272,7 @@ impl Coupling {
             from.energy = stored - from.change_of_energy(&deviations);
         }
         self.passivity.begin(shaped.energy);
-        self.passivity.note_stored(shaped.energy);
+        self.passivity.note_stored(shaped.energy.max(0.0));
         // After a gap the two models differ by what happened in it: the blend takes its share of that, up to the time
         // in which a force comes back.
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
@@ -361,6 +361,10 @@ impl Coupling {
             ));
         }
         let mut parts = self.parts(devices, &lead);
+        if !parts.stored.is_finite() {
+            // An energy that overflowed is more than anyone has put in.
+            parts.stored = f64::MAX;
+        }
         self.passivity.note_stored(parts.stored);
         self.passivity.cap(
             self.to.handles().map(|handle| handle.device),

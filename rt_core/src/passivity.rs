@@ -42,6 +42,9 @@ pub const MAX_DELAY: usize = 4;
 /// of where it goes.
 const CREEP: f64 = 1e-3;
 
+/// More than this (N) no device holds.
+const MOST_FORCE: f64 = 1e6;
+
 /// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
 /// the way. Without this one bad reading would leave a debt that no hand could ever repay.
 const FASTEST: [f64; 2] = [20.0, 200.0];
@@ -295,8 +298,8 @@ impl Passivity {
     pub(crate) fn begin(&mut self, stored: f64) {
         if !self.began {
             self.began = true;
-            self.account.initial = stored;
-            self.account.available += stored;
+            self.account.initial = stored.max(0.0);
+            self.account.available += self.account.initial;
         }
     }
 
@@ -365,7 +368,12 @@ impl Passivity {
     pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
         for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
-            let raised = hand.push(wrench, weight) * port.force_scale;
+            // No device holds more than this, so a number that says otherwise was held back on the way.
+            let held = |force: &Vec3| force.norm() <= MOST_FORCE;
+            let zero = (Wrench::zero(), Vec3::zeros());
+            let sound = wrench.is_finite() && held(&wrench.force) && held(weight);
+            let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
+            let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
             // What is lost is not credited.
             self.account.available -= raised.max(0.0);

@@ -1,7 +1,7 @@
 //! A simulated device runs inside the real-time tick: once built, reading and writing never allocate.
 use palpate_tests::counting::{Counting, count};
 use rt_core::{Device, Vec3, Wrench};
-use sim::{Hand, SimDevice, Sine, Trajectory, Tremor, Wired, models};
+use sim::{DeviceModel, Hand, SimDevice, Sine, Trajectory, Tremor, Wired};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -28,7 +28,8 @@ fn reads_and_writes_never_allocate() {
         Trajectory::new_recorded(&recording).unwrap(),
     ]);
     let hand = Hand::new(trajectory).with_tremor(Tremor::new(1e-4, 1).unwrap());
-    let mut device = Wired::new(SimDevice::new(models::FALCON, Some(hand), 1e-3).unwrap());
+    let model = DeviceModel::named("falcon").unwrap();
+    let mut device = Wired::new(SimDevice::new(model, Some(hand), 1e-3).unwrap());
     let mut refused = 0;
     assert_eq!(count(|| drop(std::hint::black_box(Box::new(7)))), 2);
     let calls = count(|| {

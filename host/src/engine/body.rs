@@ -4,6 +4,7 @@ use super::path::HandlePath;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
+use super::virtual_coupling::VirtualCoupling;
 use physics::fem::dense::Square;
 use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
@@ -28,6 +29,7 @@ pub struct HostBody {
     horizon: f64,
     model: LocalModel,
     stored: Option<Stored>,
+    coupling: Option<VirtualCoupling>,
 }
 
 /// What a [`HostBody`] is made of.
@@ -52,6 +54,8 @@ pub struct HostBodyParts {
     pub horizon: f64,
     /// Whether models say how much energy they store.
     pub tells_energy: bool,
+    /// What devices feel the body through, if not its local model itself.
+    pub coupling: Option<VirtualCoupling>,
 }
 
 impl HostBody {
@@ -69,6 +73,7 @@ impl HostBody {
         }
         Self {
             stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
+            coupling: parts.coupling,
             name: parts.name,
             solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
@@ -156,9 +161,13 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             self.model.energy = stored.of(&self.model);
         }
+        let model = match &mut self.coupling {
+            Some(coupling) => coupling.through(&self.model),
+            None => &self.model,
+        };
         stats.publications += 1;
         stats.condense.record(watch.now_ns().saturating_sub(solved));
-        Ok(Some(&self.model))
+        Ok(Some(model))
     }
 
     /// Sets where the handles go in the next step: to where the hands are, but no faster than they move and
@@ -197,6 +206,9 @@ impl HostBody {
         fill_blocks(&mut self.model, condensed);
         if let Some(stored) = &mut self.stored {
             stored.keep(condensed);
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.set_length(condensed.length);
         }
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {

@@ -16,6 +16,7 @@ pub mod plan;
 pub mod solver;
 pub mod stats;
 mod stored;
+pub mod virtual_coupling;
 
 use body::HostBody;
 use faults::Faults;

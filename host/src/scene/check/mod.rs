@@ -6,11 +6,12 @@
 
 mod visitors;
 
+use super::spec::ModelName;
 use serde::de::{Deserialize, Deserializer};
 use std::marker::PhantomData;
 use visitors::{
-    AxesVisitor, Cells, Finite, List, Number, Positive, TableVisitor, TablesVisitor, Whole,
-    WordVisitor,
+    AxesVisitor, Cells, Finite, List, ModelVisitor, Number, Positive, TableVisitor, TablesVisitor,
+    Whole, WordVisitor,
 };
 
 /// Longest run (s): a day.
@@ -206,6 +207,15 @@ pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result
 /// Says what was found and what is allowed.
 pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_str(WordVisitor(PhantomData))
+}
+
+/// A device that is carried along, or a device's file.
+///
+/// # Errors
+///
+/// Says what was found and what is allowed.
+pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
+    from.deserialize_str(ModelVisitor)
 }
 
 /// One of several names, for a field that may be left out.

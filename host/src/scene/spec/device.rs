@@ -10,9 +10,10 @@ use serde::Deserialize;
 pub struct Device {
     /// Name, unique among devices.
     pub name: String,
-    /// Which simulated device.
-    #[serde(deserialize_with = "check::word")]
-    pub model: DeviceName,
+    /// Which simulated device: the name of one that is carried along, or a file (`.toml`) of one's own with
+    /// the same fields.
+    #[serde(deserialize_with = "check::model_name")]
+    pub model: ModelName,
     /// Whether its states and wrenches pass through the firmware protocol's 64-byte reports.
     #[serde(default = "yes")]
     pub wire: bool,
@@ -40,18 +41,13 @@ fn yes() -> bool {
     true
 }
 
-/// Simulated devices by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum DeviceName {
-    /// Novint Falcon.
-    Falcon,
-    /// 3D Systems Touch.
-    Touch,
-    /// Phantom Premium 1.5.
-    PhantomPremium,
-    /// omega.3.
-    Omega3,
+/// What names a device's model: a device that is carried along, or a file of one's own.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ModelName {
+    /// One of `sim::models::FILES`, by its name there.
+    BuiltIn(&'static str),
+    /// A device's file, its path relative to the scene file; it ends in `.toml`.
+    File(String),
 }
 
 /// `[device.hand]`: an arm that follows a trajectory.

@@ -12,7 +12,7 @@ use super::check;
 use serde::Deserialize;
 
 pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
-pub use device::{Device, DeviceName, Hand};
+pub use device::{Device, Hand, ModelName};
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.
@@ -74,6 +74,12 @@ pub struct Realtime {
     /// `thesis` only: damping of the proxy (N s/m).
     #[serde(deserialize_with = "check::not_negative")]
     pub thesis_damping: f64,
+    /// `proxy` only: spring between device and proxy (N/m); what the device's driver recommends if not given.
+    #[serde(deserialize_with = "check::optional_positive")]
+    pub proxy_stiffness: Option<f64>,
+    /// `proxy` only: damper between device and proxy (N s/m); likewise.
+    #[serde(deserialize_with = "check::optional_not_negative")]
+    pub proxy_damping: Option<f64>,
     /// Share of a publication period over which a new model takes over.
     #[serde(deserialize_with = "check::share")]
     pub blend: f64,
@@ -98,6 +104,8 @@ impl Default for Realtime {
             scheme: SchemeName::Linear,
             thesis_stiffness: 200.0,
             thesis_damping: 2.0,
+            proxy_stiffness: None,
+            proxy_damping: None,
             blend: 0.5,
             age_limit: 0.1,
             decay: 0.3,
@@ -117,7 +125,9 @@ pub enum SchemeName {
     Thesis,
     /// The local model's extrapolation.
     Linear,
-    /// The same, damped once the hands have got more than they gave.
+    /// The same, felt through a spring and a damper to a proxy.
+    Proxy,
+    /// As `Linear`, damped once the hands have got more than they gave.
     Classic,
     /// As `Linear`, held to the energy that the hands have put in.
     Capped,

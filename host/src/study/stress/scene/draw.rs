@@ -3,7 +3,7 @@
 //! Rates and kinds of trouble follow the cell's number in turn, so that any stretch of cells has the same share of
 //! each; the rest is drawn.
 
-use super::chance::Chance;
+use crate::study::stress::chance::Chance;
 use serde::{Deserialize, Serialize};
 
 /// Publication rates (Hz).

@@ -4,9 +4,9 @@
 //! soft against the body would not get there, so it wants to be further, by what the force of the body and the
 //! device's friction do to its arm.
 
-use super::chance::Chance;
 use super::draw::{ARRIVED, BEGIN, Draw, Task};
 use crate::scene::LoadedScene;
+use crate::study::stress::chance::Chance;
 use physics::Vec3;
 use physics::fem::dense::Square;
 

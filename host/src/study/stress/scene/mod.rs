@@ -14,7 +14,6 @@
 //! bodies stored at the start: elastic, kinetic and, as the weight moves, gravity's. It is integrated between ticks
 //! where the hand holds the device (`sim`), never taken from the controller.
 
-mod chance;
 pub mod draw;
 mod hands;
 pub mod measure;
@@ -23,10 +22,10 @@ mod run;
 pub mod summary;
 mod world;
 
+use super::chance::Chance;
 use crate::bodies;
 use crate::scene::spec::SchemeName;
 use crate::scene::{LoadedScene, SceneError};
-use chance::Chance;
 use draw::Draw;
 use measure::{Outcome, Stillness, Trace};
 use physics::Vec3;

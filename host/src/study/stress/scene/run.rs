@@ -5,7 +5,6 @@
 //! alone. A host that stalls takes none meanwhile, and goes on from where the hands are then.
 
 use super::StressError;
-use super::chance::Chance;
 use super::measure::Trace;
 use super::world::World;
 use crate::engine::Engine;
@@ -14,6 +13,7 @@ use crate::engine::build::{self, How};
 use crate::engine::pacer::Due;
 use crate::engine::stats::Stopwatch;
 use crate::scene::spec::SchemeName;
+use crate::study::stress::chance::Chance;
 use physics::Vec3;
 use rt_core::safety::SafetyState;
 use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES};

@@ -10,20 +10,20 @@ fn mix(mut z: u64) -> u64 {
 
 /// Numbers of one thing that chance decides.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Chance {
+pub(in crate::study) struct Chance {
     key: u64,
 }
 
 impl Chance {
     /// Of a cell of a study.
-    pub(super) fn new(seed: u64, cell: u64) -> Self {
+    pub(in crate::study) fn new(seed: u64, cell: u64) -> Self {
         Self {
             key: mix(mix(seed) ^ cell),
         }
     }
 
     /// Of something else in the same cell.
-    pub(super) fn of(self, what: &str) -> Self {
+    pub(in crate::study) fn of(self, what: &str) -> Self {
         let each = what.bytes();
         Self {
             key: each.fold(self.key, |key, byte| mix(key ^ u64::from(byte))),
@@ -31,13 +31,13 @@ impl Chance {
     }
 
     /// The `n`-th, evenly from 0 up to 1.
-    pub(super) fn unit(self, n: u64) -> f64 {
+    pub(in crate::study) fn unit(self, n: u64) -> f64 {
         // The upper 53 bits: all that a number below one holds.
         (mix(self.key ^ mix(n)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
     /// Evenly from `low` to `high`.
-    pub(super) fn between(self, n: u64, low: f64, high: f64) -> f64 {
+    pub(in crate::study) fn between(self, n: u64, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit(n)
     }
 }
