@@ -10,6 +10,8 @@ use crate::study::stress::chance::Chance;
 use physics::Vec3;
 use physics::fem::dense::Square;
 
+/// The body answers with at most this share of what a device can render.
+const MOST_FORCE: f64 = 0.7;
 /// A hand reaches no further than this beyond where it wants its device to be (m).
 const FURTHEST: f64 = 0.2;
 
@@ -120,6 +122,38 @@ fn way(draw: &Draw, width: f64) -> Way {
     way
 }
 
+/// The forces of a linear body of this stiffness (N/m, three rows and columns a device) on hands that are `reaches`
+/// (m) away from rest (N).
+fn forces(stiffness: &Square, reaches: &[Vec3]) -> Vec<Vec3> {
+    let row = |row: usize| -> f64 {
+        let each = reaches.iter().enumerate();
+        each.map(|(other, reach)| {
+            (0..3)
+                .map(|c| stiffness[(row, 3 * other + c)] * reach[c])
+                .sum::<f64>()
+        })
+        .sum()
+    };
+    let devices = 0..reaches.len();
+    devices
+        .map(|d| Vec3::new(row(3 * d), row(3 * d + 1), row(3 * d + 2)))
+        .collect()
+}
+
+/// `reaches`, shortened so that no device is asked for more than most of what it can render (N).
+/// Beyond that it would be its motors that are studied.
+pub(super) fn within(reaches: &mut [Vec3], stiffness: &Square, limits: &[f64]) {
+    let found = forces(stiffness, reaches);
+    let shares = found
+        .iter()
+        .zip(limits)
+        .map(|(force, limit)| MOST_FORCE * limit / force.norm());
+    let share = shares.fold(1.0, f64::min);
+    for reach in reaches {
+        *reach *= share;
+    }
+}
+
 /// Gives the devices of `loaded` the hands of `draw`. `stiffness` is that between the handles at rest, three rows and
 /// columns for each device; without a row a device meets nothing.
 pub(super) fn give(
@@ -133,23 +167,12 @@ pub(super) fn give(
     let across = across(chance, reaches.first().copied().unwrap_or_default());
     let width = chance.between(3, 0.3, 1.0);
     // The force of the body where the hands are to be, all of them there.
-    let force = |device: usize| {
-        let row = |axis: usize| {
-            let each = reaches.iter().enumerate();
-            each.map(|(other, reach)| {
-                let k = |column: usize| stiffness[(3 * device + axis, 3 * other + column)];
-                (0..3).map(|c| k(c) * reach[c] * draw.depth).sum::<f64>()
-            })
-            .sum()
-        };
-        Vec3::new(row(0), row(1), row(2))
-    };
+    let forces = forces(stiffness, reaches);
     let hands = loaded.scene.devices.iter_mut().enumerate();
     for (index, device) in hands {
         let (grip, reach) = (&draw.grips[index], reaches[index]);
         let along = reach.try_normalize(1e-9).unwrap_or_default();
-        let scale = device.motion_scale;
-        let held = force(index).dot(&along).max(0.0) * scale + friction[index];
+        let held = (forces[index] * draw.depth).dot(&along).max(0.0) + friction[index];
         let beyond = along * (held / grip.stiffness).min(FURTHEST);
         // A rub across is each hand's own; carried is what all do alike.
         let side = if draw.task == Task::Rub && index % 2 == 1 {

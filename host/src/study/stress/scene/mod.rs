@@ -32,7 +32,6 @@ use physics::Vec3;
 use physics::fem::dense::Square;
 use physics::fem::{BodyError, CondenseError, Condenser, StepError};
 use serde::{Deserialize, Serialize};
-use sim::DeviceModel;
 use std::collections::BTreeMap;
 use world::World;
 
@@ -99,18 +98,22 @@ impl Study {
     pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StressError> {
         crate::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
-        let (_, devices) = crate::run::setup::controls(&loaded, seed)?;
-        let friction = devices.iter().map(|d| {
-            let DeviceModel { friction, .. } = *d.simulated().model();
-            friction
-        });
+        let (config, devices) = crate::run::setup::controls(&loaded, seed)?;
+        let friction = devices.iter().map(|d| d.simulated().model().friction);
         let stiffness = stiffness(&loaded)?;
+        let mut reaches = hands::reaches(&loaded);
+        let limits = config.devices.iter();
+        let limits: Vec<_> = limits.map(|device| device.safety.max_force).collect();
+        hands::within(&mut reaches, &stiffness, &limits);
         // What the thesis's spring is best given: the body's own.
-        let own = (0..devices.len()).map(|d| stiffness[(3 * d, 3 * d)].abs());
+        let own = (0..3 * devices.len()).map(|k| {
+            let scale = config.devices[k / 3].proxy.motion_scale;
+            stiffness[(k, k)] / (scale * scale)
+        });
         loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
         Ok(Self {
             seed,
-            reaches: hands::reaches(&loaded),
+            reaches,
             friction: friction.collect(),
             stiffness,
             loaded,
@@ -195,7 +198,8 @@ impl Study {
     }
 }
 
-/// Stiffness between all devices of a scene at rest (N/m), three rows and columns each.
+/// Stiffness between all devices of a scene at rest, three rows and columns each, in the devices' own metres and
+/// newtons (N/m).
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StressError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
@@ -210,9 +214,11 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StressError> {
                 let (Some(row), Some(column)) = (index(&row.device), index(&column.device)) else {
                     continue;
                 };
+                let scale = |device: usize| scene.devices[device].motion_scale;
+                let scale = scale(row) * scale(column);
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
                     all[(3 * row + r, 3 * column + c)] +=
-                        condensed.stiffness[(6 * i + r, 6 * j + c)];
+                        scale * condensed.stiffness[(6 * i + r, 6 * j + c)];
                 }
             }
         }
