@@ -36,11 +36,12 @@ use std::collections::BTreeMap;
 use world::World;
 
 /// The schemes, in the order of the tables.
-pub const SCHEMES: [(SchemeName, &str); 5] = [
+pub const SCHEMES: [(SchemeName, &str); 6] = [
     (SchemeName::Hold, "hold"),
     (SchemeName::Thesis, "thesis"),
     (SchemeName::Linear, "linear"),
     (SchemeName::Classic, "classic"),
+    (SchemeName::Proxy, "proxy"),
     (SchemeName::Capped, "capped"),
 ];
 
