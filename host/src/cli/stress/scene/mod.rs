@@ -66,6 +66,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({
             "scene": loaded.source.text,
+            "files": loaded.files.iter().map(|(name, bytes)| (name, bytes.len())).collect::<Vec<_>>(),
             "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
         }),
     };
