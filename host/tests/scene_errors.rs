@@ -144,6 +144,12 @@ step_rate = 250.0
   -> [loop]¶blend = 1.5
   x.toml:6: loop.blend: found 1.5, allowed: a number from 0 to 1
 [loop]
+  -> [loop]¶proxy_stiffness = 0
+  x.toml:6: loop.proxy_stiffness: found 0, allowed: a number above 0
+[loop]
+  -> [loop]¶proxy_damping = -1
+  x.toml:6: loop.proxy_damping: found -1, allowed: a number not below 0
+[loop]
   -> [loop]¶hold_damping = -1
   x.toml:6: loop.hold_damping: found -1, allowed: a number not below 0
 cells = [4, 2]
