@@ -109,6 +109,59 @@ fn a_file_that_cannot_be_read_is_named_with_the_field_that_names_it() -> Outcome
 }
 
 #[test]
+fn a_device_of_ones_own_is_read_from_its_file() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let scene = fs::read_to_string(Path::new(SCENES).join("stretch.toml"))?;
+    let path = folder.path().join("scene.toml");
+    let device = folder.path().join("mine.toml");
+    fs::write(
+        &path,
+        scene.replacen("model = \"falcon\"", "model = \"mine.toml\"", 1),
+    )?;
+    let line = 1 + scene
+        .lines()
+        .take_while(|line| !line.starts_with("model = "))
+        .count();
+    let expected = format!(
+        "{}:{line}: device[0].model: cannot read {}: No such file or directory (os error 2)",
+        path.display(),
+        device.display(),
+    );
+    assert_eq!(error(Scene::load(&path)), expected);
+
+    let (_, falcon) = sim::models::FILES[0];
+    fs::write(&device, falcon.replace("mass = 0.15 ", "mass = 0.25 "))?;
+    let loaded = Scene::load(&path)?;
+    let masses: Vec<_> = loaded.models.iter().map(|model| model.mass).collect();
+    assert_eq!(masses, [0.25, 0.15]);
+    // A log keeps it, so that the run can be repeated.
+    assert!(loaded.files.contains_key("mine.toml"));
+
+    // Its mistakes are told with its own lines.
+    let line = 1 + falcon
+        .lines()
+        .take_while(|line| !line.starts_with("mass = "))
+        .count();
+    for (instead, expected) in [
+        (
+            "mass = -1 ",
+            "mass: found -1, allowed: a number above 0 and up to 1e6",
+        ),
+        (
+            "mess = 0.15 ",
+            "mess: unknown field, allowed: rate, mass, damping, friction, \
+            position_step, max_force, workspace_radius, driver_stiffness, driver_damping, name, \
+            estimated, rotation, sources",
+        ),
+    ] {
+        fs::write(&device, falcon.replace("mass = 0.15 ", instead))?;
+        let expected = format!("{}:{line}: {expected}", device.display());
+        assert_eq!(error(Scene::load(&path)), expected);
+    }
+    Ok(())
+}
+
+#[test]
 fn errors_found_later_can_be_placed_too() -> Outcome {
     let stretch = Scene::embedded_default()?;
     let line = 1 + stretch

@@ -4,6 +4,7 @@
 //! wrenches are computed, then all devices are written, so that two hands on one body are felt at the same
 //! instant. [`Controller::tick`] is the law; [`cycle`] puts the device calls around it.
 
+use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
@@ -11,7 +12,7 @@ use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
-use crate::safety::{Limiter, SafetyConfig, SafetyCounters, Trip};
+use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
 /// One device as the controller knows it.
@@ -32,13 +33,6 @@ pub struct ControllerConfig {
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
 }
 
-#[derive(Clone, Debug)]
-struct Channel {
-    proxy: Proxy,
-    limiter: Limiter,
-    state: DeviceState,
-}
-
 /// The controller's whole state.
 #[derive(Clone, Debug)]
 pub struct Controller {
@@ -55,11 +49,8 @@ pub type Reading = Result<DeviceState, DeviceError>;
 impl Controller {
     /// A controller at rest, before its first model.
     pub fn new(config: &ControllerConfig) -> Self {
-        let channels = config.devices.iter().map(|device| Channel {
-            proxy: device.proxy,
-            limiter: Limiter::new(device.safety),
-            state: DeviceState::resting(),
-        });
+        let devices = config.devices.iter();
+        let channels = devices.map(|device| Channel::new(device.proxy, device.safety));
         Self {
             channels: channels.collect(),
             couplings: config
@@ -108,13 +99,10 @@ impl Controller {
             .zip(&mut proxies)
             .zip(&mut fresh);
         for (((channel, reading), proxy), fresh) in each {
-            if let Ok(state) = reading
-                && state.is_finite()
-            {
-                channel.state = *state;
-                *fresh = true;
+            if let Ok(state) = reading {
+                *fresh = channel.follow(now_ns, state);
             }
-            *proxy = channel.proxy.to_scene(&channel.state);
+            *proxy = channel.on_scene();
         }
 
         let mut on_proxies = [Wrench::zero(); MAX_DEVICES];
@@ -145,8 +133,9 @@ impl Controller {
             .zip(&fresh)
             .zip(&on_proxies);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
-        for (device, ((((channel, proxy), fresh), wrench), (command, record))) in
-            inputs.zip(outputs).enumerate()
+        // Not `enumerate`: its count could overflow, as far as the compiler knows.
+        for (((((channel, proxy), fresh), wrench), (command, record)), device) in
+            inputs.zip(outputs).zip(0..MAX_DEVICES)
         {
             let asked = channel.proxy.to_device(wrench);
             *command = channel

@@ -272,11 +272,14 @@ impl Coupling {
             from.energy = stored - from.change_of_energy(&deviations);
         }
         self.passivity.begin(shaped.energy);
-        self.passivity.note_stored(shaped.energy);
-        // After a gap the two models differ by what happened in it: the blend takes its share of that.
+        self.passivity.note_stored(shaped.energy.max(0.0));
+        // After a gap the two models differ by what happened in it: the blend takes its share of that, up to the time
+        // in which a force comes back.
         let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(shaped.period);
-        let ticks = libm::ceil(self.config.blend * interval / self.config.period).max(2.0);
+        let longest = self.config.recovery.max(self.config.blend * shaped.period);
+        let time = (self.config.blend * interval).min(longest);
+        let ticks = libm::ceil(time / self.config.period).max(2.0);
         // A blend that is under way is not cut short by the next model either.
         let left = if self.share < 1.0 {
             (1.0 - self.share) / self.share_step
@@ -358,6 +361,10 @@ impl Coupling {
             ));
         }
         let mut parts = self.parts(devices, &lead);
+        if !parts.stored.is_finite() {
+            // An energy that overflowed is more than anyone has put in.
+            parts.stored = f64::MAX;
+        }
         self.passivity.note_stored(parts.stored);
         self.passivity.cap(
             self.to.handles().map(|handle| handle.device),

@@ -14,12 +14,14 @@
 //! `F_d` the viscous wrench on all handles, each tick:
 //!
 //! ```text
-//! H <- H - w . D + eta (b D^2 / T + f_c |D|)      what the device itself dissipates counts in part
+//! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
 //! H <- min(H, 2 V + E)                            E: the allowance, a millijoule
 //! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
 //! F_d <- F_d clip(1 + H / E, 0, 1)
 //! F_s <- F_s H+ / p                               where p = T F_s . v > H+: more than a tick may spend
 //! ```
+//!
+//! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
 //!
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
 //! model's own force tells (`LocalModel::stored`).
@@ -40,6 +42,9 @@ pub const MAX_DELAY: usize = 4;
 /// of where it goes.
 const CREEP: f64 = 1e-3;
 
+/// More than this (N) no device holds.
+const MOST_FORCE: f64 = 1e6;
+
 /// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
 /// the way. Without this one bad reading would leave a debt that no hand could ever repay.
 const FASTEST: [f64; 2] = [20.0, 200.0];
@@ -51,7 +56,7 @@ pub struct Port {
     pub damping: f64,
     /// Coulomb friction of the mechanism that may be relied on (N).
     pub friction: f64,
-    /// Most damping that is rendered (N s/m): a sampled damper on a mass `m` is unstable from about `m / T`.
+    /// Most damping that is rendered (N s/m): what [`crate::velocity::most_damping`] allows.
     pub most_damping: f64,
     /// The same of rotation (N m s/rad).
     pub most_turning_damping: f64,
@@ -166,6 +171,8 @@ struct Hand {
     lifted_from: Option<Vec3>,
     /// The last translation that was one.
     way: Vec3,
+    /// Ticks since then.
+    since: u32,
 }
 
 impl Hand {
@@ -176,6 +183,7 @@ impl Hand {
             weights: [Vec3::zeros(); MAX_DELAY + 1],
             lifted_from: None,
             way: Vec3::zeros(),
+            since: 0,
         }
     }
 
@@ -253,6 +261,7 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
+            hand.since = hand.since.saturating_add(1);
             let moved = pose.displacement_from(&before);
             if !possible(&moved, self.config.period) {
                 continue;
@@ -265,14 +274,15 @@ impl Passivity {
             let fallen = weight.map_or(0.0, |weight| weight.dot(&way)) * port.force_scale;
             let mut credit = 0.0;
             if way != Vec3::zeros() {
-                // A count that flickers to and fro dissipates nothing.
+                // A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a
+                // device was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
                 if way.dot(&hand.way) > 0.0 {
                     let length = way.norm();
-                    credit = self.config.credit
-                        * length
-                        * (port.damping * length / self.config.period + port.friction);
+                    let speed = length / (self.config.period * f64::from(hand.since));
+                    credit = self.config.credit * length * (port.damping * speed + port.friction);
                 }
                 hand.way = way;
+                hand.since = 0;
             }
             self.account.supplied -= work;
             self.account.credited += credit;
@@ -288,8 +298,8 @@ impl Passivity {
     pub(crate) fn begin(&mut self, stored: f64) {
         if !self.began {
             self.began = true;
-            self.account.initial = stored;
-            self.account.available += stored;
+            self.account.initial = stored.max(0.0);
+            self.account.available += self.account.initial;
         }
     }
 
@@ -358,7 +368,12 @@ impl Passivity {
     pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
         for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
-            let raised = hand.push(wrench, weight) * port.force_scale;
+            // No device holds more than this, so a number that says otherwise was held back on the way.
+            let held = |force: &Vec3| force.norm() <= MOST_FORCE;
+            let zero = (Wrench::zero(), Vec3::zeros());
+            let sound = wrench.is_finite() && held(&wrench.force) && held(weight);
+            let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
+            let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
             // What is lost is not credited.
             self.account.available -= raised.max(0.0);

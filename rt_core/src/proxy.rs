@@ -33,6 +33,14 @@ impl Proxy {
         }
     }
 
+    /// Goes on from where the device was left, though it is elsewhere now: as with a clutch, only what it moves from
+    /// here on counts. A device that was away took its hand along without the scene; were the proxy to follow at
+    /// once, the body would store what no hand has put in, and the other hands would feel the blow.
+    pub fn go_on(&mut self, left: &DeviceState, now: &DeviceState) {
+        let way = left.pose.position - now.pose.position;
+        self.origin += self.rotation * way * self.motion_scale;
+    }
+
     /// The proxy's pose and twist in the scene.
     pub fn to_scene(&self, state: &DeviceState) -> (Pose, Twist) {
         let pose = Pose {

@@ -8,7 +8,8 @@
 //! | `hold` | the published one, held | the usual baseline |
 //! | `thesis` | held, plus a spring from handle to proxy and damping | thesis, equation 4.5 |
 //! | `linear` | the body's own tangent, with damping and cross terms | [`crate::local_model`] |
-//! | `classic` | the same, damped once the hands have got more than they gave | [`crate::passivity`] |
+//! | `proxy` | the same, of a body that the host has put a spring before | the host's virtual coupling |
+//! | `classic` | as `linear`, damped once the hands have got more than they gave | [`crate::passivity`] |
 //! | `capped` | as `linear`, held to the energy that the hands have put in | [`crate::passivity`] |
 //!
 //! Equation 4.5 as printed equates the two parts; as meant, they add: `F_tear + k (x_handle - x_proxy)
@@ -32,7 +33,9 @@ pub enum Scheme {
     },
     /// The local model's own extrapolation.
     Linear,
-    /// The same, damped once the hands have got more than they gave ([`crate::passivity`]).
+    /// The same, of models that the host has coupled devices to by springs and dampers.
+    Proxy,
+    /// As [`Scheme::Linear`], damped once the hands have got more than they gave ([`crate::passivity`]).
     Classic,
     /// As [`Scheme::Linear`], held to the energy that the hands have put in ([`crate::passivity`]).
     Capped,
@@ -45,6 +48,7 @@ impl Scheme {
             Self::Hold => "hold",
             Self::Thesis { .. } => "thesis",
             Self::Linear => "linear",
+            Self::Proxy => "proxy",
             Self::Classic => "classic",
             Self::Capped => "capped",
         }
@@ -53,7 +57,7 @@ impl Scheme {
     /// Turns a published model into the linear model that this scheme renders.
     pub fn shape(&self, model: &mut LocalModel) {
         let (stiffness, damping) = match *self {
-            Self::Linear | Self::Classic | Self::Capped => return,
+            Self::Linear | Self::Proxy | Self::Classic | Self::Capped => return,
             Self::Hold => (0.0, 0.0),
             Self::Thesis { stiffness, damping } => (stiffness, damping),
         };

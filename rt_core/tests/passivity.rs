@@ -215,6 +215,31 @@ fn a_wall_pressed_slowly_is_as_stiff_as_asked() {
 }
 
 #[test]
+fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_come() {
+    let mut passivity = PassivityConfig::new(PERIOD);
+    let (damping, friction) = (0.5, 0.3);
+    passivity.ports[0].damping = damping;
+    passivity.ports[0].friction = friction;
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    let mut at = |x: f64| {
+        coupling.tick(1, &[(Pose::at(Vec3::x() * x), Twist::zero())]);
+        coupling.energy().credited
+    };
+    let count = 38e-6;
+    at(0.0);
+    at(count);
+    let before = at(2.0 * count);
+    for _ in 0..99 {
+        at(2.0 * count);
+    }
+    let (far, silent) = (5e-3, 100.0 * PERIOD);
+    let found = at(2.0 * count + far) - before;
+    // Friction over the way, and the damper's `b D^2 / t`: two fifths of them. Taken for one tick's it would be 5 mJ.
+    let expected = passivity.credit * far * (friction + damping * far / silent);
+    assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
+}
+
+#[test]
 fn the_classic_controller_restores_passivity_up_to_three_times_the_bound() {
     for delay in [0, 1] {
         let wall = 3.0 * bound(delay);

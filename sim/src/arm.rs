@@ -53,6 +53,12 @@ impl Arm {
         ("rigid", Self::RIGID),
     ];
 
+    /// The grip of that name among [`Arm::GRIPS`].
+    pub fn named(name: &str) -> Option<Self> {
+        let grip = Self::GRIPS.iter().find(|(known, _)| *known == name)?;
+        Some(grip.1)
+    }
+
     /// Nobody holds the device.
     pub(crate) const NONE: Self = Self {
         mass: 0.0,
@@ -85,6 +91,59 @@ impl Arm {
     }
 }
 
+/// What a wrist looks like from the handle that it turns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wrist {
+    /// Moment of inertia that turns with the handle (kg m^2).
+    pub inertia: f64,
+    /// Damping between the handle and the orientation that the hand wants (N m s/rad).
+    pub damping: f64,
+    /// Stiffness between the handle and the orientation that the hand wants (N m/rad).
+    pub stiffness: f64,
+}
+
+impl Wrist {
+    /// Of the grips in [`Arm::GRIPS`], under the same names. Estimates: the arm's numbers at a lever of 7
+    /// to 10 cm, less for the fingers that give.
+    pub const GRIPS: [(&str, Self); 4] = [
+        ("relaxed", Self::new(5e-4, 0.01, 0.2)),
+        ("typical", Self::new(2e-3, 0.03, 1.0)),
+        ("firm", Self::new(4e-3, 0.1, 4.0)),
+        ("rigid", Self::new(8e-3, 0.3, 12.0)),
+    ];
+
+    /// The grip of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        let grip = Self::GRIPS.iter().find(|(known, _)| *known == name)?;
+        Some(grip.1)
+    }
+
+    const fn new(inertia: f64, damping: f64, stiffness: f64) -> Self {
+        Self {
+            inertia,
+            damping,
+            stiffness,
+        }
+    }
+
+    /// Nobody holds the device.
+    pub(crate) const NONE: Self = Self::new(0.0, 0.0, 0.0);
+
+    pub(crate) fn is_sound(&self) -> bool {
+        [self.inertia, self.damping, self.stiffness]
+            .iter()
+            .all(|x| x.is_finite() && *x >= 0.0)
+    }
+}
+
+impl Default for Wrist {
+    /// The typical grip's.
+    fn default() -> Self {
+        let [_, (_, typical), _, _] = Self::GRIPS;
+        typical
+    }
+}
+
 impl Default for Arm {
     fn default() -> Self {
         Self::TYPICAL
@@ -109,6 +168,20 @@ mod tests {
         for pair in shares.windows(2) {
             assert!(tighter(&pair[0], &pair[1]), "{pair:?}");
         }
+    }
+
+    #[test]
+    fn a_wrist_has_the_same_grips() {
+        for ((arm, _), (wrist, _)) in Arm::GRIPS.iter().zip(&Wrist::GRIPS) {
+            assert_eq!(arm, wrist);
+        }
+        for pair in Wrist::GRIPS.windows(2) {
+            let (a, b) = (pair[0].1, pair[1].1);
+            assert!(a.inertia < b.inertia && a.damping < b.damping && a.stiffness < b.stiffness);
+        }
+        assert_eq!(Arm::named("typical"), Some(Arm::default()));
+        assert_eq!(Wrist::named("typical"), Some(Wrist::default()));
+        assert_eq!((Arm::named("limp"), Wrist::named("limp")), (None, None));
     }
 
     #[test]

@@ -6,15 +6,17 @@
 //! times are whole nanoseconds and never drift.
 //!
 //! What is modelled: moving mass, viscous damping, Coulomb friction, encoder counts, the motors' largest
-//! force, the arm of [`crate::hand`]. What is not: rotation, end stops, motor dynamics, backlash, inertia
-//! that changes with the pose, gravity (devices compensate it).
+//! force, the arm of [`crate::hand`]; where the model has a rotation, the same of the handle's rotation and
+//! the wrist. What is not: end stops, motor dynamics, backlash, inertia that changes with the pose or
+//! couples translation and rotation, gravity (devices compensate it).
 
-use crate::arm::Arm;
-use crate::dynamics::Dynamics;
-use crate::encoder::Encoder;
+use crate::arm::{Arm, Wrist};
+use crate::dynamics::{Dynamics, Turning};
+use crate::encoder::{Encoder, TurnEncoder};
 use crate::energy::EnergyAccount;
 use crate::hand::{Aim, Hand};
 use crate::models::DeviceModel;
+use nalgebra::UnitQuaternion;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
 
 /// Length of a substep unless told otherwise (ns): 20 in a millisecond.
@@ -48,6 +50,14 @@ pub enum SimError {
         /// The arm.
         found: Arm,
     },
+    /// The wrist has a number that is negative or not finite.
+    #[error(
+        "the wrist's inertia, damping and stiffness must be finite and at least zero: {found:?}"
+    )]
+    Wrist {
+        /// The wrist.
+        found: Wrist,
+    },
     /// The tick's period makes no sense.
     #[error("the tick's period must be from 1e-5 to 0.1 s, not {found} s")]
     Period {
@@ -65,7 +75,8 @@ pub enum SimError {
     Start,
 }
 
-/// A simulated three-degree-of-freedom device, held by a hand or by nobody.
+/// A simulated device, held by a hand or by nobody. It has three degrees of freedom, or six where its model
+/// has a rotation.
 #[derive(Clone, Debug)]
 pub struct SimDevice {
     model: DeviceModel,
@@ -82,6 +93,20 @@ pub struct SimDevice {
     frozen_ns: u64,
     refused_wrenches: u64,
     encoder: Encoder,
+    /// Of a device of six degrees of freedom.
+    rotation: Option<Rotation>,
+}
+
+/// The rotation of a device of six degrees of freedom.
+#[derive(Clone, Debug)]
+struct Rotation {
+    turning: Turning,
+    encoder: TurnEncoder,
+    max_moment: f64,
+    /// The moment that the motors hold (N m).
+    moment: Vec3,
+    /// Of translation and rotation together.
+    energy: EnergyAccount,
 }
 
 impl SimDevice {
@@ -91,27 +116,17 @@ impl SimDevice {
     /// # Errors
     /// [`SimError`] where a number of the model, the arm or the period makes no sense.
     pub fn new(model: DeviceModel, hand: Option<Hand>, period_s: f64) -> Result<Self, SimError> {
-        for (field, found) in [
-            ("mass", model.mass),
-            ("position step", model.position_step),
-            ("largest force", model.max_force),
-            ("workspace radius", model.workspace_radius),
-        ] {
-            if !(found.is_finite() && found > 0.0) {
-                return Err(SimError::NotPositive { field, found });
-            }
-        }
-        for (field, found) in [("damping", model.damping), ("friction", model.friction)] {
-            if !(found.is_finite() && found >= 0.0) {
-                return Err(SimError::Negative { field, found });
-            }
-        }
+        check(&model)?;
         if !(1e-5..=0.1).contains(&period_s) {
             return Err(SimError::Period { found: period_s });
         }
         let arm = hand.as_ref().map_or(Arm::NONE, |hand| hand.arm);
         if !arm.is_sound() {
             return Err(SimError::Arm { found: arm });
+        }
+        let wrist = hand.as_ref().map_or(Wrist::NONE, |hand| hand.wrist);
+        if !wrist.is_sound() {
+            return Err(SimError::Wrist { found: wrist });
         }
         let start = Vec3::zeros();
         Ok(Self {
@@ -126,6 +141,13 @@ impl SimDevice {
             frozen_ns: 0,
             refused_wrenches: 0,
             encoder: Encoder::new(model.position_step, period_s, LONGEST_MOVE_NS),
+            rotation: model.rotation.map(|rotation| Rotation {
+                turning: Turning::new(&rotation, wrist),
+                encoder: TurnEncoder::new(rotation.step, period_s, LONGEST_MOVE_NS),
+                max_moment: rotation.max_moment,
+                moment: Vec3::zeros(),
+                energy: EnergyAccount::default(),
+            }),
         })
     }
 
@@ -180,9 +202,31 @@ impl SimDevice {
         self.force
     }
 
-    /// Where the energy came from and went.
+    /// How the end effector is truly turned; the identity where its rotation is not modelled.
+    pub fn orientation(&self) -> UnitQuaternion<f64> {
+        let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
+        turning.map_or_else(UnitQuaternion::identity, Turning::orientation)
+    }
+
+    /// How fast it truly turns (rad/s).
+    pub fn angular_velocity(&self) -> Vec3 {
+        let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
+        turning.map_or_else(Vec3::zeros, Turning::velocity)
+    }
+
+    /// The moment that the motors hold (N m): the last one written, shortened to the device's largest; zero
+    /// where its rotation is not modelled.
+    pub fn moment(&self) -> Vec3 {
+        let rotation = self.rotation.as_ref();
+        rotation.map_or_else(Vec3::zeros, |rotation| rotation.moment)
+    }
+
+    /// Where the energy came from and went, in translation and rotation together.
     pub fn energy(&self) -> &EnergyAccount {
-        self.dynamics.energy()
+        match &self.rotation {
+            None => self.dynamics.energy(),
+            Some(rotation) => &rotation.energy,
+        }
     }
 
     /// How long it stood still because calls came too far apart (ns).
@@ -211,17 +255,71 @@ impl SimDevice {
                 .as_mut()
                 .map_or(self.start, |aim| self.start + aim.at(self.moved_ns));
             self.dynamics.step(step as f64 * 1e-9, &self.force, &wanted);
+            if let Some(rotation) = &mut self.rotation {
+                let moment = rotation.moment;
+                rotation.turning.step(step as f64 * 1e-9, &moment);
+            }
         }
+        if let Some(rotation) = &mut self.rotation {
+            rotation.energy = *self.dynamics.energy() + *rotation.turning.energy();
+        }
+    }
+}
+
+/// Whether every number of a model makes sense.
+fn check(model: &DeviceModel) -> Result<(), SimError> {
+    let mut positive = vec![
+        ("mass", model.mass),
+        ("position step", model.position_step),
+        ("largest force", model.max_force),
+        ("workspace radius", model.workspace_radius),
+    ];
+    let mut not_negative = vec![("damping", model.damping), ("friction", model.friction)];
+    if let Some(rotation) = &model.rotation {
+        positive.extend([
+            ("moment of inertia", rotation.inertia),
+            ("angular step", rotation.step),
+            ("largest moment", rotation.max_moment),
+        ]);
+        not_negative.extend([
+            ("rotation's damping", rotation.damping),
+            ("rotation's friction", rotation.friction),
+        ]);
+    }
+    for (field, found) in positive {
+        if !(found.is_finite() && found > 0.0) {
+            return Err(SimError::NotPositive { field, found });
+        }
+    }
+    for (field, found) in not_negative {
+        if !(found.is_finite() && found >= 0.0) {
+            return Err(SimError::Negative { field, found });
+        }
+    }
+    Ok(())
+}
+
+/// A vector shortened to `most`; nothing where it is not finite.
+fn shortened(vector: Vec3, most: f64) -> Option<Vec3> {
+    let length = vector.norm();
+    if !length.is_finite() {
+        None
+    } else if length > most {
+        Some(vector * (most / length))
+    } else {
+        Some(vector)
     }
 }
 
 impl Device for SimDevice {
     fn capabilities(&self) -> Capabilities {
+        let rotation = self.model.rotation.as_ref();
+        let freedom = rotation.map_or(Freedom::Three, |_| Freedom::Six);
         Capabilities {
-            sensed: Freedom::Three,
-            actuated: Freedom::Three,
+            sensed: freedom,
+            actuated: freedom,
             max_force: self.model.max_force,
-            max_moment: 0.0,
+            max_moment: rotation.map_or(0.0, |rotation| rotation.max_moment),
             workspace_radius: self.model.workspace_radius,
             position_step: self.model.position_step,
         }
@@ -232,29 +330,40 @@ impl Device for SimDevice {
         self.advance(now_ns);
         self.encoder
             .sample(self.moved_ns, &self.dynamics.position());
+        let mut pose = Pose::at(self.encoder.position());
+        let mut twist = Twist {
+            linear: self.encoder.velocity(),
+            angular: Vec3::zeros(),
+        };
+        if let Some(Rotation {
+            turning, encoder, ..
+        }) = &mut self.rotation
+        {
+            encoder.sample(self.moved_ns, &turning.orientation());
+            pose.rotation = encoder.orientation();
+            twist.angular = encoder.velocity();
+        }
         Ok(DeviceState {
-            pose: Pose::at(self.encoder.position()),
-            twist: Twist {
-                linear: self.encoder.velocity(),
-                angular: Vec3::zeros(),
-            },
+            pose,
+            twist,
             buttons: 0,
             device_time_ns: self.clock.map_or(0, |(first, last)| last - first),
         })
     }
 
-    /// Never fails. A force beyond the largest keeps its direction; one that is not finite becomes zero.
+    /// Never fails. A force or a moment beyond the largest keeps its direction; one that is not finite
+    /// becomes zero. Without a rotation the moment is no part of it.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         self.advance(now_ns);
-        let length = wrench.force.norm();
-        self.force = if !length.is_finite() {
-            self.refused_wrenches += 1;
-            Vec3::zeros()
-        } else if length > self.model.max_force {
-            wrench.force * (self.model.max_force / length)
-        } else {
-            wrench.force
-        };
+        let force = shortened(wrench.force, self.model.max_force);
+        let mut refused = force.is_none();
+        self.force = force.unwrap_or_else(Vec3::zeros);
+        if let Some(rotation) = &mut self.rotation {
+            let moment = shortened(wrench.moment, rotation.max_moment);
+            refused |= moment.is_none();
+            rotation.moment = moment.unwrap_or_else(Vec3::zeros);
+        }
+        self.refused_wrenches += u64::from(refused);
         Ok(())
     }
 }

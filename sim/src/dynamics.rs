@@ -16,12 +16,20 @@
 //! closes to rounding at any step length, and no loss in it can be negative. What still errs with the step
 //! length is the motion, not its account.
 //!
-//! Friction holds truly: a handle that does not move in a step, and that the other forces cannot move
-//! either, is at rest; what kinetic energy it had is friction's.
+//! Stick and slip are events, and a step is split where one happens ([`friction`]): a handle that would turn
+//! back within a step comes to rest first, at the time found from the step's own equation; one at rest stays
+//! where it is, exactly, until the pull on it reaches what friction can hold. So the motion is of second
+//! order with friction too. A direction that turns within a step without passing through rest is followed
+//! in pieces; what energy is left where friction ends it is friction's.
+
+mod friction;
+mod turning;
 
 use crate::arm::Arm;
 use crate::energy::EnergyAccount;
+use friction::{PIECES, ROUNDING, SMALL, Slide, holds_for};
 use rt_core::Vec3;
+pub(crate) use turning::Turning;
 
 /// Device and arm as one moving mass.
 #[derive(Clone, Debug)]
@@ -70,12 +78,118 @@ impl Dynamics {
 
     /// Moves on by `h` (s) under the motors' force (N), the hand's aim going straight to `aim`.
     pub(crate) fn step(&mut self, h: f64, motor: &Vec3, aim: &Vec3) {
+        let aim_step = aim - self.aim;
+        let (change, drive) = self.change(h, motor, &aim_step);
+        let smooth = if self.friction <= 0.0 {
+            true
+        } else if self.velocity == Vec3::zeros() {
+            // The spring's pull changes by no more than this to either side of its mean over the step.
+            let change = 0.5 * self.arm.stiffness * aim_step.abs().sum();
+            (drive - self.friction).abs() > change
+        } else {
+            self.goes_on(&change)
+        };
+        if smooth {
+            self.commit(h, motor, aim, &aim_step, &change);
+        } else {
+            self.step_in_pieces(h, motor, aim);
+        }
+    }
+
+    /// The same, split where the handle stops and where it starts.
+    #[cold]
+    #[inline(never)]
+    fn step_in_pieces(&mut self, h: f64, motor: &Vec3, aim: &Vec3) {
+        let aim_rate = (aim - self.aim) / h;
+        let mut left = h;
+        for _ in 1..PIECES {
+            if self.velocity == Vec3::zeros() {
+                let pull = self.pull(motor, &aim_rate);
+                if pull.norm() <= self.friction {
+                    let rate = aim_rate * self.arm.stiffness;
+                    let Some(time) = holds_for(&pull, &rate, self.friction, left) else {
+                        break;
+                    };
+                    if time > 0.0 {
+                        let aim_step = aim_rate * time;
+                        let to = self.aim + aim_step;
+                        self.commit(time, motor, &to, &aim_step, &Vec3::zeros());
+                        left -= time;
+                    }
+                }
+            }
+            let aim_step = aim - self.aim;
+            let (change, _) = self.change(left, motor, &aim_step);
+            let before = self.velocity;
+            let rest = if before == Vec3::zeros() || self.goes_on(&change) {
+                None
+            } else {
+                self.slide(motor, &aim_rate).rests_after(left)
+            };
+            let Some(time) = rest else {
+                self.commit(left, motor, aim, &aim_step, &change);
+                return;
+            };
+            let aim_step = aim_rate * time;
+            let (change, _) = self.change(time, motor, &aim_step);
+            let to = self.aim + aim_step;
+            self.commit(time, motor, &to, &aim_step, &change);
+            left -= time;
+            let (speed, was) = (self.velocity.norm(), before.norm());
+            let held = self.pull(motor, &aim_rate).norm() <= self.friction;
+            if speed <= ROUNDING * was || (held && speed <= SMALL * was) {
+                self.rest();
+            }
+        }
+        // Friction holds to the end, or all pieces are used up.
+        let aim_step = aim - self.aim;
+        let (change, _) = self.change(left, motor, &aim_step);
+        self.commit(left, motor, aim, &aim_step, &change);
+    }
+
+    /// Whether a step with that change of mean velocity ends without turning back.
+    fn goes_on(&self, change: &Vec3) -> bool {
+        // The velocity at its end differs by twice as much.
+        self.velocity.dot(&(self.velocity + change * 2.0)) > 0.0
+    }
+
+    /// What friction must hold for the handle to stay where it is (N), the hand's aim moving with `aim_rate`.
+    fn pull(&self, motor: &Vec3, aim_rate: &Vec3) -> Vec3 {
+        motor + (self.aim - self.position) * self.arm.stiffness + aim_rate * self.arm.damping
+    }
+
+    /// The motion along its present direction.
+    fn slide(&self, motor: &Vec3, aim_rate: &Vec3) -> Slide {
+        let speed = self.velocity.norm();
+        let along = self.velocity / speed;
+        Slide {
+            mass: self.mass,
+            speed,
+            damping: self.damping + self.arm.damping,
+            friction: self.friction,
+            drive: self.pull(motor, aim_rate).dot(&along),
+            stiffness: self.arm.stiffness,
+            aim_speed: aim_rate.dot(&along),
+        }
+    }
+
+    /// Brings it to rest: what kinetic energy is left is friction's.
+    fn rest(&mut self) {
+        self.energy.friction_loss += self.energy.kinetic;
+        self.velocity = Vec3::zeros();
+        self.energy.kinetic = 0.0;
+        self.energy.device_kinetic = 0.0;
+    }
+
+    /// By how much the mean velocity over a step of `h` differs from the velocity before it (m/s), and the
+    /// size of what drives the step, the `r` of the equations above (N).
+    #[inline(always)]
+    fn change(&self, h: f64, motor: &Vec3, aim_step: &Vec3) -> (Vec3, f64) {
         let Arm {
             damping: arm_damping,
             stiffness,
             ..
         } = self.arm;
-        let aim_step = aim - self.aim;
         let outer = motor
             + (self.aim - self.position + aim_step * 0.5) * stiffness
             + aim_step * (arm_damping / h);
@@ -83,28 +197,30 @@ impl Dynamics {
         let inertia = 2.0 * self.mass / h;
         let drive = outer + self.velocity * inertia;
         let size = drive.norm();
-        let moved;
         if self.friction > 0.0 && size <= self.friction {
-            moved = Vec3::zeros();
-            if outer.norm() <= self.friction {
-                self.energy.friction_loss += self.kinetic();
-                self.velocity = Vec3::zeros();
-            } else {
-                // Turning back within the step: it will not stay.
-                self.velocity = -self.velocity;
-            }
-        } else {
-            let friction = if size > 0.0 {
-                drive * (self.friction / size)
-            } else {
-                drive
-            };
-            // Solved for the change of velocity, not for the mean velocity: the large and nearly equal
-            // momenta then never meet, and rounding does not act like a damper.
-            let change = (outer - self.velocity * drag - friction) / (inertia + drag);
-            moved = (self.velocity + change) * h;
-            self.velocity += change * 2.0;
+            return (-self.velocity, size);
         }
+        let friction = if size > 0.0 {
+            drive * (self.friction / size)
+        } else {
+            drive
+        };
+        // Solved for the change of velocity, not for the mean velocity: the large and nearly equal
+        // momenta then never meet, and rounding does not act like a damper.
+        let change = (outer - self.velocity * drag - friction) / (inertia + drag);
+        (change, size)
+    }
+
+    /// Takes a step of `h` whose mean velocity differs by `change` from the velocity before it.
+    #[inline(always)]
+    fn commit(&mut self, h: f64, motor: &Vec3, aim: &Vec3, aim_step: &Vec3, change: &Vec3) {
+        let Arm {
+            damping: arm_damping,
+            stiffness,
+            ..
+        } = self.arm;
+        let moved = (self.velocity + change) * h;
+        self.velocity += change * 2.0;
         let stretch = self.aim - self.position;
         let slip = aim_step - moved;
         self.position += moved;
@@ -113,7 +229,7 @@ impl Dynamics {
 
         let energy = &mut self.energy;
         energy.motor_work += motor.dot(&moved);
-        energy.hand_work += pull.dot(&aim_step);
+        energy.hand_work += pull.dot(aim_step);
         energy.friction_loss += self.friction * moved.norm();
         energy.damping_loss += self.damping * moved.norm_squared() / h;
         energy.arm_loss += arm_damping * slip.norm_squared() / h;

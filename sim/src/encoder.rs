@@ -1,5 +1,6 @@
 //! What a device's encoders show, and the velocity that its driver makes of it.
 
+use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
 use rt_core::velocity::VelocityEstimator;
 
@@ -23,7 +24,7 @@ impl Encoder {
             step,
             period,
             longest_gap_ns,
-            estimator: VelocityEstimator::new(period, VelocityEstimator::DEFAULT_CUTOFF),
+            estimator: VelocityEstimator::for_encoder(period, step),
             position: Vec3::zeros(),
             velocity: Vec3::zeros(),
             sampled_at_ns: None,
@@ -37,11 +38,12 @@ impl Encoder {
         }
         let counted = position.map(|x| (x / self.step).round() * self.step);
         let from = self.position;
-        // After missed ticks the estimator, which thinks in periods, gets the missing positions evenly.
-        let periods = self.sampled_at_ns.map_or(1, |last| {
-            let gap = time_ns.saturating_sub(last).min(self.longest_gap_ns);
-            (gap as f64 * 1e-9 / self.period).round().max(1.0) as u32
-        });
+        let periods = periods_since(
+            self.sampled_at_ns,
+            time_ns,
+            self.longest_gap_ns,
+            self.period,
+        );
         for k in 1..=periods {
             let between = from + (counted - from) * (f64::from(k) / f64::from(periods));
             self.velocity = self.estimator.update(&between);
@@ -59,4 +61,83 @@ impl Encoder {
     pub(crate) fn velocity(&self) -> Vec3 {
         self.velocity
     }
+}
+
+/// Encoders of a rotation, and the driver's estimate of angular velocity from them.
+///
+/// What is counted is the rotation vector (axis times angle), coordinate by coordinate, as a gimbal near its
+/// middle counts its joints. The estimate is made of the rotations from one sample to the next, summed up:
+/// it knows no place where angles jump.
+#[derive(Clone, Debug)]
+pub(crate) struct TurnEncoder {
+    step: f64,
+    period: f64,
+    longest_gap_ns: u64,
+    estimator: VelocityEstimator,
+    orientation: UnitQuaternion<f64>,
+    /// Sum of the rotations between samples (rad).
+    turned: Vec3,
+    velocity: Vec3,
+    /// Time of the last sample; none before the first.
+    sampled_at_ns: Option<u64>,
+}
+
+impl TurnEncoder {
+    /// Counts of `step` (rad), sampled every `period` (s); a gap counts for `longest_gap_ns` at most.
+    pub(crate) fn new(step: f64, period: f64, longest_gap_ns: u64) -> Self {
+        Self {
+            step,
+            period,
+            longest_gap_ns,
+            estimator: VelocityEstimator::new(period, VelocityEstimator::DEFAULT_CUTOFF),
+            orientation: UnitQuaternion::identity(),
+            turned: Vec3::zeros(),
+            velocity: Vec3::zeros(),
+            sampled_at_ns: None,
+        }
+    }
+
+    /// Takes the true orientation at `time_ns`; twice the same time is one sample.
+    pub(crate) fn sample(&mut self, time_ns: u64, orientation: &UnitQuaternion<f64>) {
+        if self.sampled_at_ns == Some(time_ns) {
+            return;
+        }
+        let counts = orientation
+            .scaled_axis()
+            .map(|x| (x / self.step).round() * self.step);
+        let counted = UnitQuaternion::from_scaled_axis(counts);
+        let turn = (counted * self.orientation.inverse()).scaled_axis();
+        let periods = periods_since(
+            self.sampled_at_ns,
+            time_ns,
+            self.longest_gap_ns,
+            self.period,
+        );
+        for k in 1..=periods {
+            let between = self.turned + turn * (f64::from(k) / f64::from(periods));
+            self.velocity = self.estimator.update(&between);
+        }
+        self.turned += turn;
+        self.orientation = counted;
+        self.sampled_at_ns = Some(time_ns);
+    }
+
+    /// The orientation shown: a rotation vector of whole counts.
+    pub(crate) fn orientation(&self) -> UnitQuaternion<f64> {
+        self.orientation
+    }
+
+    /// The angular velocity estimated (rad/s).
+    pub(crate) fn velocity(&self) -> Vec3 {
+        self.velocity
+    }
+}
+
+/// How many periods lie between two samples, at least one. After missed ticks the estimator, which thinks in
+/// periods, gets what is missing evenly.
+fn periods_since(last_ns: Option<u64>, now_ns: u64, longest_gap_ns: u64, period: f64) -> u32 {
+    last_ns.map_or(1, |last| {
+        let gap = now_ns.saturating_sub(last).min(longest_gap_ns);
+        (gap as f64 * 1e-9 / period).round().max(1.0) as u32
+    })
 }

@@ -62,6 +62,26 @@ impl EnergyAccount {
     }
 }
 
+impl core::ops::Add for EnergyAccount {
+    type Output = Self;
+
+    /// Of two motions together, such as a handle's translation and its rotation.
+    fn add(self, other: Self) -> Self {
+        Self {
+            motor_work: self.motor_work + other.motor_work,
+            hand_work: self.hand_work + other.hand_work,
+            friction_loss: self.friction_loss + other.friction_loss,
+            damping_loss: self.damping_loss + other.damping_loss,
+            arm_loss: self.arm_loss + other.arm_loss,
+            kinetic: self.kinetic + other.kinetic,
+            device_kinetic: self.device_kinetic + other.device_kinetic,
+            spring: self.spring + other.spring,
+            initial: self.initial + other.initial,
+            device_initial: self.device_initial + other.device_initial,
+        }
+    }
+}
+
 /// The net energy that the devices on one body have given their hands: the largest over time of the work on
 /// the hands, less what was stored at the start.
 ///

@@ -98,7 +98,7 @@ pub fn wrench_from_bytes(bytes: &[u8]) -> Result<Wrench, ReportError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Hand, SimDevice, Trajectory, Tremor, models};
+    use crate::{DeviceModel, Hand, SimDevice, Trajectory, Tremor};
     use firmware_proto::report::WrenchSi;
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
@@ -165,7 +165,8 @@ mod tests {
     fn a_simulated_device_is_the_same_behind_its_wire_but_for_the_report() {
         let tremor = Tremor::new(1e-4, 9).unwrap();
         let hand = Hand::new(Trajectory::still()).with_tremor(tremor);
-        let mut bare = SimDevice::new(models::TOUCH, Some(hand), 1e-3).unwrap();
+        let mut bare =
+            SimDevice::new(DeviceModel::named("touch").unwrap(), Some(hand), 1e-3).unwrap();
         let mut wired = Wired::new(bare.clone());
         for tick in 0..1000 {
             let now = tick * 1_000_000;

@@ -2,9 +2,10 @@
 //!
 //! The arm is a mass, a spring and a damper; the spring and the damper reach to where the hand wants to be
 //! (its aim), the mass moves with the handle, which the hand holds rigidly. That is the usual second-order
-//! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes.
+//! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes. Of a device
+//! of six degrees of freedom it also holds the handle's rotation, by the wrist.
 
-use crate::arm::Arm;
+use crate::arm::{Arm, Wrist};
 use crate::curve::{Knot, hermite};
 use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
@@ -15,6 +16,8 @@ use rt_core::Vec3;
 pub struct Hand {
     /// What it feels like from the handle.
     pub arm: Arm,
+    /// What turning the handle feels like; the hand goes on wanting the orientation at the start.
+    pub wrist: Wrist,
     /// Where it wants to be.
     pub trajectory: Trajectory,
     /// How it trembles, if at all.
@@ -26,6 +29,7 @@ impl Hand {
     pub fn new(trajectory: Trajectory) -> Self {
         Self {
             arm: Arm::TYPICAL,
+            wrist: Wrist::default(),
             trajectory,
             tremor: None,
         }
@@ -34,6 +38,11 @@ impl Hand {
     /// The same with another arm.
     pub fn with_arm(self, arm: Arm) -> Self {
         Self { arm, ..self }
+    }
+
+    /// The same with another wrist.
+    pub fn with_wrist(self, wrist: Wrist) -> Self {
+        Self { wrist, ..self }
     }
 
     /// The same with a tremor.

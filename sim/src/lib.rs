@@ -5,7 +5,7 @@
 //! else is used is exactly rounded). Nothing but the [`adversary`] allocates once it is built, because a
 //! simulated device also runs inside the real-time tick.
 //!
-//! Read [`device`] first: a hand ([`hand`], [`arm`]) that wants to be somewhere ([`trajectory`], [`tremor`])
+//! Read [`device`] first: a hand ([`hand`], [`arm`]) that wants to be somewhere ([`tasks`], [`trajectory`], [`tremor`])
 //! holds a device ([`models`]); their motion is integrated between ticks (`dynamics`), and where its energy
 //! goes is accounted for ([`energy`]). [`firmware`] puts a device behind the bytes of its real wire; [`replay`]
 //! gives recorded readings again; [`clock`] says when periodic events are due; [`adversary`] searches for the
@@ -24,16 +24,18 @@ pub mod firmware;
 pub mod hand;
 pub mod models;
 pub mod replay;
+pub mod tasks;
 pub mod trajectory;
 pub mod tremor;
 
-pub use arm::Arm;
+pub use arm::{Arm, Wrist};
 pub use clock::{Periodic, Ticks};
 pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;
 pub use hand::Hand;
-pub use models::DeviceModel;
+pub use models::{DeviceFile, DeviceModel, RotationModel};
 pub use replay::ReplayDevice;
+pub use tasks::{Task, TaskError, TaskKind};
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};

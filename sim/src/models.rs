@@ -1,11 +1,17 @@
-//! Known haptic devices, as plain numbers.
+//! Haptic devices as data: one file a device, with the source of every number.
 //!
-//! Force, position step, workspace and rate are the makers' figures or what their drivers report, unless
-//! marked. **Moving mass, friction and damping at the handle are published for few devices**; where a
-//! figure is an estimate of ours its field says so. Estimates are of the right order, no more: a conclusion
-//! that depends on one needs a measurement of the device at hand.
+//! The devices that are carried along stand in `sim/devices`; a file of one's own has the same fields and is
+//! read by the same [`DeviceFile::parse`]. Force, workspace, rate and the drivers' limits are the makers'
+//! figures or what drivers report, unless marked. **Moving mass, friction and damping at the handle are
+//! published for few devices**: `estimated` names the numbers that are estimates of ours or figures at
+//! second hand. They are of the right order, no more: a conclusion that depends on one needs a measurement of
+//! the device at hand.
 
-/// The mechanics, encoder and motors of a three-degree-of-freedom device, the same in all directions.
+mod file;
+
+pub use file::{DeviceFile, ModelError, ModelProblem};
+
+/// The mechanics, encoder and motors of a device, the same in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceModel {
     /// Mass that moves with the handle (kg), above zero.
@@ -20,67 +26,97 @@ pub struct DeviceModel {
     pub max_force: f64,
     /// Radius of the largest ball inside the workspace (m). There are no end stops: it is only reported.
     pub workspace_radius: f64,
+    /// Stiffness up to which its drivers recommend to render (N/m), with `driver_damping`.
+    pub driver_stiffness: f64,
+    /// Damping up to which its drivers recommend to render (N s/m).
+    pub driver_damping: f64,
     /// Rate at which the device is usually driven (Hz).
     pub rate_hz: u32,
+    /// The handle's rotation, where it is sensed and actuated.
+    pub rotation: Option<RotationModel>,
 }
 
-/// Novint Falcon. Mass, damping and friction are not published: estimates.
-pub const FALCON: DeviceModel = DeviceModel {
-    mass: 0.15,    // estimate
-    damping: 0.5,  // estimate
-    friction: 0.3, // estimate
-    position_step: 0.038e-3,
-    max_force: 8.0,
-    workspace_radius: 0.04,
-    rate_hz: 1000,
-};
+/// The mechanics, encoder and motors of a handle's rotation, the same about all axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotationModel {
+    /// Moment of inertia that turns with the handle (kg m^2), above zero.
+    pub inertia: f64,
+    /// Viscous damping (N m s/rad).
+    pub damping: f64,
+    /// Coulomb friction (N m).
+    pub friction: f64,
+    /// Angle of one encoder count (rad), above zero.
+    pub step: f64,
+    /// Length of the largest moment vector (N m).
+    pub max_moment: f64,
+    /// Stiffness up to which its drivers recommend to render (N m/rad).
+    pub driver_stiffness: f64,
+    /// Damping up to which its drivers recommend to render (N m s/rad).
+    pub driver_damping: f64,
+}
 
-/// 3D Systems Touch (formerly Phantom Omni). Position step, friction and damping are estimates.
-pub const TOUCH: DeviceModel = DeviceModel {
-    mass: 0.045,
-    damping: 0.05,           // estimate
-    friction: 0.26,          // estimate
-    position_step: 0.055e-3, // estimate
-    max_force: 3.3,
-    workspace_radius: 0.075,
-    rate_hz: 1000,
-};
-
-/// Phantom Premium 1.5, forces only. Position step and damping are estimates.
-pub const PHANTOM_PREMIUM: DeviceModel = DeviceModel {
-    mass: 0.075,
-    damping: 0.005, // estimate
-    friction: 0.04,
-    position_step: 0.03e-3, // estimate
-    max_force: 8.5,
-    workspace_radius: 0.12,
-    rate_hz: 1000,
-};
-
-/// Force Dimension omega.3. Position step, mass, damping and friction are estimates.
-pub const OMEGA3: DeviceModel = DeviceModel {
-    mass: 0.2,              // estimate
-    damping: 0.1,           // estimate
-    friction: 0.1,          // estimate
-    position_step: 0.01e-3, // estimate
-    max_force: 12.0,
-    workspace_radius: 0.075,
-    rate_hz: 4000,
-};
-
-/// All of them, under the names by which scenes call them.
-pub const ALL: [(&str, DeviceModel); 4] = [
-    ("falcon", FALCON),
-    ("touch", TOUCH),
-    ("phantom_premium", PHANTOM_PREMIUM),
-    ("omega3", OMEGA3),
+/// The files that are carried along, under the names by which scenes call the devices.
+pub const FILES: [(&str, &str); 6] = [
+    ("falcon", include_str!("../devices/falcon.toml")),
+    ("touch", include_str!("../devices/touch.toml")),
+    (
+        "phantom_premium",
+        include_str!("../devices/phantom_premium.toml"),
+    ),
+    ("omega3", include_str!("../devices/omega3.toml")),
+    ("delta3", include_str!("../devices/delta3.toml")),
+    ("virtuose6d", include_str!("../devices/virtuose6d.toml")),
 ];
 
 impl DeviceModel {
-    /// The device of that name in [`ALL`].
+    /// The device of that name among [`FILES`].
     pub fn named(name: &str) -> Option<Self> {
-        ALL.iter()
-            .find(|(known, _)| *known == name)
-            .map(|(_, model)| *model)
+        let (_, text) = FILES.iter().find(|(known, _)| *known == name)?;
+        // That each of them parses is tested.
+        DeviceFile::parse(text).ok().map(|file| file.model)
+    }
+
+    /// All devices among [`FILES`], by name.
+    pub fn all() -> impl Iterator<Item = (&'static str, Self)> {
+        FILES
+            .iter()
+            .filter_map(|(name, _)| Some((*name, Self::named(name)?)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::SimDevice;
+
+    #[test]
+    fn every_file_that_is_carried_along_is_a_device_with_sources_for_each_number() {
+        for (name, text) in FILES {
+            let file = DeviceFile::parse(text).unwrap_or_else(|e| panic!("{name}: {e}"));
+            assert_eq!(Some(file.model), DeviceModel::named(name));
+            let unsourced: Vec<_> = DeviceFile::numbers(file.model.rotation.is_some())
+                .filter(|number| !file.sources.contains_key(number))
+                .collect();
+            assert!(unsourced.is_empty(), "{name}: no source for {unsourced:?}");
+            SimDevice::new(file.model, None, 1e-3).unwrap();
+        }
+        assert_eq!(DeviceModel::all().count(), FILES.len());
+        assert_eq!(DeviceModel::named("tuch"), None);
+    }
+
+    #[test]
+    fn files_say_what_the_makers_say() {
+        // Spot checks against figures that stand elsewhere: the sources named in the files.
+        let model = |name| DeviceModel::named(name).unwrap();
+        assert_eq!(model("falcon").max_force, 8.0);
+        assert_eq!(model("touch").mass, 0.045);
+        assert_eq!(model("phantom_premium").driver_stiffness, 800.0);
+        assert_eq!(model("omega3").rate_hz, 4000);
+        assert_eq!(model("delta3").max_force, 20.0);
+        let six = DeviceModel::all().filter(|(_, model)| model.rotation.is_some());
+        assert_eq!(
+            six.map(|(name, _)| name).collect::<Vec<_>>(),
+            ["virtuose6d"]
+        );
     }
 }

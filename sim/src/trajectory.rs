@@ -68,6 +68,12 @@ pub enum TrajectoryError {
         /// The time given (s).
         found: f64,
     },
+    /// A motion that is to be repeated does not end where it begins.
+    #[error("a motion that is repeated must end where it begins, not {found} m away")]
+    Open {
+        /// How far from it (m).
+        found: f64,
+    },
     /// A recording is longer than is kept in memory.
     #[error("the recording lasts {found} s; at most {limit} s are taken")]
     TooLong {
@@ -105,6 +111,16 @@ impl Trajectory {
     pub fn new_waypoints(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Waypoints(Waypoints::new(waypoints)?)],
+        })
+    }
+
+    /// The same over and over: from the last it goes on as from the first, at whose place it must be.
+    ///
+    /// # Errors
+    /// As [`Trajectory::new_waypoints`]; also fewer than two, or a last place that is not the first.
+    pub fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
+        Ok(Self {
+            parts: vec![Part::Waypoints(Waypoints::new_cycle(waypoints)?)],
         })
     }
 

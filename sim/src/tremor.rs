@@ -99,7 +99,7 @@ impl Tremor {
 }
 
 /// Uniform in [0, 1), from the upper 53 bits.
-fn unit(random: &mut impl Rng) -> f64 {
+pub(crate) fn unit(random: &mut impl Rng) -> f64 {
     (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 

@@ -5,7 +5,7 @@
 //! encoder counts are taken away, for which the condition does not hold.
 
 use rt_core::{Device, Vec3, Wrench};
-use sim::{DeviceModel, SimDevice, models};
+use sim::{DeviceModel, SimDevice};
 
 /// Whether the swing about the spring's rest grows over 20 s.
 fn grows(share_of_limit: f64) -> bool {
@@ -13,7 +13,7 @@ fn grows(share_of_limit: f64) -> bool {
         friction: 0.0,
         position_step: 1e-12,
         max_force: 1e9,
-        ..models::FALCON
+        ..DeviceModel::named("falcon").unwrap()
     };
     let period = 1e-3;
     let stiffness = share_of_limit * 2.0 * model.damping / period;
@@ -54,7 +54,7 @@ fn what_a_sampled_spring_makes_shows_at_the_port() {
         let model = DeviceModel {
             friction: 0.0,
             position_step: 1e-12,
-            ..models::FALCON
+            ..DeviceModel::named("falcon").unwrap()
         };
         let stiffness = share * 2.0 * model.damping / 1e-3;
         let start = Vec3::new(1e-3, 0.0, 0.0);

@@ -8,11 +8,11 @@ use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Controller, ControllerConfig, DeviceState, Freedom, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6,
-    PassivityConfig, Pose, Scheme, Twist, Vec3,
+    PassivityConfig, Port, Pose, Scheme, Twist, Vec3,
 };
 
 /// The schemes, by name.
-pub const SCHEMES: [&str; 5] = ["hold", "thesis", "linear", "classic", "capped"];
+pub const SCHEMES: [&str; 6] = ["hold", "thesis", "linear", "proxy", "classic", "capped"];
 /// Numbers of handles worth telling apart.
 pub const HANDLES: [usize; 3] = [1, 2, 4];
 /// Ticks in a row that a device may stay silent.
@@ -56,6 +56,7 @@ pub fn scheme(name: &str) -> Scheme {
             stiffness: 200.0,
             damping: 1.0,
         },
+        "proxy" => Scheme::Proxy,
         "classic" => Scheme::Classic,
         "capped" => Scheme::Capped,
         _ => Scheme::Linear,
@@ -77,7 +78,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
                 max_force: limits.force,
                 max_moment: limits.moment,
                 max_speed: limits.speed,
-                max_reach: 10.0,
+                max_reach: 5.0,
                 max_slew: limits.force * 1e3,
                 patience: PATIENCE,
                 decay: 0.3,
@@ -87,6 +88,13 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
         };
         let _ = config.devices.push(device);
     }
+    let mut passivity = PassivityConfig::new(period);
+    // More than the models damp, and far less than the limits of force at the speeds of the readings.
+    passivity.ports = [Port {
+        most_damping: 10.0,
+        most_turning_damping: 10.0,
+        ..Port::UNKNOWN
+    }; MAX_DEVICES];
     let _ = config.bodies.push(CouplingConfig {
         scheme,
         period,
@@ -95,7 +103,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
         decay: 0.3,
         recovery: 0.2,
         hold_damping: 2.0,
-        passivity: PassivityConfig::new(1e-3),
+        passivity,
     });
     Controller::new(&config)
 }

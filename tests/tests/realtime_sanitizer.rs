@@ -45,6 +45,7 @@ fn every_scheme_ticks_under_the_sanitizer() {
         SchemeName::Hold,
         SchemeName::Thesis,
         SchemeName::Linear,
+        SchemeName::Proxy,
         SchemeName::Classic,
         SchemeName::Capped,
     ] {

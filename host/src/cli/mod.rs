@@ -100,6 +100,10 @@ enum CommandError {
     Speed(#[from] crate::study::speed::SpeedError),
     #[error(transparent)]
     Jobs(#[from] crate::study::stress::jobs::JobError),
+    #[error("{failed} of {of} cells fail")]
+    Stressed { failed: usize, of: usize },
+    #[error(transparent)]
+    StressScene(#[from] crate::study::stress::scene::StressError),
     #[error("{failed} of the suite's cases fail; they are listed above")]
     Unstable { failed: usize },
 }

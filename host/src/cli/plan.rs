@@ -37,7 +37,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         kinds.push(built.kind);
         choices.push(choose(&loaded.scene, &built.body));
     }
-    let stages = plan(&loaded.scene, &kinds, &choices);
+    let stages = plan(&loaded, &kinds, &choices);
     println!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };

@@ -4,11 +4,15 @@ use super::path::HandlePath;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
+use super::virtual_coupling::VirtualCoupling;
 use physics::fem::dense::Square;
-use physics::fem::{Body, Condensed, HandlePose, HandleReport};
+use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Wrench,
 };
+
+/// A handle comes after its hand by so much faster than that moves (m/s).
+const CATCH_UP: f64 = 0.5;
 
 /// A body, the paths of its handles, and how it publishes.
 pub struct HostBody {
@@ -21,10 +25,11 @@ pub struct HostBody {
     targets: Vec<HandlePose>,
     /// Length of a step (s).
     step: f64,
-    /// Publication period (s).
-    period: f64,
+    /// How far ahead models are to be good for (s).
+    horizon: f64,
     model: LocalModel,
     stored: Option<Stored>,
+    coupling: Option<VirtualCoupling>,
 }
 
 /// What a [`HostBody`] is made of.
@@ -45,8 +50,12 @@ pub struct HostBodyParts {
     pub step: f64,
     /// Publication period (s).
     pub period: f64,
+    /// How far ahead models are to be good for (s): from the state that one tells of to the last tick that uses it.
+    pub horizon: f64,
     /// Whether models say how much energy they store.
     pub tells_energy: bool,
+    /// What devices feel the body through, if not its local model itself.
+    pub coupling: Option<VirtualCoupling>,
 }
 
 impl HostBody {
@@ -64,6 +73,7 @@ impl HostBody {
         }
         Self {
             stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
+            coupling: parts.coupling,
             name: parts.name,
             solved: parts.solved,
             targets: Vec::with_capacity(parts.paths.len()),
@@ -72,7 +82,7 @@ impl HostBody {
             paths: parts.paths,
             devices: parts.devices,
             step: parts.step,
-            period: parts.period,
+            horizon: parts.horizon,
             model,
         }
     }
@@ -92,6 +102,17 @@ impl HostBody {
         &self.body
     }
 
+    /// The same body made of what `other` is made of, from now on. Its hands, paths and models go on.
+    ///
+    /// # Errors
+    /// [`BodyError`] where the two are not of the same mesh; nothing is changed then.
+    pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
+        other.body.continue_from(&self.body)?;
+        self.body = other.body;
+        self.solver = other.solver;
+        Ok(())
+    }
+
     /// Takes one tick's record.
     pub fn follow(&mut self, record: &TickRecord) {
         for path in &mut self.paths {
@@ -106,15 +127,7 @@ impl HostBody {
         watch: &impl Stopwatch,
         stats: &mut EngineStats,
     ) -> Result<Option<&LocalModel>, StepFault> {
-        self.targets.clear();
-        self.targets.extend(self.paths.iter().map(|path| {
-            let pose = path.pose();
-            HandlePose {
-                position: pose.position,
-                rotation: pose.rotation,
-            }
-        }));
-
+        let behind = self.aim();
         self.solver
             .step(&mut self.body, self.step, &self.targets, watch, stats)?;
         let solved = watch.now_ns();
@@ -125,7 +138,7 @@ impl HostBody {
         };
         // A late host may step twice on one record: a second model of the same time would be refused.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
-        if !publishes || told {
+        if !publishes || told || behind {
             return Ok(None);
         }
         self.condense(stats)?;
@@ -148,18 +161,54 @@ impl HostBody {
         if let Some(stored) = &mut self.stored {
             self.model.energy = stored.of(&self.model);
         }
+        let model = match &mut self.coupling {
+            Some(coupling) => coupling.through(&self.model),
+            None => &self.model,
+        };
         stats.publications += 1;
         stats.condense.record(watch.now_ns().saturating_sub(solved));
-        Ok(Some(&self.model))
+        Ok(Some(model))
+    }
+
+    /// Sets where the handles go in the next step: to where the hands are, but no faster than they move and
+    /// [`CATCH_UP`] on top. Returns whether one stays behind. After a stall a hand may be anywhere, and a handle that
+    /// went there at once would publish the blow instead of the body.
+    fn aim(&mut self) -> bool {
+        let mut behind = false;
+        self.targets.clear();
+        for (index, path) in self.paths.iter().enumerate() {
+            let pose = path.pose();
+            let from = self.body.handle_report(index);
+            let from = from.map_or(pose.position, |report| report.pose.position);
+            let (way, most) = (
+                pose.position - from,
+                (path.velocity().norm() + CATCH_UP) * self.step,
+            );
+            let length = way.norm();
+            let share = if length > most { most / length } else { 1.0 };
+            behind |= share < 1.0;
+            self.targets.push(HandlePose {
+                position: if share < 1.0 {
+                    from + way * share
+                } else {
+                    pose.position
+                },
+                rotation: pose.rotation,
+            });
+        }
+        behind
     }
 
     fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
-        let Some(condensed) = self.solver.condense(&self.body, self.period)? else {
+        let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);
         if let Some(stored) = &mut self.stored {
             stored.keep(condensed);
+        }
+        if let Some(coupling) = &mut self.coupling {
+            coupling.set_length(condensed.length);
         }
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {

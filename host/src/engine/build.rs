@@ -7,8 +7,9 @@ use super::path::HandlePath;
 use super::plan;
 use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
+use super::virtual_coupling::{Link, VirtualCoupling};
 use crate::bodies::{self, Built};
-use crate::scene::spec::{self, Scene, SolverName};
+use crate::scene::spec::{self, Scene, SchemeName, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::fast::{Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
 use physics::fem::cholesky::Kernels;
@@ -112,8 +113,33 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         devices,
         step: 1.0 / scene.host.step_rate,
         period: 1.0 / scene.host.publish_rate,
+        horizon: 1.0 / scene.host.publish_rate + scene.host.latency,
         tells_energy: plan::tells_energy(scene),
+        coupling: (scene.realtime.scheme == SchemeName::Proxy)
+            .then(|| VirtualCoupling::new(links(loaded, spec))),
     }))
+}
+
+/// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
+pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
+    let scene = &loaded.scene;
+    let each = body.handles.iter().map(|handle| {
+        let index = usize::from(device_of(scene, handle));
+        let device = &scene.devices[index];
+        let recommended = Link::recommended(&loaded.models[index]);
+        // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
+        let scale = device.motion_scale * device.motion_scale;
+        let realtime = &scene.realtime;
+        Link {
+            stiffness: realtime
+                .proxy_stiffness
+                .unwrap_or(recommended.stiffness / scale),
+            damping: realtime
+                .proxy_damping
+                .unwrap_or(recommended.damping / scale),
+        }
+    });
+    each.collect()
 }
 
 /// What steps a body.

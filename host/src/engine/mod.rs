@@ -16,10 +16,12 @@ pub mod plan;
 pub mod solver;
 pub mod stats;
 mod stored;
+pub mod virtual_coupling;
 
 use body::HostBody;
 use faults::Faults;
 use pacer::Due;
+use physics::fem::BodyError;
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, Stopwatch};
 
@@ -48,6 +50,17 @@ impl Engine {
     /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
     pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
         self.faults.stall(now_ns)
+    }
+
+    /// The same bodies made of something else, from the next step on: `bodies` in the engine's order.
+    ///
+    /// # Errors
+    /// [`BodyError`] where one is not of the mesh of the one it replaces.
+    pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
+        for (body, other) in self.bodies.iter_mut().zip(bodies) {
+            body.exchange(other)?;
+        }
+        Ok(())
     }
 
     /// Takes one tick's record: where the hands were. Records are taken in order, none left out.

@@ -3,9 +3,11 @@
 //! A scene pays only for what it needs. The plan is decided from the scene and its bodies' meshes, before anything runs,
 //! and the engine is built from the same answers.
 
+use super::build::links;
 use super::choice::Choice;
 use crate::bodies::{Kind, bending};
 use crate::run::setup;
+use crate::scene::LoadedScene;
 use crate::scene::spec::{Scene, SchemeName, SolverName};
 
 /// One stage of the host step.
@@ -23,7 +25,7 @@ pub struct Stage {
 pub fn condenses(scene: &Scene) -> bool {
     matches!(
         scene.realtime.scheme,
-        SchemeName::Linear | SchemeName::Classic | SchemeName::Capped
+        SchemeName::Linear | SchemeName::Proxy | SchemeName::Classic | SchemeName::Capped
     )
 }
 
@@ -78,7 +80,8 @@ fn solver_in_words(scene: &Scene, choices: &[Choice]) -> String {
 }
 
 /// The stages of a host step in their order, for bodies of these kinds with these solvers.
-pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
+pub fn plan(loaded: &LoadedScene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
+    let scene = &loaded.scene;
     let stage = |name, needed, why: String| Stage { name, needed, why };
     let handles: usize = scene.bodies.iter().map(|body| body.handles.len()).sum();
     let each = || scene.bodies.iter().zip(kinds);
@@ -207,7 +210,11 @@ pub fn plan(scene: &Scene, kinds: &[Kind], choices: &[Choice]) -> Vec<Stage> {
         stage(
             "publish",
             true,
-            format!("one local model a body at {} Hz", scene.host.publish_rate),
+            format!(
+                "one local model a body at {} Hz{}",
+                scene.host.publish_rate,
+                through(loaded)
+            ),
         ),
     ]
 }
@@ -218,6 +225,19 @@ fn count(n: usize, what: &str) -> String {
         (_, "body") => format!("{n} bodies"),
         _ => format!("{n} {what}s"),
     }
+}
+
+/// What devices feel a body through, if not its local model itself.
+fn through(loaded: &LoadedScene) -> String {
+    let scene = &loaded.scene;
+    if scene.realtime.scheme != SchemeName::Proxy {
+        return String::new();
+    }
+    let links = scene.bodies.iter().flat_map(|body| links(loaded, body));
+    let links: Vec<_> = links
+        .map(|link| format!("{} N/m and {} N s/m", link.stiffness, link.damping))
+        .collect();
+    format!(", felt through {} to a proxy", links.join(", "))
 }
 
 /// What is assembled, for so many bodies of each kind.

@@ -13,12 +13,17 @@ pub enum AnyDevice {
 }
 
 impl AnyDevice {
+    /// The device itself: where it truly is, and what its motors hold.
+    pub fn simulated(&self) -> &SimDevice {
+        match self {
+            Self::Bare(device) => device,
+            Self::Wired(device) => device.device(),
+        }
+    }
+
     /// What the simulation knows of its energy, integrated between ticks.
     pub fn energy(&self) -> &EnergyAccount {
-        match self {
-            Self::Bare(device) => device.energy(),
-            Self::Wired(device) => device.device().energy(),
-        }
+        self.simulated().energy()
     }
 }
 

@@ -2,6 +2,7 @@
 
 pub mod collect;
 mod device;
+mod hand;
 mod real_clock;
 pub mod replay;
 mod report;
@@ -305,7 +306,7 @@ fn host_panicked(message: &str) -> String {
 }
 
 /// What a panic said.
-fn message(panic: &(dyn Any + Send)) -> &str {
+pub(crate) fn message(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()

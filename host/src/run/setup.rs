@@ -1,29 +1,24 @@
 //! From a scene to everything that a run needs, before anything runs.
 
-use super::AnyDevice;
+use super::{AnyDevice, hand};
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
-use crate::scene::spec::{self, DeviceName, Scene, SchemeName};
+use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
+use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
-use sim::trajectory::Sine;
-use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired, models};
+use sim::{DeviceModel, SimDevice, Wired};
 
-/// Time over which a hand's sinusoids fade in (s).
-const FADE_IN: f64 = 0.5;
 /// Ticks in a row that a device may stay silent before its force is taken away.
 const PATIENCE: u32 = 10;
-/// Damping that a sampled damper may have on a mass, as a share of the mass over the tick's period: a tenth of what
-/// is unstable, for the velocity is estimated.
-const MOST_DAMPING: f64 = 0.1;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,7 +130,7 @@ pub fn controls(
             ..Proxy::at(origin)
         };
         let safety = safety(&scene.devices[index], &device, scene, period);
-        passivity.ports[index] = port(&model(&scene.devices[index]), &safety, &proxy, period);
+        passivity.ports[index] = port(&loaded.models[index], &safety, &proxy, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { proxy, safety });
         devices.push(device);
@@ -156,6 +151,7 @@ pub fn scheme(scene: &Scene) -> Scheme {
             damping: scene.realtime.thesis_damping,
         },
         SchemeName::Linear => Scheme::Linear,
+        SchemeName::Proxy => Scheme::Proxy,
         SchemeName::Classic => Scheme::Classic,
         SchemeName::Capped => Scheme::Capped,
     }
@@ -166,7 +162,7 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
         scheme: scheme(scene),
         period,
         blend: scene.realtime.blend,
-        age_limit: scene.realtime.age_limit,
+        age_limit: scene.realtime.age_limit(),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         hold_damping: scene.realtime.hold_damping,
@@ -174,24 +170,18 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
     }
 }
 
-/// The mechanics behind a device's name.
-fn model(spec: &spec::Device) -> DeviceModel {
-    match spec.model {
-        DeviceName::Falcon => models::FALCON,
-        DeviceName::Touch => models::TOUCH,
-        DeviceName::PhantomPremium => models::PHANTOM_PREMIUM,
-        DeviceName::Omega3 => models::OMEGA3,
-    }
-}
-
 /// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
 fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) -> Port {
     let scale = proxy.motion_scale;
+    // The estimate that its driver makes.
+    let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
     Port {
         damping: model.damping / (scale * scale),
         friction: model.friction / scale,
-        most_damping: MOST_DAMPING * model.mass / period / (scale * scale * proxy.force_scale),
-        most_turning_damping: f64::INFINITY,
+        most_damping: most_damping(model.mass, period, delay) / (scale * scale * proxy.force_scale),
+        most_turning_damping: model.rotation.map_or(f64::INFINITY, |rotation| {
+            most_damping(rotation.inertia, period, delay) / proxy.force_scale
+        }),
         force_scale: proxy.force_scale,
         max_slew: safety.max_slew / (scale * proxy.force_scale),
     }
@@ -241,58 +231,12 @@ fn device(
     let field = format!("device[{index}]");
     let refuse =
         |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
-    let model = model(spec);
-    let arm = Arm {
-        mass: spec.hand.mass,
-        damping: spec.hand.damping,
-        stiffness: spec.hand.stiffness,
-    };
-    let mut hand = Hand::new(trajectory(loaded, index)?).with_arm(arm);
-    if spec.hand.tremor > 0.0 {
-        // Each hand trembles on its own: the seed's numbers are told apart by the device's.
-        let own = seed.wrapping_mul(4).wrapping_add(index as u64);
-        hand = hand.with_tremor(Tremor::new(spec.hand.tremor, own).map_err(|e| refuse(&e))?);
-    }
-    let device = SimDevice::new(model, Some(hand), period).map_err(|e| refuse(&e))?;
+    let hand = hand::build(loaded, index, seed)?;
+    let device =
+        SimDevice::new(loaded.models[index], Some(hand), period).map_err(|e| refuse(&e))?;
     Ok(if spec.wire {
         AnyDevice::Wired(Box::new(Wired::new(device)))
     } else {
         AnyDevice::Bare(Box::new(device))
     })
-}
-
-fn trajectory(loaded: &LoadedScene, index: usize) -> Result<Trajectory, SceneError> {
-    let hand = &loaded.scene.devices[index].hand;
-    let mut parts = Vec::new();
-    let refuse = |part: &str, e: &dyn std::fmt::Display| {
-        let field = format!("device[{index}].hand.{part}");
-        loaded
-            .source
-            .error(&field, e.to_string(), "a trajectory that a hand can follow")
-    };
-    if !hand.waypoints.is_empty() {
-        let points: Vec<_> = hand
-            .waypoints
-            .iter()
-            .map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)))
-            .collect();
-        parts.push(Trajectory::new_waypoints(&points).map_err(|e| refuse("waypoints", &e))?);
-    }
-    if !hand.sines.is_empty() {
-        let sines: Vec<_> = hand
-            .sines
-            .iter()
-            .map(|s| Sine {
-                amplitude: Vec3::from(s.amplitude),
-                frequency: s.frequency,
-                phase: s.phase,
-            })
-            .collect();
-        parts.push(Trajectory::new_sines(&sines, FADE_IN).map_err(|e| refuse("sines", &e))?);
-    }
-    if let Some(Some(samples)) = loaded.recordings.get(index) {
-        let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
-        parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
-    }
-    Ok(Trajectory::new_sum(parts))
 }

@@ -2,6 +2,7 @@
 
 use super::source::{Source, cut};
 use physics::mesh::MeshFileError;
+use sim::models::{ModelError, ModelProblem};
 use std::{fmt, io, path::PathBuf};
 use thiserror::Error;
 
@@ -104,6 +105,32 @@ impl SceneError {
         Self::Malformed {
             place: source.place_at("", start),
             problem: format!("not valid TOML: {}", cut(error.message(), LONGEST)),
+        }
+    }
+
+    /// A device's file is none: said as a scene's own mistakes are, with that file's line and field.
+    pub(super) fn model(file: String, error: ModelError) -> Self {
+        let ModelError {
+            line,
+            field,
+            problem,
+        } = error;
+        let place = Place { file, line, field };
+        match problem {
+            ModelProblem::Syntax(problem) => Self::Malformed {
+                place,
+                problem: format!("not valid TOML: {problem}"),
+            },
+            ModelProblem::Missing(name) => Self::Missing {
+                place,
+                name: format!("`{name}`"),
+            },
+            ModelProblem::Unknown { allowed } => Self::Unknown { place, allowed },
+            ModelProblem::Value { found, allowed } => Self::Value {
+                place,
+                found,
+                allowed,
+            },
         }
     }
 

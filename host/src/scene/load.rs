@@ -4,7 +4,8 @@ use super::consistency;
 use super::error::SceneError;
 use super::recording::{self, Sample};
 use super::source::Source;
-use super::spec::{MeshSource, Scene};
+use super::spec::{MeshSource, ModelName, Scene};
+use sim::{DeviceFile, DeviceModel};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
@@ -26,6 +27,8 @@ pub struct LoadedScene {
     pub source: Source,
     /// The mesh file of each body that names one, in the order of the bodies.
     pub meshes: Vec<Option<MeshFile>>,
+    /// The model of each device, in the order of the devices.
+    pub models: Vec<DeviceModel>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
     /// What each file that the scene names holds, by the name that it calls it: what a log keeps.
@@ -153,6 +156,26 @@ fn load(
         });
     }
 
+    let mut models = Vec::new();
+    for (index, device) in scene.devices.iter().enumerate() {
+        let field = format!("device[{index}].model");
+        models.push(match &device.model {
+            ModelName::BuiltIn(name) => DeviceModel::named(name)
+                .ok_or_else(|| source.error(&field, *name, "a device that is carried along"))?,
+            ModelName::File(file) => {
+                let (path, bytes) = named(file, &field)?;
+                let text = text_of(bytes).map_err(|error| SceneError::File {
+                    place: source.place(&field),
+                    path: path.clone(),
+                    source: error,
+                })?;
+                DeviceFile::parse(&text)
+                    .map_err(|error| SceneError::model(path.display().to_string(), error))?
+                    .model
+            }
+        });
+    }
+
     let mut recordings = Vec::new();
     for (index, device) in scene.devices.iter().enumerate() {
         recordings.push(match &device.hand.recording {
@@ -173,6 +196,7 @@ fn load(
         scene,
         source,
         meshes,
+        models,
         recordings,
         files,
     })

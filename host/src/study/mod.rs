@@ -5,3 +5,4 @@ pub mod extrapolation;
 pub mod speed;
 pub mod stability;
 pub mod stress;
+pub mod velocity;

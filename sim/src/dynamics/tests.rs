@@ -1,3 +1,5 @@
+mod stick_slip;
+
 use super::*;
 use proptest::prelude::*;
 

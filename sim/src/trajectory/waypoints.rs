@@ -11,6 +11,8 @@ use rt_core::Vec3;
 pub(super) struct Waypoints {
     /// Time (s) and displacement from the first (m).
     points: Vec<(f64, Vec3)>,
+    /// Whether they begin anew after the last.
+    again: bool,
 }
 
 impl Waypoints {
@@ -24,10 +26,32 @@ impl Waypoints {
         }
         Ok(Self {
             points: waypoints.iter().map(|(t, p)| (*t, p - first.1)).collect(),
+            again: false,
         })
     }
 
+    /// The same over and over; it must end where it begins.
+    pub(super) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
+        check_timed(waypoints, 2)?;
+        let path = Self::new(waypoints)?;
+        match path.points.last() {
+            Some((_, last)) if *last != Vec3::zeros() => {
+                Err(TrajectoryError::Open { found: last.norm() })
+            }
+            _ => Ok(Self {
+                again: true,
+                ..path
+            }),
+        }
+    }
+
     pub(super) fn at(&self, time: f64) -> Knot {
+        let time = match (self.points.first(), self.points.last()) {
+            (Some((first, _)), Some((last, _))) if self.again && time >= *last => {
+                first + (time - first) % (last - first)
+            }
+            _ => time,
+        };
         let next = self.points.partition_point(|(t, _)| *t <= time);
         let before = next.checked_sub(1).and_then(|k| self.points.get(k));
         match (before, self.points.get(next)) {
@@ -68,6 +92,26 @@ mod tests {
         let (_, v) = reach.at(0.5 + 1e-4);
         // The next term is 2 t / T = 2.5e-4 of it; rounding of t about 1e-12.
         assert!((v.norm() / (30.0 * 0.05 * 1e-8 / 0.512) - 1.0).abs() < 3e-4);
+    }
+
+    #[test]
+    fn a_cycle_begins_anew_and_must_close() {
+        let out = Vec3::new(0.01, 0.0, 0.0);
+        let points = [(0.5, Vec3::zeros()), (0.75, out), (1.5, Vec3::zeros())];
+        let once = Waypoints::new(&points).unwrap();
+        let cycle = Waypoints::new_cycle(&points).unwrap();
+        for k in 0..150 {
+            // Eighths and halves of numbers near one: the times are exact.
+            let t = f64::from(k) / 128.0;
+            assert_eq!(cycle.at(t), once.at(t));
+            if t >= 0.5 {
+                assert_eq!(cycle.at(t + 3.0), once.at(t));
+            }
+        }
+        assert_eq!(
+            Waypoints::new_cycle(&points[..2]).unwrap_err(),
+            TrajectoryError::Open { found: 0.01 }
+        );
     }
 
     proptest! {

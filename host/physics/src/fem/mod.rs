@@ -10,6 +10,7 @@
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - [`body`], `build`, `energy`, `memory` and `step`: the body, its construction, its sums, what it holds and its
 //!   realtime step.
+//! - `exchange`: the same body made of something else.
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
 //! - `guard`: a bound on the energy that a step may leave.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
@@ -29,6 +30,7 @@ pub mod elements;
 mod energy;
 pub mod equilibrium;
 pub mod error;
+mod exchange;
 pub(crate) mod guard;
 pub mod handle;
 pub mod integrator;

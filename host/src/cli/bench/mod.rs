@@ -4,6 +4,7 @@ mod accuracy;
 mod extrapolation;
 mod speed;
 mod stability;
+mod velocity;
 
 use super::{CommandError, progress_bar};
 
@@ -24,6 +25,8 @@ enum What {
     Speed(speed::SpeedArguments),
     /// Stress every law, element and scheme; fails if a number is not finite or energy comes from nowhere
     Stability(stability::StabilityArguments),
+    /// Error, noise and delay of every way to estimate velocity from encoder counts, and what damping it bears
+    Velocity(velocity::VelocityArguments),
 }
 
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
@@ -32,5 +35,6 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
         What::Extrapolation(arguments) => extrapolation::run(arguments),
         What::Speed(arguments) => speed::run(arguments),
         What::Stability(arguments) => stability::run(arguments),
+        What::Velocity(arguments) => velocity::run(arguments),
     }
 }

@@ -1,5 +1,7 @@
 //! `palpate stress`: what is to be run before a person touches a device. Under virtual time, on all cores, in shards.
 
+mod faults;
+mod scene;
 mod wall;
 
 use super::{CommandError, progress_bar};
@@ -19,6 +21,10 @@ pub(super) struct StressArguments {
 enum What {
     /// A stiff wall on each device: where energy comes out of it, against theory, under each scheme
     Wall(wall::WallArguments),
+    /// A hundred million ticks of input that no device, host or clock should ever give
+    Faults(faults::FaultsArguments),
+    /// A scene under all kinds of hands, rates and faults, under each scheme
+    Scene(scene::SceneArguments),
 }
 
 /// What all of its commands take.
@@ -58,6 +64,8 @@ impl Common {
 pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Wall(arguments) => wall::run(arguments),
+        What::Faults(arguments) => faults::run(arguments),
+        What::Scene(arguments) => scene::run(arguments),
     }
 }
 

@@ -6,11 +6,12 @@
 
 mod visitors;
 
+use super::spec::ModelName;
 use serde::de::{Deserialize, Deserializer};
 use std::marker::PhantomData;
 use visitors::{
-    AxesVisitor, Cells, Finite, List, Number, Positive, TableVisitor, TablesVisitor, Whole,
-    WordVisitor,
+    AxesVisitor, Cells, Finite, List, ModelVisitor, Number, Positive, TableVisitor, TablesVisitor,
+    Whole, WordVisitor,
 };
 
 /// Longest run (s): a day.
@@ -52,6 +53,8 @@ ranges! {
     latency: "a number from 0 to 1 (s)", |v| (0.0..=1.0).contains(&v);
     /// Frequency of a hand's motion (Hz).
     hand_frequency: "a number above 0 and up to 5 (Hz)", |v| v > 0.0 && v <= 5.0;
+    /// Share by which a hand's task varies.
+    variation: "a number from 0 to 0.5", |v| (0.0..=0.5).contains(&v);
 }
 
 macro_rules! optional {
@@ -72,6 +75,10 @@ optional! {
     optional_positive: positive => f64;
     /// Zero or above, for a field that may be left out.
     optional_not_negative: not_negative => f64;
+    /// Frequency of a hand's motion, for a field that may be left out.
+    optional_hand_frequency: hand_frequency => f64;
+    /// Share by which a task varies, for a field that may be left out.
+    optional_variation: variation => f64;
     /// Poisson's ratio, for a field that may be left out.
     optional_poisson: poisson => f64;
     /// Three finite numbers, for a field that may be left out.
@@ -206,6 +213,15 @@ pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result
 /// Says what was found and what is allowed.
 pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_str(WordVisitor(PhantomData))
+}
+
+/// A device that is carried along, or a device's file.
+///
+/// # Errors
+///
+/// Says what was found and what is allowed.
+pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
+    from.deserialize_str(ModelVisitor)
 }
 
 /// One of several names, for a field that may be left out.

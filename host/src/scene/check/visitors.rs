@@ -1,6 +1,6 @@
 //! How the ranges of [`super`] are read: serde's visitors.
 
-use super::{finite, positive, table};
+use super::{ModelName, finite, positive, table};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, Error, IntoDeserializer, Unexpected};
 use serde::de::{MapAccess, SeqAccess, Visitor};
@@ -138,6 +138,35 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for WordVisitor<T> {
 
     fn visit_str<E: Error>(self, name: &str) -> Result<T, E> {
         T::deserialize(name.into_deserializer())
+    }
+}
+
+/// Reads the name of a device or of its file.
+pub(super) struct ModelVisitor;
+
+impl Visitor<'_> for ModelVisitor {
+    type Value = ModelName;
+
+    fn expecting(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (name, _) in sim::models::FILES {
+            write!(to, "`{name}`, ")?;
+        }
+        to.write_str("or the name of a device's file, which ends in .toml")
+    }
+
+    fn visit_str<E: Error>(self, name: &str) -> Result<ModelName, E> {
+        if let Some((known, _)) = sim::models::FILES.iter().find(|(known, _)| *known == name) {
+            return Ok(ModelName::BuiltIn(known));
+        }
+        let printable = !name.chars().any(char::is_control);
+        let file = name
+            .strip_suffix(".toml")
+            .is_some_and(|stem| !stem.trim().is_empty());
+        if printable && file {
+            Ok(ModelName::File(name.to_owned()))
+        } else {
+            Err(E::invalid_value(Unexpected::Str(name), &self))
+        }
     }
 }
 

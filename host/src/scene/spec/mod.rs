@@ -5,6 +5,7 @@
 
 pub mod body;
 pub mod device;
+pub mod hand;
 pub mod mesh;
 pub mod solve;
 
@@ -12,7 +13,8 @@ use super::check;
 use serde::Deserialize;
 
 pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
-pub use device::{Device, DeviceName, Hand};
+pub use device::{Device, ModelName};
+pub use hand::{GripName, Hand, TaskName};
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.
@@ -74,12 +76,18 @@ pub struct Realtime {
     /// `thesis` only: damping of the proxy (N s/m).
     #[serde(deserialize_with = "check::not_negative")]
     pub thesis_damping: f64,
+    /// `proxy` only: spring between device and proxy (N/m); what the device's driver recommends if not given.
+    #[serde(deserialize_with = "check::optional_positive")]
+    pub proxy_stiffness: Option<f64>,
+    /// `proxy` only: damper between device and proxy (N s/m); likewise.
+    #[serde(deserialize_with = "check::optional_not_negative")]
+    pub proxy_damping: Option<f64>,
     /// Share of a publication period over which a new model takes over.
     #[serde(deserialize_with = "check::share")]
     pub blend: f64,
-    /// Age beyond which a model is not trusted (s).
-    #[serde(deserialize_with = "check::positive")]
-    pub age_limit: f64,
+    /// Age beyond which a model is not trusted (s); if not given, see [`Realtime::age_limit`].
+    #[serde(deserialize_with = "check::optional_positive")]
+    pub age_limit: Option<f64>,
     /// Time in which the force then fades (s).
     #[serde(deserialize_with = "check::positive")]
     pub decay: f64,
@@ -95,15 +103,29 @@ impl Default for Realtime {
     fn default() -> Self {
         Self {
             rate: 1000.0,
-            scheme: SchemeName::Linear,
+            scheme: SchemeName::Capped,
             thesis_stiffness: 200.0,
             thesis_damping: 2.0,
+            proxy_stiffness: None,
+            proxy_damping: None,
             blend: 0.5,
-            age_limit: 0.1,
+            age_limit: None,
             decay: 0.3,
             recovery: 0.2,
             hold_damping: 2.0,
         }
+    }
+}
+
+impl Realtime {
+    /// Age beyond which a model is not trusted (s). Under `capped` an old model is a passive spring, whatever has
+    /// become of the body, and a force that fades loses what hands have put in: two seconds, the longest stall that
+    /// the stress study knows. Under the others it is on its own: a tenth.
+    pub fn age_limit(&self) -> f64 {
+        self.age_limit.unwrap_or(match self.scheme {
+            SchemeName::Capped => 2.0,
+            _ => 0.1,
+        })
     }
 }
 
@@ -117,7 +139,9 @@ pub enum SchemeName {
     Thesis,
     /// The local model's extrapolation.
     Linear,
-    /// The same, damped once the hands have got more than they gave.
+    /// The same, felt through a spring and a damper to a proxy.
+    Proxy,
+    /// As `Linear`, damped once the hands have got more than they gave.
     Classic,
     /// As `Linear`, held to the energy that the hands have put in.
     Capped,

@@ -25,14 +25,19 @@ use crate::study::stress::jobs::{self, Header, JobError, Options, Progress};
 use rig::Wall;
 use rt_core::Scheme;
 use serde::{Deserialize, Serialize};
-use sim::{Arm, DeviceModel, models};
+use sim::{Arm, DeviceModel};
 use std::collections::BTreeMap;
 use theory::{Plant, Sampled};
 
 /// Version of the lines of results.
 const SCHEMA: u32 = 1;
 /// The schemes that are compared.
-pub const SCHEMES: [Scheme; 3] = [Scheme::Linear, Scheme::Classic, Scheme::Capped];
+pub const SCHEMES: [Scheme; 4] = [
+    Scheme::Linear,
+    Scheme::Proxy,
+    Scheme::Classic,
+    Scheme::Capped,
+];
 /// Energy up to which a scheme's wall counts as safe (J).
 pub const SAFE: f64 = 1e-3;
 /// Share of the stiffness asked for that must be rendered for a scheme's wall to count.
@@ -176,10 +181,7 @@ impl Study {
             &[1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0]
         };
         let mut tasks = Vec::new();
-        for (device, model) in models::ALL
-            .into_iter()
-            .take(if quick { 2 } else { usize::MAX })
-        {
+        for (device, model) in DeviceModel::all().take(if quick { 2 } else { usize::MAX }) {
             let rates: &[u32] = if quick { &[1000] } else { &[1000, 4000] };
             for (&rate, &delay) in rates
                 .iter()
@@ -248,11 +250,10 @@ impl Study {
 
     /// What the results are a function of.
     pub fn header(&self) -> Header {
-        let models: BTreeMap<_, _> = models::ALL
-            .iter()
+        let models: BTreeMap<_, _> = DeviceModel::all()
             .map(|(name, m)| {
                 let numbers = [m.mass, m.damping, m.friction, m.position_step, m.max_force];
-                (*name, numbers)
+                (name, numbers)
             })
             .collect();
         Header {

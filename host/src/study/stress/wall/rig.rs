@@ -1,10 +1,11 @@
 //! The wall in the real controller, as the adversary and the simulated hand meet it.
 
+use crate::engine::virtual_coupling::Link;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
 use rt_core::safety::SafetyConfig;
-use rt_core::velocity::VelocityEstimator;
+use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
     PassivityConfig, Pose, Scheme, Twist, Vec3,
@@ -12,8 +13,6 @@ use rt_core::{
 use sim::DeviceModel;
 use sim::adversary::{Port, Rendering};
 
-/// Damping that a device is trusted to render, as a share of its mass over the tick's period: as scenes have it.
-const MOST_DAMPING: f64 = 0.1;
 /// Ticks until the wall is there whole: the model blends in over a few.
 const WARM_UP: u32 = 20;
 
@@ -66,10 +65,15 @@ impl Wall {
         let period = self.period();
         let mut passivity = PassivityConfig::new(period);
         passivity.delay = self.delay;
+        let late = if self.whole {
+            estimator(self).delay()
+        } else {
+            0.5 * period
+        } + self.delay as f64 * period;
         passivity.ports[0] = rt_core::Port {
             damping: self.model.damping,
             friction: self.port().friction,
-            most_damping: MOST_DAMPING * self.model.mass / period,
+            most_damping: most_damping(self.model.mass, period, late),
             ..rt_core::Port::UNKNOWN
         };
         let mut config = ControllerConfig::default();
@@ -109,9 +113,23 @@ impl Wall {
         model.period = self.period();
         model.handle_count = 1;
         model.handles[0].contact = Vec3::x();
-        model.stiffness[0][0][(0, 0)] = self.stiffness;
-        model.damping[0][0][(0, 0)] = self.damping;
+        let [stiffness, damping] = self.published();
+        model.stiffness[0][0][(0, 0)] = stiffness;
+        model.damping[0][0][(0, 0)] = damping;
         model
+    }
+
+    /// Stiffness and damping that the host publishes: the wall's, or with a virtual coupling before it those of both in
+    /// series, as `engine::virtual_coupling` has it.
+    fn published(&self) -> [f64; 2] {
+        if self.scheme != Scheme::Proxy {
+            return [self.stiffness, self.damping];
+        }
+        let link = Link::recommended(&self.model);
+        let share = link.stiffness / (link.stiffness + self.stiffness);
+        let rest = 1.0 - share;
+        let damping = share * share * self.damping + rest * rest * link.damping;
+        [share * self.stiffness, damping]
     }
 }
 
@@ -158,7 +176,7 @@ impl Rig {
 }
 
 fn estimator(wall: &Wall) -> VelocityEstimator {
-    VelocityEstimator::new(wall.period(), VelocityEstimator::DEFAULT_CUTOFF)
+    VelocityEstimator::for_encoder(wall.period(), wall.model.position_step)
 }
 
 impl Rendering for Rig {

@@ -277,7 +277,10 @@ mod tests {
             position_step: 0.03e-3,
             max_force: 8.0,
             workspace_radius: 0.1,
+            driver_stiffness: 1000.0,
+            driver_damping: 1.0,
             rate_hz: 1000,
+            rotation: None,
         };
         // Much friction: falls towards 2 b / T with speed, as (2 b n d / T + 2 f) / ((n + 1) d).
         let n = 33.0 * 0.03e-3;

@@ -1,0 +1,101 @@
+//! A body that goes on as another one, of the same mesh and of something else.
+
+mod fem_support;
+
+use fem_support::*;
+use physics::Vec3;
+use physics::fast::{Stepper, StepperOptions};
+use physics::fem::{Body, BodyConfig, BodyError, Freedom, HandlePose, Material};
+
+const LX: f64 = 0.1;
+const STEP: f64 = 1e-3;
+
+/// A strip between two handles, of this share of rubber's stiffness.
+fn strip(share: f64, cells: u32) -> (Body, Vec<HandlePose>) {
+    let mesh = grid(cells, 4, LX, 0.04, Split::Right);
+    let handles = [
+        handle(&mesh, Freedom::Translation, |x| x.x < 1e-9),
+        handle(&mesh, Freedom::Translation, |x| x.x > LX - 1e-9),
+    ];
+    let base = rubber(0.3);
+    let material = Material {
+        young: share * base.young,
+        ..base
+    };
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        bending: 1.0,
+        ..tight()
+    };
+    let body = Body::sheet(&mesh, &[material], config, &handles).unwrap();
+    (body, rest_poses(&handles))
+}
+
+/// The right hand's way after so many steps: it pulls, ever faster.
+fn pulled(rest: &[HandlePose], steps: i32) -> [HandlePose; 2] {
+    let t = f64::from(steps) * STEP;
+    let mut poses = [rest[0], rest[1]];
+    poses[1].position.x += 0.5 * t * t;
+    poses
+}
+
+#[test]
+fn of_the_same_material_nothing_is_felt_of_it() {
+    let (mut body, rest) = strip(1.0, 10);
+    let (mut other, _) = strip(1.0, 10);
+    for step in 1..=100 {
+        body.step(STEP, &pulled(&rest, step)).unwrap();
+    }
+    other.continue_from(&body).unwrap();
+    for step in 101..=110 {
+        body.step(STEP, &pulled(&rest, step)).unwrap();
+        other.step(STEP, &pulled(&rest, step)).unwrap();
+        // The bound on a step's energy starts anew and is not met here: the very same arithmetic.
+        assert_eq!(body.handle_report(1), other.handle_report(1));
+        assert_eq!(body.node_positions(), other.node_positions());
+    }
+}
+
+#[test]
+fn a_softer_one_keeps_motion_and_loses_its_share_of_energy() {
+    let (mut body, rest) = strip(1.0, 10);
+    let (mut soft, _) = strip(0.25, 10);
+    for step in 1..=200 {
+        body.step(STEP, &pulled(&rest, step)).unwrap();
+    }
+    soft.continue_from(&body).unwrap();
+    assert_eq!(soft.momentum(), body.momentum());
+    // Membrane and bending are linear in Young's modulus: rounding of a few hundred sums.
+    let share = soft.elastic_energy() / body.elastic_energy();
+    assert!((share - 0.25).abs() < 1e-12, "{share}");
+    // What holds it pulls with a quarter once it has come to rest, whoever steps it.
+    let mut stepper = Stepper::<f64>::new(&soft, StepperOptions::default()).unwrap();
+    let targets = pulled(&rest, 200);
+    for _ in 0..4000 {
+        body.step(STEP, &targets).unwrap();
+        stepper.step(&mut soft, STEP, &targets, || false).unwrap();
+    }
+    let pull = |body: &Body| body.handle_report(1).unwrap().wrench_on_hand.force.x;
+    // The solver's 1e-6, and what little of the motion 4 s leave.
+    assert!((pull(&soft) / pull(&body) - 0.25).abs() < 1e-4);
+}
+
+#[test]
+fn another_mesh_is_refused_and_nothing_changed() {
+    let (mut body, _) = strip(1.0, 10);
+    let (other, _) = strip(1.0, 12);
+    let before = body.node_positions().to_vec();
+    let refused = body.continue_from(&other).unwrap_err();
+    assert!(
+        matches!(
+            refused,
+            BodyError::Length {
+                found: 65,
+                expected: 55,
+                ..
+            }
+        ),
+        "{refused}"
+    );
+    assert_eq!(body.node_positions(), before);
+}

@@ -1,0 +1,233 @@
+//! Virtual coupling: devices tied to massless proxies by springs and dampers, and the proxies to
+//! the body.
+//!
+//! J. E. Colgate, M. C. Stanley and J. M. Brown, "Issues in the haptic display of tool use" (1995);
+//! the proxy is that of C. B. Zilles and J. K. Salisbury, "A constraint-based god-object method for
+//! haptic display" (1995). However stiff the body, a hand feels no more than the spring, which is
+//! chosen so that its device can render it.
+//!
+//! The proxies have no mass: they are where the linearized body's wrench `a - K q` (its stiffness
+//! `K`, its wrench `a` without what its dampers do) and the springs' `Kc (d - q)` balance, `d`
+//! being where the devices are. So the device feels body and spring in series, all handles
+//! together:
+//!
+//! ```text
+//! S  = (I + K C)^-1         C = Kc^-1: the springs' compliance; the proxies move by S^T d + C S a
+//! a' = S a
+//! K' = S K = S K S^T + (I - S) Kc (I - S)^T
+//! B' = S B S^T + (I - S) Bc (I - S)^T
+//! ```
+//!
+//! The second form of `K'` is the energy of body and springs, that of `B'` what body and dampers
+//! dissipate as the proxies follow: both are positive where the body's are, and a free body is not
+//! damped. With `C = R R` the matrix that is factorized is `M = I + R K R`, symmetric and never
+//! near singular, also where the body gives way or a motion has no spring (`R = 0`: the proxy is
+//! the device). `Y = M^-1 R K` gives `S = I - Y^T R`, and with `t` the ratio of a spring's damping
+//! to its stiffness `K' = S K S^T + Y^T Y`, `B' = S B S^T + Y^T t Y`.
+//!
+//! It is done here and not in the tick, which renders the published model as it is.
+
+use physics::fem::dense::Square;
+use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
+use sim::DeviceModel;
+
+/// The spring and the damper between one device and its proxy, in the scene's metres and newtons.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Link {
+    /// Stiffness (N/m), above zero.
+    pub stiffness: f64,
+    /// Damping (N s/m).
+    pub damping: f64,
+}
+
+impl Link {
+    /// What the device's driver recommends at most.
+    pub fn recommended(device: &DeviceModel) -> Self {
+        Self {
+            stiffness: device.driver_stiffness,
+            damping: device.driver_damping,
+        }
+    }
+}
+
+/// Couples the devices of one body's handles to it.
+pub struct VirtualCoupling {
+    links: Vec<Link>,
+    /// The length (m) at whose end a spring resists a turn.
+    length: f64,
+    /// `R` and `t`, a row each.
+    root: Vec<f64>,
+    ratio: Vec<f64>,
+    body: [Square; 2],
+    coupled: [Square; 2],
+    /// The factor of `M`, then `Y` and `S`.
+    factor: Square,
+    follow: Square,
+    share: Square,
+    speed: Vec<f64>,
+    wrench: Vec<f64>,
+    model: LocalModel,
+}
+
+impl VirtualCoupling {
+    /// One link for each handle.
+    pub fn new(links: Vec<Link>) -> Self {
+        let size = 6 * links.len().min(MAX_HANDLES);
+        let zeros = || Square::zeros(size);
+        Self {
+            links,
+            length: 1.0,
+            root: vec![0.0; size],
+            ratio: vec![0.0; size],
+            body: [zeros(), zeros()],
+            coupled: [zeros(), zeros()],
+            factor: zeros(),
+            follow: zeros(),
+            share: zeros(),
+            speed: vec![0.0; size],
+            wrench: vec![0.0; size],
+            model: LocalModel::empty(),
+        }
+    }
+
+    /// Resists turns by the same springs at so long an arm (m). Of a handle whose turns the body
+    /// does not resist, nothing is felt: there is no spring either.
+    pub fn set_length(&mut self, length: f64) {
+        self.length = length;
+    }
+
+    /// The model that devices feel through their springs. What is stored in body and springs is not
+    /// told: zero.
+    pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
+        self.model = *model;
+        self.model.energy = 0.0;
+        self.read(model);
+        self.factorize();
+        self.combine();
+        self.write(model);
+        &self.model
+    }
+
+    fn read(&mut self, model: &LocalModel) {
+        let arm = self.length;
+        let rows = self.root.iter_mut().zip(&mut self.ratio).enumerate();
+        for (slot, (root, ratio)) in rows {
+            let Link { stiffness, damping } = self.links[slot / 6];
+            let lever = if slot % 6 < 3 { 1.0 } else { arm };
+            *root = 1.0 / (lever * stiffness.sqrt());
+            *ratio = damping / stiffness;
+        }
+        let blocks = [&model.stiffness, &model.damping];
+        for (matrix, blocks) in self.body.iter_mut().zip(blocks) {
+            for j in 0..matrix.size() {
+                for i in 0..matrix.size() {
+                    matrix[(i, j)] = blocks[i / 6][j / 6][(i % 6, j % 6)];
+                }
+            }
+        }
+    }
+
+    /// `Y` and `S`, by a Cholesky factor of `M`.
+    fn factorize(&mut self) {
+        let (root, [stiffness, _]) = (&self.root, &self.body);
+        let size = root.len();
+        for j in 0..size {
+            for i in j..size {
+                let mut sum = root[i] * stiffness[(i, j)] * root[j];
+                if i == j {
+                    sum += 1.0;
+                }
+                for k in 0..j {
+                    sum -= self.factor[(i, k)] * self.factor[(j, k)];
+                }
+                self.factor[(i, j)] = if i == j {
+                    sum.sqrt()
+                } else {
+                    sum / self.factor[(j, j)]
+                };
+            }
+        }
+        for c in 0..size {
+            for i in 0..size {
+                let mut sum = root[i] * stiffness[(i, c)];
+                for k in 0..i {
+                    sum -= self.factor[(i, k)] * self.follow[(k, c)];
+                }
+                self.follow[(i, c)] = sum / self.factor[(i, i)];
+            }
+            for i in (0..size).rev() {
+                let mut sum = self.follow[(i, c)];
+                for k in i + 1..size {
+                    sum -= self.factor[(k, i)] * self.follow[(k, c)];
+                }
+                self.follow[(i, c)] = sum / self.factor[(i, i)];
+            }
+        }
+        for j in 0..size {
+            for i in 0..size {
+                let whole = if i == j { 1.0 } else { 0.0 };
+                self.share[(i, j)] = whole - self.follow[(j, i)] * root[j];
+            }
+        }
+    }
+
+    /// `K'` and `B'`.
+    fn combine(&mut self) {
+        let size = self.root.len();
+        let half = &mut self.factor;
+        let each = self.coupled.iter_mut().zip(&self.body).enumerate();
+        for (which, (coupled, body)) in each {
+            for j in 0..size {
+                for i in 0..size {
+                    half[(i, j)] = (0..size).map(|k| self.share[(i, k)] * body[(k, j)]).sum();
+                }
+            }
+            for j in 0..size {
+                for i in 0..size {
+                    let through = (0..size).map(|k| half[(i, k)] * self.share[(j, k)]);
+                    let spring = (0..size).map(|k| {
+                        let weight = if which == 0 { 1.0 } else { self.ratio[k] };
+                        weight * self.follow[(k, i)] * self.follow[(k, j)]
+                    });
+                    coupled[(i, j)] = through.sum::<f64>() + spring.sum::<f64>();
+                }
+            }
+            coupled.symmetrize();
+        }
+    }
+
+    /// The model's blocks, and its wrenches: `a' - B' v` where the body moved with `v`.
+    fn write(&mut self, model: &LocalModel) {
+        let places = self.speed.chunks_exact_mut(6);
+        let places = places.zip(self.wrench.chunks_exact_mut(6));
+        for ((speed, wrench), handle) in places.zip(model.handles()) {
+            speed.copy_from_slice(handle.twist.stacked().as_slice());
+            wrench.copy_from_slice(handle.wrench.stacked().as_slice());
+        }
+        let size = self.root.len();
+        let times = |matrix: &Square, vector: &[f64], i: usize| -> f64 {
+            (0..size).map(|k| matrix[(i, k)] * vector[k]).sum()
+        };
+        let [stiffness, damping] = &self.coupled;
+        for i in 0..size {
+            self.wrench[i] += times(&self.body[1], &self.speed, i);
+        }
+        for (h, handle) in self.model.handles.iter_mut().enumerate().take(size / 6) {
+            let wrench = Vec6::from_fn(|r, _| {
+                let slot = 6 * h + r;
+                times(&self.share, &self.wrench, slot) - times(damping, &self.speed, slot)
+            });
+            handle.wrench = Wrench::from_stacked(&wrench);
+        }
+        for j in 0..size {
+            for i in 0..size {
+                let at = (i % 6, j % 6);
+                self.model.stiffness[i / 6][j / 6][at] = stiffness[(i, j)];
+                self.model.damping[i / 6][j / 6][at] = damping[(i, j)];
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

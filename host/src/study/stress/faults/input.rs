@@ -1,0 +1,200 @@
+//! Clocks that step, and devices that say what they should not.
+
+use super::Chance;
+use nalgebra::{Quaternion, UnitQuaternion};
+use rt_core::controller::Reading;
+use rt_core::{DeviceError, DeviceState, MAX_DEVICES, Pose, Twist, Vec3};
+
+/// The tick's period (ns).
+pub(super) const PERIOD_NS: u64 = 1_000_000;
+
+/// Numbers at the ends of what there is.
+const EXTREMES: [f64; 12] = [
+    0.0,
+    -0.0,
+    f64::NAN,
+    f64::INFINITY,
+    f64::NEG_INFINITY,
+    f64::MAX,
+    f64::MIN,
+    f64::MIN_POSITIVE,
+    5e-324,
+    f64::EPSILON,
+    1e154,
+    -1e-154,
+];
+
+/// One of them, or an ordinary one.
+pub(super) fn wild(draw: Chance, n: u64) -> f64 {
+    let pick = draw.unit(2 * n) * 2.0 * EXTREMES.len() as f64;
+    let ordinary = draw.between(2 * n + 1, -10.0, 10.0);
+    EXTREMES.get(pick as usize).copied().unwrap_or(ordinary)
+}
+
+/// What the tick is told of the time.
+pub(super) struct Clock {
+    chance: Chance,
+    now_ns: u64,
+}
+
+impl Clock {
+    pub(super) fn new(chance: Chance) -> Self {
+        Self {
+            chance: chance.of("clock"),
+            now_ns: 1_000_000_000,
+        }
+    }
+
+    /// The time of a tick. In one bad stretch in four it steps now and then, forwards or back; then it goes on from
+    /// there.
+    pub(super) fn next(&mut self, tick: u64, bad: Option<u64>) -> u64 {
+        self.now_ns = self.now_ns.saturating_add(PERIOD_NS);
+        let steps = bad.is_some_and(|stretch| self.chance.of("steps").unit(stretch) < 0.25);
+        if steps && self.chance.unit(2 * tick) < 0.02 {
+            // From a microsecond to three centuries.
+            let step = 10_f64.powf(self.chance.between(2 * tick + 1, 3.0, 19.0)) as u64;
+            self.now_ns = if self.chance.of("back").unit(tick) < 0.5 {
+                self.now_ns.saturating_sub(step)
+            } else {
+                self.now_ns.saturating_add(step)
+            };
+        }
+        if bad.is_none() && self.now_ns > u64::MAX / 2 {
+            // A clock at its end cannot go on: it begins again.
+            self.now_ns = 1_000_000_000;
+        }
+        self.now_ns
+    }
+}
+
+/// How the devices behave for a stretch.
+#[derive(Clone, Copy, Debug)]
+enum Mood {
+    /// As they should.
+    Calm,
+    /// Anywhere inside a room from one tick to the next.
+    Jump,
+    /// Numbers at the ends of what there is.
+    Wild,
+    /// An encoder that stands at one of its ends.
+    AtItsEnd,
+    /// No state, for every reason.
+    Silent,
+    /// A rotation that is none.
+    Twisted,
+    /// A new one of these in every tick.
+    Any,
+}
+
+const MOODS: [Mood; 7] = [
+    Mood::Calm,
+    Mood::Jump,
+    Mood::Wild,
+    Mood::AtItsEnd,
+    Mood::Silent,
+    Mood::Twisted,
+    Mood::Any,
+];
+
+fn mood(draw: Chance, n: u64) -> Mood {
+    let pick = draw.unit(n) * MOODS.len() as f64;
+    MOODS.get(pick as usize).copied().unwrap_or(Mood::Calm)
+}
+
+/// What the devices give.
+pub(super) struct Hands {
+    chance: Chance,
+    devices: usize,
+}
+
+impl Hands {
+    pub(super) fn new(chance: Chance, devices: usize) -> Self {
+        Self {
+            chance: chance.of("hands"),
+            devices,
+        }
+    }
+
+    /// What they give in a tick of a bad stretch of that number, or of a sound one.
+    pub(super) fn next(&self, tick: u64, bad: Option<u64>) -> [Reading; MAX_DEVICES] {
+        let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
+        for (device, reading) in readings.iter_mut().enumerate().take(self.devices) {
+            // Device 3's number 7 is not device 4's number 3.
+            let draw = self.chance.of(["a", "b", "c", "d"][device % 4]);
+            let mood = bad.map_or(Mood::Calm, |stretch| mood(draw.of("mood"), stretch));
+            *reading = read(mood, draw, tick, device);
+        }
+        readings
+    }
+}
+
+fn read(mood: Mood, draw: Chance, tick: u64, device: usize) -> Reading {
+    let n = 16 * tick;
+    let mut state = calm(tick, device);
+    match mood {
+        Mood::Calm => {}
+        Mood::Jump => {
+            state.pose.position = Vec3::from_fn(|i, _| draw.between(n + i as u64, -1.0, 1.0));
+            state.twist.linear = Vec3::from_fn(|i, _| draw.between(n + 3 + i as u64, -5.0, 5.0));
+        }
+        Mood::Wild => {
+            let number = |i: usize| wild(draw, n + i as u64);
+            state.pose.position = Vec3::from_fn(|i, _| number(i));
+            state.twist = Twist {
+                linear: Vec3::from_fn(|i, _| number(3 + i)),
+                angular: Vec3::from_fn(|i, _| number(6 + i)),
+            };
+        }
+        Mood::AtItsEnd => {
+            // Sixteen bits at 38 um.
+            let end = f64::from(i16::MAX) * 38e-6;
+            state.pose.position = Vec3::new(end, -end, end);
+        }
+        Mood::Silent => {
+            let errors = [
+                DeviceError::NoReport,
+                DeviceError::Disconnected(19),
+                DeviceError::Busy,
+            ];
+            let pick = draw.unit(n) * errors.len() as f64;
+            return Err(errors[(pick as usize).min(errors.len() - 1)]);
+        }
+        Mood::Twisted => {
+            let number = |i: u64| wild(draw, n + i);
+            state.pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(
+                number(0),
+                number(1),
+                number(2),
+                number(3),
+            ));
+        }
+        Mood::Any => return read(mood_but_any(draw, n), draw.of("any"), tick, device),
+    }
+    Ok(state)
+}
+
+fn mood_but_any(draw: Chance, n: u64) -> Mood {
+    match mood(draw, n) {
+        Mood::Any => Mood::Wild,
+        mood => mood,
+    }
+}
+
+/// A hand that moves gently about its place.
+fn calm(tick: u64, device: usize) -> DeviceState {
+    let phase = 0.01 * tick as f64 + device as f64;
+    let (sin, cos) = (libm::sin(phase), libm::cos(phase));
+    let axis = Vec3::new(sin, cos, 0.5);
+    let way = Vec3::new(cos, -sin, 0.0);
+    DeviceState {
+        pose: Pose {
+            position: axis * 5e-3,
+            rotation: UnitQuaternion::from_scaled_axis(axis * 0.1),
+        },
+        twist: Twist {
+            linear: way * (5e-3 * 10.0),
+            angular: way * (0.1 * 10.0),
+        },
+        ..DeviceState::resting()
+    }
+}

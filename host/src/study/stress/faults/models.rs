@@ -1,0 +1,158 @@
+//! Local models that no host should publish.
+
+use super::Chance;
+use super::input::wild;
+use rt_core::{LocalModel, MAX_HANDLES, Mat6, Vec3};
+
+/// Ticks between models.
+const EVERY: u64 = 16;
+
+/// How the host behaves for a stretch.
+#[derive(Clone, Copy, Debug)]
+enum Mood {
+    /// As it should.
+    Calm,
+    /// Nothing comes.
+    Silent,
+    /// Contradicts itself: another stiffness, wrench and reference every time, and of any sign.
+    Restless,
+    /// One number of it is at the ends of what there is.
+    Spoilt,
+    /// All of it is.
+    Wild,
+    /// Times, handles and devices that cannot be.
+    Confused,
+}
+
+const MOODS: [Mood; 6] = [
+    Mood::Calm,
+    Mood::Silent,
+    Mood::Restless,
+    Mood::Spoilt,
+    Mood::Wild,
+    Mood::Confused,
+];
+
+/// What the host publishes for one body held by every device.
+pub(super) struct Models {
+    chance: Chance,
+    devices: usize,
+    sequence: u64,
+}
+
+impl Models {
+    pub(super) fn new(chance: Chance, devices: usize) -> Self {
+        Self {
+            chance: chance.of("models"),
+            devices,
+            sequence: 0,
+        }
+    }
+
+    /// What comes before a tick of a bad stretch of that number, or of a sound one.
+    pub(super) fn next(&mut self, tick: u64, now_ns: u64, bad: Option<u64>) -> Option<LocalModel> {
+        if !tick.is_multiple_of(EVERY) {
+            return None;
+        }
+        self.sequence += 1;
+        let mut model = sound(self.devices);
+        model.sequence = self.sequence;
+        model.time_ns = now_ns;
+        let moods = self.chance.of("mood");
+        let mood = bad.map_or(Mood::Calm, |stretch| {
+            let pick = moods.unit(stretch) * MOODS.len() as f64;
+            MOODS.get(pick as usize).copied().unwrap_or(Mood::Calm)
+        });
+        let draw = self.chance.of("number");
+        let n = 1024 * tick;
+        match mood {
+            Mood::Calm => {}
+            Mood::Silent => return None,
+            Mood::Restless => restless(&mut model, draw, n),
+            Mood::Spoilt => {
+                let handle = (draw.unit(n) * self.devices as f64) as usize % MAX_HANDLES;
+                model.stiffness[handle][handle][(1, 1)] = wild(draw, n + 1);
+            }
+            Mood::Wild => {
+                let mut next = n;
+                let mut number = || {
+                    next += 1;
+                    wild(draw, next)
+                };
+                model.energy = number();
+                for handle in &mut model.handles {
+                    handle.wrench.force = Vec3::from_fn(|_, _| number());
+                    handle.pose.position = Vec3::from_fn(|_, _| number());
+                    handle.twist.linear = Vec3::from_fn(|_, _| number());
+                }
+                // Mostly finite, or nothing of it would ever get in.
+                if draw.unit(n) < 0.9 {
+                    tame(&mut model);
+                }
+            }
+            Mood::Confused => confuse(&mut model, draw, n),
+        }
+        Some(model)
+    }
+}
+
+/// A sheet between hands: every hand on a spring, the hands on each other.
+fn sound(devices: usize) -> LocalModel {
+    let mut model = LocalModel::empty();
+    model.period = 0.016;
+    model.handle_count = devices as u8;
+    for i in 0..devices {
+        model.handles[i].device = i as u8;
+        for j in 0..devices {
+            let own = if i == j { 300.0 } else { -50.0 };
+            let turn = 1e-3 * own;
+            model.stiffness[i][j] =
+                Mat6::from_diagonal(&rt_core::Vec6::new(own, own, own, turn, turn, turn));
+            model.damping[i][j] = model.stiffness[i][j] * 2e-3;
+        }
+    }
+    model
+}
+
+fn restless(model: &mut LocalModel, draw: Chance, n: u64) {
+    let scale = 10_f64.powf(draw.between(n, 0.0, 6.0));
+    for (i, handle) in (1..).zip(&mut model.handles) {
+        let number = |k: u64| draw.between(n + 16 * i + k, -1.0, 1.0);
+        handle.wrench.force = Vec3::new(number(0), number(1), number(2)) * 10.0;
+        handle.pose.position = Vec3::new(number(3), number(4), number(5)) * 0.1;
+        handle.twist.linear = Vec3::new(number(6), number(7), number(8));
+    }
+    for (i, row) in (8..).zip(&mut model.stiffness) {
+        for (j, block) in (0..).zip(row) {
+            let first = n + 64 * i + 8 * j;
+            *block = Mat6::from_fn(|r, c| scale * draw.between(first + (r + c) as u64, -1.0, 1.0));
+        }
+    }
+    model.energy = scale * draw.unit(n + 1);
+}
+
+/// Makes what is not finite zero.
+fn tame(model: &mut LocalModel) {
+    let fix = |x: &mut f64| {
+        if !x.is_finite() {
+            *x = 0.0;
+        }
+    };
+    fix(&mut model.energy);
+    for handle in &mut model.handles {
+        handle.wrench.force.iter_mut().for_each(fix);
+        handle.pose.position.iter_mut().for_each(fix);
+        handle.twist.linear.iter_mut().for_each(fix);
+    }
+}
+
+fn confuse(model: &mut LocalModel, draw: Chance, n: u64) {
+    match (draw.unit(n) * 6.0) as u64 {
+        0 => model.time_ns = u64::MAX,
+        1 => model.time_ns = 0,
+        2 => model.handle_count = u8::MAX,
+        3 => model.handle_count = 0,
+        4 => model.handles[0].device = u8::MAX,
+        _ => model.period = wild(draw, n + 1),
+    }
+}

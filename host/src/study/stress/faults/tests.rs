@@ -1,0 +1,45 @@
+//! A few cells of the study, whose every check is shown to be able to fail.
+
+use super::*;
+
+#[test]
+fn bad_input_of_every_kind_is_met_and_survived() {
+    let mut met: BTreeMap<String, u64> = BTreeMap::new();
+    for cell in 0..6 {
+        let outcome = run(1, cell);
+        assert!(outcome.passed(), "cell {cell}: {outcome:?}");
+        assert_eq!(outcome.ticks, TICKS);
+        for (what, count) in outcome.met {
+            *met.entry(what).or_default() += count;
+        }
+    }
+    for (what, count) in met {
+        assert!(count > 0, "never met: {what}");
+    }
+}
+
+#[test]
+fn the_same_cell_comes_out_the_same() {
+    assert_eq!(run(3, 7), run(3, 7));
+}
+
+#[test]
+fn what_must_not_happen_is_seen() {
+    let chance = Chance::new(1, 1);
+    let config = config(chance, Scheme::Linear);
+    let quiet = [Wrench::zero(); MAX_DEVICES];
+    let mut strong = quiet;
+    strong[0].force.x = 1e3;
+    let mut none = quiet;
+    none[0].force.x = f64::NAN;
+    let mut lost = Telemetry::empty();
+    lost.body_count = 1;
+    lost.bodies[0].energy.available = f64::NAN;
+    let mut outcome = Outcome::default();
+    look(&config, &strong, &quiet, &Telemetry::empty(), &mut outcome);
+    assert_eq!(outcome.beyond, 1);
+    look(&config, &none, &quiet, &lost, &mut outcome);
+    assert_eq!((outcome.not_finite, outcome.lost_account), (1, 1));
+    assert!(!is_back(&lost));
+    assert!(!outcome.passed());
+}

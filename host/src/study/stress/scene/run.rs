@@ -1,0 +1,157 @@
+//! One run of a cell under one scheme: physics at a fixed step, publications at the drawn rate, late, lost or stalled,
+//! the controller at its tick, devices and hands between ticks.
+//!
+//! The physics takes its steps whatever the publication rate: what differs from the reference is the multirate scheme
+//! alone. A host that stalls takes none meanwhile, and goes on from where the hands are then.
+
+use super::StressError;
+use super::measure::Trace;
+use super::world::World;
+use crate::engine::Engine;
+use crate::engine::body::HostBody;
+use crate::engine::build::{self, How};
+use crate::engine::pacer::Due;
+use crate::engine::stats::Stopwatch;
+use crate::scene::spec::SchemeName;
+use crate::study::stress::chance::Chance;
+use physics::Vec3;
+use rt_core::safety::SafetyState;
+use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES};
+
+/// Nothing is measured: the run is virtual.
+struct NoWatch;
+
+impl Stopwatch for NoWatch {
+    fn now_ns(&self) -> u64 {
+        0
+    }
+}
+
+/// The host of a run.
+struct Host<'a> {
+    world: &'a World,
+    engine: Engine,
+    chance: Chance,
+    /// The next physics step, and publications so far.
+    next: u64,
+    published: u64,
+    records: u64,
+    softened: bool,
+    /// Models under way: arrival (ns), body, model.
+    under_way: Vec<(u64, usize, LocalModel)>,
+}
+
+impl Host<'_> {
+    /// Takes all steps that are due at `now_ns`.
+    fn step(&mut self, now_ns: u64) -> Result<(), StressError> {
+        let draw = &self.world.draw;
+        let rate = self.world.loaded.scene.host.step_rate;
+        loop {
+            let time_ns = (self.next as f64 * 1e9 / rate) as u64;
+            if time_ns > now_ns {
+                return Ok(());
+            }
+            self.next += 1;
+            let time = time_ns as f64 * 1e-9;
+            if draw.stalls.iter().any(|stall| stall.holds(time)) {
+                continue;
+            }
+            if let (false, Some(softening), Some(soft)) =
+                (self.softened, draw.softening, &self.world.soft)
+                && time >= softening.at
+            {
+                self.softened = true;
+                self.engine.exchange(build::bodies(soft, How::default())?)?;
+            }
+            // At the first step at or after each multiple of the period; a late host does not make up for lost ones.
+            let due = (time * draw.rate * (1.0 + 1e-12)) as u64;
+            let publishes = due > self.published;
+            self.published = due;
+            let chance = self.chance;
+            let under_way = &mut self.under_way;
+            self.engine
+                .step(Due { time_ns, publishes }, &NoWatch, |body, model| {
+                    let late = draw.jitter * (draw.latency + 1.0 / draw.rate);
+                    let delay = draw.latency + late * chance.of("late").unit(due);
+                    if chance.of("model").unit(due) >= draw.models_lost {
+                        under_way.push((time_ns + (delay * 1e9) as u64, body, *model));
+                    }
+                });
+        }
+    }
+}
+
+/// Runs the cell of `world` under `scheme`.
+pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<Trace, StressError> {
+    let mut world = world.clone();
+    for loaded in [Some(&mut world.loaded), world.soft.as_mut()]
+        .into_iter()
+        .flatten()
+    {
+        loaded.scene.realtime.scheme = scheme;
+    }
+    let world = &world;
+    let engine = Engine::new(build::bodies(&world.loaded, How::default())?);
+    let stored: f64 = engine
+        .bodies()
+        .iter()
+        .map(HostBody::body)
+        .map(|body| body.elastic_energy() + body.kinetic_energy() + body.load_potential())
+        .sum();
+    let (config, mut devices) = world.devices(stored)?;
+    let mut controller = Controller::new(&config);
+    let mut host = Host {
+        world,
+        engine,
+        chance,
+        next: 1,
+        published: 0,
+        records: 0,
+        softened: false,
+        under_way: Vec::new(),
+    };
+    let held = devices.held.clone();
+    let count = world.loaded.scene.devices.len();
+    for k in 0..world.ticks() {
+        let now = k * world.period_ns();
+        host.step(now)?;
+        host.under_way.retain(|(arrival, body, model)| {
+            if *arrival <= now {
+                // One that was overtaken is refused, as it is to be.
+                let _ = controller.accept(*body, model);
+            }
+            *arrival > now
+        });
+
+        let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
+        devices.read(now, |device, state, _| {
+            readings[device] = state.ok_or(DeviceError::NoReport);
+        });
+        let (commands, telemetry) = controller.tick(now, &readings);
+        devices.write(now, &commands, |device| {
+            telemetry.devices[device].safety == SafetyState::Limited
+        });
+        host.records += 1;
+        let lost = world.draw.records_lost;
+        if host.chance.of("record").unit(host.records) >= lost {
+            host.engine.follow(&telemetry.tick_record());
+        }
+
+        let mut forces = [Vec3::zeros(); MAX_DEVICES];
+        let mut weight = 0.0;
+        for (body, held) in host.engine.bodies().iter().zip(&held) {
+            weight += body.body().load_potential();
+            for (handle, device) in held.iter().enumerate() {
+                if let Some(report) = body.body().handle_report(handle) {
+                    forces[*device] += report.wrench_on_hand.force;
+                }
+            }
+        }
+        let account = controller.energy().fold([0.0; 2], |sum, account| {
+            [sum[0] + account.available, sum[1] + account.stored]
+        });
+        devices.keep(&forces[..count], weight, account);
+    }
+    let capped = controller.energy().map(|account| account.capped).sum();
+    Ok(devices.finish(capped))
+}

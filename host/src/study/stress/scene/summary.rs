@@ -1,0 +1,125 @@
+//! The cells of a study in a few numbers: per scheme, and per band of rates.
+
+use super::CellResult;
+use super::draw::{RATES, Trouble};
+use super::measure::Outcome;
+use serde::Serialize;
+
+/// A force error below this is not felt: the just-noticeable difference of a force is about a tenth.
+pub const JUST_NOTICEABLE: f64 = 0.1;
+
+/// Some cells under one scheme.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// The scheme.
+    pub scheme: String,
+    /// How many cells.
+    pub runs: usize,
+    /// Share of them whose hold is bounded.
+    pub bounded: f64,
+    /// Net energy (J): 99 % of the cells stay below, and all.
+    pub net_energy: [f64; 2],
+    /// Ripple (N): half of the cells stay below, and all.
+    pub ripple: [f64; 2],
+    /// Force error, a share: half of the cells stay below, and nine of ten.
+    pub error: [f64; 2],
+    /// The same without the times of faults.
+    pub untroubled: [f64; 2],
+    /// Share of the cells whose error without the times of faults is below what is noticed.
+    pub unnoticed: f64,
+    /// Stiffness error of holds, a share: half of the cells stay below, and nine of ten.
+    pub stiffness: [f64; 2],
+    /// The cell of the largest net energy, and that of the largest ripple.
+    pub worst: [u64; 2],
+}
+
+/// Which cells a row is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Publication rates (Hz), both ends included.
+    pub rates: [f64; 2],
+    /// What went wrong; everything if none.
+    pub trouble: Option<Trouble>,
+}
+
+impl Band {
+    /// All cells of these rates.
+    pub fn of(low: f64, high: f64) -> Self {
+        Self {
+            rates: [low, high],
+            trouble: None,
+        }
+    }
+
+    /// The bands of the tables: late hosts, 60 Hz, fast ones, and each by itself.
+    pub fn all() -> Vec<Self> {
+        RATES.iter().map(|rate| Self::of(*rate, *rate)).collect()
+    }
+
+    fn holds(&self, cell: &CellResult) -> bool {
+        (self.rates[0]..=self.rates[1]).contains(&cell.draw.rate)
+            && self
+                .trouble
+                .is_none_or(|trouble| cell.draw.trouble == trouble)
+    }
+}
+
+/// What `scheme` made of the cells of `band`, by number.
+pub fn outcomes<'a>(
+    cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
+    scheme: &str,
+    band: Band,
+) -> Vec<(u64, &'a Outcome)> {
+    cells
+        .filter(|(_, cell)| band.holds(cell))
+        .filter_map(|(number, cell)| Some((*number, cell.schemes.get(scheme)?)))
+        .collect()
+}
+
+/// The row of `scheme` over the cells of `band`; none where there are none.
+pub fn row<'a>(
+    cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
+    scheme: &str,
+    band: Band,
+) -> Option<Row> {
+    let found = outcomes(cells, scheme, band);
+    let count = found.len() as f64;
+    let sorted = |value: &dyn Fn(&Outcome) -> Option<f64>| {
+        let mut all: Vec<f64> = found.iter().filter_map(|(_, o)| value(o)).collect();
+        all.sort_unstable_by(f64::total_cmp);
+        all
+    };
+    let share = |holds: &dyn Fn(&Outcome) -> bool| {
+        found.iter().filter(|(_, o)| holds(o)).count() as f64 / count
+    };
+    let worst = |value: &dyn Fn(&Outcome) -> f64| {
+        let each = found
+            .iter()
+            .max_by(|a, b| value(a.1).total_cmp(&value(b.1)));
+        each.map_or(0, |(number, _)| *number)
+    };
+    let at = |all: &[f64], shares: [f64; 2]| shares.map(|share| quantile(all, share));
+    (!found.is_empty()).then(|| {
+        let untroubled = sorted(&|o| o.error_untroubled);
+        let unnoticed = untroubled.iter().filter(|e| **e < JUST_NOTICEABLE).count();
+        Row {
+            scheme: scheme.to_owned(),
+            runs: found.len(),
+            bounded: share(&|o| o.bounded),
+            net_energy: at(&sorted(&|o| Some(o.net_energy)), [0.99, 1.0]),
+            ripple: at(&sorted(&|o| Some(o.stillness.ripple)), [0.5, 1.0]),
+            error: at(&sorted(&|o| Some(o.error)), [0.5, 0.9]),
+            unnoticed: unnoticed as f64 / untroubled.len().max(1) as f64,
+            untroubled: at(&untroubled, [0.5, 0.9]),
+            stiffness: at(&sorted(&|o| Some(o.stiffness_error)), [0.5, 0.9]),
+            worst: [worst(&|o| o.net_energy), worst(&|o| o.stillness.ripple)],
+        }
+    })
+}
+
+/// The value below which so large a share of `sorted` lies; the nearest that there is.
+pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let last = sorted.len().saturating_sub(1);
+    let at = (share * last as f64).round() as usize;
+    sorted.get(at).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,148 @@
+//! What a run and its reference share: the scene with the hands of a cell, its devices, and what is kept of a tick.
+
+use super::draw::{DURATION, Draw};
+use super::measure::{DeviceTrace, Trace};
+use crate::run::AnyDevice;
+use crate::run::setup;
+use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
+use rt_core::{ControllerConfig, Device, DeviceState, Wrench};
+
+/// A cell's scene.
+#[derive(Clone, Debug)]
+pub(super) struct World {
+    /// With the cell's hands, rates and materials.
+    pub(super) loaded: LoadedScene,
+    /// The same, softened.
+    pub(super) soft: Option<LoadedScene>,
+    /// What was drawn.
+    pub(super) draw: Draw,
+}
+
+/// The devices of a run under virtual time.
+pub(super) struct Devices {
+    all: Vec<AnyDevice>,
+    /// For each body and handle, the device that holds it.
+    pub(super) held: Vec<Vec<usize>>,
+    /// Scene metres per device metre.
+    scales: Vec<f64>,
+    /// The device that is gone for a while.
+    gone: Option<super::draw::Vanishing>,
+    trace: Trace,
+    /// What was stored before the first tick, gravity's part with it (J).
+    stored: f64,
+}
+
+impl World {
+    /// The tick's period (ns).
+    pub(super) fn period_ns(&self) -> u64 {
+        (1e9 / self.loaded.scene.realtime.rate).round() as u64
+    }
+
+    /// Ticks of a run.
+    pub(super) fn ticks(&self) -> u64 {
+        (DURATION * self.loaded.scene.realtime.rate).round() as u64
+    }
+
+    /// The devices at rest, and the controller's configuration. `stored` is what the bodies store (J).
+    pub(super) fn devices(&self, stored: f64) -> Result<(ControllerConfig, Devices), SceneError> {
+        let scene = &self.loaded.scene;
+        let (config, devices) = setup::controls(&self.loaded, scene.seed)?;
+        let index = |name: &str| scene.devices.iter().position(|device| device.name == name);
+        let held = scene.bodies.iter().map(|body| {
+            let handles = body.handles.iter();
+            // The scene's consistency was checked: the device exists.
+            handles
+                .map(|handle| index(&handle.device).unwrap_or(0))
+                .collect()
+        });
+        let ticks = self.ticks() as usize;
+        let empty = || DeviceTrace {
+            force: Vec::with_capacity(ticks),
+            position: Vec::with_capacity(ticks),
+            limited: Vec::with_capacity(ticks),
+            body: Vec::with_capacity(ticks),
+        };
+        let trace = Trace {
+            period: self.period_ns() as f64 * 1e-9,
+            devices: devices.iter().map(|_| empty()).collect(),
+            ..Trace::default()
+        };
+        Ok((
+            config,
+            Devices {
+                held: held.collect(),
+                scales: scene.devices.iter().map(|d| d.motion_scale).collect(),
+                gone: self.draw.vanishing,
+                all: devices,
+                trace,
+                stored,
+            },
+        ))
+    }
+}
+
+impl Devices {
+    /// Whether a device is gone at `now_ns`.
+    fn is_gone(&self, device: usize, now_ns: u64) -> bool {
+        let time = now_ns as f64 * 1e-9;
+        self.gone
+            .is_some_and(|gone| gone.device == device && gone.span.holds(time))
+    }
+
+    /// Moves all devices on to `now_ns`; gives what each says, or nothing where it is gone, and where it truly is.
+    pub(super) fn read(
+        &mut self,
+        now_ns: u64,
+        mut take: impl FnMut(usize, Option<DeviceState>, Vec3),
+    ) {
+        for index in 0..self.all.len() {
+            let gone = self.is_gone(index, now_ns);
+            let device = &mut self.all[index];
+            // A simulated device never fails by itself. One that is gone moves on all the same.
+            let state = device.read(now_ns).ok().filter(|_| !gone);
+            take(index, state, device.simulated().position());
+        }
+    }
+
+    /// Writes the commands; a device that is gone holds nothing.
+    pub(super) fn write(
+        &mut self,
+        now_ns: u64,
+        commands: &[Wrench],
+        limited: impl Fn(usize) -> bool,
+    ) {
+        for (index, command) in commands.iter().enumerate().take(self.all.len()) {
+            let gone = self.is_gone(index, now_ns);
+            let device = &mut self.all[index];
+            let command = if gone { &Wrench::zero() } else { command };
+            // A simulated device takes every wrench.
+            let _ = device.write(now_ns, command);
+            let simulated = device.simulated();
+            let trace = &mut self.trace.devices[index];
+            trace.force.push(simulated.force());
+            trace.position.push(simulated.position());
+            trace.limited.push(limited(index));
+        }
+    }
+
+    /// Keeps what the bodies exert on the devices (scene axes, N), the potential of their weight (J) and the tick's
+    /// account.
+    pub(super) fn keep(&mut self, bodies: &[Vec3], weight: f64, account: [f64; 2]) {
+        let traces = self.trace.devices.iter_mut().zip(&self.scales);
+        for ((trace, scale), force) in traces.zip(bodies) {
+            trace.body.push(force * *scale);
+        }
+        let on_hands: f64 = self.all.iter().map(|d| d.energy().on_hand()).sum();
+        self.trace.out.push(on_hands + weight - self.stored);
+        self.trace.account.push(account);
+    }
+
+    /// What was kept.
+    pub(super) fn finish(self, capped: u64) -> Trace {
+        Trace {
+            capped,
+            ..self.trace
+        }
+    }
+}

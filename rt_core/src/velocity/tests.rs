@@ -1,0 +1,112 @@
+use super::*;
+
+const PERIOD: f64 = 1e-3;
+const STEP: f64 = 38e-6;
+const METHODS: [Method; 5] = [
+    Method::LowPass { cutoff: 80.0 },
+    Method::EndFit { window: 8 },
+    Method::BestFit { window: 8 },
+    Method::ConstantVelocity { acceleration: 5.0 },
+    Method::ConstantAcceleration { jerk: 1000.0 },
+];
+
+fn last(method: Method, position: impl Fn(f64) -> f64) -> f64 {
+    let mut estimator = VelocityEstimator::with_method(method, PERIOD, STEP);
+    let mut v = Vec3::zeros();
+    for k in 0..1000 {
+        let x = position(f64::from(k) * PERIOD);
+        v = estimator.update(&Vec3::new(x, -x, 0.0));
+    }
+    assert_eq!((v.y, v.z), (-v.x, 0.0));
+    v.x
+}
+
+#[test]
+fn a_ramp_is_recovered_by_all() {
+    for method in METHODS {
+        // A second is at least 30 time constants of each filter; windows are exact but for rounding
+        // of 0.1 m over 1 ms.
+        let v = last(method, |t| 0.1 * t);
+        assert!((v - 0.1).abs() < 1e-9, "{method:?}: {v}");
+    }
+}
+
+#[test]
+fn a_steady_acceleration_is_late_by_the_stated_delay() {
+    // So small that every window is full.
+    let a = 0.1;
+    for method in METHODS {
+        let v = last(method, |t| 0.5 * a * t * t);
+        let late = 0.999 - v / a;
+        let stated = VelocityEstimator::with_method(method, PERIOD, STEP).delay();
+        // Rounding of positions of 0.05 m over a tick.
+        assert!((late - stated).abs() < 1e-9, "{method:?}: {late} {stated}");
+    }
+}
+
+#[test]
+fn a_lone_count_is_attenuated() {
+    let mut estimator = VelocityEstimator::new(1e-3, VelocityEstimator::DEFAULT_CUTOFF);
+    estimator.update(&Vec3::zeros());
+    let v = estimator.update(&Vec3::new(38e-6, 0.0, 0.0));
+    // g = 1 - exp(-2 pi 80 / 1000) = 0.3951.
+    assert!((v.x / 0.038 - 0.3951).abs() < 1e-4, "{}", v.x);
+}
+
+#[test]
+fn windows_are_long_where_a_line_describes_and_short_where_none_does() {
+    for best in [false, true] {
+        let mut window = Window::new(8, 1.0, best);
+        let mut length = 0.0;
+        // Counts of a slow motion.
+        for k in 0..40_i32 {
+            (_, length) = window.update(f64::from(k / 5));
+        }
+        assert_eq!(length, 8.0);
+        // A reversal at ten counts a tick: the line may reach back by what the band hides, no
+        // further.
+        let mut window = Window::new(8, 1.0, best);
+        for k in 0..20_i32 {
+            (_, length) = window.update(-10.0 * f64::from((k - 15).abs()));
+        }
+        assert_eq!(length, 4.0);
+    }
+}
+
+#[test]
+fn the_line_of_least_squares_is_that() {
+    let mut window = Window::new(4, 1.0, true);
+    let positions = [0.0, 0.0, 1.0, 1.0, 2.0];
+    let mut slope = 0.0;
+    for y in positions {
+        (slope, _) = window.update(y);
+    }
+    // sum (k - 2) y_k / sum (k - 2)^2 = (0 - 0 + 0 + 1 + 4) / 10.
+    assert!((slope - 0.5).abs() < 1e-15, "{slope}");
+}
+
+#[test]
+fn settled_gains_are_kalatas() {
+    // Relations between the gains and the index that hold whichever way the gains were found.
+    for index in [0.02, 0.5, 4.0] {
+        let Gains { alpha, beta, .. } = Gains::constant_velocity(index);
+        // Constant velocity, from a closed form: index^2 = beta^2 / (1 - alpha).
+        assert!((beta * beta / (1.0 - alpha) / (index * index) - 1.0).abs() < 1e-9);
+        // Constant acceleration, from the Riccati equation: gamma = beta^2 / (2 alpha) = index
+        // sqrt(1 - alpha).
+        let Gains { alpha, beta, gamma } = Gains::constant_acceleration(index);
+        assert!((gamma / (beta * beta / (2.0 * alpha)) - 1.0).abs() < 1e-9);
+        let wanted = index * libm::sqrt(1.0 - alpha);
+        assert!((gamma / wanted - 1.0).abs() < 1e-9, "{gamma} {wanted}");
+    }
+}
+
+#[test]
+fn drivers_look_back_four_milliseconds() {
+    let delay = |period| VelocityEstimator::for_encoder(period, STEP).delay();
+    assert!((delay(1e-3) - 2e-3).abs() < 1e-15);
+    assert!((delay(2.5e-4) - 2e-3).abs() < 1e-15);
+    // As far as the longest window reaches; and at least to the last position.
+    assert!((delay(1e-4) - 0.8e-3).abs() < 1e-15);
+    assert!((delay(1e-2) - 5e-3).abs() < 1e-15);
+}

@@ -1,0 +1,126 @@
+//! The controller over its devices: one that was away comes back without a blow to the others.
+// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+#![allow(clippy::disallowed_macros, clippy::disallowed_types)]
+
+use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::coupling::CouplingConfig;
+use rt_core::proxy::Proxy;
+use rt_core::safety::{SafetyConfig, SafetyState};
+use rt_core::{
+    Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
+    PassivityConfig, Pose, Scheme, Telemetry, Vec3, Wrench,
+};
+
+const PERIOD: f64 = 1e-3;
+const PATIENCE: u32 = 10;
+/// Stiffness of the spring between the two handles (N/m).
+const SPRING: f64 = 200.0;
+
+fn controller() -> Controller {
+    let mut config = ControllerConfig::default();
+    for _ in 0..2 {
+        let proxy = Proxy {
+            motion_scale: 2.0,
+            ..Proxy::at(Vec3::zeros())
+        };
+        let safety = SafetyConfig {
+            actuated: Freedom::Three,
+            max_force: 8.0,
+            max_moment: 0.0,
+            max_speed: f64::INFINITY,
+            max_reach: f64::INFINITY,
+            max_slew: f64::INFINITY,
+            patience: PATIENCE,
+            decay: 0.1,
+            recovery: 0.1,
+            period: PERIOD,
+        };
+        let _ = config.devices.push(DeviceConfig { proxy, safety });
+    }
+    let _ = config.bodies.push(CouplingConfig {
+        scheme: Scheme::Linear,
+        period: PERIOD,
+        blend: 0.0,
+        age_limit: 1e3,
+        decay: 0.1,
+        recovery: PERIOD,
+        hold_damping: 0.0,
+        passivity: PassivityConfig::new(PERIOD),
+    });
+    let mut controller = Controller::new(&config);
+    let mut model = LocalModel::empty();
+    model.sequence = 1;
+    model.time_ns = 1;
+    model.period = PERIOD;
+    model.handle_count = 2;
+    model.handles[1].device = 1;
+    for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+        model.stiffness[i][j][(0, 0)] = if i == j { SPRING } else { -SPRING };
+    }
+    controller.accept(0, &model).expect("a sound model");
+    controller
+}
+
+/// A tick with the devices at these places along x; `None` gives no state.
+fn tick(
+    controller: &mut Controller,
+    places: [Option<f64>; 2],
+) -> ([Wrench; MAX_DEVICES], Telemetry) {
+    let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
+    for (reading, x) in readings.iter_mut().zip(places) {
+        *reading = x.ok_or(DeviceError::NoReport).map(|x| DeviceState {
+            pose: Pose::at(Vec3::x() * x),
+            ..DeviceState::resting()
+        });
+    }
+    controller.tick(1, &readings)
+}
+
+#[test]
+fn a_device_that_comes_back_elsewhere_goes_on_from_where_it_was_left() {
+    let mut controller = controller();
+    let apart = [Some(0.0), Some(2e-3)];
+    for _ in 0..10 {
+        tick(&mut controller, apart);
+    }
+    let (before, _) = tick(&mut controller, apart);
+    // Stretched by 2 * 2 mm in the scene; the motion scale once more on the way back.
+    assert!((before[0].force.x - 2.0 * SPRING * 4e-3).abs() < 1e-12);
+    for _ in 0..=PATIENCE {
+        tick(&mut controller, [Some(0.0), None]);
+    }
+    // Back, 30 mm further.
+    let (back, telemetry) = tick(&mut controller, [Some(0.0), Some(32e-3)]);
+    assert_eq!(telemetry.devices[1].safety, SafetyState::Recovering);
+    assert!((back[0].force - before[0].force).norm() < 1e-12);
+    assert!((telemetry.devices[1].pose.position.x - 4e-3).abs() < 1e-12);
+    // From there on every millimetre counts as before.
+    for _ in 0..200 {
+        tick(&mut controller, [Some(0.0), Some(32e-3)]);
+    }
+    let (moved, _) = tick(&mut controller, [Some(0.0), Some(33e-3)]);
+    let change = moved[0].force.x - before[0].force.x;
+    assert!((change - 2.0 * SPRING * 2e-3).abs() < 1e-12);
+    assert!((moved[1].force.x + moved[0].force.x).abs() < 1e-12);
+}
+
+#[test]
+fn a_device_that_misses_a_few_reads_is_where_it_is() {
+    let mut controller = controller();
+    tick(&mut controller, [Some(0.0), Some(0.0)]);
+    for _ in 0..PATIENCE {
+        tick(&mut controller, [Some(0.0), None]);
+    }
+    let (_, telemetry) = tick(&mut controller, [Some(0.0), Some(1e-3)]);
+    assert_eq!(telemetry.devices[1].pose.position.x, 2e-3);
+}
+
+#[test]
+fn a_device_that_was_never_there_begins_where_it_is() {
+    let mut controller = controller();
+    for _ in 0..100 {
+        tick(&mut controller, [Some(0.0), None]);
+    }
+    let (_, telemetry) = tick(&mut controller, [Some(0.0), Some(5e-3)]);
+    assert_eq!(telemetry.devices[1].pose.position.x, 10e-3);
+}

@@ -1,0 +1,368 @@
+//! A device's file: TOML, read field by field so that each error names its line and its field.
+
+use super::{DeviceModel, RotationModel};
+use core::fmt;
+use std::collections::BTreeMap;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// What a device's file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DeviceFile {
+    /// The device's full name, for people.
+    pub name: String,
+    /// Its numbers.
+    pub model: DeviceModel,
+    /// Which numbers are estimates, by field; `rotation.inertia` and the like for those of the rotation.
+    pub estimated: Vec<String>,
+    /// Where each number comes from, by field.
+    pub sources: BTreeMap<String, String>,
+}
+
+/// Why a text is no device, and where.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub struct ModelError {
+    /// Line, counted from 1.
+    pub line: usize,
+    /// The field, such as `rotation.inertia`; empty where none is meant.
+    pub field: String,
+    /// What is wrong there.
+    pub problem: ModelProblem,
+}
+
+/// What is wrong in a device's file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ModelProblem {
+    /// The text is not TOML.
+    #[error("not valid TOML: {0}")]
+    Syntax(String),
+    /// A field that must be there is not.
+    #[error("missing field `{0}`")]
+    Missing(&'static str),
+    /// A field of this name does not exist.
+    #[error("unknown field, allowed: {allowed}")]
+    Unknown {
+        /// The fields that exist there.
+        allowed: String,
+    },
+    /// A value is of the wrong type or out of its range.
+    #[error("found {found}, allowed: {allowed}")]
+    Value {
+        /// What the file says.
+        found: String,
+        /// What it may say.
+        allowed: String,
+    },
+}
+
+impl fmt::Display for ModelError {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(to, "line {}: ", self.line)?;
+        if !self.field.is_empty() {
+            write!(to, "{}: ", self.field)?;
+        }
+        self.problem.fmt(to)
+    }
+}
+
+/// Numbers of a device, in the order of the file.
+const NUMBERS: [&str; 9] = [
+    "rate",
+    "mass",
+    "damping",
+    "friction",
+    "position_step",
+    "max_force",
+    "workspace_radius",
+    "driver_stiffness",
+    "driver_damping",
+];
+/// The other fields.
+const OTHERS: [&str; 4] = ["name", "estimated", "rotation", "sources"];
+/// Numbers of a device's rotation.
+const TURNING: [&str; 7] = [
+    "inertia",
+    "damping",
+    "friction",
+    "step",
+    "max_moment",
+    "driver_stiffness",
+    "driver_damping",
+];
+
+/// Longest piece of the file that an error quotes, in characters.
+const QUOTED: usize = 60;
+
+/// A range, and how a message calls it.
+type Range = (&'static str, fn(f64) -> bool);
+
+const RATE: Range = ("a whole number from 100 to 10000 (Hz)", |v| {
+    (100.0..=10_000.0).contains(&v) && v.fract() == 0.0
+});
+const POSITIVE: Range = ("a number above 0 and up to 1e6", |v| v > 0.0 && v <= 1e6);
+const NOT_NEGATIVE: Range = ("a number from 0 to 1e6", |v| (0.0..=1e6).contains(&v));
+const STEP: Range = ("a number above 0 and up to 0.1", |v| v > 0.0 && v <= 0.1);
+
+impl DeviceFile {
+    /// Reads a device's file.
+    ///
+    /// # Errors
+    /// [`ModelError`] with the line and the field where the text is not TOML, a field is missing, unknown,
+    /// of another type or out of its range, or where `estimated` or `sources` name no number of the device.
+    pub fn parse(text: &str) -> Result<Self, ModelError> {
+        let root = DeTable::parse(text).map_err(|error| ModelError {
+            line: line_of(text, error.span().map_or(0, |span| span.start)),
+            field: String::new(),
+            problem: ModelProblem::Syntax(one_line(error.message())),
+        })?;
+        let root = Table {
+            text,
+            fields: root.get_ref(),
+            path: "",
+            line: 1,
+        };
+        root.only(NUMBERS.into_iter().chain(OTHERS))?;
+        let rotation = root.optional("rotation", rotation)?;
+        let known: Vec<_> = Self::numbers(rotation.is_some()).collect();
+        let estimated = root.optional("estimated", |at| names(at, &known))?;
+        let sources = root.optional("sources", |at| sources(at, &known))?;
+        let model = DeviceModel {
+            mass: root.number("mass", POSITIVE)?,
+            damping: root.number("damping", NOT_NEGATIVE)?,
+            friction: root.number("friction", NOT_NEGATIVE)?,
+            position_step: root.number("position_step", STEP)?,
+            max_force: root.number("max_force", POSITIVE)?,
+            workspace_radius: root.number("workspace_radius", POSITIVE)?,
+            driver_stiffness: root.number("driver_stiffness", POSITIVE)?,
+            driver_damping: root.number("driver_damping", NOT_NEGATIVE)?,
+            rate_hz: root.number("rate", RATE)? as u32,
+            rotation,
+        };
+        Ok(Self {
+            name: root.string("name")?,
+            model,
+            estimated: estimated.unwrap_or_default(),
+            sources: sources.unwrap_or_default(),
+        })
+    }
+
+    /// The fields that hold a device's numbers, with those of its rotation where it has one.
+    pub fn numbers(rotation: bool) -> impl Iterator<Item = String> {
+        let turning = TURNING.iter().filter(move |_| rotation);
+        let plain = NUMBERS.iter().map(|name| (*name).to_owned());
+        plain.chain(turning.map(|name| format!("rotation.{name}")))
+    }
+}
+
+fn rotation(at: &Value<'_>) -> Result<RotationModel, ModelError> {
+    let table = at.table("a table of the rotation's numbers")?;
+    table.only(TURNING.into_iter())?;
+    Ok(RotationModel {
+        inertia: table.number("inertia", POSITIVE)?,
+        damping: table.number("damping", NOT_NEGATIVE)?,
+        friction: table.number("friction", NOT_NEGATIVE)?,
+        step: table.number("step", STEP)?,
+        max_moment: table.number("max_moment", POSITIVE)?,
+        driver_stiffness: table.number("driver_stiffness", POSITIVE)?,
+        driver_damping: table.number("driver_damping", NOT_NEGATIVE)?,
+    })
+}
+
+/// A list of names of numbers.
+fn names(at: &Value<'_>, known: &[String]) -> Result<Vec<String>, ModelError> {
+    let allowed = || format!("a list of {}", known.join(", "));
+    let DeValue::Array(items) = at.content.get_ref() else {
+        return Err(at.refused(allowed()));
+    };
+    let mut names = Vec::new();
+    for (index, item) in items.iter().enumerate() {
+        let item = Value {
+            path: format!("{}[{index}]", at.path),
+            content: item,
+            text: at.text,
+        };
+        match item.content.get_ref() {
+            DeValue::String(name) if known.iter().any(|k| k == name) => {
+                names.push(name.clone().into_owned());
+            }
+            _ => return Err(item.refused(known.join(", "))),
+        }
+    }
+    Ok(names)
+}
+
+/// A table from numbers to texts; those of the rotation in a table of their own.
+fn sources(at: &Value<'_>, known: &[String]) -> Result<BTreeMap<String, String>, ModelError> {
+    let mut found = BTreeMap::new();
+    let table = at.table("a table from numbers to their sources")?;
+    let top = known
+        .iter()
+        .map(|name| name.split('.').next().unwrap_or(name));
+    table.only(top)?;
+    for (key, value) in table.fields {
+        let name: &str = key.get_ref();
+        let at = table.at(name, value);
+        if name == "rotation" {
+            let turning = at.table("a table from the rotation's numbers to their sources")?;
+            turning.only(TURNING.into_iter())?;
+            for (key, value) in turning.fields {
+                let source = turning.at(key.get_ref(), value).string()?;
+                found.insert(format!("rotation.{}", key.get_ref()), source);
+            }
+        } else {
+            found.insert(name.to_owned(), at.string()?);
+        }
+    }
+    Ok(found)
+}
+
+/// A table of the file.
+struct Table<'a> {
+    text: &'a str,
+    fields: &'a DeTable<'a>,
+    path: &'a str,
+    line: usize,
+}
+
+/// A value of the file.
+struct Value<'a> {
+    text: &'a str,
+    content: &'a Spanned<DeValue<'a>>,
+    path: String,
+}
+
+impl<'a> Table<'a> {
+    fn path_of(&self, name: &str) -> String {
+        if self.path.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{}.{name}", self.path)
+        }
+    }
+
+    fn at(&self, name: &str, value: &'a Spanned<DeValue<'a>>) -> Value<'a> {
+        Value {
+            text: self.text,
+            content: value,
+            path: self.path_of(name),
+        }
+    }
+
+    /// Refuses fields that are not among `known`.
+    fn only<'k>(&self, known: impl Iterator<Item = &'k str>) -> Result<(), ModelError> {
+        let mut known: Vec<_> = known.collect();
+        known.dedup();
+        for key in self.fields.keys() {
+            let name: &str = key.get_ref();
+            if !known.contains(&name) {
+                return Err(ModelError {
+                    line: line_of(self.text, key.span().start),
+                    field: one_line(&self.path_of(name)),
+                    problem: ModelProblem::Unknown {
+                        allowed: known.join(", "),
+                    },
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn optional<T>(
+        &self,
+        name: &str,
+        read: impl FnOnce(&Value<'_>) -> Result<T, ModelError>,
+    ) -> Result<Option<T>, ModelError> {
+        self.fields
+            .get(name)
+            .map(|value| read(&self.at(name, value)))
+            .transpose()
+    }
+
+    fn required(&self, name: &'static str) -> Result<Value<'a>, ModelError> {
+        let value = self.fields.get(name).ok_or_else(|| ModelError {
+            line: self.line,
+            field: self.path.to_owned(),
+            problem: ModelProblem::Missing(name),
+        })?;
+        Ok(self.at(name, value))
+    }
+
+    fn number(&self, name: &'static str, range: Range) -> Result<f64, ModelError> {
+        self.required(name)?.number(range)
+    }
+
+    fn string(&self, name: &'static str) -> Result<String, ModelError> {
+        self.required(name)?.string()
+    }
+}
+
+impl Value<'_> {
+    fn refused(&self, allowed: impl Into<String>) -> ModelError {
+        let span = self.content.span();
+        ModelError {
+            line: line_of(self.text, span.start),
+            field: self.path.clone(),
+            problem: ModelProblem::Value {
+                found: one_line(self.text.get(span).unwrap_or_default()),
+                allowed: allowed.into(),
+            },
+        }
+    }
+
+    fn number(&self, (allowed, test): Range) -> Result<f64, ModelError> {
+        let number = match self.content.get_ref() {
+            DeValue::Float(float) => float.as_str().parse().ok(),
+            DeValue::Integer(whole) => i64::from_str_radix(whole.as_str(), whole.radix())
+                .ok()
+                .map(|whole| whole as f64),
+            _ => None,
+        };
+        number
+            .filter(|x: &f64| x.is_finite() && test(*x))
+            .ok_or_else(|| self.refused(allowed))
+    }
+
+    /// A text of one line, not empty.
+    fn string(&self) -> Result<String, ModelError> {
+        match self.content.get_ref() {
+            DeValue::String(text)
+                if !text.trim().is_empty() && !text.chars().any(char::is_control) =>
+            {
+                Ok(text.clone().into_owned())
+            }
+            _ => Err(self.refused("a text of one line in quotes")),
+        }
+    }
+
+    fn table<'s>(&'s self, allowed: &str) -> Result<Table<'s>, ModelError> {
+        match self.content.get_ref() {
+            DeValue::Table(fields) => Ok(Table {
+                text: self.text,
+                fields,
+                path: &self.path,
+                line: line_of(self.text, self.content.span().start),
+            }),
+            _ => Err(self.refused(allowed)),
+        }
+    }
+}
+
+/// The line of a byte, counted from 1.
+fn line_of(text: &str, byte: usize) -> usize {
+    let before = text.as_bytes().get(..byte).unwrap_or(text.as_bytes());
+    before.split(|&b| b == b'\n').count()
+}
+
+/// A piece of the file, fit for a message: one line, without control characters, not too long.
+fn one_line(text: &str) -> String {
+    let line = text.trim().lines().next().unwrap_or_default();
+    let mut chars = line.chars().filter(|c| !c.is_control());
+    let mut kept: String = chars.by_ref().take(QUOTED).collect();
+    if chars.next().is_some() {
+        kept.push_str("...");
+    }
+    kept
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,160 @@
+use super::*;
+use proptest::prelude::*;
+
+const BASE: &str = r#"name = "Mine"
+rate = 1000
+mass = 0.1
+damping = 0
+friction = 0.2
+position_step = 1e-5
+max_force = 5
+workspace_radius = 0.1
+driver_stiffness = 1_000
+driver_damping = 2.5
+estimated = ["mass", "rotation.step"]
+
+[rotation]
+inertia = 1e-4
+damping = 0.001
+friction = 0
+step = 1e-3
+max_moment = 0.5
+driver_stiffness = 2
+driver_damping = 0
+
+[sources]
+mass = "a scale"
+rotation.inertia = "a pendulum"
+"#;
+
+#[test]
+fn a_file_says_what_it_says() {
+    let file = DeviceFile::parse(BASE).unwrap();
+    assert_eq!(file.name, "Mine");
+    assert_eq!(file.model.driver_stiffness, 1000.0);
+    assert_eq!(file.model.rate_hz, 1000);
+    assert_eq!(file.model.rotation.unwrap().inertia, 1e-4);
+    assert_eq!(file.estimated, ["mass", "rotation.step"]);
+    assert_eq!(file.sources["rotation.inertia"], "a pendulum");
+    // Without a rotation it has three degrees of freedom.
+    let (plain, _) = BASE.split_once("[rotation]").unwrap();
+    let plain = plain.replace(", \"rotation.step\"", "");
+    assert_eq!(DeviceFile::parse(&plain).unwrap().model.rotation, None);
+}
+
+#[test]
+fn each_mistake_is_told_with_line_and_field() {
+    let numbers = "rate, mass, damping, friction, position_step, max_force, workspace_radius, \
+                   driver_stiffness, driver_damping";
+    let turning = "inertia, damping, friction, step, max_moment, driver_stiffness, driver_damping";
+    let all = format!(
+        "{numbers}, rotation.{}",
+        turning.replace(", ", ", rotation.")
+    );
+    let cases = [
+        (
+            "mass = 0.1",
+            "mass = 0",
+            "line 3: mass: found 0, allowed: a number above 0 and up to 1e6".to_owned(),
+        ),
+        (
+            "mass = 0.1",
+            "mass = nan",
+            "line 3: mass: found nan, allowed: a number above 0 and up to 1e6".to_owned(),
+        ),
+        (
+            "mass = 0.1",
+            "mass = \"a\"",
+            "line 3: mass: found \"a\", allowed: a number above 0 and up to 1e6".to_owned(),
+        ),
+        (
+            "mass = 0.1\n",
+            "",
+            "line 1: missing field `mass`".to_owned(),
+        ),
+        (
+            "mass = 0.1",
+            "mass = 0.1\nmas = 1",
+            format!(
+                "line 4: mas: unknown field, allowed: {numbers}, name, estimated, rotation, sources"
+            ),
+        ),
+        (
+            "rate = 1000",
+            "rate = 1000.5",
+            "line 2: rate: found 1000.5, allowed: a whole number from 100 to 10000 (Hz)".to_owned(),
+        ),
+        (
+            "damping = 0\n",
+            "damping = -1\n",
+            "line 4: damping: found -1, allowed: a number from 0 to 1e6".to_owned(),
+        ),
+        (
+            "position_step = 1e-5",
+            "position_step = 1",
+            "line 6: position_step: found 1, allowed: a number above 0 and up to 0.1".to_owned(),
+        ),
+        (
+            "inertia = 1e-4\n",
+            "",
+            "line 13: rotation: missing field `inertia`".to_owned(),
+        ),
+        (
+            "step = 1e-3",
+            "step = -1e-3",
+            "line 17: rotation.step: found -1e-3, allowed: a number above 0 and up to 0.1"
+                .to_owned(),
+        ),
+        (
+            "step = 1e-3",
+            "stop = 1e-3",
+            format!("line 17: rotation.stop: unknown field, allowed: {turning}"),
+        ),
+        (
+            "\"rotation.step\"",
+            "\"rotation\"",
+            format!("line 11: estimated[1]: found \"rotation\", allowed: {all}"),
+        ),
+        (
+            "mass = \"a scale\"",
+            "mass = 3",
+            "line 23: sources.mass: found 3, allowed: a text of one line in quotes".to_owned(),
+        ),
+        (
+            "mass = \"a scale\"",
+            "name = \"a\"",
+            format!("line 23: sources.name: unknown field, allowed: {numbers}, rotation"),
+        ),
+        (
+            "\"Mine\"",
+            "\" \"",
+            "line 1: name: found \" \", allowed: a text of one line in quotes".to_owned(),
+        ),
+        (
+            "\"Mine\"",
+            "\"Mine",
+            "line 1: not valid TOML: invalid basic string, expected `\"`".to_owned(),
+        ),
+    ];
+    for (piece, instead, expected) in cases {
+        assert!(BASE.contains(piece), "{piece:?}");
+        let error = DeviceFile::parse(&BASE.replacen(piece, instead, 1)).unwrap_err();
+        assert_eq!(error.to_string(), expected);
+    }
+}
+
+proptest! {
+    #[test]
+    fn whatever_is_cut_and_put_in_is_read_or_refused_in_one_line(
+        cut in 0..BASE.len(), length in 0..40_usize, put in ".{0,12}",
+    ) {
+        let end = (cut + length).min(BASE.len());
+        // The base is ASCII.
+        let text = format!("{}{put}{}", &BASE[..cut], &BASE[end..]);
+        if let Err(error) = DeviceFile::parse(&text) {
+            let line = error.to_string();
+            prop_assert!(line.lines().count() == 1 && line.len() < 1000, "{line}");
+            prop_assert!(error.line >= 1 && error.line <= text.lines().count() + 1);
+        }
+    }
+}
