@@ -178,7 +178,7 @@ impl Study {
         let multiples: &[f64] = if quick {
             &[1.0, 10.0]
         } else {
-            &[1.0, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0]
+            &[1.0, 2.0, 3.0, 5.0, 10.0, 20.0]
         };
         let mut tasks = Vec::new();
         for (device, model) in DeviceModel::all().take(if quick { 2 } else { usize::MAX }) {
@@ -244,7 +244,7 @@ impl Study {
         if self.quick {
             [100_000, 60_000, 60_000]
         } else {
-            [300_000, 100_000, 400_000]
+            [300_000, 60_000, 200_000]
         }
     }
 
