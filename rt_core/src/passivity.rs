@@ -15,11 +15,14 @@
 //!
 //! ```text
 //! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
-//! H <- min(H, 2 V + E)                            E: the allowance, a millijoule
+//! H <- min(H, 2 V + E)                            E: the allowance, 0.4 mJ
 //! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
-//! F_d <- F_d clip(1 + H / E, 0, 1)
-//! F_s <- F_s H+ / p                               where p = T F_s . v > H+: more than a tick may spend
+//! F_s <- F_s H+ / p                               where p = |F_s| D > H+: more than a tick may spend
+//! F_d <- F_d (H + E - |F_s| D)+ / (|F_d| D)       where that is less: dampers may go into debt by E
 //! ```
+//!
+//! There `D` is how far the hand may get in a tick, whichever way: the longest of its last steps, forgotten by and by.
+//! A hand that turns back within a tick has yesterday's damper push it along; only its first quick step is a surprise.
 //!
 //! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
 //!
@@ -44,6 +47,8 @@ const CREEP: f64 = 1e-3;
 
 /// More than this (N) no device holds.
 const MOST_FORCE: f64 = 1e6;
+/// How long (s) it is remembered how far a hand got in a tick.
+const MEMORY: f64 = 0.02;
 
 /// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
 /// the way. Without this one bad reading would leave a debt that no hand could ever repay.
@@ -100,11 +105,12 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// A millijoule, two fifths of what devices dissipate, no delay, devices of which nothing is known.
+    /// An allowance of 0.4 mJ, so that with as much again of debt less than a millijoule comes out; two fifths of what
+    /// devices dissipate, no delay, devices of which nothing is known.
     pub fn new(period: f64) -> Self {
         Self {
             period,
-            allowance: 1e-3,
+            allowance: 4e-4,
             credit: 0.4,
             delay: 0,
             ports: [Port::UNKNOWN; MAX_DEVICES],
@@ -173,6 +179,8 @@ struct Hand {
     way: Vec3,
     /// Ticks since then.
     since: u32,
+    /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
+    reach: [f64; 2],
 }
 
 impl Hand {
@@ -184,6 +192,7 @@ impl Hand {
             lifted_from: None,
             way: Vec3::zeros(),
             since: 0,
+            reach: [0.0; 2],
         }
     }
 
@@ -226,6 +235,8 @@ pub struct Passivity {
     account: EnergyAccount,
     /// Whether a first local model has come.
     began: bool,
+    /// What is left of a reach after a tick.
+    fade: f64,
 }
 
 impl Passivity {
@@ -239,6 +250,7 @@ impl Passivity {
                 ..EnergyAccount::default()
             },
             began: false,
+            fade: libm::exp(-config.period / MEMORY),
         }
     }
 
@@ -267,6 +279,9 @@ impl Passivity {
                 continue;
             }
             *step = moved;
+            for (reach, length) in hand.reach.iter_mut().zip(norms(&moved)) {
+                *reach = length.max(*reach * self.fade);
+            }
             let way = Vec3::new(step.x, step.y, step.z);
             let held = hand.held.get(self.config.delay);
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
@@ -315,34 +330,44 @@ impl Passivity {
     ) {
         let period = self.config.period;
         let mut ports = [Port::UNKNOWN; MAX_HANDLES];
+        let mut reaches = [[0.0; 2]; MAX_HANDLES];
         let mut under_way = 0.0;
-        for ((port, device), motion) in ports.iter_mut().zip(devices).zip(motions) {
+        let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
+        for (((port, reach), device), motion) in each {
             let device = usize::from(device);
             let known = self.config.ports.get(device).zip(self.hands.get(device));
             if let Some((known, hand)) = known {
                 *port = *known;
+                *reach = hand.reach;
                 let coming = hand.held.iter().take(self.config.delay);
                 under_way += coming
-                    .map(|wrench| wrench.stacked().dot(&motion.velocity) * period)
+                    .map(|wrench| most_work(&wrench.stacked(), reach))
                     .sum::<f64>()
-                    .max(0.0)
                     + hand.lingering(&motion.velocity, known.max_slew);
             }
         }
         let available = &mut self.account.available;
         *available = available.min(2.0 * stored + self.config.allowance);
         // Wrenches under way will be rendered whatever is decided now.
-        let budget = (*available - under_way).max(0.0);
+        let left = *available - under_way;
+        let budget = left.max(0.0);
         let mut kept = 1.0;
         if stored > budget {
             kept = libm::sqrt(budget / stored);
             damp(stored - budget, period, &ports, motions, viscous);
         }
-        let spent: f64 = pairs(elastic, motions).sum::<f64>() * period * kept;
-        if spent > budget {
-            kept *= budget / spent;
+        let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
+            let each = wrenches.iter().zip(&reaches);
+            each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
+        };
+        // Whichever way the hands turn, springs spend no more than there is, and dampers no more than the allowance on
+        // top.
+        let (springs, dampers) = (most(elastic), most(viscous));
+        if springs * kept > budget {
+            kept = budget / springs;
         }
-        let solvent = (1.0 + *available / self.config.allowance).clamp(0.0, 1.0);
+        let room = (left + self.config.allowance - springs * kept).max(0.0);
+        let solvent = if dampers > room { room / dampers } else { 1.0 };
         if kept < 1.0 {
             for elastic in elastic.iter_mut() {
                 *elastic *= kept;
@@ -389,13 +414,17 @@ fn possible(step: &Vec6, period: f64) -> bool {
     translation.norm() <= linear && rotation.norm() <= angular
 }
 
-/// Power of the wrenches on the hands that move so.
-fn pairs<'a>(
-    wrenches: &'a [Vec6; MAX_HANDLES],
-    motions: &'a [Motion; MAX_HANDLES],
-) -> impl Iterator<Item = f64> + 'a {
-    let each = wrenches.iter().zip(motions);
-    each.map(|(wrench, motion)| wrench.dot(&motion.velocity))
+/// Lengths of the translational and the rotational part.
+fn norms(stacked: &Vec6) -> [f64; 2] {
+    let linear = Vec3::new(stacked.x, stacked.y, stacked.z);
+    let angular = Vec3::new(stacked.w, stacked.a, stacked.b);
+    [linear.norm(), angular.norm()]
+}
+
+/// Work that a wrench can do on a hand that gets so far in a tick at most.
+fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
+    let [linear, angular] = norms(wrench);
+    linear * reach + angular * turn
 }
 
 /// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each

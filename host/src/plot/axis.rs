@@ -56,9 +56,23 @@ impl Axis {
 
     /// A logarithmic axis over those of `values` that are above zero.
     pub(super) fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
+        Self::logarithmic_with(values, 0.05)
+    }
+
+    /// The same without a margin: what is drawn fills it.
+    pub(super) fn logarithmic_to_the_edge(values: impl Iterator<Item = f64>) -> Self {
+        Self::logarithmic_with(values, 0.0)
+    }
+
+    fn logarithmic_with(values: impl Iterator<Item = f64>, margin: f64) -> Self {
         let logs = values.filter(|x| *x > 0.0).map(libm::log10);
         let (from, to) = range(logs).unwrap_or((0.0, 1.0));
-        let pad = (0.05 * (to - from)).max(0.05);
+        let least = if to > from && margin == 0.0 {
+            0.0
+        } else {
+            0.05
+        };
+        let pad = (margin * (to - from)).max(least);
         let (from, to) = (from - pad, to + pad);
         let decades = round_step((to - from) / 7.0).max(1.0);
         let mut ticks = multiples(decades, from, to);
@@ -141,12 +155,18 @@ fn log_label(tick: f64, plain: bool) -> String {
         let decimals = (-decade).max(0.0) as usize;
         return format!("{:.decimals$}", factor * libm::exp10(decade));
     }
-    let power: String = format!("{decade:.0}").chars().map(superscript).collect();
+    let power = power_of_ten(decade as i32);
     if factor == 1.0 {
-        format!("10{power}")
+        power
     } else {
-        format!("{factor:.0}·10{power}")
+        format!("{factor:.0}·{power}")
     }
+}
+
+/// Ten with a raised exponent.
+pub(super) fn power_of_ten(exponent: i32) -> String {
+    let raised: String = exponent.to_string().chars().map(superscript).collect();
+    format!("10{raised}")
 }
 
 fn superscript(digit: char) -> char {

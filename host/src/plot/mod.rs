@@ -3,12 +3,14 @@
 mod axis;
 mod chart;
 mod direction;
+mod map;
 mod page;
 mod panels;
 mod reduce;
 mod run;
 
 pub use chart::{Series, line_chart_svg};
+pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
 pub use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};

@@ -23,7 +23,8 @@ pub(super) const BELOW: i32 = 44;
 pub(super) const STRIP: i32 = 4;
 
 const FONT: &str = "Helvetica, Arial, sans-serif";
-const TEXT: RGBColor = RGBColor(34, 34, 34);
+/// The colour of text.
+pub(super) const TEXT: RGBColor = RGBColor(34, 34, 34);
 const MUTED: RGBColor = RGBColor(96, 96, 96);
 const GRID: RGBColor = RGBColor(228, 228, 228);
 const FRAME: RGBColor = RGBColor(150, 150, 150);
@@ -104,7 +105,14 @@ fn printable(text: &str) -> String {
 }
 
 /// Writes `text` with its left middle at (`x`, `y`) pixels.
-fn write(area: &Area, text: &str, x: i32, y: i32, font: FontDesc, color: RGBColor) -> Drawn {
+pub(super) fn write(
+    area: &Area,
+    text: &str,
+    x: i32,
+    y: i32,
+    font: FontDesc,
+    color: RGBColor,
+) -> Drawn {
     let style = TextStyle::from(font)
         .color(&color)
         .pos(Pos::new(HPos::Left, VPos::Center));

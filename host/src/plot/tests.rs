@@ -1,4 +1,7 @@
-use super::{DeviceSeries, Mark, Marker, PlotData, Series, force_and_position_svg, line_chart_svg};
+use super::{
+    DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, PlotData, Series,
+    force_and_position_svg, line_chart_svg, map_svg,
+};
 
 /// Two hands that stretch for `samples` ms, with noise.
 fn stretch(samples: u32) -> PlotData {
@@ -160,4 +163,64 @@ fn a_chart_shows_its_labels_and_says_what_it_leaves_out() {
     let svg = line_chart_svg("", "", "", true, true, &[]);
     check(&svg);
     assert!(svg.contains("no data"));
+}
+
+#[test]
+fn a_map_shows_cells_lines_points_and_its_scale() {
+    let cell = |x: f64, y: f64, value| MapCell {
+        x: [x, x + 1.0],
+        y: [y, 10.0 * y],
+        value,
+    };
+    let panel = |title: &str| MapPanel {
+        title: title.to_owned(),
+        cells: vec![
+            cell(0.0, 1.0, 0.0),
+            cell(0.0, 10.0, 1e-3),
+            cell(1.0, 1.0, f64::NAN),
+        ],
+        first: MapLine {
+            line: vec![(0.0, 5.0), (2.0, 50.0)],
+            points: vec![(1.0, 20.0), (9.0, 1.0)],
+        },
+        second: MapLine {
+            line: vec![(0.0, 80.0), (2.0, 90.0)],
+            points: vec![(1.0, 85.0)],
+        },
+    };
+    let map = Map {
+        title: "walls".to_owned(),
+        x_label: "damping".to_owned(),
+        y_label: "stiffness".to_owned(),
+        scale_label: "energy (J)".to_owned(),
+        below_label: "none".to_owned(),
+        decades: [-6, 0],
+        lines: ["exact".to_owned(), "stable".to_owned()],
+        panels: vec![panel("falcon"), panel("touch"), panel("a"), panel("b")],
+        ..Map::default()
+    };
+    let svg = map_svg(&map);
+    check(&svg);
+    for text in [
+        "walls",
+        "falcon",
+        "touch",
+        "exact",
+        "stable",
+        "energy (J)",
+        "10⁻⁶",
+        "none",
+    ] {
+        assert!(svg.contains(text), "{text}");
+    }
+    // Two circles a point, and of each panel's points one lies outside; the legend has a mark for each line.
+    assert_eq!(svg.matches("<circle").count(), 2 * (4 * 2 + 2));
+    let empty = map_svg(&Map::default());
+    check(&empty);
+    let nothing = map_svg(&Map {
+        panels: vec![MapPanel::default()],
+        ..Map::default()
+    });
+    check(&nothing);
+    assert!(nothing.contains("no data"));
 }

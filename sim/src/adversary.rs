@@ -1,0 +1,58 @@
+//! An adversary: it searches for the motion of a hand that gets most energy out of a controller.
+//!
+//! The controller is a black box ([`Rendering`]): a position in each tick, a force out, and a way back to the
+//! start, so that yours can be put here as well. The hand is perfectly stiff and imposes the motion. Between two
+//! ticks a straight line is the cheapest way, so the work done on the hand over a step `D` under the held force
+//! `F` is `F D - b D^2 / T - f_c |D|` exactly, whatever the device's mass: a hand that stops has given back what
+//! kinetic energy it took. That is the **port's** account ([`Port::play`]); the controller's own is not asked.
+//!
+//! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine: a sweep of frequencies,
+//! seeded draws from families of motions ([`Family`]: sinusoids, chirps, cycles of steps, strokes and taps, strokes
+//! along the edges of encoder counts), evolution of their parameters, then of the bare samples. Where the force is a
+//! function of the place alone, dynamic programming ([`best_among`]) finds the best motion outright; it can be handed
+//! to the search to begin with.
+//!
+//! ```
+//! use sim::adversary::{Adversary, Goal, Limits, Port, Rendering};
+//!
+//! /// A sampled spring that pushes out of negative positions: replace it by your controller.
+//! struct Spring(f64);
+//!
+//! impl Rendering for Spring {
+//!     fn reset(&mut self) {}
+//!     fn tick(&mut self, position: f64) -> f64 {
+//!         (-self.0 * position).max(0.0)
+//!     }
+//! }
+//!
+//! let adversary = Adversary {
+//!     port: Port { period: 1e-3, damping: 0.5, friction: 0.0, delay: 0 },
+//!     limits: Limits {
+//!         period: 1e-3,
+//!         deepest: 5e-3,
+//!         speed: 0.5,
+//!         acceleration: f64::INFINITY,
+//!         longest: 2000,
+//!         count: 0.0,
+//!     },
+//!     budget: 100_000,
+//!     seed: 1,
+//! };
+//! // Colgate and Schenkel: passive up to 2 b / T = 1000 N/m.
+//! let soft = adversary.search(&mut Spring(980.0), Goal::MoreThan(0.0), &[]);
+//! assert!(soft.outcome.energy < 1e-15);
+//! let stiff = adversary.search(&mut Spring(1020.0), Goal::MoreThan(0.0), &[]);
+//! assert!(stiff.outcome.energy > 0.0);
+//! ```
+
+mod places;
+mod port;
+mod search;
+mod shapes;
+#[cfg(test)]
+mod tests;
+
+pub use places::best_among;
+pub use port::{Outcome, Port, Rendering};
+pub use search::{Adversary, Found, Goal, Start};
+pub use shapes::{Family, Limits};
