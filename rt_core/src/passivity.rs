@@ -24,6 +24,12 @@
 //! There `D` is how far the hand may get in a tick, whichever way: the longest of its last steps, forgotten by and by.
 //! A hand that turns back within a tick has yesterday's damper push it along; only its first quick step is a surprise.
 //!
+//! **Counts.** What an encoder shows steps by a whole count when the hand has got to its edge, and steps back when it
+//! leaves by the same edge: no work is done between, but `w . D` with the force before each step says that a spring
+//! gave `K D^2`. A trembling hand on a stiff wall would so empty the account, and the wall would go soft. Where a count
+//! comes after a rest, the spring's work is taken with the mean of its force before and after. What a hand can get by
+//! that is `K D^2 / 2` a count, covered by friction that is not relied on up to `K = 2 (1 - eta) f_c / D`.
+//!
 //! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
 //!
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
@@ -67,6 +73,8 @@ pub struct Port {
     pub most_turning_damping: f64,
     /// Newtons at the hand per newton in the scene beyond what the motion scale asks for.
     pub force_scale: f64,
+    /// Position change of one encoder count (m); zero where there is no such thing.
+    pub count: f64,
     /// Fastest change of its force (N/s); infinite where there is no such limit. A force that cannot fall at once goes
     /// on doing work, and the cap keeps that much back.
     pub max_slew: f64,
@@ -80,6 +88,7 @@ impl Port {
         most_damping: f64::INFINITY,
         most_turning_damping: f64::INFINITY,
         force_scale: 1.0,
+        count: 0.0,
         max_slew: f64::INFINITY,
     };
 
@@ -179,6 +188,10 @@ struct Hand {
     way: Vec3,
     /// Ticks since then.
     since: u32,
+    /// The step of this tick, if it was one count after a rest.
+    crept: Vec3,
+    /// Force of the springs held last.
+    spring: Vec3,
     /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
     reach: [f64; 2],
 }
@@ -192,6 +205,8 @@ impl Hand {
             lifted_from: None,
             way: Vec3::zeros(),
             since: 0,
+            crept: Vec3::zeros(),
+            spring: Vec3::zeros(),
             reach: [0.0; 2],
         }
     }
@@ -274,6 +289,7 @@ impl Passivity {
                 continue;
             };
             hand.since = hand.since.saturating_add(1);
+            hand.crept = Vec3::zeros();
             let moved = pose.displacement_from(&before);
             if !possible(&moved, self.config.period) {
                 continue;
@@ -295,6 +311,9 @@ impl Passivity {
                     let length = way.norm();
                     let speed = length / (self.config.period * f64::from(hand.since));
                     credit = self.config.credit * length * (port.damping * speed + port.friction);
+                }
+                if hand.since > 1 && way.norm() < 1.5 * port.count {
+                    hand.crept = way;
                 }
                 hand.way = way;
                 hand.since = 0;
@@ -332,9 +351,11 @@ impl Passivity {
         let mut ports = [Port::UNKNOWN; MAX_HANDLES];
         let mut reaches = [[0.0; 2]; MAX_HANDLES];
         let mut under_way = 0.0;
+        let mut holders = [usize::MAX; MAX_HANDLES];
         let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
-        for (((port, reach), device), motion) in each {
+        for ((((port, reach), device), motion), holder) in each.zip(&mut holders) {
             let device = usize::from(device);
+            *holder = device;
             let known = self.config.ports.get(device).zip(self.hands.get(device));
             if let Some((known, hand)) = known {
                 *port = *known;
@@ -380,6 +401,15 @@ impl Passivity {
         }
         if kept < 1.0 || solvent < 1.0 {
             crate::count_one(&mut self.account.capped);
+        }
+        // A count that came after a rest was reached slowly, and left again where it was reached: the springs' force
+        // changes on the way, not after it. What a hand can make of that is less than the friction not relied on.
+        for (holder, elastic) in holders.iter().zip(elastic.iter()) {
+            if let Some(hand) = self.hands.get_mut(*holder) {
+                let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
+                self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
+                hand.spring = spring;
+            }
         }
     }
 

@@ -346,3 +346,51 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     }
     assert!(coupling.energy().supplied < -4.0 * speed * speed * PERIOD);
 }
+
+/// Share of a wall's stiffness that a device shows a trembling hand after four seconds, with counts known or not.
+fn held_by_a_trembling_hand(known: bool) -> f64 {
+    let (k, count) = (10.0 * BOUND, 4e-5);
+    let mut passivity = PassivityConfig::new(PERIOD);
+    passivity.ports[0] = Port {
+        damping: DAMPING,
+        friction: 0.4,
+        most_damping: 0.1 * MASS / PERIOD,
+        count: if known { count } else { 0.0 },
+        ..Port::UNKNOWN
+    };
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    coupling.accept(&wall(k, 1, 1)).expect("a sound model");
+    let mut estimator = VelocityEstimator::new(PERIOD, VelocityEstimator::DEFAULT_CUTOFF);
+    let (mut felt, mut asked) = (0.0, 0.0);
+    for tick in 0..4000 {
+        let t = f64::from(tick) * PERIOD;
+        let grown = t.min(1.0);
+        // Half a millimetre deep, and 0.1 mm at 10 Hz about it.
+        let deep = grown * (0.5e-3 + 0.1e-3 * (20.0 * core::f64::consts::PI * t).sin());
+        let shown = Vec3::new(-(deep / count).round() * count, 0.0, 0.0);
+        let twist = Twist {
+            linear: estimator.update(&shown),
+            ..Twist::zero()
+        };
+        let wrenches = coupling.tick(1, &[(Pose::at(shown), twist)]);
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        held[0] = wrenches[0];
+        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        if t > 3.0 {
+            felt += wrenches[0].force.x;
+            asked += k * deep;
+        }
+    }
+    felt / asked
+}
+
+#[test]
+fn a_wall_of_counts_stays_stiff_in_a_trembling_hand() {
+    // Ten times the bound, and less than 2 (1 - 0.4) f_c / D = 12,000 N/m.
+    let felt = held_by_a_trembling_hand(true);
+    // Dampers and counts average out over whole periods but for some per mille.
+    assert!((felt - 1.0).abs() < 0.01, "{felt}");
+    // What the test could not tell if the counts did nothing: the wall goes soft.
+    let soft = held_by_a_trembling_hand(false);
+    assert!(soft < 0.9, "{soft}");
+}

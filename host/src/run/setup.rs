@@ -183,6 +183,7 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) 
             most_damping(rotation.inertia, period, delay) / proxy.force_scale
         }),
         force_scale: proxy.force_scale,
+        count: model.position_step * scale,
         max_slew: safety.max_slew / (scale * proxy.force_scale),
     }
 }

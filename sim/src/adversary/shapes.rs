@@ -116,7 +116,7 @@ impl Shape {
     pub(super) fn sweep(limits: &Limits) -> impl Iterator<Item = Self> {
         const FREQUENCIES: u32 = 24;
         let longest = f64::from(u32::try_from(limits.longest).unwrap_or(u32::MAX));
-        // All of the depth, a third of it, a twentieth: see `amplitude`.
+        // All of the depth, a third of it, a twentieth: see `about`.
         let amplitudes = [1.0, 0.77, 0.43];
         (0..FREQUENCIES).flat_map(move |k| {
             // Those that follow each other lie far apart: a small budget sees all of the range.
@@ -161,29 +161,22 @@ impl Shape {
         ) as usize
     }
 
-    /// A smooth way in to where `inner` of size `amplitude` just fits, and the same way out.
-    fn about(
-        &self,
-        limits: &Limits,
-        amplitude: f64,
-        inner: impl Fn(usize, usize) -> f64,
-    ) -> Vec<f64> {
+    /// A smooth way in, `inner` of size one there, and the same way out. No larger than `most` (m): the whole motion
+    /// shrinks with what it has inside, for a way in that is too long is not made up for.
+    fn about(&self, limits: &Limits, most: f64, inner: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+        let deepest = between(0.02, 1.0, self.genes[2]) * limits.deepest;
+        // At most half of the depth, so that it goes all the way to the surface.
+        let share = between(0.005, 1.0, self.genes[4]);
+        let amplitude = most.min(deepest * share / (1.0 + share));
+        let depth = amplitude / share;
         let length = self.length(limits);
         let ramp = (between(0.01, 0.33, self.genes[1]) * length as f64) as usize;
-        let depth = between(0.02, 1.0, self.genes[2]) * limits.deepest - amplitude;
         let run = length - 2 * ramp;
         let share = |k: usize| 0.5 * (1.0 - libm::cos(PI * (k + 1) as f64 / ramp as f64));
         let way_in = (0..ramp).map(|k| depth * share(k));
-        let inside = (0..run).map(|k| depth + inner(k, run));
+        let inside = (0..run).map(|k| depth + amplitude * inner(k, run));
         let way_out = (0..ramp).map(|k| depth * (1.0 - share(k)));
         way_in.chain(inside).chain(way_out).map(|x| -x).collect()
-    }
-
-    fn amplitude(&self, limits: &Limits) -> f64 {
-        let depth = between(0.02, 1.0, self.genes[2]) * limits.deepest;
-        // At most half of the depth, so that it goes all the way to the surface.
-        let share = between(0.005, 1.0, self.genes[4]);
-        depth * share / (1.0 + share)
     }
 
     fn waves(&self, limits: &Limits) -> Vec<f64> {
@@ -197,25 +190,21 @@ impl Shape {
         };
         let start = TAU * self.genes[5];
         // No faster than the limits allow, or it would be bent out of shape.
-        let fastest = PI / first.min(last);
-        let amplitude = self
-            .amplitude(limits)
-            .min(0.49 * limits.step() / libm::sin(fastest));
-        self.about(limits, amplitude, |k, run| {
+        let most = 0.49 * limits.step() / libm::sin(PI / first.min(last));
+        self.about(limits, most, |k, run| {
             // A speed in radians a tick that changes evenly.
             let (from, to) = (TAU / first, TAU / last);
             let k = k as f64;
             let phase = start + from * k + 0.5 * (to - from) * k * k / run as f64;
-            amplitude * libm::sin(phase)
+            libm::sin(phase)
         })
     }
 
     fn steps(&self, limits: &Limits) -> Vec<f64> {
-        let amplitude = self.amplitude(limits).min(0.5 * limits.step());
         let levels = &self.genes[5..];
         let count = 2 + (self.genes[3] * (levels.len() - 1) as f64) as usize;
-        self.about(limits, amplitude, |k, _| {
-            amplitude * (2.0 * levels[k % count.min(levels.len())] - 1.0)
+        self.about(limits, 0.5 * limits.step(), |k, _| {
+            2.0 * levels[k % count.min(levels.len())] - 1.0
         })
     }
 

@@ -179,6 +179,7 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
         most_damping: draw.between(6, 1.0, 50.0),
         most_turning_damping: 0.05,
         force_scale: 1.0,
+        count: 3e-5,
         max_slew,
     }; MAX_DEVICES];
     for _ in 0..devices {

@@ -73,6 +73,7 @@ impl Wall {
         passivity.ports[0] = rt_core::Port {
             damping: self.model.damping,
             friction: self.port().friction,
+            count: self.count(),
             most_damping: most_damping(self.model.mass, period, late),
             ..rt_core::Port::UNKNOWN
         };

@@ -6,6 +6,8 @@ use sim::adversary::Rendering;
 
 /// Ticks that a disturbance is watched.
 const TICKS: usize = 6000;
+/// Deepest place that is pressed to (m): it is taken in one tick, which must not look like a reading gone wrong.
+const DEEPEST: f64 = 3e-3;
 /// Ratio of stiffnesses at which halving ends.
 const CLOSE: f64 = 1.005;
 
@@ -30,12 +32,12 @@ pub fn boundary(wall: &Wall, plant: &Plant, start: f64) -> f64 {
     high
 }
 
-/// Whether a disturbance grows of a hand that presses with half of what the motors can hold: whether, once the slow
+/// Whether a disturbance grows of a hand that presses with up to half of what the motors can hold: whether, once the slow
 /// motion of the arm has died away, the motion is larger in the last quarter of the time than in the third, or has
 /// grown beyond the disturbance and come to where the hand bounces off the wall.
 fn grows(wall: &Wall, plant: &Plant) -> bool {
     let step = Step::exact(plant, wall.period());
-    let press = 0.5 * wall.model.max_force;
+    let press = (0.5 * wall.model.max_force).min(DEEPEST * wall.stiffness);
     let rest = -press / wall.stiffness;
     let mut rig = Rig::new(*wall);
     rig.reset();

@@ -37,22 +37,23 @@ pub fn most_energy(wall: &Wall, budget: u64, seed: u64) -> f64 {
     found.outcome.energy
 }
 
-/// Static stiffness as a share of what was asked: pressed for a second, to half of what the motors can hold or 2 mm,
-/// and held for another.
+/// Static stiffness as a share of what was asked: pressed for a second, to half of what the motors can hold or 2 mm, and
+/// held for two by a hand that trembles (10 Hz, 0.1 mm or a third of the depth); force over depth in the last.
 fn rendered(rig: &mut Rig) -> f64 {
     let wall = *rig.wall();
-    let count = wall.count();
-    let mut deep = (0.5 * wall.model.max_force / wall.stiffness).min(2e-3);
-    if count > 0.0 {
-        // In the middle of a count, so that what is asked is known.
-        deep = (deep / count).round().max(1.0) * count;
-    }
+    let deep = (0.5 * wall.model.max_force / wall.stiffness).min(2e-3);
+    let tremor = (0.3 * deep).min(1e-4);
     rig.reset();
-    let second = wall.rate;
-    let mut force = 0.0;
-    for k in 1..=2 * second {
-        let share = f64::from(k.min(second)) / f64::from(second);
-        force = rig.tick(-deep * share);
+    let (mut felt, mut asked) = (0.0, 0.0);
+    for k in 1..=3 * wall.rate {
+        let time = f64::from(k) * wall.period();
+        let pressed = time.min(1.0);
+        let depth = pressed * (deep + tremor * libm::sin(20.0 * core::f64::consts::PI * time));
+        let force = rig.tick(-depth);
+        if time > 2.0 {
+            felt += force;
+            asked += wall.stiffness * depth;
+        }
     }
-    force / (wall.stiffness * deep)
+    felt / asked
 }
