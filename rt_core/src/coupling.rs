@@ -267,9 +267,13 @@ impl Coupling {
             // The same energy now, too. What is stored falls by the work of the mean force on the way.
             let still = [Vec6::zeros(); MAX_HANDLES];
             let stored = self.parts(devices, &still).stored;
-            from.energy = 0.0;
-            let deviations = from.deviations(devices);
-            from.energy = stored - from.change_of_energy(&deviations);
+            // Before the first model there is none to be the same as: what the body stores then is its own, though its
+            // force is yet to come.
+            if self.to.handle_count > 0 {
+                from.energy = 0.0;
+                let deviations = from.deviations(devices);
+                from.energy = stored - from.change_of_energy(&deviations);
+            }
         }
         self.passivity.begin(shaped.energy);
         self.passivity.note_stored(shaped.energy.max(0.0));

@@ -240,6 +240,29 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
 }
 
 #[test]
+fn what_a_body_stores_when_it_is_taken_hold_of_is_its_own() {
+    let mut coupling = Coupling::new(coupling_config(
+        Scheme::Capped,
+        PassivityConfig::new(PERIOD),
+    ));
+    let (k, pull) = (200.0, 3.0);
+    let mut model = wall(k, 1, 1);
+    model.period = 16.0 * PERIOD;
+    model.handles[0].contact = Vec3::zeros();
+    model.handles[0].wrench.force = Vec3::x() * pull;
+    model.energy = pull * pull / (2.0 * k);
+    coupling.accept(&model).expect("a sound model");
+    let still = [(Pose::identity(), Twist::zero())];
+    let last = (0..100).map(|_| coupling.tick(1, &still)[0].force.x).last();
+    // No hand has put it in, and yet it is there: 22 times the allowance.
+    assert_eq!(last, Some(pull));
+    assert_eq!(coupling.energy().capped, 0);
+    let more = coupling.energy().available - model.energy;
+    let allowance = PassivityConfig::new(PERIOD).allowance;
+    assert!((more - allowance).abs() < 1e-15, "{more}");
+}
+
+#[test]
 fn the_classic_controller_restores_passivity_up_to_three_times_the_bound() {
     for delay in [0, 1] {
         let wall = 3.0 * bound(delay);
