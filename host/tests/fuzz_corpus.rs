@@ -31,6 +31,17 @@ fn scenes() -> io::Result<()> {
 }
 
 #[test]
+fn devices() -> io::Result<()> {
+    for bytes in files("device")? {
+        let text = String::from_utf8_lossy(&bytes);
+        if let Err(error) = sim::DeviceFile::parse(&text) {
+            assert!(!error.to_string().contains('\n'), "{error}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
 fn recordings() -> io::Result<()> {
     for bytes in files("recording")? {
         let text = String::from_utf8_lossy(&bytes);

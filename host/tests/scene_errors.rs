@@ -144,6 +144,12 @@ step_rate = 250.0
   -> [loop]¶blend = 1.5
   x.toml:6: loop.blend: found 1.5, allowed: a number from 0 to 1
 [loop]
+  -> [loop]¶proxy_stiffness = 0
+  x.toml:6: loop.proxy_stiffness: found 0, allowed: a number above 0
+[loop]
+  -> [loop]¶proxy_damping = -1
+  x.toml:6: loop.proxy_damping: found -1, allowed: a number not below 0
+[loop]
   -> [loop]¶hold_damping = -1
   x.toml:6: loop.hold_damping: found -1, allowed: a number not below 0
 cells = [4, 2]
@@ -319,7 +325,7 @@ hand = {}
   x.toml:36: device[0]: missing field `hand`
 hand = {}
   -> hand.weight = 2
-  x.toml:39: device[0].hand.weight: unknown field, allowed: `mass`, `stiffness`, `damping`, `tremor`, `waypoints`, `sines`, `recording`
+  x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `recording`
 "#,
     );
 }
@@ -408,6 +414,27 @@ box = [[0, 0, 0], [1, 1, 1]]
 [0.5, 0, 0, 0]
   -> [-0.5, 0, 0, 0]
   x.toml:47: device[1].hand.waypoints[0]: found time -0.5, allowed: a time not below 0
+hand = {}
+  -> hand = { grip = "tight" }
+  x.toml:39: device[0].hand.grip: found "tight", allowed: `relaxed`, `typical`, `firm`, `rigid`
+hand = {}
+  -> hand = { grip = "rigid", task = "tap", direction = [0, 0, -1], depth = 0 }
+  x.toml:39: device[0].hand.depth: found 0, allowed: a number above 0
+hand = {}
+  -> hand = { task = "tap" }
+  x.toml:39: device[0].hand.task: found a task without a `direction`, allowed: a task with the direction in which it goes
+hand = {}
+  -> hand = { task = "tap", direction = [0, 0, -1], width = 0.01 }
+  x.toml:39: device[0].hand.width: found 0.01, allowed: nothing here: the task tap has no width
+hand = {}
+  -> hand = { task = "shake", direction = [0, 0, -1], speed = 0.1 }
+  x.toml:39: device[0].hand.speed: found 0.1, allowed: nothing here: the task shake has no speed
+hand = {}
+  -> hand = { direction = [0, 0, -1] }
+  x.toml:39: device[0].hand.direction: found [0.0, 0.0, -1.0], allowed: nothing here without a `task`
+hand = {}
+  -> hand = { task = "pat", direction = [0, 0, -1] }
+  x.toml:39: device[0].hand.task: found "pat", allowed: `tap`, `press_and_hold`, `rub`, `pull_apart`, `move_together`, `shake`
 hand = {}
   -> hand.recording = ''
   x.toml:39: device[0].hand.recording: found "", allowed: the name of a file

@@ -1,4 +1,5 @@
-//! Scenes name force schemes: each runs under its name, and `proxy` publishes what its springs make of the body.
+//! Scenes name force schemes: each runs under its name, and `proxy` publishes what its springs make
+//! of the body.
 
 use host::engine::build::links;
 use host::engine::pacer::Due;

@@ -22,7 +22,8 @@ fn drivers_use_what_errs_least_among_those_as_quick() {
     assert!((ours.delay - 2e-3).abs() < 1e-12);
     for mean in &FOUND.means {
         let quick = mean.delay < 1.05 * ours.delay;
-        // Filters of acceleration have no lag where velocity grows steadily, and overshoot: little damping is stable.
+        // Filters of acceleration have no lag where velocity grows steadily, and overshoot: little
+        // damping is stable.
         let bears = mean.stable > 0.75 * ours.stable;
         if quick && bears {
             assert!(mean.all >= ours.all, "{mean:?}");

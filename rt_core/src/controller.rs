@@ -4,6 +4,7 @@
 //! wrenches are computed, then all devices are written, so that two hands on one body are felt at the same
 //! instant. [`Controller::tick`] is the law; [`cycle`] puts the device calls around it.
 
+use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
@@ -11,7 +12,7 @@ use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
 use crate::proxy::Proxy;
 use crate::record::Telemetry;
-use crate::safety::{Limiter, SafetyConfig, SafetyCounters, SafetyState, Trip};
+use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
 /// One device as the controller knows it.
@@ -32,15 +33,6 @@ pub struct ControllerConfig {
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
 }
 
-#[derive(Clone, Debug)]
-struct Channel {
-    proxy: Proxy,
-    limiter: Limiter,
-    state: DeviceState,
-    /// Whether it ever gave a state.
-    known: bool,
-}
-
 /// The controller's whole state.
 #[derive(Clone, Debug)]
 pub struct Controller {
@@ -57,12 +49,8 @@ pub type Reading = Result<DeviceState, DeviceError>;
 impl Controller {
     /// A controller at rest, before its first model.
     pub fn new(config: &ControllerConfig) -> Self {
-        let channels = config.devices.iter().map(|device| Channel {
-            proxy: device.proxy,
-            limiter: Limiter::new(device.safety),
-            state: DeviceState::resting(),
-            known: false,
-        });
+        let devices = config.devices.iter();
+        let channels = devices.map(|device| Channel::new(device.proxy, device.safety));
         Self {
             channels: channels.collect(),
             couplings: config
@@ -111,17 +99,10 @@ impl Controller {
             .zip(&mut proxies)
             .zip(&mut fresh);
         for (((channel, reading), proxy), fresh) in each {
-            if let Ok(state) = reading
-                && state.is_finite()
-            {
-                if channel.known && channel.limiter.state() == SafetyState::DeviceStale {
-                    channel.proxy.go_on(&channel.state, state);
-                }
-                channel.state = *state;
-                channel.known = true;
-                *fresh = true;
+            if let Ok(state) = reading {
+                *fresh = channel.follow(now_ns, state);
             }
-            *proxy = channel.proxy.to_scene(&channel.state);
+            *proxy = channel.on_scene();
         }
 
         let mut on_proxies = [Wrench::zero(); MAX_DEVICES];

@@ -44,6 +44,7 @@
     )
 )]
 
+mod channel;
 pub mod controller;
 pub mod coupling;
 pub mod device;

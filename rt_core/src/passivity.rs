@@ -56,7 +56,7 @@ pub struct Port {
     pub damping: f64,
     /// Coulomb friction of the mechanism that may be relied on (N).
     pub friction: f64,
-    /// Most damping that is rendered (N s/m): a sampled damper on a mass `m` is unstable from about `m / T`.
+    /// Most damping that is rendered (N s/m): what [`crate::velocity::most_damping`] allows.
     pub most_damping: f64,
     /// The same of rotation (N m s/rad).
     pub most_turning_damping: f64,

@@ -139,6 +139,11 @@ impl Limiter {
         passed
     }
 
+    /// The tick's period (s).
+    pub(crate) fn period(&self) -> f64 {
+        self.config.period
+    }
+
     /// What was done to the last wrench.
     pub fn state(&self) -> SafetyState {
         self.state

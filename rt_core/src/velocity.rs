@@ -1,9 +1,9 @@
 //! Velocity from encoder positions, for drivers whose device reports none.
 //!
-//! One encoder count a tick is 10 to 55 mm/s on common devices, so the difference of two positions cannot be used for
-//! damping. Every estimate pays for less noise with delay, and delay bounds the damping that a device can render
-//! ([`most_damping`]). `palpate bench velocity` measures both for all methods; drivers use the one that came out of it
-//! ([`VelocityEstimator::for_encoder`]).
+//! One encoder count a tick is 10 to 55 mm/s on common devices, so the difference of two positions
+//! cannot be used for damping. Every estimate pays for less noise with delay, and delay bounds the
+//! damping that a device can render ([`most_damping`]). `palpate bench velocity` measures both for
+//! all methods; drivers use the one that came out of it ([`VelocityEstimator::for_encoder`]).
 
 mod adaptive;
 mod kalman;
@@ -18,14 +18,15 @@ pub use kalman::Gains;
 /// Share of `mass / (period / 2 + late)` that [`most_damping`] allows.
 const SHARE: f64 = 0.25;
 
-/// Damping (N s/m) that may be rendered on a device's moving mass (kg) with ticks of `period` and a velocity that is
-/// `late` (s), its estimate's delay and the device's own together.
+/// Damping (N s/m) that may be rendered on a device's moving mass (kg) with ticks of `period` and a
+/// velocity that is `late` (s), its estimate's delay and the device's own together.
 ///
-/// A held force is half a period late in the mean, so the loop is `B exp(-s t) / (m s)` with `t = period / 2 + late`: its
-/// gain is one at `B / m`, where a phase of `B t / m` is lost beside the integrator's quarter turn. It is stable for `B <
-/// (pi / 2) m / t`; sampled loops with the estimates here at least up to 1.44 `m / t` (`rt_core/tests/velocity.rs`). A
-/// quarter of `m / t` leaves 76 of 90 degrees, and more than a fivefold gain for what a wall's stiffness, encoder counts
-/// and a mass that is not well known take.
+/// A held force is half a period late in the mean, so the loop is `B exp(-s t) / (m s)` with `t =
+/// period / 2 + late`: its gain is one at `B / m`, where a phase of `B t / m` is lost beside the
+/// integrator's quarter turn. It is stable for `B < (pi / 2) m / t`; sampled loops with the
+/// estimates here at least up to 1.44 `m / t` (`rt_core/tests/velocity.rs`). A quarter of `m / t`
+/// leaves 76 of 90 degrees, and more than a fivefold gain for what a wall's stiffness, encoder
+/// counts and a mass that is not well known take.
 pub fn most_damping(mass: f64, period: f64, late: f64) -> f64 {
     SHARE * mass / (0.5 * period + late)
 }
@@ -92,8 +93,9 @@ impl VelocityEstimator {
         Self::with_method(Method::LowPass { cutoff }, period, 0.0)
     }
 
-    /// What drivers use for an encoder with counts of `step` (m), read every `period` (s): a best fit over four
-    /// milliseconds, as far as [`LONGEST`] ticks reach. By `palpate bench velocity` no other method as quick errs less.
+    /// What drivers use for an encoder with counts of `step` (m), read every `period` (s): a best
+    /// fit over four milliseconds, as far as [`LONGEST`] ticks reach. By `palpate bench velocity`
+    /// no other method as quick errs less.
     pub fn for_encoder(period: f64, step: f64) -> Self {
         let window = libm::round(Self::SPAN / period).clamp(1.0, LONGEST as f64) as usize;
         Self::with_method(Method::BestFit { window }, period, step)

@@ -1,4 +1,5 @@
-//! A damper on an estimated velocity: what [`most_damping`] allows stops a bare device, and how much more would.
+//! A damper on an estimated velocity: what [`most_damping`] allows stops a bare device, and how
+//! much more would.
 // The fence of `rt_core/clippy.toml` is around the law, not around its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -68,7 +69,8 @@ impl Loop {
 
 /// Whether `times` the mass over all delays stops it, positions being known exactly.
 fn stops(method: Method, period: f64, delay: usize, times: f64) -> bool {
-    // A count so large that every window is full: what adaptive windows come to where the motion is small.
+    // A count so large that every window is full: what adaptive windows come to where the motion is
+    // small.
     let step = match method {
         Method::EndFit { .. } | Method::BestFit { .. } => 1e3,
         _ => 30e-6,
@@ -103,8 +105,9 @@ fn a_damper_is_stable_up_to_nearly_six_times_what_is_allowed() {
     }
 }
 
-/// What counts leave of a bare device's speed under so many times the damping that is allowed, over the speed that one
-/// count more or less gives it: the estimate of a lone count adds up to that count, so the damper's impulse is `B count`.
+/// What counts leave of a bare device's speed under so many times the damping that is allowed, over
+/// the speed that one count more or less gives it: the estimate of a lone count adds up to that
+/// count, so the damper's impulse is `B count`.
 fn left_by_counts(count: f64, mass: f64, period: f64, times: f64) -> f64 {
     let estimator = VelocityEstimator::for_encoder(period, count);
     let damping = times * most_damping(mass, period, estimator.delay());
@@ -116,14 +119,16 @@ fn left_by_counts(count: f64, mass: f64, period: f64, times: f64) -> f64 {
 
 #[test]
 fn counts_leave_less_than_one_gives_up_to_four_times_what_is_allowed() {
-    // Counts (m) and moving masses (kg) of common devices, without the friction that stops them altogether.
+    // Counts (m) and moving masses (kg) of common devices, without the friction that stops them
+    // altogether.
     for (count, mass) in [(38e-6, 0.15), (55e-6, 0.045), (30e-6, 0.075), (10e-6, 0.2)] {
         for period in [1e-3, 2.5e-4] {
             for times in [0.5, 1.0, 2.0, 3.0, 4.0] {
                 let left = left_by_counts(count, mass, period, times);
                 assert!(left < 1.0, "{count} {period} {times}: {left}");
             }
-            // Far beyond what is stable, where windows have grown short as well: a limit cycle over many counts.
+            // Far beyond what is stable, where windows have grown short as well: a limit cycle over
+            // many counts.
             let left = left_by_counts(count, mass, period, 40.0);
             assert!(left > 1.0, "{count} {period}: {left}");
         }

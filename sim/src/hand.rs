@@ -2,7 +2,8 @@
 //!
 //! The arm is a mass, a spring and a damper; the spring and the damper reach to where the hand wants to be
 //! (its aim), the mass moves with the handle, which the hand holds rigidly. That is the usual second-order
-//! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes.
+//! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes. Of a device
+//! of six degrees of freedom it also holds the handle's rotation, by the wrist.
 
 use crate::arm::{Arm, Wrist};
 use crate::curve::{Knot, hermite};

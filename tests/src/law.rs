@@ -78,7 +78,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
                 max_force: limits.force,
                 max_moment: limits.moment,
                 max_speed: limits.speed,
-                max_reach: 10.0,
+                max_reach: 5.0,
                 max_slew: limits.force * 1e3,
                 patience: PATIENCE,
                 decay: 0.3,

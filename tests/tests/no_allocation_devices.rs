@@ -1,7 +1,7 @@
 //! A simulated device runs inside the real-time tick: once built, reading and writing never allocate.
 use palpate_tests::counting::{Counting, count};
 use rt_core::{Device, Vec3, Wrench};
-use sim::{DeviceModel, Hand, SimDevice, Sine, Trajectory, Tremor, Wired};
+use sim::{DeviceModel, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -22,28 +22,34 @@ fn reads_and_writes_never_allocate() {
             )
         })
         .collect();
+    let task = Task::new(TaskKind::Rub, Vec3::new(0.0, 0.0, -1.0));
     let trajectory = Trajectory::new_sum([
+        task.trajectory(1).unwrap(),
         Trajectory::new_waypoints(&reach).unwrap(),
         Trajectory::new_sines(&[sway], 0.5).unwrap(),
         Trajectory::new_recorded(&recording).unwrap(),
     ]);
     let hand = Hand::new(trajectory).with_tremor(Tremor::new(1e-4, 1).unwrap());
-    let model = DeviceModel::named("falcon").unwrap();
-    let mut device = Wired::new(SimDevice::new(model, Some(hand), 1e-3).unwrap());
-    let mut refused = 0;
     assert_eq!(count(|| drop(std::hint::black_box(Box::new(7)))), 2);
-    let calls = count(|| {
-        for tick in 0..2000 {
-            let now = tick * 1_000_000;
-            let state = device.read(now);
-            refused += u32::from(state.is_err());
-            let force = state.map_or(Vec3::zeros(), |state| state.pose.position * -500.0);
-            let wrench = Wrench {
-                force,
-                moment: Vec3::zeros(),
-            };
-            refused += u32::from(device.write(now, &wrench).is_err());
-        }
-    });
-    assert_eq!((calls, refused), (0, 0));
+    // One of three degrees of freedom and one of six.
+    for model in ["falcon", "virtuose6d"] {
+        let model = DeviceModel::named(model).unwrap();
+        let hand = Some(hand.clone());
+        let mut device = Wired::new(SimDevice::new(model, hand, 1e-3).unwrap());
+        let mut refused = 0;
+        let calls = count(|| {
+            for tick in 0..2000 {
+                let now = tick * 1_000_000;
+                let state = device.read(now);
+                refused += u32::from(state.is_err());
+                let force = state.map_or(Vec3::zeros(), |state| state.pose.position * -500.0);
+                let wrench = Wrench {
+                    force,
+                    moment: force * 0.05,
+                };
+                refused += u32::from(device.write(now, &wrench).is_err());
+            }
+        });
+        assert_eq!((calls, refused), (0, 0));
+    }
 }

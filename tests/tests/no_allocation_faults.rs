@@ -245,12 +245,13 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
     run.live(ends, 300, 4);
     run.expect(Live, Normal);
 
-    for (script, safety) in [(Script::Rush, TooFast), (Script::Stray(20.0), OutOfReach)] {
+    for (script, safety) in [(Script::Rush, TooFast), (Script::Stray(9.0), OutOfReach)] {
         run.script(script);
         run.live(ends, 50, 4);
         run.expect(Live, safety);
         run.script(Script::Move);
-        run.live(ends, 10, 4);
+        // A hand that is suddenly elsewhere is believed when it stays there.
+        run.live(ends, u64::from(PATIENCE) + 11, 4);
         run.expect(Live, Recovering);
         run.live(ends, 300, 4);
         run.expect(Live, Normal);
@@ -282,15 +283,13 @@ fn forces_that_cannot_leave(run: &mut Watched, ends: &mut (HostEnd, LogEnd), sch
         run.live(ends, 400, 20);
         run.expect(Live, Normal);
     }
-    // A hand out of all bounds overflows in the extrapolation; `hold` has none.
-    if scheme != "hold" {
-        run.script(Script::Stray(f64::MAX));
-        run.live(ends, 50, 4);
-        run.expect(Live, NotANumber);
-        run.script(Script::Move);
-        run.live(ends, 400, 4);
-        run.expect(Live, Normal);
-    }
+    // A hand out of all bounds would overflow in the extrapolation: it is not believed.
+    run.script(Script::Stray(f64::MAX));
+    run.live(ends, 50, 4);
+    run.expect(Live, DeviceStale);
+    run.script(Script::Move);
+    run.live(ends, 400, 4);
+    run.expect(Live, Normal);
 }
 
 fn the_others_stall_and_go(run: &mut Watched, ends: (HostEnd, LogEnd)) {

@@ -30,7 +30,12 @@ impl Stored {
 
     /// Keeps the stiffness that models publish from now on.
     pub(super) fn keep(&mut self, condensed: &Condensed) {
-        self.stiffness.clone_from(&condensed.stiffness);
+        // `clone_from` would allocate: a derived one makes a new matrix.
+        for j in 0..self.stiffness.size() {
+            for i in 0..self.stiffness.size() {
+                self.stiffness[(i, j)] = condensed.stiffness[(i, j)];
+            }
+        }
         for (slot, scale) in self.scale.iter_mut().enumerate() {
             // A turn counts by how far it moves what is held.
             *scale = if slot % 6 < 3 { 1.0 } else { condensed.length };

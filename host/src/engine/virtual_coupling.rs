@@ -1,12 +1,15 @@
-//! Virtual coupling: devices tied to massless proxies by springs and dampers, and the proxies to the body.
+//! Virtual coupling: devices tied to massless proxies by springs and dampers, and the proxies to
+//! the body.
 //!
-//! J. E. Colgate, M. C. Stanley and J. M. Brown, "Issues in the haptic display of tool use" (1995); the proxy is that of
-//! C. B. Zilles and J. K. Salisbury, "A constraint-based god-object method for haptic display" (1995). However stiff the
-//! body, a hand feels no more than the spring, which is chosen so that its device can render it.
+//! J. E. Colgate, M. C. Stanley and J. M. Brown, "Issues in the haptic display of tool use" (1995);
+//! the proxy is that of C. B. Zilles and J. K. Salisbury, "A constraint-based god-object method for
+//! haptic display" (1995). However stiff the body, a hand feels no more than the spring, which is
+//! chosen so that its device can render it.
 //!
-//! The proxies have no mass: they are where the linearized body's wrench `a - K q` (its stiffness `K`, its wrench `a`
-//! without what its dampers do) and the springs' `Kc (d - q)` balance, `d` being where the devices are. So the device
-//! feels body and spring in series, all handles together:
+//! The proxies have no mass: they are where the linearized body's wrench `a - K q` (its stiffness
+//! `K`, its wrench `a` without what its dampers do) and the springs' `Kc (d - q)` balance, `d`
+//! being where the devices are. So the device feels body and spring in series, all handles
+//! together:
 //!
 //! ```text
 //! S  = (I + K C)^-1         C = Kc^-1: the springs' compliance; the proxies move by S^T d + C S a
@@ -15,11 +18,12 @@
 //! B' = S B S^T + (I - S) Bc (I - S)^T
 //! ```
 //!
-//! The second form of `K'` is the energy of body and springs, that of `B'` what body and dampers dissipate as the proxies
-//! follow: both are positive where the body's are, and a free body is not damped. With `C = R R` the matrix that is
-//! factorized is `M = I + R K R`, symmetric and never near singular, also where the body gives way or a motion has no
-//! spring (`R = 0`: the proxy is the device). `Y = M^-1 R K` gives `S = I - Y^T R`, and with `t` the ratio of a spring's
-//! damping to its stiffness `K' = S K S^T + Y^T Y`, `B' = S B S^T + Y^T t Y`.
+//! The second form of `K'` is the energy of body and springs, that of `B'` what body and dampers
+//! dissipate as the proxies follow: both are positive where the body's are, and a free body is not
+//! damped. With `C = R R` the matrix that is factorized is `M = I + R K R`, symmetric and never
+//! near singular, also where the body gives way or a motion has no spring (`R = 0`: the proxy is
+//! the device). `Y = M^-1 R K` gives `S = I - Y^T R`, and with `t` the ratio of a spring's damping
+//! to its stiffness `K' = S K S^T + Y^T Y`, `B' = S B S^T + Y^T t Y`.
 //!
 //! It is done here and not in the tick, which renders the published model as it is.
 
@@ -86,13 +90,14 @@ impl VirtualCoupling {
         }
     }
 
-    /// Resists turns by the same springs at so long an arm (m). Of a handle whose turns the body does not resist, nothing
-    /// is felt: there is no spring either.
+    /// Resists turns by the same springs at so long an arm (m). Of a handle whose turns the body
+    /// does not resist, nothing is felt: there is no spring either.
     pub fn set_length(&mut self, length: f64) {
         self.length = length;
     }
 
-    /// The model that devices feel through their springs. What is stored in body and springs is not told: zero.
+    /// The model that devices feel through their springs. What is stored in body and springs is not
+    /// told: zero.
     pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
         self.model = *model;
         self.model.energy = 0.0;

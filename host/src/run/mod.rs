@@ -2,6 +2,7 @@
 
 pub mod collect;
 mod device;
+mod hand;
 mod real_clock;
 pub mod replay;
 mod report;

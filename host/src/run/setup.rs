@@ -1,6 +1,6 @@
 //! From a scene to everything that a run needs, before anything runs.
 
-use super::AnyDevice;
+use super::{AnyDevice, hand};
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::pacer::Pacer;
@@ -15,11 +15,8 @@ use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
-use sim::trajectory::Sine;
-use sim::{Arm, DeviceModel, Hand, SimDevice, Trajectory, Tremor, Wired};
+use sim::{DeviceModel, SimDevice, Wired};
 
-/// Time over which a hand's sinusoids fade in (s).
-const FADE_IN: f64 = 0.5;
 /// Ticks in a row that a device may stay silent before its force is taken away.
 const PATIENCE: u32 = 10;
 
@@ -182,7 +179,9 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) 
         damping: model.damping / (scale * scale),
         friction: model.friction / scale,
         most_damping: most_damping(model.mass, period, delay) / (scale * scale * proxy.force_scale),
-        most_turning_damping: f64::INFINITY,
+        most_turning_damping: model.rotation.map_or(f64::INFINITY, |rotation| {
+            most_damping(rotation.inertia, period, delay) / proxy.force_scale
+        }),
         force_scale: proxy.force_scale,
         max_slew: safety.max_slew / (scale * proxy.force_scale),
     }
@@ -232,17 +231,7 @@ fn device(
     let field = format!("device[{index}]");
     let refuse =
         |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
-    let arm = Arm {
-        mass: spec.hand.mass,
-        damping: spec.hand.damping,
-        stiffness: spec.hand.stiffness,
-    };
-    let mut hand = Hand::new(trajectory(loaded, index)?).with_arm(arm);
-    if spec.hand.tremor > 0.0 {
-        // Each hand trembles on its own: the seed's numbers are told apart by the device's.
-        let own = seed.wrapping_mul(4).wrapping_add(index as u64);
-        hand = hand.with_tremor(Tremor::new(spec.hand.tremor, own).map_err(|e| refuse(&e))?);
-    }
+    let hand = hand::build(loaded, index, seed)?;
     let device =
         SimDevice::new(loaded.models[index], Some(hand), period).map_err(|e| refuse(&e))?;
     Ok(if spec.wire {
@@ -250,40 +239,4 @@ fn device(
     } else {
         AnyDevice::Bare(Box::new(device))
     })
-}
-
-fn trajectory(loaded: &LoadedScene, index: usize) -> Result<Trajectory, SceneError> {
-    let hand = &loaded.scene.devices[index].hand;
-    let mut parts = Vec::new();
-    let refuse = |part: &str, e: &dyn std::fmt::Display| {
-        let field = format!("device[{index}].hand.{part}");
-        loaded
-            .source
-            .error(&field, e.to_string(), "a trajectory that a hand can follow")
-    };
-    if !hand.waypoints.is_empty() {
-        let points: Vec<_> = hand
-            .waypoints
-            .iter()
-            .map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)))
-            .collect();
-        parts.push(Trajectory::new_waypoints(&points).map_err(|e| refuse("waypoints", &e))?);
-    }
-    if !hand.sines.is_empty() {
-        let sines: Vec<_> = hand
-            .sines
-            .iter()
-            .map(|s| Sine {
-                amplitude: Vec3::from(s.amplitude),
-                frequency: s.frequency,
-                phase: s.phase,
-            })
-            .collect();
-        parts.push(Trajectory::new_sines(&sines, FADE_IN).map_err(|e| refuse("sines", &e))?);
-    }
-    if let Some(Some(samples)) = loaded.recordings.get(index) {
-        let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
-        parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
-    }
-    Ok(Trajectory::new_sum(parts))
 }

@@ -1,7 +1,8 @@
 //! What no single field can tell: whether the parts of a scene fit together.
 
-use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, Scene};
+use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, Scene, TaskName};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
+use sim::TaskKind;
 
 /// Most cells of a generated mesh, in all.
 const MOST_CELLS: u64 = 1_000_000;
@@ -268,7 +269,44 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         }
         last = Some(time);
     }
+    check_task(at, hand)?;
     hand.recording
         .iter()
         .try_for_each(|file| file_name(&format!("{at}.recording"), file))
+}
+
+/// A task has its direction, and no field without a use.
+fn check_task(at: &str, hand: &Hand) -> Check {
+    let kind = hand.task.map(TaskName::kind);
+    let reaches = kind.is_none_or(TaskKind::reaches);
+    let sideways = kind.is_none_or(TaskKind::goes_sideways);
+    let swings = kind.is_none_or(TaskKind::swings);
+    let number = |x: Option<f64>| x.map(|x| format!("{x:?}"));
+    for (name, given, used) in [
+        ("direction", hand.direction.map(|d| format!("{d:?}")), true),
+        ("depth", number(hand.depth), true),
+        ("speed", number(hand.speed), reaches),
+        ("pause", number(hand.pause), reaches),
+        ("width", number(hand.width), sideways),
+        ("frequency", number(hand.frequency), swings),
+        ("variation", number(hand.variation), true),
+    ] {
+        let Some(found) = given else { continue };
+        let allowed = match kind {
+            None => "nothing here without a `task`".to_owned(),
+            Some(kind) => format!("nothing here: the task {} has no {name}", kind.name()),
+        };
+        require(
+            used && kind.is_some(),
+            &format!("{at}.{name}"),
+            found,
+            allowed,
+        )?;
+    }
+    require(
+        kind.is_none() || hand.direction.is_some(),
+        &format!("{at}.task"),
+        "a task without a `direction`",
+        "a task with the direction in which it goes",
+    )
 }

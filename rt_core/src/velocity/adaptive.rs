@@ -1,12 +1,15 @@
-//! First-order adaptive windowing: a straight line through as many of the last positions as one describes.
+//! First-order adaptive windowing: a straight line through as many of the last positions as one
+//! describes.
 //!
-//! F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen, "Discrete-time adaptive windowing for velocity estimation" (2000).
-//! The line from the newest position `y_0` to the one `n` ticks ago is lengthened as long as every position between is
-//! within a band of it. Slow motion gets long windows, whose counts average out; quick motion short ones, which lag less.
-//! The line may be the one between the ends (end fit) or that of least squares (best fit).
+//! F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen, "Discrete-time adaptive windowing for velocity
+//! estimation" (2000). The line from the newest position `y_0` to the one `n` ticks ago is
+//! lengthened as long as every position between is within a band of it. Slow motion gets long
+//! windows, whose counts average out; quick motion short ones, which lag less. The line may be the
+//! one between the ends (end fit) or that of least squares (best fit).
 //!
-//! The paper checks every point anew for every `n`. It is the same to keep the slopes that the points so far leave
-//! (each `i` leaves `(y_0 - y_i -+ band) / i`), which takes one pass of the same length whatever the positions are.
+//! The paper checks every point anew for every `n`. It is the same to keep the slopes that the
+//! points so far leave (each `i` leaves `(y_0 - y_i -+ band) / i`), which takes one pass of the
+//! same length whatever the positions are.
 
 /// Most ticks that a window is long.
 pub const LONGEST: usize = 16;
@@ -23,7 +26,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Windows of `longest` ticks, at most [`LONGEST`], with a `band` (m) about the line; least squares if `best`.
+    /// Windows of `longest` ticks, at most [`LONGEST`], with a `band` (m) about the line; least
+    /// squares if `best`.
     pub(super) fn new(longest: usize, band: f64, best: bool) -> Self {
         Self {
             past: [0.0; LONGEST],

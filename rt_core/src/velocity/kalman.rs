@@ -1,9 +1,10 @@
 //! Kalman filters of position, in their steady state: constant velocity and constant acceleration.
 //!
-//! The motion is taken to be one of constant velocity (acceleration) whose acceleration (change of acceleration a tick)
-//! is white noise, and encoder counts to be white noise of `step / sqrt(12)`. Then the gains depend on one number only,
-//! the tracking index of P. R. Kalata, "The tracking index: a generalized parameter for alpha-beta and
-//! alpha-beta-gamma target trackers" (1984), and settle, so that a tick takes a few operations:
+//! The motion is taken to be one of constant velocity (acceleration) whose acceleration (change of
+//! acceleration a tick) is white noise, and encoder counts to be white noise of `step / sqrt(12)`.
+//! Then the gains depend on one number only, the tracking index of P. R. Kalata, "The tracking
+//! index: a generalized parameter for alpha-beta and alpha-beta-gamma target trackers" (1984), and
+//! settle, so that a tick takes a few operations:
 //!
 //! ```text
 //! x+ = x + v T + a T^2 / 2, v+ = v + a T        predicted
@@ -28,7 +29,8 @@ pub struct Gains {
 }
 
 impl Gains {
-    /// Constant velocity, with a tracking index `sigma_a T^2 / sigma_y` above zero (Kalata's closed form).
+    /// Constant velocity, with a tracking index `sigma_a T^2 / sigma_y` above zero (Kalata's closed
+    /// form).
     pub fn constant_velocity(index: f64) -> Self {
         let r = (4.0 + index - libm::sqrt(index * (8.0 + index))) / 4.0;
         let alpha = 1.0 - r * r;
@@ -39,8 +41,8 @@ impl Gains {
         }
     }
 
-    /// Constant acceleration, with a tracking index as above, `sigma_a` being how much the acceleration changes a tick.
-    /// The Riccati equation is iterated until it stands.
+    /// Constant acceleration, with a tracking index as above, `sigma_a` being how much the
+    /// acceleration changes a tick. The Riccati equation is iterated until it stands.
     pub fn constant_acceleration(index: f64) -> Self {
         let motion = Matrix3::new(1.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
         let noise = Vector3::new(0.5, 1.0, 1.0) * index;
@@ -62,9 +64,9 @@ impl Gains {
 
     /// By how many ticks the velocity lags where it grows steadily.
     ///
-    /// A steady acceleration leaves a steady error `e` of the prediction. Where acceleration is not estimated,
-    /// `beta e = a T^2` keeps the velocity growing, and what the position then needs is `v T + a T^2 / 2 = v_e T + alpha
-    /// e`. Where it is, `e` is zero.
+    /// A steady acceleration leaves a steady error `e` of the prediction. Where acceleration is not
+    /// estimated, `beta e = a T^2` keeps the velocity growing, and what the position then needs is
+    /// `v T + a T^2 / 2 = v_e T + alpha e`. Where it is, `e` is zero.
     pub fn lag(&self) -> f64 {
         if self.gamma > 0.0 {
             0.0

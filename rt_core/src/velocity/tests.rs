@@ -24,7 +24,8 @@ fn last(method: Method, position: impl Fn(f64) -> f64) -> f64 {
 #[test]
 fn a_ramp_is_recovered_by_all() {
     for method in METHODS {
-        // A second is at least 30 time constants of each filter; windows are exact but for rounding of 0.1 m over 1 ms.
+        // A second is at least 30 time constants of each filter; windows are exact but for rounding
+        // of 0.1 m over 1 ms.
         let v = last(method, |t| 0.1 * t);
         assert!((v - 0.1).abs() < 1e-9, "{method:?}: {v}");
     }
@@ -62,7 +63,8 @@ fn windows_are_long_where_a_line_describes_and_short_where_none_does() {
             (_, length) = window.update(f64::from(k / 5));
         }
         assert_eq!(length, 8.0);
-        // A reversal at ten counts a tick: the line may reach back by what the band hides, no further.
+        // A reversal at ten counts a tick: the line may reach back by what the band hides, no
+        // further.
         let mut window = Window::new(8, 1.0, best);
         for k in 0..20_i32 {
             (_, length) = window.update(-10.0 * f64::from((k - 15).abs()));
@@ -90,7 +92,8 @@ fn settled_gains_are_kalatas() {
         let Gains { alpha, beta, .. } = Gains::constant_velocity(index);
         // Constant velocity, from a closed form: index^2 = beta^2 / (1 - alpha).
         assert!((beta * beta / (1.0 - alpha) / (index * index) - 1.0).abs() < 1e-9);
-        // Constant acceleration, from the Riccati equation: gamma = beta^2 / (2 alpha) = index sqrt(1 - alpha).
+        // Constant acceleration, from the Riccati equation: gamma = beta^2 / (2 alpha) = index
+        // sqrt(1 - alpha).
         let Gains { alpha, beta, gamma } = Gains::constant_acceleration(index);
         assert!((gamma / (beta * beta / (2.0 * alpha)) - 1.0).abs() < 1e-9);
         let wanted = index * libm::sqrt(1.0 - alpha);

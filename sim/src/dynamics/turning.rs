@@ -24,8 +24,10 @@ use nalgebra::{Quaternion, Unit, UnitQuaternion};
 use rt_core::Vec3;
 
 /// Most rounds in which the mean orientation of a step is found. Each gains a factor of about
-/// `4 J / (h^2 k)`, some hundred thousand; the rounds end where nothing changes any more.
+/// `4 J / (h^2 k)`, some hundred thousand; they end where only rounding changes.
 const ROUNDS: u32 = 12;
+/// Square of the share of the velocity that is rounding.
+const SETTLED: f64 = 1e-30;
 
 /// Handle and wrist as one turning body.
 #[derive(Clone, Debug)]
@@ -159,7 +161,7 @@ impl Turning {
                 // Solved for the change, as in the translation.
                 self.velocity + (outer - self.velocity * drag - friction) / (inertia + drag)
             };
-            let settled = next == velocity;
+            let settled = (next - velocity).norm_squared() <= SETTLED * next.norm_squared();
             velocity = next;
             orientation = midway(&from, &velocity, h);
             if settled || stiffness == 0.0 {

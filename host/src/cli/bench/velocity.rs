@@ -29,8 +29,8 @@ pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
 
 fn print_means(found: &VelocityStudy) {
     println!(
-        "RMS error of velocity (mm/s), chatter of {DAMPING} N s/m in a slow press (N), damping that stops the bare \
-         device (N s/m);\ngeometric means over all devices at {} Hz\n",
+        "RMS error of velocity (mm/s), chatter of {DAMPING} N s/m in a slow press (N), damping \
+         that stops the bare device (N s/m);\ngeometric means over all devices at {} Hz\n",
         RATES.map(|rate| rate.to_string()).join(" and ")
     );
     println!(

@@ -16,8 +16,8 @@ const SIZE: usize = 6 * MAX_HANDLES;
 type Whole = SMatrix<f64, SIZE, SIZE>;
 type Stacked = SVector<f64, SIZE>;
 
-/// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of it as damping (s),
-/// its body under way.
+/// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of
+/// it as damping (s), its body under way.
 fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     let size = 6 * handles;
     // Numbers without a pattern, the same everywhere.
@@ -88,7 +88,8 @@ fn a_spring_before_a_spring_is_both_in_series() {
     model.damping[0][0][(0, 0)] = 4.0;
     model.handles[0].wrench.force = Vec3::new(-2.0, 0.5, 0.0);
     let coupled = through(&model, LINK);
-    // k1 k2 / (k1 + k2), and the body's share of the way k2 / (k1 + k2) = 3 / 4. Rounding of a few operations.
+    // k1 k2 / (k1 + k2), and the body's share of the way k2 / (k1 + k2) = 3 / 4. Rounding of a few
+    // operations.
     let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12 * wanted.abs());
     near(coupled.stiffness[0][0][(0, 0)], 750.0);
     near(coupled.damping[0][0][(0, 0)], 4.0 * 0.5625 + 20.0 * 0.0625);
@@ -101,7 +102,8 @@ fn a_spring_before_a_spring_is_both_in_series() {
 
 #[test]
 fn the_devices_feel_what_proxies_in_balance_pass_on() {
-    // Bodies that resist every motion, and one that resists few; stiff ones, and one softer than the springs.
+    // Bodies that resist every motion, and one that resists few; stiff ones, and one softer than
+    // the springs.
     for (handles, rows, scale) in [(1, 6, 1e3), (2, 12, 1e5), (4, 24, 1e4), (4, 5, 1e6)] {
         let model = model(handles, rows, scale);
         let coupled = through(&model, LINK);
@@ -139,7 +141,8 @@ fn the_devices_feel_what_proxies_in_balance_pass_on() {
         {
             for (r, found) in found.stacked().iter().enumerate() {
                 let wanted = wanted[6 * i + r];
-                // The springs' forces are differences of places: a thousandth of newtons times the condition, 1e4.
+                // The springs' forces are differences of places: a thousandth of newtons times the
+                // condition, 1e4.
                 assert!((found - wanted).abs() < 1e-9, "{handles}: {found} {wanted}");
             }
         }

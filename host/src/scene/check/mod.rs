@@ -53,6 +53,8 @@ ranges! {
     latency: "a number from 0 to 1 (s)", |v| (0.0..=1.0).contains(&v);
     /// Frequency of a hand's motion (Hz).
     hand_frequency: "a number above 0 and up to 5 (Hz)", |v| v > 0.0 && v <= 5.0;
+    /// Share by which a hand's task varies.
+    variation: "a number from 0 to 0.5", |v| (0.0..=0.5).contains(&v);
 }
 
 macro_rules! optional {
@@ -73,6 +75,10 @@ optional! {
     optional_positive: positive => f64;
     /// Zero or above, for a field that may be left out.
     optional_not_negative: not_negative => f64;
+    /// Frequency of a hand's motion, for a field that may be left out.
+    optional_hand_frequency: hand_frequency => f64;
+    /// Share by which a task varies, for a field that may be left out.
+    optional_variation: variation => f64;
     /// Poisson's ratio, for a field that may be left out.
     optional_poisson: poisson => f64;
     /// Three finite numbers, for a field that may be left out.

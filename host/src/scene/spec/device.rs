@@ -1,6 +1,6 @@
-//! `[[device]]`: haptic devices and the hands that hold them.
+//! `[[device]]`: haptic devices.
 
-use super::one;
+use super::{Hand, one};
 use crate::scene::check;
 use serde::Deserialize;
 
@@ -48,56 +48,4 @@ pub enum ModelName {
     BuiltIn(&'static str),
     /// A device's file, its path relative to the scene file; it ends in `.toml`.
     File(String),
-}
-
-/// `[device.hand]`: an arm that follows a trajectory.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Hand {
-    /// Moving mass (kg).
-    #[serde(default = "hand_mass", deserialize_with = "check::positive")]
-    pub mass: f64,
-    /// Stiffness towards the trajectory (N/m).
-    #[serde(default = "hand_stiffness", deserialize_with = "check::not_negative")]
-    pub stiffness: f64,
-    /// Damping (N s/m).
-    #[serde(default = "hand_damping", deserialize_with = "check::not_negative")]
-    pub damping: f64,
-    /// Root mean square of the tremor (m).
-    #[serde(default, deserialize_with = "check::not_negative")]
-    pub tremor: f64,
-    /// Rows `[time, x, y, z]` joined by minimum-jerk segments (s, m from the start).
-    #[serde(default, deserialize_with = "check::rows4")]
-    pub waypoints: Vec<[f64; 4]>,
-    /// Sinusoids added to it.
-    #[serde(default, deserialize_with = "check::tables")]
-    pub sines: Vec<Sine>,
-    /// A recorded trajectory, its path relative to the scene file (CSV: time, x, y, z).
-    #[serde(default)]
-    pub recording: Option<String>,
-}
-
-fn hand_mass() -> f64 {
-    0.554
-}
-fn hand_stiffness() -> f64 {
-    135.0
-}
-fn hand_damping() -> f64 {
-    6.45
-}
-
-/// One sinusoid of a hand's trajectory.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sine {
-    /// Amplitude (m).
-    #[serde(deserialize_with = "check::finite3")]
-    pub amplitude: [f64; 3],
-    /// Frequency (Hz), at most 5.
-    #[serde(deserialize_with = "check::hand_frequency")]
-    pub frequency: f64,
-    /// Phase (rad).
-    #[serde(default, deserialize_with = "check::finite")]
-    pub phase: f64,
 }

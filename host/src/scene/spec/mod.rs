@@ -5,6 +5,7 @@
 
 pub mod body;
 pub mod device;
+pub mod hand;
 pub mod mesh;
 pub mod solve;
 
@@ -12,7 +13,8 @@ use super::check;
 use serde::Deserialize;
 
 pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
-pub use device::{Device, Hand, ModelName};
+pub use device::{Device, ModelName};
+pub use hand::{GripName, Hand, TaskName};
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.

@@ -1,13 +1,14 @@
 //! How well velocity is estimated from encoder counts, and what damping on it a device stands.
 //!
-//! Known motions are counted as each simulated device would count them, at 1 and 4 kHz, eight times with the counts
-//! shifted by shares of one; every method of [`rt_core::velocity`] estimates velocity from that. An error has two parts:
-//! what the estimate is late (`-lag a` with the true acceleration `a`, by least squares), and noise, which is the rest. A
-//! damper renders both.
+//! Known motions are counted as each simulated device would count them, at 1 and 4 kHz, eight times
+//! with the counts shifted by shares of one; every method of [`rt_core::velocity`] estimates
+//! velocity from that. An error has two parts: what the estimate is late (`-lag a` with the true
+//! acceleration `a`, by least squares), and noise, which is the rest. A damper renders both.
 //!
-//! Damping is tried on the bare device: a free mass at 0.1 m/s, slowed by nothing but the damper. Counts keep it from
-//! coming to rest altogether, for one more or less gives it a speed of `B count / m`; too much damping makes it tremble
-//! over several. Damping counts as stable while less than a hundredth of a metre a second is left.
+//! Damping is tried on the bare device: a free mass at 0.1 m/s, slowed by nothing but the damper.
+//! Counts keep it from coming to rest altogether, for one more or less gives it a speed of `B count
+//! / m`; too much damping makes it tremble over several. Damping counts as stable while less than a
+//! hundredth of a metre a second is left.
 
 mod motion;
 
@@ -225,7 +226,8 @@ fn error(estimator: &VelocityEstimator, motion: Motion, step: f64, period: f64) 
                 continue;
             }
             let off = found - v;
-            // Differences of a function without noise, which is smooth over microseconds but for corners.
+            // Differences of a function without noise, which is smooth over microseconds but for
+            // corners.
             let a = (motion.at(t + 1e-6, step).1 - motion.at(t - 1e-6, step).1) / 2e-6;
             squares += off * off;
             products += off * a;

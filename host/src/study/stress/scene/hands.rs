@@ -182,9 +182,9 @@ pub(super) fn give(
         };
         let across = across * (side * reach.norm());
         let hand = &mut device.hand;
-        hand.mass = grip.mass;
-        hand.damping = grip.damping;
-        hand.stiffness = grip.stiffness;
+        hand.mass = Some(grip.mass);
+        hand.damping = Some(grip.damping);
+        hand.stiffness = Some(grip.stiffness);
         hand.tremor = 0.0;
         hand.sines.clear();
         hand.recording = None;

@@ -1,0 +1,95 @@
+//! From a scene's hand to the one that is simulated.
+
+use crate::scene::spec::{self, TaskName};
+use crate::scene::{LoadedScene, SceneError};
+use rt_core::Vec3;
+use sim::trajectory::Sine;
+use sim::{Hand, Task, TaskError, Trajectory, Tremor};
+use std::fmt::Display;
+
+/// Time over which a hand's sinusoids fade in (s).
+const FADE_IN: f64 = 0.5;
+
+/// The hand that holds a device.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that no hand can follow.
+pub(super) fn build(loaded: &LoadedScene, index: usize, seed: u64) -> Result<Hand, SceneError> {
+    let spec = &loaded.scene.devices[index].hand;
+    let refuse = |part: &str, e: &dyn Display| {
+        let field = format!("device[{index}].hand.{part}");
+        loaded
+            .source
+            .error(&field, e.to_string(), "a trajectory that a hand can follow")
+    };
+    // Each hand trembles and varies on its own: the seed's numbers are told apart by the device's.
+    let own = seed.wrapping_mul(4).wrapping_add(index as u64);
+    let mut parts = Vec::new();
+    if let Some(name) = spec.task {
+        // But hands that move together do so by the run's seed alone.
+        let seed = match name {
+            TaskName::MoveTogether => seed,
+            _ => own,
+        };
+        let path = task(spec, name).trajectory(seed);
+        parts.push(path.map_err(|e| refuse(wrong_field(&e), &e))?);
+    }
+    if !spec.waypoints.is_empty() {
+        let points: Vec<_> = spec
+            .waypoints
+            .iter()
+            .map(|[t, x, y, z]| (*t, Vec3::new(*x, *y, *z)))
+            .collect();
+        parts.push(Trajectory::new_waypoints(&points).map_err(|e| refuse("waypoints", &e))?);
+    }
+    if !spec.sines.is_empty() {
+        let sines: Vec<_> = spec
+            .sines
+            .iter()
+            .map(|s| Sine {
+                amplitude: Vec3::from(s.amplitude),
+                frequency: s.frequency,
+                phase: s.phase,
+            })
+            .collect();
+        parts.push(Trajectory::new_sines(&sines, FADE_IN).map_err(|e| refuse("sines", &e))?);
+    }
+    if let Some(Some(samples)) = loaded.recordings.get(index) {
+        let samples: Vec<_> = samples.iter().map(|(t, p)| (*t, Vec3::from(*p))).collect();
+        parts.push(Trajectory::new_recorded(&samples).map_err(|e| refuse("recording", &e))?);
+    }
+    let hand = Hand::new(Trajectory::new_sum(parts))
+        .with_arm(spec.arm())
+        .with_wrist(spec.wrist());
+    if spec.tremor > 0.0 {
+        let tremor = Tremor::new(spec.tremor, own).map_err(|e| refuse("tremor", &e))?;
+        return Ok(hand.with_tremor(tremor));
+    }
+    Ok(hand)
+}
+
+/// The task with the numbers that the scene gives in place of the usual ones.
+fn task(spec: &spec::Hand, name: TaskName) -> Task {
+    // The scene's consistency was checked: a task has a direction.
+    let direction = Vec3::from(spec.direction.unwrap_or_default());
+    let usual = Task::new(name.kind(), direction);
+    Task {
+        depth: spec.depth.unwrap_or(usual.depth),
+        speed: spec.speed.unwrap_or(usual.speed),
+        pause: spec.pause.unwrap_or(usual.pause),
+        width: spec.width.unwrap_or(usual.width),
+        frequency: spec.frequency.unwrap_or(usual.frequency),
+        variation: spec.variation.unwrap_or(usual.variation),
+        ..usual
+    }
+}
+
+/// The field that a task's error is about.
+fn wrong_field(error: &TaskError) -> &'static str {
+    match error {
+        TaskError::Direction { .. } => "direction",
+        TaskError::Number { field, .. } => field,
+        TaskError::TooFast { .. } => "speed",
+        TaskError::Trajectory(_) => "task",
+    }
+}

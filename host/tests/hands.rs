@@ -1,0 +1,124 @@
+//! Hands of scenes: grips, tasks, and devices of six degrees of freedom.
+
+use host::run::setup::controls;
+use host::scene::{LoadedScene, Scene};
+use rt_core::{Device, DeviceState, Freedom, Vec3};
+use sim::{Arm, Wrist};
+use std::collections::BTreeMap;
+use std::error::Error;
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+/// A scene with two devices, whose hands are given.
+fn scene(model: &str, left: &str, right: &str) -> Result<LoadedScene, Box<dyn Error>> {
+    let device = |name: &str, hand: &str| {
+        format!("[[device]]\nname = \"{name}\"\nmodel = \"{model}\"\nhand = {{ {hand} }}\n\n")
+    };
+    let text = format!(
+        "name = \"hands\"\n\n[[body]]\nname = \"sheet\"\n\
+         mesh.sheet = {{ length = 0.2, width = 0.1, cells = [4, 2] }}\n\
+         material = {{ young = 1e6, poisson = 0.3, thickness = 0.001, density = 1000 }}\n\n{}{}",
+        device("left", left),
+        device("right", right),
+    );
+    Ok(Scene::load_texts("hands.toml", &text, &BTreeMap::new())?)
+}
+
+/// What both devices show in four seconds without any force, every 10 ms.
+fn shown(loaded: &LoadedScene, seed: u64) -> Result<Vec<[DeviceState; 2]>, Box<dyn Error>> {
+    let (_, mut devices) = controls(loaded, seed)?;
+    let [left, right] = devices.as_mut_slice() else {
+        return Err("not two devices".into());
+    };
+    (0..400)
+        .map(|k| Ok([left.read(k * 10_000_000)?, right.read(k * 10_000_000)?]))
+        .collect()
+}
+
+#[test]
+fn grips_give_the_numbers_that_are_not_given() -> Outcome {
+    let loaded = scene(
+        "falcon",
+        "grip = \"firm\"",
+        "grip = \"rigid\", damping = 10, tremor = 0",
+    )?;
+    let hand = |index: usize| &loaded.scene.devices[index].hand;
+    assert_eq!(hand(0).arm(), Arm::FIRM);
+    assert_eq!(Some(hand(0).wrist()), Wrist::named("firm"));
+    let expected = Arm {
+        damping: 10.0,
+        ..Arm::RIGID
+    };
+    assert_eq!(hand(1).arm(), expected);
+    let loaded = scene("falcon", "mass = 0.2", "grip = \"relaxed\"")?;
+    let hand = |index: usize| &loaded.scene.devices[index].hand;
+    let expected = Arm {
+        mass: 0.2,
+        ..Arm::TYPICAL
+    };
+    assert_eq!(hand(0).arm(), expected);
+    assert_eq!(hand(1).arm(), Arm::RELAXED);
+    Ok(())
+}
+
+#[test]
+fn tasks_are_done_and_seeds_tell_them_apart() -> Outcome {
+    let press = "grip = \"rigid\", task = \"press_and_hold\", direction = [0, 0, -1], depth = 0.02";
+    let states = shown(&scene("falcon", press, press)?, 1)?;
+    let [left, right] = states[399];
+    for state in [left, right] {
+        let place = state.pose.position;
+        // A depth that varies by a tenth, less what friction holds of the spring, 0.3 N of 2,000 N/m.
+        assert!((-0.0221..=-0.0178).contains(&place.z), "{place}");
+        assert!(place.xy().norm() < 1e-4);
+    }
+    // Each hand does it in its own way, and in another with another seed.
+    assert_ne!(left.pose.position, right.pose.position);
+    let again = shown(&scene("falcon", press, press)?, 2)?;
+    assert_ne!(again[399][0].pose.position, left.pose.position);
+
+    // But hands that move together do, whatever the seed.
+    let round = "grip = \"firm\", task = \"move_together\", direction = [1, 0, 0]";
+    let loaded = scene("falcon", round, round)?;
+    let (a, b) = (shown(&loaded, 1)?, shown(&loaded, 2)?);
+    assert!(a.iter().all(|[left, right]| left == right));
+    assert_ne!(a, b);
+    Ok(())
+}
+
+#[test]
+fn a_task_that_no_hand_can_follow_is_told_with_its_line() -> Outcome {
+    let fast = "task = \"tap\", direction = [0, 0, 1], depth = 0.01, speed = 5, variation = 0";
+    let error = controls(&scene("falcon", fast, "")?, 1)
+        .err()
+        .ok_or("no error")?;
+    assert_eq!(
+        error.to_string(),
+        "hands.toml:11: device[0].hand.speed: found a reach of 0.01 m at 5 m/s takes less than 0.05 s, \
+         faster than a hand: lower the speed, allowed: a trajectory that a hand can follow"
+    );
+    let nowhere = "task = \"tap\", direction = [0, 0, 0]";
+    let error = controls(&scene("falcon", "", nowhere)?, 1)
+        .err()
+        .ok_or("no error")?;
+    assert_eq!(
+        error.to_string(),
+        "hands.toml:16: device[1].hand.direction: found a task's direction must be finite and not zero: \
+         [0.0, 0.0, 0.0], allowed: a trajectory that a hand can follow"
+    );
+    Ok(())
+}
+
+#[test]
+fn a_device_of_six_degrees_of_freedom_can_be_named() -> Outcome {
+    let loaded = scene("virtuose6d", "grip = \"firm\"", "")?;
+    let (config, devices) = controls(&loaded, 1)?;
+    for (device, config) in devices.iter().zip(&config.devices) {
+        assert_eq!(device.capabilities().actuated, Freedom::Six);
+        assert_eq!(config.safety.max_moment, 1.0);
+    }
+    // Held still it stays unturned.
+    let states = shown(&loaded, 1)?;
+    assert_eq!(states[399][0].pose.rotation.scaled_axis(), Vec3::zeros());
+    Ok(())
+}

@@ -1,0 +1,75 @@
+//! One device as the controller follows it: which of its readings are believed, and where its proxy goes on after it
+//! was away.
+//!
+//! A reading that no hand can have led to since the last is passed over like a missing one: a count that jumps, a
+//! number at its end. Should the device stay there, it has been away: past the limiter's patience it gets no force, and
+//! the next sound reading is believed. It then goes on from where it was left, as with a clutch: what its hand did in
+//! the meantime, the scene did not see.
+
+use crate::device::DeviceState;
+use crate::geometry::{Pose, Twist};
+use crate::proxy::Proxy;
+use crate::safety::{Limiter, SafetyConfig, SafetyState};
+
+/// No hand moves a device faster (m/s); a tap ends a tenth as fast.
+const FASTEST: f64 = 20.0;
+/// No device reaches further (m).
+const FURTHEST: f64 = 10.0;
+/// By how much the length of a rotation's quaternion may differ from one: a report's eight bits do less.
+const SKEW: f64 = 0.01;
+
+/// A device, its proxy and its last stage.
+#[derive(Clone, Debug)]
+pub(crate) struct Channel {
+    pub(crate) proxy: Proxy,
+    pub(crate) limiter: Limiter,
+    /// The last state that was believed; at rest before the first.
+    pub(crate) state: DeviceState,
+    /// When that was (ns).
+    seen_ns: Option<u64>,
+}
+
+impl Channel {
+    pub(crate) fn new(proxy: Proxy, safety: SafetyConfig) -> Self {
+        Self {
+            proxy,
+            limiter: Limiter::new(safety),
+            state: DeviceState::resting(),
+            seen_ns: None,
+        }
+    }
+
+    /// Takes what the device gave; says whether it is believed.
+    pub(crate) fn follow(&mut self, now_ns: u64, state: &DeviceState) -> bool {
+        if !is_sound(state) {
+            return false;
+        }
+        if let Some(seen_ns) = self.seen_ns {
+            if self.limiter.state() == SafetyState::DeviceStale {
+                self.proxy.go_on(&self.state, state);
+            } else if !self.can_have_come(now_ns.saturating_sub(seen_ns), state) {
+                return false;
+            }
+        }
+        self.state = *state;
+        self.seen_ns = Some(now_ns);
+        true
+    }
+
+    /// Where the proxy is.
+    pub(crate) fn on_scene(&self) -> (Pose, Twist) {
+        self.proxy.to_scene(&self.state)
+    }
+
+    fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {
+        let way = state.pose.position - self.state.pose.position;
+        let time = (within_ns as f64 * 1e-9).max(self.limiter.period());
+        way.norm() <= FASTEST * time
+    }
+}
+
+/// Whether a device can be where this says.
+fn is_sound(state: &DeviceState) -> bool {
+    let turn = state.pose.rotation.coords.norm();
+    state.is_finite() && state.pose.position.norm() <= FURTHEST && (turn - 1.0).abs() <= SKEW
+}
