@@ -11,7 +11,10 @@ mod places;
 use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SheetLawName, SolidLaw};
+use physics::fem::{
+    Body, BodyConfig, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
+    SheetLawName, SolidLaw,
+};
 use physics::mesh::Mesh;
 
 /// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
@@ -152,6 +155,29 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
         carriers,
         loads,
     })
+}
+
+/// Lets a body that has weight or bears loads come to rest in the hands that hold it, before they feel it: what it
+/// stores then, no hand has to put in. One that finds no rest begins where it was.
+pub fn settle(body: &mut Body, handles: &[HandleSpec]) {
+    if body.total_external_force() == Vec3::zeros() {
+        return;
+    }
+    let rest: Vec<_> = handles
+        .iter()
+        .map(|handle| HandlePose::at(handle.origin))
+        .collect();
+    let start = body.clone();
+    let options = EquilibriumOptions::default();
+    let found = Equilibrium::new(body, options)
+        .ok()
+        .and_then(|mut equilibrium| {
+            body.set_load_factor(0.0).ok()?;
+            equilibrium.solve(body, &rest, 1.0).ok()
+        });
+    if found.is_none_or(|report| !report.last.converged) {
+        *body = start;
+    }
 }
 
 /// The handles of a scene's body.

@@ -81,7 +81,10 @@ pub fn steps_per_publication(scene: &Scene) -> u64 {
 fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let Built { body, handles, .. } = bodies::build(loaded, index)?;
+    let Built {
+        mut body, handles, ..
+    } = bodies::build(loaded, index)?;
+    bodies::settle(&mut body, &handles);
     let choice = choose(scene, &body);
     let solver = solver(scene, &body, &choice, how).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";

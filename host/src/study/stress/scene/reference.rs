@@ -27,7 +27,9 @@ impl Bodies {
             ..StepperOptions::default()
         };
         let each = (0..loaded.scene.bodies.len()).map(|index| {
-            let body = bodies::build(loaded, index)?.body;
+            let mut built = bodies::build(loaded, index)?;
+            bodies::settle(&mut built.body, &built.handles);
+            let body = built.body;
             let stepper = Stepper::new(&body, options)?;
             Ok((body, stepper))
         });
