@@ -406,7 +406,12 @@ impl Passivity {
         // changes on the way, not after it. What a hand can make of that is less than the friction not relied on.
         for (holder, elastic) in holders.iter().zip(elastic.iter()) {
             if let Some(hand) = self.hands.get_mut(*holder) {
-                let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
+                let mut spring = Vec3::new(elastic.x, elastic.y, elastic.z);
+                // Not a number is not at most that, either.
+                let held = spring.norm() <= MOST_FORCE;
+                if !held {
+                    spring = Vec3::zeros();
+                }
                 self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
                 hand.spring = spring;
             }

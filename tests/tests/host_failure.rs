@@ -2,6 +2,7 @@
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
+use host::run::setup::setup;
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use runner::thread::{RunnerConfig, Stop, spawn};
 use std::sync::Arc;
@@ -9,7 +10,9 @@ use std::sync::Arc;
 /// Virtual time: the host goes silent at its 250th step and speaks again half a second later.
 #[test]
 fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
-    let setup = palpate_tests::default_setup(3.0);
+    let mut scene = palpate_tests::default_scene();
+    scene.scene.realtime.age_limit = Some(0.1);
+    let setup = setup(&scene, 3.0, 1).expect("the built-in scene can be built");
     let (mut tick, mut host, mut engine) = (setup.tick, setup.host, setup.engine);
     let watch = WallStopwatch::start();
     let mut last: Option<[f64; 3]> = None;

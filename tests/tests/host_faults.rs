@@ -6,6 +6,9 @@ use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
 use rt_core::coupling::HostState;
 
+/// Age from which a model is not trusted (s): short, so that little waiting is needed.
+const AGE_LIMIT: f64 = 0.1;
+
 /// Runs the built-in scene for 3 s with faults; gives its summary and the telemetry of every tick.
 fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
     let folder = tempfile::tempdir().expect("a folder");
@@ -16,7 +19,9 @@ fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
         faults: faults.iter().map(|f| f.parse().expect("is one")).collect(),
         ..RunOptions::new(clock)
     };
-    let summary = run(&palpate_tests::default_scene(), &options, |_| {}).expect("the run succeeds");
+    let mut scene = palpate_tests::default_scene();
+    scene.scene.realtime.age_limit = Some(AGE_LIMIT);
+    let summary = run(&scene, &options, |_| {}).expect("the run succeeds");
     let bytes = std::fs::read(&path).expect("the log was written");
     assert!(!read_log(&bytes).expect("it can be read").is_empty());
     (summary, Log::parse(&bytes).expect("it can be read"))

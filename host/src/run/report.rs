@@ -128,8 +128,7 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
         raised: account.raised,
         stored: tells.then_some(account.stored),
         dissipated: tells.then(|| account.dissipated()),
-        // From nothing: -0 would be printed.
-        most_out: 0.0 - account.least,
+        most_out: (-(account.least + account.initial)).max(0.0),
         credited: account.credited,
         capped_ticks: account.capped,
     });

@@ -1,7 +1,7 @@
 //! The tick under input that no device, host or clock should ever give.
 //!
 //! A cell is one controller, of a random scheme, number of devices and limits, through [`TICKS`] ticks. Stretches of
-//! random and extreme input ([`input`], [`models`]) take turns with stretches of sound input. After every tick: every
+//! random and extreme input (`input`, `models`) take turns with stretches of sound input. After every tick: every
 //! command is finite, inside the device's limits of force, moment and slew, and every sum of energy is finite. At the
 //! end of each sound stretch: the controller has found its way back, with every device and body in its normal state.
 //! A panic anywhere is caught and told.
