@@ -407,8 +407,13 @@ impl Passivity {
         for (holder, elastic) in holders.iter().zip(elastic.iter()) {
             if let Some(hand) = self.hands.get_mut(*holder) {
                 let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
-                self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
-                hand.spring = spring;
+                // What no device holds was held back on the way.
+                hand.spring = if spring.norm() <= MOST_FORCE {
+                    self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
+                    spring
+                } else {
+                    Vec3::zeros()
+                };
             }
         }
     }
