@@ -15,7 +15,7 @@
 //!
 //! ```text
 //! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
-//! H <- min(H, 2 V + E)                            E: the allowance, 0.4 mJ
+//! H <- min(H, 2 V + E)                            E: the allowance, a millijoule
 //! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
 //! F_s <- F_s H+ / p                               where p = |F_s| D > H+: more than a tick may spend
 //! F_d <- F_d (H + E - |F_s| D)+ / (|F_d| D)       where that is less: dampers may go into debt by E
@@ -114,12 +114,11 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// An allowance of 0.4 mJ, so that with as much again of debt less than a millijoule comes out; two fifths of what
-    /// devices dissipate, no delay, devices of which nothing is known.
+    /// A millijoule, two fifths of what devices dissipate, no delay, devices of which nothing is known.
     pub fn new(period: f64) -> Self {
         Self {
             period,
-            allowance: 4e-4,
+            allowance: 1e-3,
             credit: 0.4,
             delay: 0,
             ports: [Port::UNKNOWN; MAX_DEVICES],
