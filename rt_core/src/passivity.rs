@@ -5,51 +5,21 @@
 //! than what was stored at the start, energy has been made. Cumulative sums are kept, so that a lost record loses
 //! nothing.
 //!
-//! **Cap.** The energy-capped linear model: an elastic force whose recoverable energy `V` is more than what the
-//! hands have put in (`H`) is scaled down by `sqrt(H / V)`, so the body never gives back more than it was given, be
-//! the local models late, wrong or contradictory. It is the passivity controller of B. Hannaford and J.-H. Ryu,
-//! "Time-domain passivity control of haptic interfaces" (2002), with the energy bounded above as well (a tank, as of
-//! M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011): credit that is not
-//! backed by the spring of the moment is forgotten, so it cannot be spent at once later. With `F_s` the elastic and
-//! `F_d` the viscous wrench on all handles, each tick:
-//!
-//! ```text
-//! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
-//! H <- min(H, 2 V + E)                            E: the allowance, 0.4 mJ
-//! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
-//! F_s <- F_s H+ / p                               where p = |F_s| D > H+: more than a tick may spend
-//! F_d <- F_d (H + E - |F_s| D)+ / (|F_d| D)       where that is less: dampers may go into debt by E
-//! ```
-//!
-//! There `D` is how far the hand may get in a tick, whichever way: the longest of its last steps, forgotten by and by.
-//! A hand that turns back within a tick has yesterday's damper push it along; only its first quick step is a surprise.
-//!
-//! **Counts.** What an encoder shows steps by a whole count when the hand has got to its edge, and steps back when it
-//! leaves by the same edge: no work is done between, but `w . D` with the force before each step says that a spring
-//! gave `K D^2`. A trembling hand on a stiff wall would so empty the account, and the wall would go soft. Where a count
-//! comes after a rest, the spring's work is taken with the mean of its force before and after. What a hand can get by
-//! that is `K D^2 / 2` a count, covered by friction that is not relied on up to `K = 2 (1 - eta) f_c / D`.
-//!
-//! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
-//!
-//! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
-//! model's own force tells (`LocalModel::stored`).
+//! **Cap.** What a body gives back is held to it: `passivity/cap.rs`; or taken back after the fact:
+//! `passivity/classic.rs`.
 //!
 //! **Weight** is a potential and not the cap's business: it gives back exactly what lifting it took. It is left out of
 //! `F_s`, `V` and `H` and accounted for apart; only where it comes back from having been taken away (a host that was
 //! late, a device that was silent) higher up than it began, the cap pays for the difference.
 
+mod cap;
 mod classic;
 
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
-use crate::{MAX_DEVICES, MAX_HANDLES};
+use crate::MAX_DEVICES;
 
 /// Most ticks by which a device renders a wrench late.
 pub const MAX_DELAY: usize = 4;
-
-/// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
-/// of where it goes.
-const CREEP: f64 = 1e-3;
 
 /// More than this (N) no device holds.
 const MOST_FORCE: f64 = 1e6;
@@ -114,12 +84,11 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// An allowance of 0.4 mJ, so that with as much again of debt less than a millijoule comes out; two fifths of what
-    /// devices dissipate, no delay, devices of which nothing is known.
+    /// A millijoule, two fifths of what devices dissipate, no delay, devices of which nothing is known.
     pub fn new(period: f64) -> Self {
         Self {
             period,
-            allowance: 4e-4,
+            allowance: 1e-3,
             credit: 0.4,
             delay: 0,
             ports: [Port::UNKNOWN; MAX_DEVICES],
@@ -337,87 +306,6 @@ impl Passivity {
         }
     }
 
-    /// Caps the elastic and viscous wrenches on the handles whose devices are `devices`, of which `stored` (J)
-    /// could be got back.
-    pub(crate) fn cap(
-        &mut self,
-        devices: impl Iterator<Item = u8>,
-        motions: &[Motion; MAX_HANDLES],
-        stored: f64,
-        elastic: &mut [Vec6; MAX_HANDLES],
-        viscous: &mut [Vec6; MAX_HANDLES],
-    ) {
-        let period = self.config.period;
-        let mut ports = [Port::UNKNOWN; MAX_HANDLES];
-        let mut reaches = [[0.0; 2]; MAX_HANDLES];
-        let mut under_way = 0.0;
-        let mut holders = [usize::MAX; MAX_HANDLES];
-        let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
-        for ((((port, reach), device), motion), holder) in each.zip(&mut holders) {
-            let device = usize::from(device);
-            *holder = device;
-            let known = self.config.ports.get(device).zip(self.hands.get(device));
-            if let Some((known, hand)) = known {
-                *port = *known;
-                *reach = hand.reach;
-                let coming = hand.held.iter().take(self.config.delay);
-                under_way += coming
-                    .map(|wrench| most_work(&wrench.stacked(), reach))
-                    .sum::<f64>()
-                    + hand.lingering(&motion.velocity, known.max_slew);
-            }
-        }
-        let available = &mut self.account.available;
-        *available = available.min(2.0 * stored + self.config.allowance);
-        // Wrenches under way will be rendered whatever is decided now.
-        let left = *available - under_way;
-        let budget = left.max(0.0);
-        let mut kept = 1.0;
-        if stored > budget {
-            kept = libm::sqrt(budget / stored);
-            damp(stored - budget, period, &ports, motions, viscous);
-        }
-        let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
-            let each = wrenches.iter().zip(&reaches);
-            each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
-        };
-        // Whichever way the hands turn, springs spend no more than there is, and dampers no more than the allowance on
-        // top.
-        let (springs, dampers) = (most(elastic), most(viscous));
-        if springs * kept > budget {
-            kept = budget / springs;
-        }
-        let room = (left + self.config.allowance - springs * kept).max(0.0);
-        let solvent = if dampers > room { room / dampers } else { 1.0 };
-        if kept < 1.0 {
-            for elastic in elastic.iter_mut() {
-                *elastic *= kept;
-            }
-        }
-        if solvent < 1.0 {
-            for viscous in viscous.iter_mut() {
-                *viscous *= solvent;
-            }
-        }
-        if kept < 1.0 || solvent < 1.0 {
-            crate::count_one(&mut self.account.capped);
-        }
-        // A count that came after a rest was reached slowly, and left again where it was reached: the springs' force
-        // changes on the way, not after it. What a hand can make of that is less than the friction not relied on.
-        for (holder, elastic) in holders.iter().zip(elastic.iter()) {
-            if let Some(hand) = self.hands.get_mut(*holder) {
-                let mut spring = Vec3::new(elastic.x, elastic.y, elastic.z);
-                // Not a number is not at most that, either.
-                let held = spring.norm() <= MOST_FORCE;
-                if !held {
-                    spring = Vec3::zeros();
-                }
-                self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
-                hand.spring = spring;
-            }
-        }
-    }
-
     /// Notes what could be got back now (J).
     pub(crate) fn note_stored(&mut self, stored: f64) {
         self.account.stored = stored;
@@ -454,41 +342,4 @@ fn norms(stacked: &Vec6) -> [f64; 2] {
     let linear = Vec3::new(stacked.x, stacked.y, stacked.z);
     let angular = Vec3::new(stacked.w, stacked.a, stacked.b);
     [linear.norm(), angular.norm()]
-}
-
-/// Work that a wrench can do on a hand that gets so far in a tick at most.
-fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
-    let [linear, angular] = norms(wrench);
-    linear * reach + angular * turn
-}
-
-/// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each
-/// device can render.
-fn damp(
-    missing: f64,
-    period: f64,
-    ports: &[Port; MAX_HANDLES],
-    motions: &[Motion; MAX_HANDLES],
-    viscous: &mut [Vec6; MAX_HANDLES],
-) {
-    let agree = |motion: &Motion| {
-        let v = &motion.velocity;
-        motion.step.dot(v) > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
-    };
-    let mut most = [Vec6::zeros(); MAX_HANDLES];
-    let mut power = 0.0;
-    for ((most, port), motion) in most.iter_mut().zip(ports).zip(motions) {
-        let [linear, angular] = port.most().map(|limit| limit.min(1e3));
-        if agree(motion) {
-            let scale = Vec6::new(linear, linear, linear, angular, angular, angular);
-            *most = motion.velocity.component_mul(&scale);
-            power += most.dot(&motion.velocity);
-        }
-    }
-    if power > 0.0 {
-        let share = (missing / (period * power)).min(1.0);
-        for (viscous, most) in viscous.iter_mut().zip(&most) {
-            *viscous -= most * share;
-        }
-    }
 }

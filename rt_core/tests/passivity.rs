@@ -351,6 +351,8 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
 fn held_by_a_trembling_hand(known: bool) -> f64 {
     let (k, count) = (10.0 * BOUND, 4e-5);
     let mut passivity = PassivityConfig::new(PERIOD);
+    // Little enough that what a tremor seems to take is not made good by it.
+    passivity.allowance = 0.4e-3;
     passivity.ports[0] = Port {
         damping: DAMPING,
         friction: 0.4,

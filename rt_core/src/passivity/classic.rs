@@ -14,7 +14,8 @@
 //! long as hands move. There is no allowance, and what the devices dissipate themselves is not
 //! relied on.
 
-use super::{Motion, Passivity, Port, damp};
+use super::cap::damp;
+use super::{Motion, Passivity, Port};
 use crate::geometry::{Pose, Twist, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
