@@ -15,8 +15,8 @@
 mod cap;
 mod classic;
 
-use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::MAX_DEVICES;
+use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 
 /// Most ticks by which a device renders a wrench late.
 pub const MAX_DELAY: usize = 4;
@@ -84,11 +84,11 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// A millijoule, two fifths of what devices dissipate, no delay, devices of which nothing is known.
+    /// 0.4 mJ (with as much of debt again, less than a millijoule comes out), two fifths of what devices dissipate, no delay, devices of which nothing is known.
     pub fn new(period: f64) -> Self {
         Self {
             period,
-            allowance: 1e-3,
+            allowance: 0.4e-3,
             credit: 0.4,
             delay: 0,
             ports: [Port::UNKNOWN; MAX_DEVICES],
