@@ -357,6 +357,7 @@ impl Coupling {
             };
             *motion = Motion {
                 step: *step,
+                way: self.passivity.way(device),
                 velocity: twist.stacked(),
             };
             let [linear, angular] = *share;

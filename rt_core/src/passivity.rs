@@ -130,6 +130,8 @@ impl EnergyAccount {
 pub(crate) struct Motion {
     /// Displacement over the last tick.
     pub(crate) step: Vec6,
+    /// The last translation that was one, in this tick or before.
+    pub(crate) way: Vec3,
     /// Velocity, filtered.
     pub(crate) velocity: Vec6,
 }
@@ -138,6 +140,7 @@ impl Motion {
     pub(crate) fn none() -> Self {
         Self {
             step: Vec6::zeros(),
+            way: Vec3::zeros(),
             velocity: Vec6::zeros(),
         }
     }
@@ -217,6 +220,8 @@ pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
+    /// Share of the devices' damping that takes out what is missing.
+    damped: f64,
     /// Whether a first local model has come.
     began: bool,
     /// What is left of a reach after a tick.
@@ -233,6 +238,7 @@ impl Passivity {
                 available: config.allowance,
                 ..EnergyAccount::default()
             },
+            damped: 0.0,
             began: false,
             fade: libm::exp(-config.period / MEMORY),
         }
@@ -304,6 +310,13 @@ impl Passivity {
             self.account.initial = stored.max(0.0);
             self.account.available += self.account.initial;
         }
+    }
+
+    /// The last translation of a device that was one.
+    pub(crate) fn way(&self, device: usize) -> Vec3 {
+        self.hands
+            .get(device)
+            .map_or(Vec3::zeros(), |hand| hand.way)
     }
 
     /// Notes what could be got back now (J).

@@ -59,8 +59,9 @@ fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
     assert_eq!(states, [Waiting, Live, Fading, Held, Live]);
     assert!(held_force < 1e-12, "{held_force}");
     // One encoder count moves the linear model by K delta + B delta g / T: 180 N/m and 2 N s/m of the
-    // sheet and 2 N s/m of the hold make 0.07 N with both hands; fading adds 1.5 x 2 N / 200 ticks.
-    assert!(largest_step < 0.12, "the force stepped by {largest_step} N");
+    // sheet and 2 N s/m of the hold make 0.07 N with both hands; fading adds 1.5 x 2 N / 200 ticks. The hand moved on
+    // while the force was gone, so the cap damps what it did not put in: 15 N s/m, 0.14 N a count.
+    assert!(largest_step < 0.26, "the force stepped by {largest_step} N");
 }
 
 /// Real time: the host's thread panics at once, with its end of the rings in its hands.

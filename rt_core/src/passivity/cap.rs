@@ -38,6 +38,9 @@ use crate::geometry::{Vec3, Vec6};
 /// of where it goes.
 const CREEP: f64 = 1e-3;
 
+/// Time (s) in which the damper that takes out what is missing grows to all that a device can render.
+const EASE: f64 = 0.02;
+
 impl Passivity {
     /// Caps the elastic and viscous wrenches on the handles whose devices are `devices`, of which `stored` (J)
     /// could be got back.
@@ -74,11 +77,15 @@ impl Passivity {
         // Wrenches under way will be rendered whatever is decided now.
         let left = *available - under_way;
         let budget = left.max(0.0);
+        let missing = stored - budget;
         let mut kept = 1.0;
-        if stored > budget {
+        if missing > 0.0 {
             kept = libm::sqrt(budget / stored);
-            damp(stored - budget, period, &ports, motions, viscous);
         }
+        // The damper comes and goes without a jump.
+        let (eased, step) = (self.damped, period / EASE);
+        let bounds = [(eased - step).max(0.0), (eased + step).min(1.0)];
+        self.damped = damp(missing, period, bounds, &ports, motions, viscous);
         let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
             let each = wrenches.iter().zip(&reaches);
             each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
@@ -128,32 +135,44 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
 }
 
 /// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each
-/// device can render.
+/// device can render: a share of it within `bounds`, which is returned.
 pub(super) fn damp(
     missing: f64,
     period: f64,
+    [least, most]: [f64; 2],
     ports: &[Port; MAX_HANDLES],
     motions: &[Motion; MAX_HANDLES],
     viscous: &mut [Vec6; MAX_HANDLES],
-) {
+) -> f64 {
+    if missing <= 0.0 && least == 0.0 {
+        return 0.0;
+    }
+    // Counts come every few ticks: between them the last one says where the hand goes, or damping would come and go.
     let agree = |motion: &Motion| {
-        let v = &motion.velocity;
-        motion.step.dot(v) > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
+        let (v, way, step) = (&motion.velocity, &motion.way, &motion.step);
+        let along = way.x * v.x + way.y * v.y + way.z * v.z;
+        let about = step.w * v.w + step.a * v.a + step.b * v.b;
+        along + about > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
     };
-    let mut most = [Vec6::zeros(); MAX_HANDLES];
+    let mut whole = [Vec6::zeros(); MAX_HANDLES];
     let mut power = 0.0;
-    for ((most, port), motion) in most.iter_mut().zip(ports).zip(motions) {
+    for ((whole, port), motion) in whole.iter_mut().zip(ports).zip(motions) {
         let [linear, angular] = port.most().map(|limit| limit.min(1e3));
         if agree(motion) {
             let scale = Vec6::new(linear, linear, linear, angular, angular, angular);
-            *most = motion.velocity.component_mul(&scale);
-            power += most.dot(&motion.velocity);
+            *whole = motion.velocity.component_mul(&scale);
+            power += whole.dot(&motion.velocity);
         }
     }
-    if power > 0.0 {
-        let share = (missing / (period * power)).min(1.0);
-        for (viscous, most) in viscous.iter_mut().zip(&most) {
-            *viscous -= most * share;
-        }
+    let wanted = if power > 0.0 {
+        missing / (period * power)
+    } else {
+        0.0
+    };
+    // Not `clamp`, which may panic: the bounds are in order, but nothing here proves it.
+    let share = wanted.min(most).max(least);
+    for (viscous, whole) in viscous.iter_mut().zip(&whole) {
+        *viscous -= whole * share;
     }
+    share
 }

@@ -41,6 +41,7 @@ impl Passivity {
                 *port = *known;
                 *motion = Motion {
                     step: *step,
+                    way: self.way(device),
                     velocity: twist.stacked(),
                 };
             }
@@ -50,6 +51,7 @@ impl Passivity {
             damp(
                 -observed,
                 self.config.period,
+                [0.0, 1.0],
                 &ports,
                 &motions,
                 &mut damping,
