@@ -9,12 +9,14 @@
 use crate::device::DeviceState;
 use crate::geometry::{Pose, Twist};
 use crate::proxy::Proxy;
-use crate::safety::{Limiter, SafetyConfig, SafetyState};
+use crate::safety::{Limiter, SafetyConfig};
 
 /// No hand moves a device faster (m/s); a tap ends a tenth as fast.
 const FASTEST: f64 = 20.0;
 /// No device reaches further (m).
 const FURTHEST: f64 = 10.0;
+/// Nor is any turned faster (rad/s).
+const GIDDIEST: f64 = 1e3;
 /// By how much the length of a rotation's quaternion may differ from one: a report's eight bits do less.
 const SKEW: f64 = 0.01;
 
@@ -45,7 +47,7 @@ impl Channel {
             return false;
         }
         if let Some(seen_ns) = self.seen_ns {
-            if self.limiter.state() == SafetyState::DeviceStale {
+            if self.limiter.is_stale() {
                 self.proxy.go_on(&self.state, state);
             } else if !self.can_have_come(now_ns.saturating_sub(seen_ns), state) {
                 return false;
@@ -70,6 +72,9 @@ impl Channel {
 
 /// Whether a device can be where this says.
 fn is_sound(state: &DeviceState) -> bool {
-    let turn = state.pose.rotation.coords.norm();
-    state.is_finite() && state.pose.position.norm() <= FURTHEST && (turn - 1.0).abs() <= SKEW
+    let DeviceState { pose, twist, .. } = state;
+    let turn = pose.rotation.coords.norm();
+    // An estimate may overshoot what a hand does; a limit of speed is the last stage's business.
+    let moves = twist.linear.norm() <= 10.0 * FASTEST && twist.angular.norm() <= GIDDIEST;
+    state.is_finite() && pose.position.norm() <= FURTHEST && (turn - 1.0).abs() <= SKEW && moves
 }

@@ -139,6 +139,11 @@ impl Limiter {
         passed
     }
 
+    /// Whether the device has given no good state for longer than it may, whatever else was found.
+    pub(crate) fn is_stale(&self) -> bool {
+        self.misses > self.config.patience
+    }
+
     /// The tick's period (s).
     pub(crate) fn period(&self) -> f64 {
         self.config.period
@@ -175,7 +180,7 @@ impl Limiter {
             count_one(&mut self.counters.not_a_number);
             return self.fault(SafetyState::NotANumber, f64::NAN, config.max_force);
         }
-        if self.misses > config.patience {
+        if self.is_stale() {
             let (found, limit) = (f64::from(self.misses), f64::from(config.patience));
             return self.fault(SafetyState::DeviceStale, found, limit);
         }

@@ -57,7 +57,7 @@ impl Device for Scripted {
             Script::Move | Script::RefuseWrenches => {}
             Script::Fail(error) => return Err(error),
             Script::SayNotANumber => state.pose.position.y = f64::NAN,
-            Script::Rush => state.twist.linear.x = 1e3,
+            Script::Rush => state.twist.linear.x = 100.0,
             Script::Stray(distance) => state.pose.position = Vec3::new(distance, 0.0, 0.0),
         }
         Ok(state)

@@ -177,7 +177,7 @@ impl Prepared {
             }
             Situation::TooFast => {
                 for state in self.readings.iter_mut().flatten() {
-                    state.twist.linear *= 1e3;
+                    state.twist.linear *= 500.0;
                 }
             }
             Situation::Fading => self.now_ns = MODEL_NS + 2 * AGE_LIMIT_NS,
