@@ -103,7 +103,8 @@ pub struct EnergyAccount {
     pub supplied: f64,
     /// Part of it that lifted the body's weight; below zero where it was let down.
     pub raised: f64,
-    /// The least that `supplied - raised` ever was: minus the net energy that came out.
+    /// The least that `supplied - raised + credited` ever was: minus the net energy that came out at the hands, whose port
+    /// lies behind what their devices dissipate.
     pub least: f64,
     /// What was stored when the first model came.
     pub initial: f64,
@@ -299,7 +300,8 @@ impl Passivity {
             self.account.available += credit - (work - fallen);
         }
         let account = &mut self.account;
-        account.least = account.least.min(account.supplied - account.raised);
+        let got = account.supplied - account.raised + account.credited;
+        account.least = account.least.min(got);
         steps
     }
 

@@ -54,7 +54,7 @@ uint8 state      # what the coupling was doing
 # Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.
 float64 supplied   # net work of the hands
 float64 raised     # part of it that lifted weight
-float64 least      # least that supplied - raised ever was
+float64 least      # least that supplied - raised + credited ever was
 float64 initial    # stored when the first model came
 float64 stored     # that could be got back now
 float64 credited   # dissipated by devices and relied on

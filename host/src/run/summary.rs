@@ -203,7 +203,8 @@ pub struct EnergySummary {
     pub stored: Option<f64>,
     /// Supplied, and neither stored nor raised.
     pub dissipated: Option<f64>,
-    /// The most that ever came out beyond what had been put in, lifted or there at the start.
+    /// The most that ever came out at the hands beyond what had been put in, lifted, dissipated by their devices (as far
+    /// as that is relied on) or there at the start.
     pub most_out: f64,
     /// What devices dissipated by themselves and a cap relied on.
     pub credited: f64,
