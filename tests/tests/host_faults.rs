@@ -4,6 +4,7 @@
 use host::log::{Log, read_log};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
+use host::scene::spec::SchemeName;
 use rt_core::coupling::HostState;
 
 /// Age from which a model is not trusted (s): short, so that little waiting is needed.
@@ -11,6 +12,11 @@ const AGE_LIMIT: f64 = 0.1;
 
 /// Runs the built-in scene for 3 s with faults; gives its summary and the telemetry of every tick.
 fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
+    under(SchemeName::Capped, clock, faults)
+}
+
+/// The same under another scheme.
+fn under(scheme: SchemeName, clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     let options = RunOptions {
@@ -21,6 +27,7 @@ fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
     };
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(AGE_LIMIT);
+    scene.scene.realtime.scheme = scheme;
     let summary = run(&scene, &options, |_| {}).expect("the run succeeds");
     let bytes = std::fs::read(&path).expect("the log was written");
     assert!(!read_log(&bytes).expect("it can be read").is_empty());
@@ -33,8 +40,14 @@ fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
 /// quarter of 0.15 kg over 2.5 ms), of which a count, spread over 4 ms, is 0.14 N. Ticks that were skipped (`slots`)
 /// allow as much again, each.
 const LARGEST_STEP: f64 = 0.26;
+/// The same without the cap's damper.
+const LARGEST_UNCAPPED: f64 = 0.12;
 
 fn check_forces(log: &Log) {
+    check_steps(log, LARGEST_STEP);
+}
+
+fn check_steps(log: &Log, largest: f64) {
     let mut last: Option<(u64, [f64; 3])> = None;
     for row in &log.rows {
         let device = &row.devices[0];
@@ -54,7 +67,7 @@ fn check_forces(log: &Log) {
                 .sqrt();
             let slots = ((row.time_ns - time_ns) / 1_000_000) as f64;
             assert!(
-                step < LARGEST_STEP * slots,
+                step < largest * slots,
                 "tick {}: a step of {step} N",
                 row.tick
             );
@@ -83,6 +96,9 @@ fn a_stalling_host_under_virtual_time() {
         ("stall@1.5+0.8", vec![Waiting, Live, Fading, Held, Live]),
         ("stall@1.5+5", vec![Waiting, Live, Fading, Held]),
     ] {
+        let (_, log) = under(SchemeName::Linear, Clock::Virtual, &[fault]);
+        check_steps(&log, LARGEST_UNCAPPED);
+        assert_eq!(states(&log), expected, "{fault}");
         let (summary, log) = with(Clock::Virtual, &[fault]);
         check_forces(&log);
         assert_eq!(states(&log), expected, "{fault}");
