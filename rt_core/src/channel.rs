@@ -3,9 +3,9 @@
 //!
 //! A reading that no hand can have led to since the last is passed over like a missing one: a count that jumps, a
 //! number at its end. Should the device stay there, it has been away: past the limiter's patience it gets no force, and
-//! the next sound reading is believed. It then goes on from where it was left, as with a clutch: what its hand did in
-//! the meantime, the scene did not see.
+//! the next sound reading is believed, and it goes on from where it was left: [`crate::clutch`].
 
+use crate::clutch::Clutch;
 use crate::device::DeviceState;
 use crate::geometry::{Pose, Twist};
 use crate::proxy::Proxy;
@@ -29,6 +29,7 @@ pub(crate) struct Channel {
     pub(crate) state: DeviceState,
     /// When that was (ns).
     seen_ns: Option<u64>,
+    clutch: Clutch,
 }
 
 impl Channel {
@@ -38,6 +39,7 @@ impl Channel {
             limiter: Limiter::new(safety),
             state: DeviceState::resting(),
             seen_ns: None,
+            clutch: Clutch::new(),
         }
     }
 
@@ -47,11 +49,12 @@ impl Channel {
             return false;
         }
         if let Some(seen_ns) = self.seen_ns {
-            if self.limiter.is_stale() {
-                self.proxy.go_on(&self.state, state);
-            } else if !self.can_have_come(now_ns.saturating_sub(seen_ns), state) {
+            let within_ns = now_ns.saturating_sub(seen_ns);
+            if !self.limiter.is_stale() && !self.can_have_come(within_ns, state) {
                 return false;
             }
+            self.clutch
+                .follow(&self.limiter, &mut self.proxy, &self.state, state);
         }
         self.state = *state;
         self.seen_ns = Some(now_ns);
@@ -60,7 +63,15 @@ impl Channel {
 
     /// Where the proxy is.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
-        self.proxy.to_scene(&self.state)
+        let (pose, mut twist) = self.proxy.to_scene(&self.state);
+        twist.linear *= self.clutch.share(&self.limiter);
+        (pose, twist)
+    }
+
+    /// Newtons at the proxy per newton at the device, as the clutch goes: the power is the same on both sides.
+    pub(crate) fn lever(&self) -> f64 {
+        let share = self.clutch.share(&self.limiter);
+        if share > 0.0 { 1.0 / share } else { 0.0 }
     }
 
     fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {

@@ -142,15 +142,19 @@ impl Controller {
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
             let [force, moment] = shares_passed(&asked, command);
-            if let Some(passed) = passed.get_mut(device) {
-                *passed = force;
-            }
             // What left in another direction than asked (a slew limit) is put down to the first body.
             let rest = Wrench {
                 force: command.force - asked.force * force,
                 moment: Vec3::zeros(),
             };
             let mut rest = channel.proxy.on_proxy(&rest);
+            // A proxy that follows by a share is pushed by that much more than its hand.
+            let lever = channel.lever();
+            rest.force *= lever;
+            let force = force * lever;
+            if let Some(passed) = passed.get_mut(device) {
+                *passed = force;
+            }
             let here = shares
                 .iter_mut()
                 .filter_map(|shares| shares.get_mut(device));

@@ -13,7 +13,7 @@
 //! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
 //! first model the hold is all there is, so a run starts without a jump as well.
 
-use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench};
+use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
 use crate::local_model::{LocalModel, ModelFault, Parts};
 use crate::passivity::{EnergyAccount, Motion, Passivity, PassivityConfig, Port};
 use crate::scheme::Scheme;
@@ -357,7 +357,7 @@ impl Coupling {
             };
             *motion = Motion {
                 step: *step,
-                way: self.passivity.way(device),
+                heading: self.passivity.heading(device),
                 velocity: twist.stacked(),
             };
             let [linear, angular] = *share;
@@ -417,9 +417,4 @@ fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
         && a.handles()
             .zip(b.handles())
             .all(|(a, b)| a.device == b.device)
-}
-
-/// `3 s^2 - 2 s^3`: no corner at either end.
-fn smooth_step(s: f64) -> f64 {
-    s * s * (3.0 - 2.0 * s)
 }

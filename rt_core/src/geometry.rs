@@ -149,6 +149,11 @@ fn stack(first: &Vec3, second: &Vec3) -> Vec6 {
     Vec6::new(first.x, first.y, first.z, second.x, second.y, second.z)
 }
 
+/// `3 s^2 - 2 s^3`: no corner at either end.
+pub(crate) fn smooth_step(s: f64) -> f64 {
+    s * s * (3.0 - 2.0 * s)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -45,6 +45,7 @@
 )]
 
 mod channel;
+pub mod clutch;
 pub mod controller;
 pub mod coupling;
 pub mod device;

@@ -131,8 +131,8 @@ impl EnergyAccount {
 pub(crate) struct Motion {
     /// Displacement over the last tick.
     pub(crate) step: Vec6,
-    /// The last translation that was one, in this tick or before.
-    pub(crate) way: Vec3,
+    /// Where it goes: the last translation along each axis that was one, in this tick or before.
+    pub(crate) heading: Vec3,
     /// Velocity, filtered.
     pub(crate) velocity: Vec6,
 }
@@ -141,7 +141,7 @@ impl Motion {
     pub(crate) fn none() -> Self {
         Self {
             step: Vec6::zeros(),
-            way: Vec3::zeros(),
+            heading: Vec3::zeros(),
             velocity: Vec6::zeros(),
         }
     }
@@ -159,6 +159,8 @@ struct Hand {
     lifted_from: Option<Vec3>,
     /// The last translation that was one.
     way: Vec3,
+    /// The last one along each axis: a count across the way does not say that the hand has turned.
+    heading: Vec3,
     /// Ticks since then.
     since: u32,
     /// The step of this tick, if it was one count after a rest.
@@ -177,6 +179,7 @@ impl Hand {
             weights: [Vec3::zeros(); MAX_DELAY + 1],
             lifted_from: None,
             way: Vec3::zeros(),
+            heading: Vec3::zeros(),
             since: 0,
             crept: Vec3::zeros(),
             spring: Vec3::zeros(),
@@ -292,6 +295,9 @@ impl Passivity {
                     hand.crept = way;
                 }
                 hand.way = way;
+                hand.heading = hand
+                    .heading
+                    .zip_map(&way, |last, now| if now == 0.0 { last } else { now });
                 hand.since = 0;
             }
             self.account.supplied -= work;
@@ -314,11 +320,11 @@ impl Passivity {
         }
     }
 
-    /// The last translation of a device that was one.
-    pub(crate) fn way(&self, device: usize) -> Vec3 {
+    /// Where a device goes: its last translation along each axis.
+    pub(crate) fn heading(&self, device: usize) -> Vec3 {
         self.hands
             .get(device)
-            .map_or(Vec3::zeros(), |hand| hand.way)
+            .map_or(Vec3::zeros(), |hand| hand.heading)
     }
 
     /// Notes what could be got back now (J).

@@ -33,12 +33,10 @@ impl Proxy {
         }
     }
 
-    /// Goes on from where the device was left, though it is elsewhere now: as with a clutch, only what it moves from
-    /// here on counts. A device that was away took its hand along without the scene; were the proxy to follow at
-    /// once, the body would store what no hand has put in, and the other hands would feel the blow.
-    pub fn go_on(&mut self, left: &DeviceState, now: &DeviceState) {
+    /// Leaves `share` of a device's way from `left` to `now` behind: with one, the proxy stays where it is.
+    pub fn slip(&mut self, share: f64, left: &DeviceState, now: &DeviceState) {
         let way = left.pose.position - now.pose.position;
-        self.origin += self.rotation * way * self.motion_scale;
+        self.origin += self.rotation * way * (self.motion_scale * share);
     }
 
     /// The proxy's pose and twist in the scene.

@@ -14,7 +14,7 @@
 
 use crate::count_one;
 use crate::device::{DeviceState, Freedom};
-use crate::geometry::{Vec3, Wrench};
+use crate::geometry::{Vec3, Wrench, smooth_step};
 
 /// Share of a limit below which what it took away comes back.
 const BACK: f64 = 0.9;
@@ -140,8 +140,13 @@ impl Limiter {
     }
 
     /// Whether the device has given no good state for longer than it may, whatever else was found.
-    pub(crate) fn is_stale(&self) -> bool {
+    pub fn is_stale(&self) -> bool {
         self.misses > self.config.patience
+    }
+
+    /// Share of the force that passes as faults go: one where nothing has tripped for a while.
+    pub fn share(&self) -> f64 {
+        smooth_step(self.authority)
     }
 
     /// The tick's period (s).
@@ -204,8 +209,7 @@ impl Limiter {
             } else {
                 SafetyState::Recovering
             };
-            let s = self.authority;
-            passed = passed.scaled(s * s * (3.0 - 2.0 * s));
+            passed = passed.scaled(self.share());
         }
         let force = shorten(&mut passed.force, config.max_force);
         let moment = shorten(&mut passed.moment, config.max_moment);

@@ -16,7 +16,7 @@ const PATIENCE: u32 = 10;
 /// Stiffness of the spring between the two handles (N/m).
 const SPRING: f64 = 200.0;
 
-fn controller() -> Controller {
+fn controller(scheme: Scheme) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..2 {
         let proxy = Proxy {
@@ -38,7 +38,7 @@ fn controller() -> Controller {
         let _ = config.devices.push(DeviceConfig { proxy, safety });
     }
     let _ = config.bodies.push(CouplingConfig {
-        scheme: Scheme::Linear,
+        scheme,
         period: PERIOD,
         blend: 0.0,
         age_limit: 1e3,
@@ -78,7 +78,7 @@ fn tick(
 
 #[test]
 fn a_device_that_comes_back_elsewhere_goes_on_from_where_it_was_left() {
-    let mut controller = controller();
+    let mut controller = controller(Scheme::Linear);
     let apart = [Some(0.0), Some(2e-3)];
     for _ in 0..10 {
         tick(&mut controller, apart);
@@ -106,7 +106,7 @@ fn a_device_that_comes_back_elsewhere_goes_on_from_where_it_was_left() {
 
 #[test]
 fn a_device_that_misses_a_few_reads_is_where_it_is() {
-    let mut controller = controller();
+    let mut controller = controller(Scheme::Linear);
     tick(&mut controller, [Some(0.0), Some(0.0)]);
     for _ in 0..PATIENCE {
         tick(&mut controller, [Some(0.0), None]);
@@ -117,10 +117,46 @@ fn a_device_that_misses_a_few_reads_is_where_it_is() {
 
 #[test]
 fn a_device_that_was_never_there_begins_where_it_is() {
-    let mut controller = controller();
+    let mut controller = controller(Scheme::Linear);
     for _ in 0..100 {
         tick(&mut controller, [Some(0.0), None]);
     }
     let (_, telemetry) = tick(&mut controller, [Some(0.0), Some(5e-3)]);
     assert_eq!(telemetry.devices[1].pose.position.x, 10e-3);
+}
+
+#[test]
+fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
+    let mut controller = controller(Scheme::Capped);
+    // A device that pulls at 5 cm/s (a tenth of a millimetre in the scene a tick), is away, comes back 20 mm further and
+    // pulls on while its force comes back.
+    let mut x = 0.0;
+    let pull = |controller: &mut Controller, x: &mut f64, ticks: u32| {
+        let mut last = None;
+        for _ in 0..ticks {
+            *x += 5e-5;
+            last = Some(tick(controller, [Some(0.0), Some(*x)]));
+        }
+        last.expect("some ticks")
+    };
+    pull(&mut controller, &mut x, 100);
+    for _ in 0..=PATIENCE {
+        tick(&mut controller, [Some(0.0), None]);
+    }
+    x += 20e-3;
+    let (_, back) = tick(&mut controller, [Some(0.0), Some(x)]);
+    assert!((back.devices[1].pose.position.x - 10e-3).abs() < 1e-12);
+    let (_, halfway) = pull(&mut controller, &mut x, 50);
+    // A smooth step is half way up in the middle, and its mean until there is 3/16: of 5 mm in the scene.
+    assert!((halfway.devices[1].pose.position.x - 10e-3 - 0.1875 * 5e-3).abs() < 0.05e-3);
+    let (wrenches, telemetry) = pull(&mut controller, &mut x, 100);
+    let stretch = telemetry.devices[1].pose.position.x;
+    // Half of 10 mm while the force came back, and 5 mm after it.
+    assert!((stretch - 10e-3 - 5e-3 - 5e-3).abs() < 0.1e-3);
+    // The whole force, for all that is stored was paid for; the motion scale once more on the way to the device.
+    let asked = 2.0 * SPRING * stretch;
+    assert!((wrenches[0].force.x - asked).abs() < 0.01 * asked);
+    let energy = telemetry.bodies[0].energy;
+    assert_eq!(energy.capped, 0);
+    assert!((energy.supplied - energy.stored).abs() < 0.4e-3);
 }

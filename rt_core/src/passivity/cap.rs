@@ -149,7 +149,7 @@ pub(super) fn damp(
     }
     // Counts come every few ticks: between them the last one says where the hand goes, or damping would come and go.
     let agree = |motion: &Motion| {
-        let (v, way, step) = (&motion.velocity, &motion.way, &motion.step);
+        let (v, way, step) = (&motion.velocity, &motion.heading, &motion.step);
         let along = way.x * v.x + way.y * v.y + way.z * v.z;
         let about = step.w * v.w + step.a * v.a + step.b * v.b;
         along + about > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP

@@ -41,7 +41,7 @@ impl Passivity {
                 *port = *known;
                 *motion = Motion {
                     step: *step,
-                    way: self.way(device),
+                    heading: self.heading(device),
                     velocity: twist.stacked(),
                 };
             }

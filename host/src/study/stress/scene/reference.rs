@@ -12,6 +12,7 @@ use crate::scene::LoadedScene;
 use physics::Vec3;
 use physics::fast::{Stepper, StepperOptions};
 use physics::fem::{Body, HandlePose};
+use rt_core::clutch::Clutch;
 use rt_core::safety::{Limiter, SafetyState};
 use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
 
@@ -54,6 +55,8 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
     let step = world.period_ns() as f64 * 1e-9;
     let mut proxies: Vec<_> = config.devices.iter().map(|d| d.proxy).collect();
     let mut left = vec![DeviceState::resting(); proxies.len()];
+    let mut clutches = vec![Clutch::new(); proxies.len()];
+    let mut seen = vec![false; proxies.len()];
     let mut targets = Vec::new();
     for k in 0..world.ticks() {
         let now = k * world.period_ns();
@@ -75,8 +78,9 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
             });
             readings[device] = state;
             if let Some(state) = state {
-                if limiters[device].state() == SafetyState::DeviceStale {
-                    proxies[device].go_on(&left[device], &state);
+                if std::mem::replace(&mut seen[device], true) {
+                    let proxy = &mut proxies[device];
+                    clutches[device].follow(&limiters[device], proxy, &left[device], &state);
                 }
                 left[device] = state;
             }
