@@ -42,6 +42,10 @@ fn under(scheme: SchemeName, clock: Clock, faults: &[&str]) -> (RunSummary, Log)
 const LARGEST_STEP: f64 = 0.26;
 /// The same without the cap's damper.
 const LARGEST_UNCAPPED: f64 = 0.12;
+/// The same where the machine decides when a tick comes: counts of all three axes may fall into one. Each moves the model
+/// by 0.07 N and the damper by 0.114 N (a count of 0.038 mm is 7.6 mm/s in a best fit over 4 ms, times 15 N s/m); fading
+/// adds 0.026 N to any.
+const LARGEST_REAL: f64 = 0.35;
 
 fn check_forces(log: &Log) {
     check_steps(log, LARGEST_STEP);
@@ -151,7 +155,7 @@ fn every_fault_under_the_real_clock() {
         "panic@2.5",
     ];
     let (summary, log) = with(Clock::Real, &faults);
-    check_forces(&log);
+    check_steps(&log, LARGEST_REAL);
     assert!(summary.tick.faded >= 1, "{summary}");
     assert!(summary.tick.refused_models >= 1, "{summary}");
     for part in [
