@@ -33,6 +33,7 @@
 use super::{MOST_FORCE, Motion, Passivity, Port, norms};
 use crate::MAX_HANDLES;
 use crate::geometry::{Vec3, Vec6};
+use crate::velocity::VelocityEstimator;
 
 /// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
 /// of where it goes.
@@ -55,9 +56,14 @@ impl Passivity {
         let period = self.config.period;
         let mut ports = [Port::UNKNOWN; MAX_HANDLES];
         let mut reaches = [[0.0; 2]; MAX_HANDLES];
+        let mut clear = *motions;
         let mut under_way = 0.0;
         let mut holders = [usize::MAX; MAX_HANDLES];
-        let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
+        let each = ports
+            .iter_mut()
+            .zip(&mut reaches)
+            .zip(devices)
+            .zip(&mut clear);
         for ((((port, reach), device), motion), holder) in each.zip(&mut holders) {
             let device = usize::from(device);
             *holder = device;
@@ -70,6 +76,7 @@ impl Passivity {
                     .map(|wrench| most_work(&wrench.stacked(), reach))
                     .sum::<f64>()
                     + hand.lingering(&motion.velocity, known.max_slew);
+                quieten(&mut motion.velocity, known.count);
             }
         }
         let available = &mut self.account.available;
@@ -85,7 +92,7 @@ impl Passivity {
         // The damper comes and goes without a jump.
         let (eased, step) = (self.damped, period / EASE);
         let bounds = [(eased - step).max(0.0), (eased + step).min(1.0)];
-        self.damped = damp(missing, period, bounds, &ports, motions, viscous);
+        self.damped = damp(missing, period, bounds, &ports, &clear, viscous);
         let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
             let each = wrenches.iter().zip(&reaches);
             each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
@@ -126,6 +133,19 @@ impl Passivity {
             }
         }
     }
+}
+
+/// Takes from a velocity what a count (m) by itself makes of it: that the hand got to an edge does not say how fast it
+/// goes, and a trembling hold would buzz under its damper.
+fn quieten(velocity: &mut Vec6, count: f64) {
+    let quiet = count / VelocityEstimator::SPAN;
+    let [speed, _] = norms(velocity);
+    let share = if speed > quiet {
+        1.0 - quiet / speed
+    } else {
+        0.0
+    };
+    *velocity = velocity.component_mul(&Vec6::new(share, share, share, 1.0, 1.0, 1.0));
 }
 
 /// Work that a wrench can do on a hand that gets so far in a tick at most.
