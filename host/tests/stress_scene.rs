@@ -60,6 +60,38 @@ fn capped_hands_come_to_rest_and_get_nothing_that_they_did_not_give() {
 }
 
 #[test]
+fn a_hold_after_a_device_came_back_is_as_stiff_as_the_body() {
+    let study = Study::new(sheet(), SEED).expect("it is sound");
+    // The lightest of hands; its proxy once followed whole while the force came back, and the hold was soft for good.
+    let lightest = 576;
+    let draw = Draw::new(SEED, lightest, 2);
+    assert!(draw.vanishing.is_some() && draw.grips.iter().any(|grip| grip.mass < 0.11));
+    let found = outcome(&study, lightest, SchemeName::Capped);
+    // The count of 38 um in 4 mm, and what the blends of 60 Hz are behind.
+    assert!(
+        found.stiffness_error < 0.01 && found.error < 0.02,
+        "{found:?}"
+    );
+}
+
+#[test]
+fn nobody_is_blamed_for_what_no_tick_can_know() {
+    let study = Study::new(sheet(), SEED).expect("it is sound");
+    let cell = cell(60.0, Trouble::Softening);
+    let (draw, reference, runs) = study.traces(cell, &[SchemeName::Linear]).expect("it runs");
+    let softening = draw.softening.expect("it softens");
+    let unaware = runs[0].unaware;
+    assert_eq!(unaware.at, softening.at);
+    // The step in which it softens, the next publication, its latency, and the tick after it.
+    let longest = 1e-3 + 1.0 / draw.rate + draw.latency + 1e-3;
+    assert!((draw.latency..longest).contains(&unaware.duration));
+    let found = Outcome::of(&runs[0], &reference, &draw);
+    let aware = found.error_aware.expect("it was told in time");
+    // What is left is the hand, which felt the old force meanwhile and is not where that of the reference is.
+    assert!(aware < 0.8 * found.error, "{found:?}");
+}
+
+#[test]
 fn a_model_that_comes_every_tick_and_at_once_renders_the_reference() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
     // Of the fast and untroubled hosts the one that is least late.

@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let default = if common.quick { QUICK } else { RUNS };
     let header = Header {
         study: "scene".to_owned(),
-        schema: 1,
+        schema: 2,
         seed: common.seed,
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({

@@ -85,7 +85,7 @@ pub enum Task {
 const TASKS: [Task; 5] = [Task::Press, Task::Tap, Task::Rub, Task::Shake, Task::Carry];
 
 /// Something that lasts a while.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Span {
     /// From when (s).
     pub at: f64,

@@ -1,6 +1,6 @@
 //! What is measured of a run: how still a hold is, how much energy came out, how far the forces are off.
 
-use super::draw::{BEGIN, Draw, HOLD};
+use super::draw::{BEGIN, Draw, HOLD, Span};
 use physics::Vec3;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -56,6 +56,8 @@ pub struct Trace {
     pub account: Vec<[f64; 2]>,
     /// Ticks in which a cap took something off.
     pub capped: u64,
+    /// From when the body softened until the first word of it came to the tick.
+    pub unaware: Span,
 }
 
 impl Trace {
@@ -143,6 +145,9 @@ pub struct Outcome {
     pub net_energy: f64,
     /// Force error against the reference over the whole motion, a share.
     pub error: f64,
+    /// The same without the time in which the body had softened and no word of it had come: the reference, which needs
+    /// none, knows at once what no tick can.
+    pub error_aware: Option<f64>,
     /// The same without the times of faults and what they left behind; none where nothing is left.
     pub error_untroubled: Option<f64>,
     /// Error of the force of the hold against the body's own at the same place, a share.
@@ -164,6 +169,7 @@ impl Outcome {
             stillness,
             net_energy: run.net_energy(),
             error: run.error(reference, |_| true).unwrap_or_default(),
+            error_aware: run.error(reference, |time| !run.unaware.holds(time)),
             error_untroubled: run.error(reference, |time| !draw.is_troubled(time)),
             stiffness_error: run.stiffness_error(),
             capped: run.capped as f64 / ticks,

@@ -5,6 +5,7 @@
 //! alone. A host that stalls takes none meanwhile, and goes on from where the hands are then.
 
 use super::StressError;
+use super::draw::Span;
 use super::measure::Trace;
 use super::world::World;
 use crate::engine::Engine;
@@ -36,7 +37,9 @@ struct Host<'a> {
     next: u64,
     published: u64,
     records: u64,
-    softened: bool,
+    /// When the body softened here (ns), and which bodies the tick has heard of since.
+    softened: Option<u64>,
+    heard: Vec<bool>,
     /// Models under way: arrival (ns), body, model.
     under_way: Vec<(u64, usize, LocalModel)>,
 }
@@ -56,11 +59,11 @@ impl Host<'_> {
             if draw.stalls.iter().any(|stall| stall.holds(time)) {
                 continue;
             }
-            if let (false, Some(softening), Some(soft)) =
+            if let (None, Some(softening), Some(soft)) =
                 (self.softened, draw.softening, &self.world.soft)
                 && time >= softening.at
             {
-                self.softened = true;
+                self.softened = Some(time_ns);
                 self.engine.exchange(build::bodies(soft, How::default())?)?;
             }
             // At the first step at or after each multiple of the period; a late host does not make up for lost ones.
@@ -112,21 +115,33 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         next: 1,
         published: 0,
         records: 0,
-        softened: false,
+        softened: None,
+        heard: vec![false; world.loaded.scene.bodies.len()],
         under_way: Vec::new(),
     };
     let held = devices.held.clone();
     let count = world.loaded.scene.devices.len();
+    let softens = draw.softening.map(|softening| softening.at);
+    let mut unaware = Span::default();
     for k in 0..world.ticks() {
         let now = k * world.period_ns();
         host.step(now)?;
+        let (softened, heard) = (host.softened, &mut host.heard);
         host.under_way.retain(|(arrival, body, model)| {
             if *arrival <= now {
                 // One that was overtaken is refused, as it is to be.
                 let _ = controller.accept(*body, model);
+                heard[*body] |= softened.is_some_and(|at| model.time_ns >= at);
             }
             *arrival > now
         });
+        let time = now as f64 * 1e-9;
+        if let Some(at) = softens.filter(|at| time >= *at && heard.contains(&false)) {
+            unaware = Span {
+                at,
+                duration: time + world.period_ns() as f64 * 1e-9 - at,
+            };
+        }
 
         let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
         devices.read(now, |device, state, _| {
@@ -158,5 +173,8 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         devices.keep(&forces[..count], weight, account);
     }
     let capped = controller.energy().map(|account| account.capped).sum();
-    Ok(devices.finish(capped))
+    Ok(Trace {
+        unaware,
+        ..devices.finish(capped)
+    })
 }

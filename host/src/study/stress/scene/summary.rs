@@ -23,6 +23,8 @@ pub struct Row {
     pub ripple: [f64; 2],
     /// Force error, a share: half of the cells stay below, and nine of ten.
     pub error: [f64; 2],
+    /// The same where word had come of what the body is made of.
+    pub aware: [f64; 2],
     /// The same without the times of faults.
     pub untroubled: [f64; 2],
     /// Share of the cells whose error without the times of faults is below what is noticed.
@@ -109,6 +111,7 @@ pub fn row<'a>(
             net_energy: at(&sorted(&|o| Some(o.net_energy)), [0.99, 1.0]),
             ripple: at(&sorted(&|o| Some(o.stillness.ripple)), [0.5, 1.0]),
             error: at(&sorted(&|o| Some(o.error)), [0.5, 0.9]),
+            aware: at(&sorted(&|o| o.error_aware), [0.5, 0.9]),
             unnoticed: unnoticed as f64 / untroubled.len().max(1) as f64,
             untroubled: at(&untroubled, [0.5, 0.9]),
             stiffness: at(&sorted(&|o| Some(o.stiffness_error)), [0.5, 0.9]),
