@@ -33,7 +33,7 @@ use rt_core::{LocalModel, Telemetry};
 pub use model::ModelRow;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
-pub use tick::TickRow;
+pub use tick::{TickRow, energy_sums};
 
 const TICK_TOPIC: &str = "/tick";
 const MODEL_TOPIC: &str = "/model";

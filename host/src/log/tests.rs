@@ -5,7 +5,8 @@ use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, Telemetry, Vec3};
 
-use super::{Log, LogError, LogHeader, LogWriter, TickRow, read_log};
+use super::tick::SCHEMA;
+use super::{Log, LogError, LogHeader, LogWriter, TickRow, energy_sums, read_log};
 
 fn header() -> LogHeader {
     LogHeader {
@@ -106,6 +107,18 @@ fn log(ticks: u64) -> Vec<u8> {
         }
     }
     writer.finish().expect("in memory").into_inner()
+}
+
+#[test]
+fn the_sums_of_energy_are_those_of_the_message_definition() {
+    let of_body = SCHEMA.split("# Energy (J)").nth(1).expect("it is there");
+    let defined: Vec<_> = of_body
+        .lines()
+        .take_while(|line| !line.starts_with('='))
+        .filter_map(|line| line.strip_prefix("float64 ")?.split_whitespace().next())
+        .collect();
+    let energy = telemetry(1).bodies[0].energy;
+    assert_eq!(defined, energy_sums(&energy).map(|(name, _)| name));
 }
 
 #[test]

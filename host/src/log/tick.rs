@@ -132,7 +132,7 @@ pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
             .iter()
             .position(|s| *s == body.state)
             .map_or(u8::MAX, |i| i as u8));
-        for sum in sums(&body.energy) {
+        for (_, sum) in energy_sums(&body.energy) {
             out.f64(sum);
         }
         out.u64(body.energy.capped);
@@ -215,16 +215,16 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
     })
 }
 
-/// The sums of energy, in the order of the message's definition.
-fn sums(energy: &EnergyAccount) -> [f64; 7] {
+/// The sums of energy (J), by the names and in the order of the message's definition.
+pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
     [
-        energy.supplied,
-        energy.raised,
-        energy.least,
-        energy.initial,
-        energy.stored,
-        energy.credited,
-        energy.available,
+        ("supplied", energy.supplied),
+        ("raised", energy.raised),
+        ("least", energy.least),
+        ("initial", energy.initial),
+        ("stored", energy.stored),
+        ("credited", energy.credited),
+        ("available", energy.available),
     ]
 }
 

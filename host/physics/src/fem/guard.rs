@@ -15,11 +15,10 @@ const SLACK: f64 = 0.005;
 /// Energies are known to this share of stiffness times position squared, and of the loads' work.
 const ROUNDING: f64 = 1e-14;
 /// A kick of a thousand cells in a step, in cells that resist with the fourth power.
-pub(crate) const MOST_HALVINGS: usize = 30;
-
+const MOST_HALVINGS: usize = 30;
 /// Halvings that may bring nothing: a body that turns cells over has energy on the way, and a hand that tears at it
 /// brings energy that no halving takes away.
-pub(crate) const MOST_MISSES: usize = 4;
+const MOST_MISSES: usize = 4;
 
 /// What a body's energy may be after the next step.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +27,17 @@ pub(crate) struct Guard {
     last: f64,
     /// The bound (J), but for the work of hands.
     limit: f64,
+}
+
+/// A motion held back as far as energy asks for it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct HeldBack {
+    /// Energy where it leads (J).
+    pub(crate) energy: Energy,
+    /// The share of it that is left; 1 is the rule.
+    pub(crate) kept: f64,
+    /// Whether shorter ones were looked at after this one, so that what came of the last look is of another.
+    pub(crate) returned: bool,
 }
 
 /// Energy of a body (J).
@@ -65,7 +75,7 @@ impl Energy {
         Self::of(body, &body.x, body.v.iter().copied())
     }
 
-    pub(crate) fn is_below(&self, other: &Self) -> bool {
+    fn is_below(&self, other: &Self) -> bool {
         self.total < other.total
     }
 }
@@ -94,6 +104,51 @@ impl Guard {
         after.total <= limit || after.total <= limit + rounding(body)
     }
 
+    /// Halves the displacement of `body` over a step until it may end where that leads, when hands have put in at
+    /// most `work` (J); where no half will do, the one with the least energy is left. `ahead` gives the energy after
+    /// the displacement as it is.
+    ///
+    /// A body that stays where it is gains nothing, so some share will do unless hands tear it along. One that
+    /// nothing holds keeps its momentum: the motion of its centre of mass is not touched.
+    pub(crate) fn hold_back(
+        &self,
+        body: &mut Body,
+        work: f64,
+        mut ahead: impl FnMut(&mut Body) -> Energy,
+    ) -> HeldBack {
+        let mut found = HeldBack {
+            energy: ahead(body),
+            kept: 1.0,
+            returned: false,
+        };
+        if self.allows(body, found.energy, work) {
+            return found;
+        }
+        let drift = body.free_drift();
+        let (mut share, mut misses) = (1.0, 0);
+        for _ in 0..MOST_HALVINGS {
+            body.scale_motion(0.5, &drift);
+            share *= 0.5;
+            let shorter = ahead(body);
+            if shorter.is_below(&found.energy) {
+                (found.energy, found.kept) = (shorter, share);
+                if self.allows(body, found.energy, work) {
+                    break;
+                }
+            } else {
+                misses += 1;
+                if misses == MOST_MISSES {
+                    break;
+                }
+            }
+        }
+        if share < found.kept {
+            body.scale_motion(found.kept / share, &drift);
+            found.returned = true;
+        }
+        found
+    }
+
     /// The step is taken: what is lost may not come back, whatever hands have put in may.
     pub(crate) fn end(&mut self, after: Energy, work: f64) {
         self.last = after.total;
@@ -104,40 +159,13 @@ impl Guard {
 impl Body {
     /// Holds back so much of the displacement over a step of `h` that the body ends with no more energy than it
     /// had and hands have put in, at most `work` (J). Returns the share held back; 0 is the rule.
-    ///
-    /// A body that stays where it is gains nothing, so some share will do unless hands tear it along. One that
-    /// nothing holds keeps its momentum: the motion of its centre of mass is not touched.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
         let mut guard = self.guard;
         guard.begin(Energy::now(self));
-        let mut found = self.energy_ahead(h);
-        let mut kept = 1.0;
-        if !guard.allows(self, found, work) {
-            let drift = self.free_drift();
-            let (mut share, mut misses) = (1.0, 0);
-            for _ in 0..MOST_HALVINGS {
-                self.scale_motion(0.5, &drift);
-                share *= 0.5;
-                let shorter = self.energy_ahead(h);
-                if shorter.is_below(&found) {
-                    (found, kept) = (shorter, share);
-                    if guard.allows(self, found, work) {
-                        break;
-                    }
-                } else {
-                    misses += 1;
-                    if misses == MOST_MISSES {
-                        break;
-                    }
-                }
-            }
-            if share < kept {
-                self.scale_motion(kept / share, &drift);
-            }
-        }
-        guard.end(found, work);
+        let held = guard.hold_back(self, work, |body| body.energy_ahead(h));
+        guard.end(held.energy, work);
         self.guard = guard;
-        1.0 - kept
+        1.0 - held.kept
     }
 
     /// Energy after a step of `h` by the displacement as it is.
@@ -152,7 +180,7 @@ impl Body {
     }
 
     /// How far the centre of mass goes in the step (m), where nothing but itself decides that.
-    pub(crate) fn free_drift(&self) -> Vec3 {
+    fn free_drift(&self) -> Vec3 {
         if !self.handles.is_empty() || !self.supports.list.is_empty() {
             return Vec3::zeros();
         }
@@ -161,7 +189,7 @@ impl Body {
     }
 
     /// Multiplies what nothing prescribes of the displacement, less `drift`.
-    pub(crate) fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
+    fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
         let free = self.stiffness.free();
         let mask = self.supports.mask();
         for (node, u) in self.displacement[..free].iter_mut().enumerate() {

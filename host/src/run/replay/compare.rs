@@ -1,6 +1,6 @@
 //! Two records of one tick, compared field by field and bit by bit.
 
-use crate::log::TickRow;
+use crate::log::{TickRow, energy_sums};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Pose, Vec3};
@@ -137,19 +137,10 @@ fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
         put(part, "age_ns", "", Value::Count(body.age_ns));
         put(part, "trust", "", Value::Number(body.trust));
         put(part, "state", "", Value::Host(body.state));
-        let energy = &body.energy;
-        for (name, sum) in [
-            ("supplied", energy.supplied),
-            ("raised", energy.raised),
-            ("least", energy.least),
-            ("initial", energy.initial),
-            ("stored", energy.stored),
-            ("credited", energy.credited),
-            ("available", energy.available),
-        ] {
+        for (name, sum) in energy_sums(&body.energy) {
             put(part, name, "", Value::Number(sum));
         }
-        put(part, "capped", "", Value::Count(energy.capped));
+        put(part, "capped", "", Value::Count(body.energy.capped));
     }
 }
 

@@ -3,7 +3,7 @@
 use super::super::{Real, to_node, to_vec};
 use super::{Stepper, StepperReport};
 use crate::Vec3;
-use crate::fem::guard::{Energy, MOST_HALVINGS, MOST_MISSES};
+use crate::fem::guard::Energy;
 use crate::fem::{Body, HandlePose, StepError};
 
 impl<T: Real> Stepper<T> {
@@ -56,35 +56,16 @@ impl<T: Real> Stepper<T> {
             body.kinetic_energy() + self.elastic,
             body.load_potential(),
         ));
-        let mut after = self.energy_ahead(body, h);
-        let mut kept = 1.0;
-        if !guard.allows(body, after, work) {
-            let drift = body.free_drift();
-            let (mut share, mut misses) = (1.0, 0);
-            for _ in 0..MOST_HALVINGS {
-                body.scale_motion(0.5, &drift);
-                share *= 0.5;
-                let shorter = self.energy_ahead(body, h);
-                if shorter.is_below(&after) {
-                    (after, kept) = (shorter, share);
-                    if guard.allows(body, after, work) {
-                        break;
-                    }
-                } else {
-                    misses += 1;
-                    if misses == MOST_MISSES {
-                        break;
-                    }
-                }
-            }
-            if share < kept {
-                body.scale_motion(kept / share, &drift);
-                after = self.energy_ahead(body, h);
-            }
-        }
+        let held = guard.hold_back(body, work, |body| self.energy_ahead(body, h));
+        // What is linearized must be where the step ends, not where the last look was.
+        let after = if held.returned {
+            self.energy_ahead(body, h)
+        } else {
+            held.energy
+        };
         guard.end(after, work);
         body.guard = guard;
-        1.0 - kept
+        1.0 - held.kept
     }
 
     /// Energy after the displacement as it is; linearized there.

@@ -8,6 +8,7 @@
 
 use super::chance::Chance;
 use super::jobs::Header;
+use crate::log::energy_sums;
 use input::{Clock, Hands};
 use models::Models;
 use rt_core::controller::{DeviceConfig, Reading};
@@ -245,16 +246,8 @@ fn look(
 }
 
 fn is_finite(energy: &EnergyAccount) -> bool {
-    let sums = [
-        energy.supplied,
-        energy.raised,
-        energy.least,
-        energy.initial,
-        energy.stored,
-        energy.credited,
-        energy.available,
-    ];
-    sums.iter().all(|sum| sum.is_finite())
+    let sums = energy_sums(energy);
+    sums.iter().all(|(_, sum)| sum.is_finite())
 }
 
 /// Whether nothing is left of what went before.

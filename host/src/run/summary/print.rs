@@ -1,0 +1,207 @@
+//! The summary for people, a line for each thing.
+
+use super::{Distribution, RunSummary};
+use std::fmt;
+
+/// Events that are printed; `--json` has them all.
+const SHOWN_EVENTS: usize = 8;
+
+impl fmt::Display for RunSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let t = &self.tick;
+        writeln!(
+            f,
+            "{}: {} clock, scheme {}, seed {}",
+            self.scene, self.clock, self.scheme, self.seed
+        )?;
+        writeln!(
+            f,
+            "  ticks      {} at {} Hz, {} missed deadlines (longest run {})",
+            t.count, t.rate, t.missed_deadlines, t.longest_miss
+        )?;
+        if t.stopped {
+            writeln!(f, "  stopped    before its end, because it was asked to")?;
+        }
+        if let Some(lateness) = &t.lateness {
+            writeln!(f, "  woke late  {}", Times(lateness))?;
+        }
+        if let Some(duration) = &t.duration {
+            writeln!(f, "  tick took  {}", Times(duration))?;
+        }
+        for age in &t.model_age {
+            writeln!(f, "  model age  {}", Times(age))?;
+        }
+        let h = &self.host;
+        writeln!(
+            f,
+            "  host       {} steps ({:.0} Hz), {} skipped, {} models published; {} elements",
+            h.steps, h.step_rate, h.skipped_steps, h.publications, h.elements
+        )?;
+        writeln!(
+            f,
+            "  stages     {}solve {} ({} iterations, at most {}), condense {} (medians){}",
+            if h.assemble.count > 0 {
+                format!("assemble {}, ", Time(h.assemble.p50))
+            } else {
+                String::new()
+            },
+            Time(h.solve.p50),
+            h.iterations[0],
+            h.iterations[2],
+            Time(h.condense.p50),
+            match h.factors {
+                0 => String::new(),
+                1 => "; 1 factor made beside".to_owned(),
+                n => format!("; {n} factors made beside"),
+            }
+        )?;
+        for solver in &h.solvers {
+            writeln!(f, "  solver     {solver}")?;
+        }
+        if h.unconverged_steps > 0 {
+            writeln!(
+                f,
+                "  !          {} steps stopped at the iteration limit, residual up to {:.1e}",
+                h.unconverged_steps, h.worst_residual
+            )?;
+        }
+        if h.clipped > 0 {
+            writeln!(
+                f,
+                "  !          {} publications were clipped to semidefinite, by up to {:.1e} of the largest eigenvalue",
+                h.clipped, h.worst_clip
+            )?;
+        }
+        for d in &self.devices {
+            write!(
+                f,
+                "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ, reach {:.1} mm",
+                d.name,
+                d.peak_force,
+                d.peak_time,
+                d.work * 1e3,
+                d.reach * 1e3
+            )?;
+            if d.limited_ticks > 0 {
+                write!(f, ", limited in {} ticks", d.limited_ticks)?;
+            }
+            if d.missed_reads > 0 {
+                write!(f, ", {} reads missed", d.missed_reads)?;
+            }
+            if d.not_a_number_ticks > 0 {
+                write!(f, ", not a number in {} ticks", d.not_a_number_ticks)?;
+            }
+            for (count, what) in [(d.too_fast, "too fast"), (d.out_of_reach, "out of reach")] {
+                if count > 0 {
+                    write!(f, ", {what} {count} times")?;
+                }
+            }
+            if d.slewed_ticks > 0 {
+                write!(f, ", slewed in {} ticks", d.slewed_ticks)?;
+            }
+            writeln!(f)?;
+            if let Some(trip) = &d.first_trip {
+                let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
+                writeln!(
+                    f,
+                    "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
+                    trip.time, trip.what
+                )?;
+            }
+        }
+        for e in &self.energy {
+            write!(
+                f,
+                "  energy     {}: {:+.1} mJ put in by the hands",
+                e.body,
+                e.supplied * 1e3
+            )?;
+            if let (Some(stored), Some(dissipated)) = (e.stored, e.dissipated) {
+                let [raised, stored, dissipated] = [e.raised, stored, dissipated].map(|j| j * 1e3);
+                write!(
+                    f,
+                    " ({raised:+.1} raised, {stored:.1} stored, {dissipated:.1} dissipated)"
+                )?;
+            }
+            write!(f, ", at most {:.1} mJ out beyond that", e.most_out * 1e3)?;
+            if e.capped_ticks > 0 {
+                write!(f, "; capped in {} ticks", e.capped_ticks)?;
+            }
+            writeln!(f)?;
+        }
+        let d = &self.dropped;
+        writeln!(
+            f,
+            "  dropped    {} tick records, {} telemetry, {} models, {} wrenches; {} models superseded, {} refused",
+            d.tick_records,
+            d.telemetry,
+            d.models,
+            d.wrenches,
+            d.superseded_models,
+            t.refused_models
+        )?;
+        for event in self.events.iter().take(SHOWN_EVENTS) {
+            writeln!(
+                f,
+                "  event      {:.3} to {:.3} s: {}",
+                event.from, event.to, event.what
+            )?;
+        }
+        if self.events.len() > SHOWN_EVENTS {
+            writeln!(
+                f,
+                "  event      and {} more (see --json)",
+                self.events.len() - SHOWN_EVENTS
+            )?;
+        }
+        for what in &self.refusals {
+            writeln!(f, "  refused    {what}")?;
+        }
+        for what in &self.degradations {
+            writeln!(f, "  note       {what}")?;
+        }
+        for what in &self.failures {
+            writeln!(f, "  FAILED     {what}")?;
+        }
+        Ok(())
+    }
+}
+
+/// A time with a readable unit.
+struct Time(f64);
+
+impl fmt::Display for Time {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let s = self.0;
+        if s < 1e-6 {
+            write!(f, "{:.0} ns", s * 1e9)
+        } else if s < 1e-3 {
+            write!(f, "{:.1} us", s * 1e6)
+        } else if s < 1.0 {
+            write!(f, "{:.2} ms", s * 1e3)
+        } else {
+            write!(f, "{s:.2} s")
+        }
+    }
+}
+
+/// A distribution in one line.
+struct Times<'a>(&'a Distribution);
+
+impl fmt::Display for Times<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let d = self.0;
+        write!(
+            f,
+            "median {}, 99 % {}, 99.9 % {}, most {}",
+            Time(d.p50),
+            Time(d.p99),
+            Time(d.p99_9),
+            Time(d.max)
+        )?;
+        if d.overflow > 0 {
+            write!(f, " ({} beyond the histogram)", d.overflow)?;
+        }
+        Ok(())
+    }
+}
