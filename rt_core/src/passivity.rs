@@ -84,12 +84,13 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// 0.4 mJ (with as much of debt again, less than a millijoule comes out), two fifths of what devices dissipate, no delay, devices of which nothing is known.
+    /// 0.2 mJ (with as much of debt again and what counts hide, less than a millijoule comes out), three tenths of what
+    /// devices dissipate, no delay, devices of which nothing is known.
     pub fn new(period: f64) -> Self {
         Self {
             period,
-            allowance: 0.4e-3,
-            credit: 0.4,
+            allowance: 0.2e-3,
+            credit: 0.3,
             delay: 0,
             ports: [Port::UNKNOWN; MAX_DEVICES],
         }

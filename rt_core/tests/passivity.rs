@@ -234,7 +234,7 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
     }
     let (far, silent) = (5e-3, 100.0 * PERIOD);
     let found = at(2.0 * count + far) - before;
-    // Friction over the way, and the damper's `b D^2 / t`: two fifths of them. Taken for one tick's it would be 5 mJ.
+    // Friction over the way, and the damper's `b D^2 / t`: a share of them. Taken for one tick's it would be 5 mJ.
     let expected = passivity.credit * far * (friction + damping * far / silent);
     assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
 }
