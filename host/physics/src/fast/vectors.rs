@@ -4,7 +4,7 @@
 //! Sums run in sixteen lanes that are added up at the end: the same bytes on every machine.
 //!
 //! [`dot_single`] and [`advance`] stop at AVX2. Given AVX-512, LLVM works on four nodes at once by gathers and scatters,
-//! the sums in memory: 10 to 17 times as long.
+//! the sums in memory: about ten times as long.
 
 use super::{Node, Real};
 #[cfg(not(palpate_one_version))]
