@@ -1,6 +1,10 @@
-//! What conjugate gradients do with whole vectors, each in one pass and compiled for the widest registers.
+//! What conjugate gradients do with whole vectors, each in one pass and compiled for the widest registers that make it
+//! faster.
 //!
 //! Sums run in sixteen lanes that are added up at the end: the same bytes on every machine.
+//!
+//! [`dot_single`] and [`advance`] stop at AVX2. Given AVX-512, LLVM works on four nodes at once by gathers and scatters,
+//! the sums in memory: about ten times as long.
 
 use super::{Node, Real};
 #[cfg(not(palpate_one_version))]
@@ -35,10 +39,7 @@ pub(super) fn round<T: Real>(r: &[Node<T>], z: &mut [Node<f32>]) {
 }
 
 /// `z . r`, as far as `z` goes.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
-)]
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 pub(super) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {
     let mut sums = [[T::ZERO; 4]; SIDE];
     let r = &r[..z.len()];
@@ -90,10 +91,7 @@ pub(super) fn turn<T: Real>(
 }
 
 /// `u := u + alpha p` and `r := r - alpha q`; returns `r . r`.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
-)]
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 pub(super) fn advance<T: Real>(
     alpha: T,
     p: &[Node<T>],

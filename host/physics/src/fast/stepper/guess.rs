@@ -7,6 +7,9 @@
 //! for a trend that is none. Extrapolation from earlier solutions with fitted factors is as old as time-dependent
 //! solvers (for instance P. F. Fischer, "Projection techniques for iterative solution of A x = b with successive
 //! right-hand sides", 1998, who fits the residual, at a product for each; this takes vectors alone).
+//!
+//! [`follow`] and [`extrapolate`] stop at AVX2: AVX-512 makes them three and two times as long, for the reason that
+//! `vectors` gives.
 
 use super::super::{Node, Real, to_node};
 use super::Stepper;
@@ -140,10 +143,7 @@ fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
 }
 
 /// Takes free nodes a step further to `velocity`, and sums what it would have taken to foresee that.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
-)]
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
     for (differences, velocity) in differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK)) {
         let mut lanes = Lanes::ZERO;
@@ -190,10 +190,7 @@ fn lead<T: Real>(
 }
 
 /// `u := h (v + shares . differences)`.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
-)]
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 fn extrapolate<T: Real>(
     differences: &[Differences<T>],
     h: T,
