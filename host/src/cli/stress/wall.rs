@@ -160,16 +160,17 @@ fn print_whole(cells: &Cells) {
 fn print_gains(cells: &Cells) {
     println!(
         "\nHow many times the plain bound 2 b / T (by 2 d + 1 with delay) until the adversary gets more than {:.0} mJ \
-         out,\nwith at least {:.0} % of the static stiffness; in brackets most energy found (mJ) up to ten times:\n",
+         out,\nwith at least {:.0} % of the static stiffness; in brackets most energy found (mJ) up to ten times; \
+         no scheme can reach\nmore than the bound against a hand that stands and leaves at once:\n",
         1e3 * wall::SAFE,
         100.0 * wall::RENDERED
     );
     let names = SCHEMES.map(|scheme| scheme.name());
     println!(
-        "| device | rate (Hz) | delay | friction, counts | motion | {} |",
+        "| device | rate (Hz) | delay | friction, counts | motion | bound | {} |",
         names.join(" | ")
     );
-    println!("|---|---|---|---|---|{}", "---|".repeat(names.len()));
+    println!("|---|---|---|---|---|---|{}", "---|".repeat(names.len()));
     let gains = wall::gains(cells);
     let key = |gain: &Gain| {
         (
@@ -195,12 +196,14 @@ fn print_gains(cells: &Cells) {
             })
         });
         println!(
-            "| {} | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {} | {} | {} | {} |",
             gain.device,
             gain.rate,
             gain.delay,
             if gain.whole { "on" } else { "off" },
             if gain.as_hand { "a hand's" } else { "any" },
+            gain.of_any_scheme()
+                .map_or(String::new(), |most| format!("{most:.1}")),
             columns.join(" | ")
         );
         shown.push(row);

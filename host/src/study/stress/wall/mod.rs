@@ -15,6 +15,7 @@ pub mod rig;
 pub mod stable;
 pub mod stiffer;
 mod summary;
+mod surprise;
 #[cfg(test)]
 mod tests;
 pub mod theory;
@@ -30,7 +31,7 @@ use std::collections::BTreeMap;
 use theory::{Plant, Sampled};
 
 /// Version of the lines of results.
-const SCHEMA: u32 = 1;
+const SCHEMA: u32 = 2;
 /// The schemes that are compared.
 pub const SCHEMES: [Scheme; 4] = [
     Scheme::Linear,

@@ -2,6 +2,7 @@
 
 use super::passive::{SURGE, adversary};
 use super::rig::{Rig, Wall};
+use super::surprise;
 use sim::adversary::{Goal, Rendering};
 
 /// What came of one wall.
@@ -19,10 +20,13 @@ pub struct Attack {
 pub fn attack(wall: &Wall, as_hand: bool, budget: u64, seed: u64) -> Attack {
     let mut rig = Rig::new(*wall);
     let mut adversary = adversary(wall, budget, seed);
-    if as_hand {
+    let first = if as_hand {
         adversary.limits.acceleration = SURGE;
-    }
-    let found = adversary.search(&mut rig, Goal::Most, &[]);
+        Vec::new()
+    } else {
+        surprise::motions(&adversary.limits, wall.delay)
+    };
+    let found = adversary.search(&mut rig, Goal::Most, &first);
     Attack {
         energy: found.outcome.energy,
         family: found.family.name(),

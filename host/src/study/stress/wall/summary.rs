@@ -1,7 +1,9 @@
 //! What is made of the cells: how much stiffer each scheme may be, and the panels of the map.
 
+use super::passive::SPEED;
 use super::theory::Sampled;
-use super::{Outcome, RENDERED, SAFE, Setting};
+use super::{Outcome, RENDERED, SAFE, Setting, surprise};
+use sim::DeviceModel;
 use std::collections::BTreeMap;
 
 /// How much stiffer than the plain bound a scheme may be on a device.
@@ -30,6 +32,24 @@ impl Gain {
         let holds = |step: &&(f64, f64, f64)| step.1 <= SAFE && step.2 >= RENDERED;
         let last = self.steps.iter().take_while(holds).last();
         last.map_or(0.0, |step| step.0)
+    }
+
+    /// The largest multiple that any scheme could reach against a motion that begins at once; none where there is no such
+    /// bound.
+    pub fn of_any_scheme(&self) -> Option<f64> {
+        let mut model = DeviceModel::named(&self.device).filter(|_| !self.as_hand)?;
+        if !self.whole {
+            model.friction = 0.0;
+        }
+        let period = 1.0 / f64::from(self.rate);
+        let most = surprise::most(&model, period, self.delay, SPEED, RENDERED, SAFE)?;
+        let sampled = Sampled {
+            period,
+            delay: self.delay,
+            device: model.damping,
+            wall: 0.0,
+        };
+        Some(most / sampled.plain())
     }
 }
 
