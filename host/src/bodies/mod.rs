@@ -12,8 +12,8 @@ use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
 use physics::fem::{
-    Body, BodyConfig, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
-    SheetLawName, SolidLaw,
+    Body, BodyConfig, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
+    HandlePose, HandleSpec, SheetLawName, SolidLaw,
 };
 use physics::mesh::Mesh;
 
@@ -157,9 +157,35 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     })
 }
 
+/// Builds one body, at rest under its weight and loads in the hands that hold it.
+///
+/// # Errors
+/// As [`handle_origins`].
+pub fn build_settled(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
+    let mut built = build(loaded, index)?;
+    settle(&mut built.body, &built.handles);
+    Ok(built)
+}
+
+/// Builds one body and condenses it onto its handles where they begin, for local models published every `period`
+/// seconds.
+///
+/// # Errors
+/// As [`handle_origins`]; and where the body cannot be condensed.
+pub fn condense<E>(loaded: &LoadedScene, index: usize, period: f64) -> Result<Condenser, E>
+where
+    E: From<SceneError> + From<CondenseError>,
+{
+    let mut body = build(loaded, index)?.body;
+    let mut condenser = Condenser::new(&body)?;
+    body.assemble();
+    condenser.condense(&body, period)?;
+    Ok(condenser)
+}
+
 /// Lets a body that has weight or bears loads come to rest in the hands that hold it, before they feel it: what it
 /// stores then, no hand has to put in. One that finds no rest begins where it was.
-pub fn settle(body: &mut Body, handles: &[HandleSpec]) {
+fn settle(body: &mut Body, handles: &[HandleSpec]) {
     if body.total_external_force() == Vec3::zeros() {
         return;
     }

@@ -81,17 +81,18 @@ pub fn steps_per_publication(scene: &Scene) -> u64 {
 fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let Built {
-        mut body, handles, ..
-    } = bodies::build(loaded, index)?;
-    bodies::settle(&mut body, &handles);
+    let Built { body, handles, .. } = bodies::build_settled(loaded, index)?;
     let choice = choose(scene, &body);
     let solver = solver(scene, &body, &choice, how).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
-    let devices: Vec<u8> = spec.handles.iter().map(|h| device_of(scene, h)).collect();
+    let devices: Vec<u8> = spec
+        .handles
+        .iter()
+        .map(|handle| scene.device_of(handle) as u8)
+        .collect();
     let paths = handles
         .iter()
         .zip(&devices)
@@ -127,7 +128,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
 pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
     let scene = &loaded.scene;
     let each = body.handles.iter().map(|handle| {
-        let index = usize::from(device_of(scene, handle));
+        let index = scene.device_of(handle);
         let device = &scene.devices[index];
         let recommended = Link::recommended(&loaded.models[index]);
         // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
@@ -208,13 +209,4 @@ fn frozen<T: Real>(
             .flatten()
             .map(|budget| (budget * 1e9) as u64),
     })
-}
-
-/// The scene's consistency was checked when it was read: the device exists.
-fn device_of(scene: &Scene, handle: &spec::Handle) -> u8 {
-    scene
-        .devices
-        .iter()
-        .position(|device| device.name == handle.device)
-        .unwrap_or(0) as u8
 }

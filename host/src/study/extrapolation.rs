@@ -314,9 +314,7 @@ fn race(
 /// The best that equation 4.5 can be given: the sheet's own stiffness and damping along the pull, as the
 /// left hand feels it at 60 Hz.
 fn thesis_gains(loaded: &LoadedScene) -> Result<[f64; 2], StudyError> {
-    let mut sheet = bodies::build(loaded, 0)?.body;
-    let mut condenser = Condenser::new(&sheet)?;
-    sheet.assemble();
-    let condensed = condenser.condense(&sheet, 1.0 / 60.0)?;
+    let condenser = bodies::condense::<StudyError>(loaded, 0, 1.0 / 60.0)?;
+    let condensed = condenser.condensed();
     Ok([condensed.stiffness[(0, 0)], condensed.damping[(0, 0)]])
 }

@@ -62,4 +62,9 @@ impl Body {
         let work = self.external.iter().zip(x).map(|(f, x)| f.dot(x));
         -self.load_factor * work.sum::<f64>()
     }
+
+    /// Kinetic energy, elastic energy and that of the loads (J).
+    pub fn total_energy(&self) -> f64 {
+        self.kinetic_energy() + self.elastic_energy() + self.load_potential()
+    }
 }

@@ -52,6 +52,15 @@ pub struct Scene {
     pub devices: Vec<Device>,
 }
 
+impl Scene {
+    /// Index of the device that holds a handle of this scene: its consistency was checked when it was read, so the
+    /// device exists.
+    pub fn device_of(&self, handle: &Handle) -> usize {
+        let holds = |device: &Device| device.name == handle.device;
+        self.devices.iter().position(holds).unwrap_or(0)
+    }
+}
+
 fn one() -> f64 {
     1.0
 }

@@ -1,7 +1,7 @@
 //! A hand that moves by ten body lengths within one step.
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
-use super::trial::{Method, Trial, energy};
+use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 use physics::Vec3;
 use physics::fem::BodyConfig;
@@ -52,12 +52,12 @@ fn jerk(
     let mut out = still.clone();
     out[1].position += JERK;
     trial.step(h, &out);
-    let put_in = energy(&trial.body);
+    let put_in = trial.body.total_energy();
     let last = if back { &still } else { &out };
     // The step back is the hand's, too.
     trial.step(h, last);
     trial.restart();
-    let put_in = put_in.max(energy(&trial.body));
+    let put_in = put_in.max(trial.body.total_energy());
     trial.run(h, steps, last);
     // Corotational laws are not smooth where an element is both stretched and crushed; there may be no balance
     // there to be found.

@@ -1,7 +1,7 @@
 //! Free bodies, kicked: any stiffness, any compressibility, any step; lightly, hard, and for long.
 
 use super::specimen::{Kind, Stuff, quiet};
-use super::trial::{Method, ROUNDING, Trial, energy};
+use super::trial::{Method, ROUNDING, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 
 pub(super) const EXCESS: &str = "energy above the start's, as a share";
@@ -131,7 +131,7 @@ impl Outcome {
         method: Method,
         run: impl FnOnce(&mut Trial),
     ) -> Self {
-        let start = energy(&trial.body);
+        let start = trial.body.total_energy();
         run(trial);
         let energy = trial.energy();
         let regained = energy.rise() / start;

@@ -2,7 +2,7 @@
 //! held back.
 
 use super::specimen::{Kind, Stuff, quiet};
-use super::trial::{Method, Trial, energy};
+use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 
 pub(super) fn plan(level: Level) -> Plan {
@@ -64,7 +64,7 @@ impl Kick {
         let mut body = kind.build(&shape, stuff, quiet(), &[])?;
         body.set_velocities(&shape.kick(self.share * soft.sound()))?;
         let mut trial = Trial::new(body, method)?;
-        let start = energy(&trial.body);
+        let start = trial.body.total_energy();
         trial.run(h, 200, &[]);
         Ok(Outcome {
             figure: trial.energy().excess() / start,

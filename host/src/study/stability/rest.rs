@@ -1,7 +1,7 @@
 //! A million steps in which nothing should happen.
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
-use super::trial::{Method, Trial, energy};
+use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 use nalgebra::Rotation3;
 use physics::Vec3;
@@ -85,7 +85,7 @@ fn watch(
     let start: Vec<Vec3> = body.positions().collect();
     let scale = body.total_mass() * 9.81;
     let mut trial = Trial::new(body, method)?;
-    let first = energy(&trial.body);
+    let first = trial.body.total_energy();
     let mut drift = 0.0_f64;
     for _ in 0..steps {
         trial.step(1e-3, targets);
@@ -96,7 +96,7 @@ fn watch(
             .map(|(x, start)| (x - start).norm());
         drift = off.fold(drift, f64::max);
     }
-    let gained = energy(&trial.body) - first;
+    let gained = trial.body.total_energy() - first;
     // A force times the drift that passes.
     let growth =
         (gained.is_nan() || gained > scale * DRIFT).then(|| format!("it gains {gained:.3e} J"));

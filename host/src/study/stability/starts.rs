@@ -1,7 +1,7 @@
 //! Bodies that start inside out, scrambled or crumpled.
 
 use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
-use super::trial::{Method, Trial, energy};
+use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 use physics::Vec3;
 use physics::fem::{BodyConfig, SolidLaw};
@@ -139,7 +139,7 @@ fn recover(
     let cells = body.element_count() as f64;
     let right = |trial: &Trial| 1.0 - trial.body.inverted_count() as f64 / cells;
     let mut trial = Trial::new(body, method)?;
-    let first = energy(&trial.body);
+    let first = trial.body.total_energy();
     let mut recovery = vec![(0.0, right(&trial))];
     for step in 1..=steps {
         // A refused step leaves the state, so the next would be refused, too.
@@ -228,7 +228,7 @@ fn crumple(
     }
     body.set_positions(&x)?;
     let mut trial = Trial::new(body, method)?;
-    let first = energy(&trial.body);
+    let first = trial.body.total_energy();
     trial.run(STEP, steps, &targets);
     Ok(Outcome {
         figure: trial.energy().excess() / first,

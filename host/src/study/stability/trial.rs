@@ -167,11 +167,6 @@ impl Energy {
     }
 }
 
-/// Kinetic energy, elastic energy and that of the loads (J).
-pub(super) fn energy(body: &Body) -> f64 {
-    body.kinetic_energy() + body.elastic_energy() + body.load_potential()
-}
-
 impl Trial {
     pub(super) fn new(body: Body, method: Method) -> Result<Self, CaseError> {
         let options = method.options();
@@ -191,7 +186,7 @@ impl Trial {
             }
             _ => Stepped::Solved(Box::new(Integrator::new(&body, options)?)),
         };
-        let energy = Energy::new(energy(&body));
+        let energy = Energy::new(body.total_energy());
         Ok(Self {
             body,
             stepped,
@@ -266,7 +261,7 @@ impl Trial {
                 }
             }
         }
-        self.energy.add(energy(&self.body));
+        self.energy.add(self.body.total_energy());
         granted
     }
 
@@ -298,7 +293,7 @@ impl Trial {
 
     /// Forgets what the energy has been.
     pub(super) fn restart(&mut self) {
-        self.energy = Energy::new(energy(&self.body));
+        self.energy = Energy::new(self.body.total_energy());
     }
 
     /// What the energy has been since the start.

@@ -30,7 +30,7 @@ use draw::Draw;
 use measure::{Outcome, Stillness, Trace};
 use physics::Vec3;
 use physics::fem::dense::Square;
-use physics::fem::{BodyError, CondenseError, Condenser, StepError};
+use physics::fem::{BodyError, CondenseError, StepError};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use world::World;
@@ -204,17 +204,12 @@ impl Study {
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StressError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
-    let index = |name: &str| scene.devices.iter().position(|device| device.name == name);
     for (number, spec) in scene.bodies.iter().enumerate() {
-        let mut body = bodies::build(loaded, number)?.body;
-        let mut condenser = Condenser::new(&body)?;
-        body.assemble();
-        let condensed = condenser.condense(&body, SLOW)?;
+        let condenser = bodies::condense::<StressError>(loaded, number, SLOW)?;
+        let condensed = condenser.condensed();
         for (i, row) in spec.handles.iter().enumerate() {
             for (j, column) in spec.handles.iter().enumerate() {
-                let (Some(row), Some(column)) = (index(&row.device), index(&column.device)) else {
-                    continue;
-                };
+                let (row, column) = (scene.device_of(row), scene.device_of(column));
                 let scale = |device: usize| scene.devices[device].motion_scale;
                 let scale = scale(row) * scale(column);
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {

@@ -28,9 +28,7 @@ impl Bodies {
             ..StepperOptions::default()
         };
         let each = (0..loaded.scene.bodies.len()).map(|index| {
-            let mut built = bodies::build(loaded, index)?;
-            bodies::settle(&mut built.body, &built.handles);
-            let body = built.body;
+            let body = bodies::build_settled(loaded, index)?.body;
             let stepper = Stepper::new(&body, options)?;
             Ok((body, stepper))
         });
@@ -41,16 +39,13 @@ impl Bodies {
 /// Runs the reference of the cell of `world`.
 pub(super) fn run(world: &World) -> Result<Trace, StressError> {
     let mut bodies = Bodies::new(&world.loaded)?;
-    let energy = |(body, _): &(Body, Stepper<f64>)| {
-        body.elastic_energy() + body.kinetic_energy() + body.load_potential()
-    };
-    let (config, mut devices) = world.devices(bodies.0.iter().map(energy).sum())?;
+    let stored = bodies.0.iter().map(|(body, _)| body.total_energy()).sum();
+    let (config, mut devices) = world.devices(stored)?;
     let mut limiters: Vec<_> = config
         .devices
         .iter()
         .map(|device| Limiter::new(device.safety))
         .collect();
-    let held = devices.held.clone();
     let mut softening = world.draw.softening;
     let step = world.period_ns() as f64 * 1e-9;
     let mut proxies: Vec<_> = config.devices.iter().map(|d| d.proxy).collect();
@@ -87,19 +82,12 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
         });
         let place = |device: usize| proxies[device].to_scene(&left[device]).0.position;
 
-        let mut forces = [Vec3::zeros(); MAX_DEVICES];
-        let mut weight = 0.0;
-        for ((body, stepper), held) in bodies.0.iter_mut().zip(&held) {
+        for ((body, stepper), held) in bodies.0.iter_mut().zip(&devices.held) {
             targets.clear();
             targets.extend(held.iter().map(|device| HandlePose::at(place(*device))));
             stepper.step(body, step, &targets, || false)?;
-            weight += body.load_potential();
-            for (handle, device) in held.iter().enumerate() {
-                if let Some(report) = body.handle_report(handle) {
-                    forces[*device] += report.wrench_on_hand.force;
-                }
-            }
         }
+        let (forces, weight) = devices.exerted_by(bodies.0.iter().map(|(body, _)| body));
 
         let mut commands = [Wrench::zero(); MAX_DEVICES];
         let mut states = [SafetyState::Normal; MAX_DEVICES];
@@ -115,7 +103,7 @@ pub(super) fn run(world: &World) -> Result<Trace, StressError> {
         devices.write(now, &commands, |device| {
             states[device] == SafetyState::Limited
         });
-        devices.keep(&forces[..limiters.len()], weight, [0.0; 2]);
+        devices.keep(&forces, weight, [0.0; 2]);
     }
     Ok(devices.finish(0))
 }

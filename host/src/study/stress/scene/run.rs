@@ -15,7 +15,6 @@ use crate::engine::pacer::Due;
 use crate::engine::stats::Stopwatch;
 use crate::scene::spec::SchemeName;
 use crate::study::stress::chance::Chance;
-use physics::Vec3;
 use rt_core::safety::SafetyState;
 use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES};
 
@@ -103,8 +102,7 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
     let stored: f64 = engine
         .bodies()
         .iter()
-        .map(HostBody::body)
-        .map(|body| body.elastic_energy() + body.kinetic_energy() + body.load_potential())
+        .map(|body| body.body().total_energy())
         .sum();
     let (config, mut devices) = world.devices(stored)?;
     let mut controller = Controller::new(&config);
@@ -119,8 +117,6 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         heard: vec![false; world.loaded.scene.bodies.len()],
         under_way: Vec::new(),
     };
-    let held = devices.held.clone();
-    let count = world.loaded.scene.devices.len();
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
     for k in 0..world.ticks() {
@@ -157,20 +153,12 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
             host.engine.follow(&telemetry.tick_record());
         }
 
-        let mut forces = [Vec3::zeros(); MAX_DEVICES];
-        let mut weight = 0.0;
-        for (body, held) in host.engine.bodies().iter().zip(&held) {
-            weight += body.body().load_potential();
-            for (handle, device) in held.iter().enumerate() {
-                if let Some(report) = body.body().handle_report(handle) {
-                    forces[*device] += report.wrench_on_hand.force;
-                }
-            }
-        }
+        let bodies = host.engine.bodies().iter().map(HostBody::body);
+        let (forces, weight) = devices.exerted_by(bodies);
         let account = controller.energy().fold([0.0; 2], |sum, account| {
             [sum[0] + account.available, sum[1] + account.stored]
         });
-        devices.keep(&forces[..count], weight, account);
+        devices.keep(&forces, weight, account);
     }
     let capped = controller.energy().map(|account| account.capped).sum();
     Ok(Trace {

@@ -6,7 +6,8 @@ use crate::run::AnyDevice;
 use crate::run::setup;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
-use rt_core::{ControllerConfig, Device, DeviceState, Wrench};
+use physics::fem::Body;
+use rt_core::{ControllerConfig, Device, DeviceState, MAX_DEVICES, Wrench};
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
@@ -48,13 +49,9 @@ impl World {
     pub(super) fn devices(&self, stored: f64) -> Result<(ControllerConfig, Devices), SceneError> {
         let scene = &self.loaded.scene;
         let (config, devices) = setup::controls(&self.loaded, scene.seed)?;
-        let index = |name: &str| scene.devices.iter().position(|device| device.name == name);
         let held = scene.bodies.iter().map(|body| {
             let handles = body.handles.iter();
-            // The scene's consistency was checked: the device exists.
-            handles
-                .map(|handle| index(&handle.device).unwrap_or(0))
-                .collect()
+            handles.map(|handle| scene.device_of(handle)).collect()
         });
         let ticks = self.ticks() as usize;
         let empty = || DeviceTrace {
@@ -124,6 +121,24 @@ impl Devices {
             trace.position.push(simulated.position());
             trace.limited.push(limited(index));
         }
+    }
+
+    /// What `bodies`, in the scene's order, exert on the devices (scene axes, N), and the potential of their weight (J).
+    pub(super) fn exerted_by<'a>(
+        &self,
+        bodies: impl Iterator<Item = &'a Body>,
+    ) -> ([Vec3; MAX_DEVICES], f64) {
+        let mut forces = [Vec3::zeros(); MAX_DEVICES];
+        let mut weight = 0.0;
+        for (body, held) in bodies.zip(&self.held) {
+            weight += body.load_potential();
+            for (handle, device) in held.iter().enumerate() {
+                if let Some(report) = body.handle_report(handle) {
+                    forces[*device] += report.wrench_on_hand.force;
+                }
+            }
+        }
+        (forces, weight)
     }
 
     /// Keeps what the bodies exert on the devices (scene axes, N), the potential of their weight (J) and the tick's
