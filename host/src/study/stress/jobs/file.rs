@@ -91,13 +91,14 @@ pub(super) fn parse<R: DeserializeOwned>(
             reason,
         };
         let whole = line.ends_with(b"\n");
+        let length = line.len();
         let line = line.trim_ascii();
         let value: serde_json::Value = match serde_json::from_slice(line) {
             Ok(value) => value,
             Err(_) if !whole => break,
             Err(error) => return Err(refuse(format!("not a line of results: {error}"))),
         };
-        sound += line.len() + usize::from(whole);
+        sound += length;
         if value.get("study").is_some() {
             let found: Header = serde_json::from_value(value)
                 .map_err(|error| refuse(format!("not a header: {error}")))?;

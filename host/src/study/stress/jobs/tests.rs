@@ -115,6 +115,22 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
 }
 
 #[test]
+fn lines_that_an_editor_or_a_mailer_padded_are_kept() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("results.jsonl");
+    run_all(&options("1/3", 1, &path)).expect("cells");
+    let text = fs::read_to_string(&path).expect("a file");
+    let padded = text.replace('\n', " \r\n");
+    fs::write(&path, &padded).expect("written");
+    let cells = run_all(&options("1/1", 2, &path)).expect("the rest");
+    assert_eq!(summary(&cells), summary(&whole()));
+    // Nothing that was there is lost, and each cell stands there once.
+    let after = fs::read_to_string(&path).expect("a file");
+    assert!(after.starts_with(&padded));
+    assert_eq!(after.lines().count(), 1 + 23);
+}
+
+#[test]
 fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("results.jsonl");
