@@ -2,6 +2,7 @@
 // The fence of `rt_core/clippy.toml` is around the law, not around its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
+use proptest::prelude::*;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
 use rt_core::proxy::Proxy;
@@ -160,4 +161,34 @@ fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
     assert_eq!(energy.capped, 0);
     // Half a step of each tick: K D^2 / 2 each.
     assert!((energy.supplied - energy.stored).abs() < 0.2e-3);
+}
+
+proptest! {
+    #[test]
+    fn the_body_gets_what_the_hands_give_while_a_device_comes_back(
+        steps in prop::collection::vec((-2e-4..2e-4, -2e-4..2e-4), 150), elsewhere in -0.05..0.05,
+    ) {
+        let mut controller = controller(Scheme::Linear);
+        let (mut places, mut commands) = ([0.0, 3e-3], [Wrench::zero(); MAX_DEVICES]);
+        let mut given = 0.0;
+        let mut telemetry = None;
+        for (k, (one, other)) in steps.into_iter().enumerate() {
+            // Stands when it goes silent, and is elsewhere when it comes back: nothing is felt between.
+            let away = (30..30 + 2 * PATIENCE as usize).contains(&k);
+            let moved = [one, if away { 0.0 } else { other }];
+            if k == 30 + 2 * PATIENCE as usize {
+                places[1] += elsewhere;
+            }
+            for ((place, moved), command) in places.iter_mut().zip(moved).zip(&commands) {
+                *place += moved;
+                given -= command.force.x * moved;
+            }
+            let seen = [Some(places[0]), Some(places[1]).filter(|_| !away)];
+            let (next, record) = tick(&mut controller, seen);
+            (commands, telemetry) = (next, Some(record));
+        }
+        let energy = telemetry.expect("some ticks").bodies[0].energy;
+        // Rounding of a hundred and fifty products of newtons and tenths of millimetres.
+        prop_assert!((energy.supplied - given).abs() < 1e-15, "{} {given}", energy.supplied);
+    }
 }
