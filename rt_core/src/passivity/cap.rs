@@ -56,14 +56,9 @@ impl Passivity {
         let period = self.config.period;
         let mut ports = [Port::UNKNOWN; MAX_HANDLES];
         let mut reaches = [[0.0; 2]; MAX_HANDLES];
-        let mut clear = *motions;
         let mut under_way = 0.0;
         let mut holders = [usize::MAX; MAX_HANDLES];
-        let each = ports
-            .iter_mut()
-            .zip(&mut reaches)
-            .zip(devices)
-            .zip(&mut clear);
+        let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
         for ((((port, reach), device), motion), holder) in each.zip(&mut holders) {
             let device = usize::from(device);
             *holder = device;
@@ -76,7 +71,6 @@ impl Passivity {
                     .map(|wrench| most_work(&wrench.stacked(), reach))
                     .sum::<f64>()
                     + hand.lingering(&motion.velocity, known.max_slew);
-                quieten(&mut motion.velocity, known.count);
             }
         }
         let available = &mut self.account.available;
@@ -92,7 +86,14 @@ impl Passivity {
         // The damper comes and goes without a jump.
         let (eased, step) = (self.damped, period / EASE);
         let bounds = [(eased - step).max(0.0), (eased + step).min(1.0)];
-        self.damped = damp(missing, period, bounds, &ports, &clear, viscous);
+        self.damped = 0.0;
+        if missing > 0.0 || eased > step {
+            let mut clear = *motions;
+            for (motion, port) in clear.iter_mut().zip(&ports) {
+                quieten(&mut motion.velocity, port.count);
+            }
+            self.damped = damp(missing, period, bounds, &ports, &clear, viscous);
+        }
         let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
             let each = wrenches.iter().zip(&reaches);
             each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
@@ -164,9 +165,6 @@ pub(super) fn damp(
     motions: &[Motion; MAX_HANDLES],
     viscous: &mut [Vec6; MAX_HANDLES],
 ) -> f64 {
-    if missing <= 0.0 && least == 0.0 {
-        return 0.0;
-    }
     // Counts come every few ticks: between them the last one says where the hand goes, or damping would come and go.
     let agree = |motion: &Motion| {
         let (v, way, step) = (&motion.velocity, &motion.heading, &motion.step);
