@@ -10,7 +10,7 @@
 //!
 //! ```text
 //! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
-//! H <- min(H, 2 V + E)                            E: the allowance, 0.2 mJ
+//! H <- min(H, 2 V + E)                            E: the allowance, 0.4 mJ
 //! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
 //! F_s <- F_s H+ / p                               where p = |F_s| D > H+: more than a tick may spend
 //! F_d <- F_d (H + E - |F_s| D)+ / (|F_d| D)       where that is less: dampers may go into debt by E
