@@ -64,11 +64,13 @@ impl Channel {
     /// Where the proxy is.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
         let (pose, mut twist) = self.proxy.to_scene(&self.state);
-        twist.linear *= self.clutch.share(&self.limiter);
+        let share = self.clutch.share(&self.limiter);
+        twist.linear *= share;
+        twist.angular *= share;
         (pose, twist)
     }
 
-    /// Newtons at the proxy per newton at the device, as the clutch goes: the power is the same on both sides.
+    /// How much more than its hand a proxy is pushed, as the clutch goes: the power is the same on both sides.
     pub(crate) fn lever(&self) -> f64 {
         let share = self.clutch.share(&self.limiter);
         if share > 0.0 { 1.0 / share } else { 0.0 }

@@ -5,7 +5,7 @@
 //!
 //! Were it then to follow whole while its hand feels a share `s` of the force, the hand would store `F . D` for
 //! `s F . D`; a cap on the energy does not give back what nobody paid, and the hold that follows would be too soft. So
-//! the proxy follows by the same share, `s D`: a transformer, which neither makes nor loses energy.
+//! the proxy follows by the same share, `s D`, and turns by it: a transformer, which neither makes nor loses energy.
 
 use crate::device::DeviceState;
 use crate::proxy::Proxy;

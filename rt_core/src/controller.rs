@@ -151,7 +151,7 @@ impl Controller {
             // A proxy that follows by a share is pushed by that much more than its hand.
             let lever = channel.lever();
             rest.force *= lever;
-            let force = force * lever;
+            let (force, moment) = (force * lever, moment * lever);
             if let Some(passed) = passed.get_mut(device) {
                 *passed = force;
             }

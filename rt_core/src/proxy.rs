@@ -6,7 +6,7 @@
 
 use crate::device::DeviceState;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use nalgebra::UnitQuaternion;
+use nalgebra::{Quaternion, UnitQuaternion};
 
 /// An affine map from a device's axes to the scene's.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,6 +15,8 @@ pub struct Proxy {
     pub origin: Vec3,
     /// From device axes to world axes.
     pub rotation: UnitQuaternion<f64>,
+    /// What of the device's orientation a clutch left behind, before its turn in the scene.
+    pub turned: UnitQuaternion<f64>,
     /// Scene metres per device metre.
     pub motion_scale: f64,
     /// Newtons at the hand per newton in the scene, on top of what the motion scale asks for; anything but
@@ -28,22 +30,40 @@ impl Proxy {
         Self {
             origin,
             rotation: UnitQuaternion::identity(),
+            turned: UnitQuaternion::identity(),
             motion_scale: 1.0,
             force_scale: 1.0,
         }
     }
 
-    /// Leaves `share` of a device's way from `left` to `now` behind: with one, the proxy stays where it is.
+    /// Leaves `share` of a device's way and turn from `left` to `now` behind: with one, the proxy stays where it is.
     pub fn slip(&mut self, share: f64, left: &DeviceState, now: &DeviceState) {
         let way = left.pose.position - now.pose.position;
         self.origin += self.rotation * way * (self.motion_scale * share);
+        // A device that senses no rotation hands the same on for ever.
+        if left.pose.rotation != now.pose.rotation {
+            let [from, to] = [left, now].map(|state| self.on_axes(state));
+            // A part of the turn by blending: a hand turns so little in a tick that it is the same, and no angle is needed.
+            let turn = (to * from.inverse()).coords;
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            let part = turn * (1.0 - share) + Quaternion::identity().coords * share;
+            let part = UnitQuaternion::new_normalize(Quaternion::from(part));
+            let turned = to.inverse() * part * from * self.turned;
+            // A report's few bits leave a quaternion a little off its length: many of them must not add up.
+            self.turned = UnitQuaternion::new_normalize(turned.into_inner());
+        }
+    }
+
+    /// A device's orientation about the world's axes.
+    fn on_axes(&self, state: &DeviceState) -> UnitQuaternion<f64> {
+        self.rotation * state.pose.rotation * self.rotation.inverse()
     }
 
     /// The proxy's pose and twist in the scene.
     pub fn to_scene(&self, state: &DeviceState) -> (Pose, Twist) {
         let pose = Pose {
             position: self.origin + self.rotation * state.pose.position * self.motion_scale,
-            rotation: self.rotation * state.pose.rotation * self.rotation.inverse(),
+            rotation: self.on_axes(state) * self.turned,
         };
         let twist = Twist {
             linear: self.rotation * state.twist.linear * self.motion_scale,
@@ -82,6 +102,42 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn a_clutch_leaves_its_share_behind(
+            frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
+            scale in 0.1..10.0, share in 0.0..1.0,
+        ) {
+            let mut proxy = Proxy {
+                rotation: UnitQuaternion::from_scaled_axis(frame),
+                motion_scale: scale,
+                ..Proxy::at(Vec3::zeros())
+            };
+            let at = |position, rotation| DeviceState {
+                pose: Pose { position, rotation: UnitQuaternion::from_scaled_axis(rotation) },
+                ..DeviceState::resting()
+            };
+            let (first, left) = (at(Vec3::zeros(), Vec3::zeros()), at(place, turned));
+            // It was away before.
+            proxy.slip(1.0, &first, &left);
+            let (before, _) = proxy.to_scene(&left);
+            prop_assert!(before.displacement_from(&Pose::identity()).norm() < 1e-13);
+            let mut now = left;
+            now.pose.position += way;
+            // As far as a hand turns in a tick.
+            let turn = turn * 0.01;
+            now.pose.rotation = UnitQuaternion::from_scaled_axis(turn) * now.pose.rotation;
+            proxy.slip(share, &left, &now);
+            let (after, _) = proxy.to_scene(&now);
+            let moved = after.displacement_from(&before);
+            let rest = 1.0 - share;
+            let translation = proxy.rotation * way * (scale * rest);
+            let rotation = proxy.rotation * turn * rest;
+            // Rounding of numbers of order ten.
+            prop_assert!((Vec3::new(moved.x, moved.y, moved.z) - translation).norm() < 1e-13);
+            // Blending errs by less than the cube of half the angle.
+            prop_assert!((Vec3::new(moved.w, moved.a, moved.b) - rotation).norm() < 1e-6);
+        }
+
         #[test]
         fn power_is_the_same_on_both_sides(
             turn in vector(), v in vector(), w in vector(), f in vector(), m in vector(),
