@@ -125,7 +125,7 @@ pub(crate) fn print() {
     let clock = Spread::of(clock.collect()).times(1e9);
     println!(
         "One tick of the built-in scene: two simulated devices behind firmware reports, one sheet, scheme
-linear, a new model every {HOST_EVERY} ticks: to check and take it in makes the upper percentiles.
+capped, a new model every {HOST_EVERY} ticks: to check and take it in makes the upper percentiles.
 {TICKS} ticks, {PASSES} times. Wall time, the clock's own {:.0} ns inside; median (10th to 90th percentile).
 ",
         clock.median
