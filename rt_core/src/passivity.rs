@@ -14,6 +14,10 @@
 
 mod cap;
 mod classic;
+mod hand;
+
+use hand::Hand;
+pub(crate) use hand::Motion;
 
 use crate::MAX_DEVICES;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
@@ -37,6 +41,10 @@ pub struct Port {
     pub damping: f64,
     /// Coulomb friction of the mechanism that may be relied on (N).
     pub friction: f64,
+    /// Viscous damping of its rotation (N m s/rad).
+    pub turning_damping: f64,
+    /// Coulomb friction of its rotation (N m).
+    pub turning_friction: f64,
     /// Most damping that is rendered (N s/m): what [`crate::velocity::most_damping`] allows.
     pub most_damping: f64,
     /// The same of rotation (N m s/rad).
@@ -55,6 +63,8 @@ impl Port {
     pub const UNKNOWN: Self = Self {
         damping: 0.0,
         friction: 0.0,
+        turning_damping: 0.0,
+        turning_friction: 0.0,
         most_damping: f64::INFINITY,
         most_turning_damping: f64::INFINITY,
         force_scale: 1.0,
@@ -128,98 +138,6 @@ impl EnergyAccount {
     }
 }
 
-/// How one handle moves.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Motion {
-    /// Displacement over the last tick.
-    pub(crate) step: Vec6,
-    /// Where it goes: the last translation along each axis that was one, in this tick or before.
-    pub(crate) heading: Vec3,
-    /// Velocity, filtered.
-    pub(crate) velocity: Vec6,
-}
-
-impl Motion {
-    pub(crate) fn none() -> Self {
-        Self {
-            step: Vec6::zeros(),
-            heading: Vec3::zeros(),
-            velocity: Vec6::zeros(),
-        }
-    }
-}
-
-/// What is remembered of a device.
-#[derive(Clone, Copy, Debug)]
-struct Hand {
-    pose: Option<Pose>,
-    /// What it rendered and renders, newest first.
-    held: [Wrench; MAX_DELAY + 1],
-    /// How much of that is weight.
-    weights: [Vec3; MAX_DELAY + 1],
-    /// Where it was when it first bore weight.
-    lifted_from: Option<Vec3>,
-    /// The last translation that was one.
-    way: Vec3,
-    /// The last one along each axis: a count across the way does not say that the hand has turned.
-    heading: Vec3,
-    /// Ticks since then.
-    since: u32,
-    /// The step of this tick, if it was one count after a rest.
-    crept: Vec3,
-    /// Force of the springs held last.
-    spring: Vec3,
-    /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
-    reach: [f64; 2],
-}
-
-impl Hand {
-    fn new() -> Self {
-        Self {
-            pose: None,
-            held: [Wrench::zero(); MAX_DELAY + 1],
-            weights: [Vec3::zeros(); MAX_DELAY + 1],
-            lifted_from: None,
-            way: Vec3::zeros(),
-            heading: Vec3::zeros(),
-            since: 0,
-            crept: Vec3::zeros(),
-            spring: Vec3::zeros(),
-            reach: [0.0; 2],
-        }
-    }
-
-    /// A newer wrench is held, `weight` of it weight; the oldest is forgotten. Returns what the change of weight adds
-    /// to the potential (J).
-    fn push(&mut self, wrench: &Wrench, weight: &Vec3) -> f64 {
-        let [before, ..] = self.weights;
-        let mut newer = *wrench;
-        for held in &mut self.held {
-            core::mem::swap(held, &mut newer);
-        }
-        let mut newer = *weight;
-        for held in &mut self.weights {
-            core::mem::swap(held, &mut newer);
-        }
-        let change = weight - before;
-        let Some(pose) = self.pose.filter(|_| change != Vec3::zeros()) else {
-            return 0.0;
-        };
-        let from = *self.lifted_from.get_or_insert(pose.position);
-        -change.dot(&(pose.position - from))
-    }
-
-    /// Work that the wrench held now will do (J) before it can be taken away, moving on at `velocity`: it falls by
-    /// `slew` (N/s) at most.
-    fn lingering(&self, velocity: &Vec6, slew: f64) -> f64 {
-        let [held, ..] = &self.held;
-        let power = held
-            .force
-            .dot(&Vec3::new(velocity.x, velocity.y, velocity.z));
-        (0.5 * power * held.force.norm() / slew).max(0.0)
-    }
-}
-
 /// The energy of one body's hands.
 #[derive(Clone, Debug)]
 pub struct Passivity {
@@ -269,8 +187,10 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
-            hand.since = hand.since.saturating_add(1);
             hand.crept = Vec3::zeros();
+            for way in &mut hand.ways {
+                way.since = way.since.saturating_add(1);
+            }
             let moved = pose.displacement_from(&before);
             if !possible(&moved, self.config.period) {
                 continue;
@@ -284,24 +204,25 @@ impl Passivity {
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
             let weight = hand.weights.get(self.config.delay);
             let fallen = weight.map_or(0.0, |weight| weight.dot(&way)) * port.force_scale;
-            let mut credit = 0.0;
+            let turn = Vec3::new(step.w, step.a, step.b);
+            let [ways, turns] = &mut hand.ways;
             if way != Vec3::zeros() {
-                // A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a
-                // device was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
-                if way.dot(&hand.way) > 0.0 {
-                    let length = way.norm();
-                    let speed = length / (self.config.period * f64::from(hand.since));
-                    credit = self.config.credit * length * (port.damping * speed + port.friction);
-                }
-                if hand.since > 1 && way.norm() < 1.5 * port.count {
+                if ways.since > 1 && way.norm() < 1.5 * port.count {
                     hand.crept = way;
                 }
-                hand.way = way;
                 hand.heading = hand
                     .heading
                     .zip_map(&way, |last, now| if now == 0.0 { last } else { now });
-                hand.since = 0;
             }
+            let period = self.config.period;
+            let share = self.config.credit;
+            let credit = ways.dissipated(&way, period, [port.damping, port.friction], share)
+                + turns.dissipated(
+                    &turn,
+                    period,
+                    [port.turning_damping, port.turning_friction],
+                    share,
+                );
             self.account.supplied -= work;
             self.account.credited += credit;
             self.account.raised -= fallen;

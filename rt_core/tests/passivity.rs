@@ -4,6 +4,7 @@
 // The fence of `rt_core/clippy.toml` is around the law, not around its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
+use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::proxy::Proxy;
@@ -61,7 +62,7 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
             period: PERIOD,
         },
     });
-    let _ = config.bodies.push(coupling_config(scheme, passivity));
+    let _ = config.bodies.push(coupling_config(scheme, &passivity));
     Rig {
         controller: Controller::new(&config),
         estimator: VelocityEstimator::new(PERIOD, VelocityEstimator::DEFAULT_CUTOFF),
@@ -76,7 +77,7 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
     }
 }
 
-fn coupling_config(scheme: Scheme, passivity: PassivityConfig) -> CouplingConfig {
+fn coupling_config(scheme: Scheme, passivity: &PassivityConfig) -> CouplingConfig {
     CouplingConfig {
         scheme,
         period: PERIOD,
@@ -85,7 +86,7 @@ fn coupling_config(scheme: Scheme, passivity: PassivityConfig) -> CouplingConfig
         decay: 0.1,
         recovery: PERIOD,
         hold_damping: 0.0,
-        passivity,
+        passivity: *passivity,
     }
 }
 
@@ -220,7 +221,7 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
     let (damping, friction) = (0.5, 0.3);
     passivity.ports[0].damping = damping;
     passivity.ports[0].friction = friction;
-    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
     let mut at = |x: f64| {
         coupling.tick(1, &[(Pose::at(Vec3::x() * x), Twist::zero())]);
         coupling.energy().credited
@@ -240,10 +241,41 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
 }
 
 #[test]
+fn what_a_device_dissipates_in_turning_is_credited_as_well() {
+    let mut passivity = PassivityConfig::new(PERIOD);
+    let (damping, friction) = (5e-3, 0.02);
+    passivity.ports[0].turning_damping = damping;
+    passivity.ports[0].turning_friction = friction;
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut at = |angle: f64| {
+        let pose = Pose {
+            rotation: UnitQuaternion::from_scaled_axis(Vec3::z() * angle),
+            ..Pose::identity()
+        };
+        coupling.tick(1, &[(pose, Twist::zero())]);
+        coupling.energy().credited
+    };
+    let count = 1e-3;
+    at(0.0);
+    at(count);
+    let before = at(2.0 * count);
+    let found = at(3.0 * count) - before;
+    let expected = passivity.credit * count * (friction + damping * count / PERIOD);
+    // Rounding of a small angle's logarithm.
+    assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+    // To and fro about a count's edge nothing is.
+    let before = at(2.0 * count);
+    for _ in 0..10 {
+        at(3.0 * count);
+        assert_eq!(at(2.0 * count), before);
+    }
+}
+
+#[test]
 fn what_a_body_stores_when_it_is_taken_hold_of_is_its_own() {
     let mut coupling = Coupling::new(coupling_config(
         Scheme::Capped,
-        PassivityConfig::new(PERIOD),
+        &PassivityConfig::new(PERIOD),
     ));
     let (k, pull) = (200.0, 3.0);
     let mut model = wall(k, 1, 1);
@@ -303,7 +335,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     for (port, most) in passivity.ports.iter_mut().zip([1.0, 3.0]) {
         port.most_damping = most;
     }
-    let mut coupling = Coupling::new(coupling_config(Scheme::Classic, passivity));
+    let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
     // A body that pushes both hands along, whatever they do.
     let mut model = wall(0.0, 1, 1);
     model.period = PERIOD;
@@ -358,7 +390,7 @@ fn held_by_a_trembling_hand(known: bool) -> f64 {
         count: if known { count } else { 0.0 },
         ..Port::UNKNOWN
     };
-    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, passivity));
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
     coupling.accept(&wall(k, 1, 1)).expect("a sound model");
     let mut estimator = VelocityEstimator::new(PERIOD, VelocityEstimator::DEFAULT_CUTOFF);
     let (mut felt, mut asked) = (0.0, 0.0);

@@ -136,7 +136,7 @@ pub fn controls(
         devices.push(device);
     }
     for _ in &scene.bodies {
-        let _ = config.bodies.push(coupling(scene, period, passivity));
+        let _ = config.bodies.push(coupling(scene, period, &passivity));
     }
 
     Ok((config, devices))
@@ -157,7 +157,7 @@ pub fn scheme(scene: &Scene) -> Scheme {
     }
 }
 
-fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingConfig {
+fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> CouplingConfig {
     CouplingConfig {
         scheme: scheme(scene),
         period,
@@ -166,7 +166,7 @@ fn coupling(scene: &Scene, period: f64, passivity: PassivityConfig) -> CouplingC
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
         hold_damping: scene.realtime.hold_damping,
-        passivity,
+        passivity: *passivity,
     }
 }
 
@@ -175,11 +175,14 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) 
     let scale = proxy.motion_scale;
     // The estimate that its driver makes.
     let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
+    let turning = model.rotation;
     Port {
         damping: model.damping / (scale * scale),
         friction: model.friction / scale,
+        turning_damping: turning.map_or(0.0, |rotation| rotation.damping),
+        turning_friction: turning.map_or(0.0, |rotation| rotation.friction),
         most_damping: most_damping(model.mass, period, delay) / (scale * scale * proxy.force_scale),
-        most_turning_damping: model.rotation.map_or(f64::INFINITY, |rotation| {
+        most_turning_damping: turning.map_or(f64::INFINITY, |rotation| {
             most_damping(rotation.inertia, period, delay) / proxy.force_scale
         }),
         force_scale: proxy.force_scale,

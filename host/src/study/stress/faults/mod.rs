@@ -179,6 +179,8 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
     passivity.ports = [Port {
         damping: draw.between(4, 0.0, 1.0),
         friction: draw.between(5, 0.0, 0.3),
+        turning_damping: draw.between(20, 0.0, 0.01),
+        turning_friction: draw.between(21, 0.0, 0.03),
         most_damping: draw.between(6, 1.0, 50.0),
         most_turning_damping: 0.05,
         force_scale: 1.0,

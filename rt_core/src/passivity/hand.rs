@@ -1,0 +1,134 @@
+//! What is remembered of each hand on a body: where it was, what it held, how far it got.
+
+use super::MAX_DELAY;
+use crate::geometry::{Pose, Vec3, Vec6, Wrench};
+
+/// How one handle moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    /// Displacement over the last tick.
+    pub(crate) step: Vec6,
+    /// Where it goes: the last translation along each axis that was one, in this tick or before.
+    pub(crate) heading: Vec3,
+    /// Velocity, filtered.
+    pub(crate) velocity: Vec6,
+}
+
+impl Motion {
+    pub(crate) fn none() -> Self {
+        Self {
+            step: Vec6::zeros(),
+            heading: Vec3::zeros(),
+            velocity: Vec6::zeros(),
+        }
+    }
+}
+
+/// The last translation that was one, or the last rotation.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Way {
+    pub(super) by: Vec3,
+    /// Ticks since then.
+    pub(super) since: u32,
+}
+
+impl Way {
+    pub(super) fn none() -> Self {
+        Self {
+            by: Vec3::zeros(),
+            since: 0,
+        }
+    }
+
+    /// A `share` of the least (J) that a mechanism of this damping and friction can have dissipated on the way of this
+    /// tick. A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a device
+    /// was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
+    pub(super) fn dissipated(
+        &mut self,
+        by: &Vec3,
+        period: f64,
+        [damping, friction]: [f64; 2],
+        share: f64,
+    ) -> f64 {
+        if *by == Vec3::zeros() {
+            return 0.0;
+        }
+        let time = period * f64::from(self.since);
+        let onwards = by.dot(&self.by) > 0.0;
+        *self = Self { by: *by, since: 0 };
+        let length = by.norm();
+        if onwards {
+            share * length * (damping * (length / time) + friction)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// What is remembered of a device.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hand {
+    pub(super) pose: Option<Pose>,
+    /// What it rendered and renders, newest first.
+    pub(super) held: [Wrench; MAX_DELAY + 1],
+    /// How much of that is weight.
+    pub(super) weights: [Vec3; MAX_DELAY + 1],
+    /// Where it was when it first bore weight.
+    pub(super) lifted_from: Option<Vec3>,
+    /// The last translation that was one, and the last rotation.
+    pub(super) ways: [Way; 2],
+    /// The last translation along each axis: a count across the way does not say that the hand has turned.
+    pub(super) heading: Vec3,
+    /// The step of this tick, if it was one count after a rest.
+    pub(super) crept: Vec3,
+    /// Force of the springs held last.
+    pub(super) spring: Vec3,
+    /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
+    pub(super) reach: [f64; 2],
+}
+
+impl Hand {
+    pub(super) fn new() -> Self {
+        Self {
+            pose: None,
+            held: [Wrench::zero(); MAX_DELAY + 1],
+            weights: [Vec3::zeros(); MAX_DELAY + 1],
+            lifted_from: None,
+            ways: [Way::none(); 2],
+            heading: Vec3::zeros(),
+            crept: Vec3::zeros(),
+            spring: Vec3::zeros(),
+            reach: [0.0; 2],
+        }
+    }
+
+    /// A newer wrench is held, `weight` of it weight; the oldest is forgotten. Returns what the change of weight adds
+    /// to the potential (J).
+    pub(super) fn push(&mut self, wrench: &Wrench, weight: &Vec3) -> f64 {
+        let [before, ..] = self.weights;
+        let mut newer = *wrench;
+        for held in &mut self.held {
+            core::mem::swap(held, &mut newer);
+        }
+        let mut newer = *weight;
+        for held in &mut self.weights {
+            core::mem::swap(held, &mut newer);
+        }
+        let change = weight - before;
+        let Some(pose) = self.pose.filter(|_| change != Vec3::zeros()) else {
+            return 0.0;
+        };
+        let from = *self.lifted_from.get_or_insert(pose.position);
+        -change.dot(&(pose.position - from))
+    }
+
+    /// Work that the wrench held now will do (J) before it can be taken away, moving on at `velocity`: it falls by
+    /// `slew` (N/s) at most.
+    pub(super) fn lingering(&self, velocity: &Vec6, slew: f64) -> f64 {
+        let [held, ..] = &self.held;
+        let power = held
+            .force
+            .dot(&Vec3::new(velocity.x, velocity.y, velocity.z));
+        (0.5 * power * held.force.norm() / slew).max(0.0)
+    }
+}
