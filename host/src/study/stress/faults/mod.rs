@@ -28,8 +28,6 @@ mod models;
 #[cfg(test)]
 mod tests;
 
-/// Of all that is counted the one thing that is no input: how often hands owed energy when all had long been sound.
-const DEBT: &str = "sound stretches that ended in debt of energy";
 /// Ticks in a cell.
 pub const TICKS: u64 = 100_000;
 /// Ticks in a stretch of bad input, and in a stretch of sound input: a second and a half is more than the fade, the way
@@ -129,7 +127,7 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
         ("models refused: of a time to come", counters.to_come),
         ("models used", counters.accepted),
         ("forces faded: model too old", counters.faded),
-        (DEBT, in_debt),
+        ("sound stretches that ended in debt of energy", in_debt),
     ] {
         *outcome.met.entry(name.to_owned()).or_default() += count;
     }
