@@ -122,6 +122,7 @@ impl Controller {
             record.age_ns = coupling.age_ns(now_ns);
             record.trust = coupling.trust();
             record.state = coupling.state();
+            record.withheld = coupling.withheld();
         }
 
         let mut commands = [Wrench::zero(); MAX_DEVICES];

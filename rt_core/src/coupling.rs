@@ -17,7 +17,7 @@ mod capped;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
 use crate::local_model::{LocalModel, ModelFault};
-use crate::passivity::{EnergyAccount, Passivity, PassivityConfig};
+use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
 
@@ -91,6 +91,8 @@ pub struct Coupling {
     passivity: Passivity,
     /// When the last tick was (ns); none before the first.
     ticked_ns: Option<u64>,
+    /// How long the drift of the newest model has gone on (s).
+    ahead: f64,
     /// Share of a step that the stiffness resists as a damper would, by handle: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
 }
@@ -110,6 +112,7 @@ impl Coupling {
             counters: CouplingCounters::default(),
             passivity: Passivity::new(config.passivity),
             ticked_ns: None,
+            ahead: 0.0,
             lead: [[0.0; 2]; MAX_HANDLES],
         }
     }
@@ -153,8 +156,9 @@ impl Coupling {
         let steps = self
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
+        self.ahead = self.to.ahead(now_ns);
         if let Some(model) = self.pending.take() {
-            self.switch_to(&model, devices);
+            self.switch_to(&model, now_ns, devices);
         }
         let mut wrenches = match self.config.scheme {
             Scheme::Capped => self.capped(devices, &steps),
@@ -198,6 +202,11 @@ impl Coupling {
         self.passivity.account()
     }
 
+    /// What the cap withholds of the force in this tick.
+    pub fn withheld(&self) -> Withheld {
+        self.passivity.withheld()
+    }
+
     /// The newest model in use, as the scheme reads it; without handles before the first.
     pub fn model(&self) -> &LocalModel {
         &self.to
@@ -231,7 +240,7 @@ impl Coupling {
         })
     }
 
-    fn switch_to(&mut self, model: &LocalModel, devices: &[(Pose, Twist)]) {
+    fn switch_to(&mut self, model: &LocalModel, now_ns: u64, devices: &[(Pose, Twist)]) {
         let mut shaped = *model;
         self.config.scheme.shape(&mut shaped);
         if self.config.scheme == Scheme::Capped {
@@ -246,9 +255,14 @@ impl Coupling {
         } else {
             shaped
         };
-        // Same references as the new model, and the wrench that makes the present force the same.
+        // Same references as the new model, and the wrench that makes the present force the same. The drift goes on.
+        let ahead = shaped.ahead(now_ns);
         from.handle_count = shaped.handle_count;
+        let drifts = from.handles.map(|handle| handle.drift);
         from.handles = shaped.handles;
+        for (handle, drift) in from.handles.iter_mut().zip(drifts) {
+            handle.drift = drift;
+        }
         let response = from.response(&from.deviations(devices));
         for (handle, fall) in from.handles.iter_mut().zip(&response) {
             let old = self
@@ -257,7 +271,8 @@ impl Coupling {
                 .zip(&before)
                 .find(|(old, _)| old.device == handle.device);
             let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
-            let wrench = Wrench::from_stacked(&(force.stacked() + fall));
+            let drift = handle.drift.stacked() * ahead;
+            let wrench = Wrench::from_stacked(&(force.stacked() + fall - drift));
             // A force that overflowed must not live on from blend to blend, long after its cause.
             handle.wrench = if wrench.is_finite() {
                 wrench
@@ -274,7 +289,7 @@ impl Coupling {
             if self.to.handle_count > 0 {
                 from.energy = 0.0;
                 let deviations = from.deviations(devices);
-                from.energy = stored - from.change_of_energy(&deviations);
+                from.energy = stored - from.change_of_energy(&deviations, ahead);
             }
         }
         self.passivity.begin(shaped.energy);
@@ -295,6 +310,7 @@ impl Coupling {
         let ticks = ticks.max(left);
         self.from = from;
         self.to = shaped;
+        self.ahead = ahead;
         self.share_step = 1.0 / ticks;
         self.share = 0.0;
         count_one(&mut self.counters.accepted);
@@ -302,9 +318,10 @@ impl Coupling {
 
     fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         let deviations = self.to.deviations(devices);
-        let mut wrenches = self.to.wrenches(&deviations);
+        let mut wrenches = self.to.wrenches(&deviations, self.ahead);
         if self.share < 1.0 {
-            for (wrench, old) in wrenches.iter_mut().zip(&self.from.wrenches(&deviations)) {
+            let old = self.from.wrenches(&deviations, self.ahead);
+            for (wrench, old) in wrenches.iter_mut().zip(&old) {
                 *wrench = old
                     .scaled(1.0 - self.share)
                     .plus(&wrench.scaled(self.share));

@@ -63,7 +63,7 @@ pub use controller::{Controller, ControllerConfig, cycle};
 pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use local_model::{HandleReference, LocalModel};
-pub use passivity::{EnergyAccount, PassivityConfig, Port};
+pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};
 pub use record::{Telemetry, TickRecord};
 pub use scheme::Scheme;
 

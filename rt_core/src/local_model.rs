@@ -1,14 +1,21 @@
 //! The local model: the linearized force of one connected body on all its handles together.
 //!
 //! The host publishes, for a state that held at [`LocalModel::time_ns`], each handle's pose, twist and
-//! wrench on the hand, and the tangent stiffness and damping between every pair of handles, so that two
-//! hands on one sheet feel each other. Between publications the tick extrapolates:
+//! wrench on the hand, the tangent stiffness and damping between every pair of handles, so that two
+//! hands on one sheet feel each other, and the drift of each wrench. Between publications the tick extrapolates:
 //!
-//! `w_i = w0_i - sum_j (K_ij d_j + B_ij e_j)`
+//! `w_i = w0_i + p_i s - sum_j (K_ij d_j + B_ij e_j)`
 //!
-//! with `d_j` the handle's displacement since the reference (translation; rotation `log(R R0^T)`) and
-//! `e_j` its velocity minus the published one. How `K` and `B` come from the finite elements, and why they
-//! are not the Schur complement of the step's matrix, stands with the condensation in `physics`.
+//! with `d_j` the handle's displacement since the reference (translation; rotation `log(R R0^T)`),
+//! `e_j` its velocity minus the published one, and `s` the age of the model, levelled off ([`LocalModel::ahead`]). How
+//! `K` and `B` come from the finite elements, and why they are not the Schur complement of the step's matrix, stands
+//! with the condensation in `physics`.
+//!
+//! **Drift.** A hand that moves steadily finds a body that moves already, and stiffness alone takes all of the hand's
+//! way for news. Where `w0'` is the rate of the wrench along the path `d = v0 s` that the handles are on, the
+//! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It is the same as above with
+//! `p = w0' + K v0`: the part of the wrench's rate that stiffness does not foretell. A body that answers at once has
+//! no drift.
 
 mod parts;
 
@@ -33,6 +40,8 @@ pub struct HandleReference {
     /// The part of the wrench's force that is the body's weight and stays the same wherever the handle goes (N): a
     /// potential, which gives back what it was given. Zero is always safe.
     pub weight: Vec3,
+    /// Rate of the wrench beside what the stiffness makes of the twist (N/s, N m/s): `w0' + K v0`. Zero is always safe.
+    pub drift: Wrench,
 }
 
 impl HandleReference {
@@ -45,6 +54,7 @@ impl HandleReference {
             wrench: Wrench::zero(),
             contact: Vec3::zeros(),
             weight: Vec3::zeros(),
+            drift: Wrench::zero(),
         }
     }
 
@@ -52,6 +62,7 @@ impl HandleReference {
         self.pose.is_finite()
             && self.twist.is_finite()
             && self.wrench.is_finite()
+            && self.drift.is_finite()
             && self
                 .contact
                 .iter()
@@ -64,6 +75,11 @@ impl HandleReference {
         let mut wrench = self.wrench;
         wrench.force -= self.weight;
         wrench.stacked()
+    }
+
+    /// The wrench at the reference pose and twist after a drift of `ahead` (s).
+    pub fn after(&self, ahead: f64) -> Vec6 {
+        self.wrench.stacked() + self.drift.stacked() * ahead
     }
 }
 
@@ -79,10 +95,13 @@ pub struct LocalModel {
     pub epoch: u32,
     /// When the linearized state held (ns, the tick's clock).
     pub time_ns: u64,
-    /// The publication period it was condensed at (s).
+    /// The publication period (s).
     pub period: f64,
-    /// Energy that hands at rest could get back from the reference state (J): `w^T K^-1 w / 2` of the wrenches on all
-    /// handles, without the weight. What bounds the energy of a body needs it; zero is always safe.
+    /// How far ahead the model is to be good for (s), which it was condensed for: the age at which the next is due.
+    pub horizon: f64,
+    /// Energy that hands at rest could get back from the reference state (J), without the weight: what the body itself
+    /// stores, and no more than the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. What bounds the energy of
+    /// a body needs it; zero is always safe.
     pub energy: f64,
     /// How many of `handles` are in use.
     pub handle_count: u8,
@@ -137,7 +156,7 @@ fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
 /// Why a local model cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFault {
-    /// A number in it is not finite, or its period is not positive.
+    /// A number in it is not finite, or its period or horizon is not positive.
     NotFinite,
     /// It names more handles than a body can have, none, or a device that does not exist; or handles other
     /// than those of the model in use, though the topology did not change.
@@ -156,6 +175,7 @@ impl LocalModel {
             epoch: 0,
             time_ns: 0,
             period: 1.0,
+            horizon: 1.0,
             energy: 0.0,
             handle_count: 0,
             handles: [HandleReference::zero(); MAX_HANDLES],
@@ -167,6 +187,15 @@ impl LocalModel {
     /// The handles in use.
     pub fn handles(&self) -> impl Iterator<Item = &HandleReference> {
         self.handles.iter().take(usize::from(self.handle_count))
+    }
+
+    /// How long the drift has gone on at `now_ns` (s): the model's age, levelled off. Up to the horizon it is the age;
+    /// from there it slows down evenly, and at twice the horizon it stays at one and a half. A model that no other
+    /// follows then says nothing more of a motion that nobody has seen.
+    pub fn ahead(&self, now_ns: u64) -> f64 {
+        let age = now_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
+        let over = (age - self.horizon).max(0.0).min(self.horizon);
+        age.min(self.horizon) + over - 0.5 * over * over / self.horizon
     }
 
     /// Each handle's deviation from the reference, for the poses and twists of the devices that hold them.
@@ -199,12 +228,16 @@ impl LocalModel {
         response
     }
 
-    /// The wrench on each hand, extrapolated.
-    pub fn wrenches(&self, deviations: &[Deviation; MAX_HANDLES]) -> [Wrench; MAX_HANDLES] {
+    /// The wrench on each hand, extrapolated, where the drift has gone on for `ahead` (s).
+    pub fn wrenches(
+        &self,
+        deviations: &[Deviation; MAX_HANDLES],
+        ahead: f64,
+    ) -> [Wrench; MAX_HANDLES] {
         let mut wrenches = [Wrench::zero(); MAX_HANDLES];
         let response = self.response(deviations);
         for ((handle, fall), out) in self.handles().zip(&response).zip(&mut wrenches) {
-            *out = Wrench::from_stacked(&(handle.wrench.stacked() - fall));
+            *out = Wrench::from_stacked(&(handle.after(ahead) - fall));
             if handle.contact != Vec3::zeros() {
                 clip(&mut out.force, &handle.contact);
             }
@@ -226,6 +259,8 @@ impl LocalModel {
         }
         let finite = self.period.is_finite()
             && self.period > 0.0
+            && self.horizon.is_finite()
+            && self.horizon > 0.0
             && self.energy.is_finite()
             && self.handles().all(HandleReference::is_finite)
             && used_blocks(&self.stiffness, n).all(is_finite)
@@ -239,6 +274,10 @@ impl LocalModel {
 
     /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device: `a_i a_j B_ij` with the
     /// largest `a` up to one that do it, which keeps the matrix positive where it was.
+    ///
+    /// The wrench of the whole damping at the reference, `-B v0`, is history: with the next model it is a different one.
+    /// What is no longer damped is therefore taken out of the reference, too. Left there it would act as a part of the
+    /// spring that is a publication late, and a late spring feeds the motion that it answers.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
         let mut shares = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -256,6 +295,7 @@ impl LocalModel {
         if shares.iter().flatten().all(|&share| share == 1.0) {
             return;
         }
+        let whole = self.damped();
         let scale = |[linear, angular]: [f64; 2]| {
             Vec6::new(linear, linear, linear, angular, angular, angular)
         };
@@ -266,6 +306,23 @@ impl LocalModel {
                 block.component_mul_assign(&(mine * theirs.transpose()));
             }
         }
+        let left = self.damped();
+        for ((handle, whole), left) in self.handles.iter_mut().zip(&whole).zip(&left) {
+            let wrench = handle.wrench.stacked() + whole - left;
+            handle.wrench = Wrench::from_stacked(&wrench);
+        }
+    }
+
+    /// `B v0`: what the damping takes from the reference wrenches.
+    fn damped(&self) -> [Vec6; MAX_HANDLES] {
+        let mut damped = [Vec6::zeros(); MAX_HANDLES];
+        let n = usize::from(self.handle_count);
+        for (row, out) in self.damping.iter().zip(&mut damped).take(n) {
+            for (b, handle) in row.iter().zip(&self.handles).take(n) {
+                *out += b * handle.twist.stacked();
+            }
+        }
+        damped
     }
 
     /// The largest entry sums of each handle's own stiffness (N/m, N m/rad): no motion of one handle alone is resisted
@@ -284,10 +341,11 @@ impl LocalModel {
     /// Mixes the forces of two models that share their handles and references: this one's share falls to `1 - share`.
     pub(crate) fn mix(&mut self, other: &Self, share: f64) {
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles) {
-            mine.wrench = mine
-                .wrench
-                .scaled(1.0 - share)
-                .plus(&theirs.wrench.scaled(share));
+            let mix = |mine: &Wrench, theirs: &Wrench| {
+                mine.scaled(1.0 - share).plus(&theirs.scaled(share))
+            };
+            mine.wrench = mix(&mine.wrench, &theirs.wrench);
+            mine.drift = mix(&mine.drift, &theirs.drift);
         }
         let n = usize::from(self.handle_count);
         mix_blocks(&mut self.stiffness, &other.stiffness, share, n);

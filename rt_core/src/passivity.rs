@@ -9,8 +9,10 @@
 //! `passivity/classic.rs`.
 //!
 //! **Weight** is a potential and not the cap's business: it gives back exactly what lifting it took. It is left out of
-//! `F_s`, `V` and `H` and accounted for apart; only where it comes back from having been taken away (a host that was
-//! late, a device that was silent) higher up than it began, the cap pays for the difference.
+//! `F_s`, `V` and `H` and accounted for apart. Where the held share `s` of a weight `g` changes (a host that was late, a
+//! device that was silent) at a place `p`, its potential changes by `R = -ds g . (p - p_0)`. The sum of these changes
+//! has its sign: a weight that is taken away up there and comes back up there costs nothing. As long as the sum is
+//! above zero, hands have been spared so much work, and the cap has so much less to spend.
 
 mod cap;
 mod classic;
@@ -130,6 +132,15 @@ pub struct EnergyAccount {
     pub capped: u64,
 }
 
+/// What the cap withholds of a body's force now, at the handle where the springs hold most.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Withheld {
+    /// Force that is withheld (N).
+    pub force: f64,
+    /// Force of the local model's springs there, weight left out (N).
+    pub of: f64,
+}
+
 impl EnergyAccount {
     /// What the body, as rendered, has dissipated (J): supplied, and neither stored nor raised. Below zero, energy was
     /// made.
@@ -144,6 +155,11 @@ pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
+    /// What springs may give back (J): what hands have put in, less what has been forgotten of it.
+    credit: f64,
+    /// Work that hands were spared by weights that went and came (J), with its sign.
+    spared: f64,
+    withheld: Withheld,
     /// Share of the devices' damping that takes out what is missing.
     damped: f64,
     /// Whether a first local model has come.
@@ -162,6 +178,9 @@ impl Passivity {
                 available: config.allowance,
                 ..EnergyAccount::default()
             },
+            credit: config.allowance,
+            spared: 0.0,
+            withheld: Withheld::default(),
             damped: 0.0,
             began: false,
             fade: libm::exp(-config.period / MEMORY),
@@ -171,6 +190,11 @@ impl Passivity {
     /// The sums so far.
     pub fn account(&self) -> &EnergyAccount {
         &self.account
+    }
+
+    /// What the cap withholds in this tick.
+    pub fn withheld(&self) -> Withheld {
+        self.withheld
     }
 
     /// How the account is kept.
@@ -226,11 +250,12 @@ impl Passivity {
             self.account.supplied -= work;
             self.account.credited += credit;
             self.account.raised -= fallen;
-            self.account.available += credit - (work - fallen);
+            self.credit += credit - (work - fallen);
         }
         let account = &mut self.account;
         let got = account.supplied - account.raised + account.credited;
         account.least = account.least.min(got);
+        account.available = self.credit - self.spared.max(0.0);
         steps
     }
 
@@ -239,7 +264,7 @@ impl Passivity {
         if !self.began {
             self.began = true;
             self.account.initial = stored.max(0.0);
-            self.account.available += self.account.initial;
+            self.credit += self.account.initial;
         }
     }
 
@@ -267,8 +292,7 @@ impl Passivity {
             let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
             let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
-            // What is lost is not credited.
-            self.account.available -= raised.max(0.0);
+            self.spared += raised;
         }
     }
 }

@@ -4,7 +4,7 @@ use crate::controller::Reading;
 use crate::coupling::HostState;
 use crate::device::DeviceError;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use crate::passivity::EnergyAccount;
+use crate::passivity::{EnergyAccount, Withheld};
 use crate::safety::SafetyState;
 use crate::{MAX_BODIES, MAX_DEVICES};
 
@@ -68,6 +68,8 @@ pub struct BodyTelemetry {
     pub trust: f64,
     /// What the coupling was doing.
     pub state: HostState,
+    /// What the cap withholds of its force.
+    pub withheld: Withheld,
     /// The energy of its hands since the start.
     pub energy: EnergyAccount,
 }
@@ -111,6 +113,7 @@ impl Telemetry {
             age_ns: 0,
             trust: 0.0,
             state: HostState::Waiting,
+            withheld: Withheld::default(),
             energy: EnergyAccount::default(),
         };
         Self {

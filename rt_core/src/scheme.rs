@@ -7,7 +7,7 @@
 //! |---|---|---|
 //! | `hold` | the published one, held | the usual baseline |
 //! | `thesis` | held, plus a spring from handle to proxy and damping | thesis, equation 4.5 |
-//! | `linear` | the body's own tangent, with damping and cross terms | [`crate::local_model`] |
+//! | `linear` | the body's own tangent, with damping, cross terms and drift | [`crate::local_model`] |
 //! | `proxy` | the same, of a body that the host has put a spring before | the host's virtual coupling |
 //! | `classic` | as `linear`, damped once the hands have got more than they gave | [`crate::passivity`] |
 //! | `capped` | as `linear`, held to the energy that the hands have put in | [`crate::passivity`] |
@@ -16,7 +16,7 @@
 //! - k_v v`. `linear` carries no second spring: it would count the same displacement twice.
 
 use crate::MAX_HANDLES;
-use crate::geometry::{Mat6, Twist};
+use crate::geometry::{Mat6, Twist, Wrench};
 use crate::local_model::LocalModel;
 
 /// How the tick reads a local model between publications.
@@ -71,6 +71,8 @@ impl Scheme {
         for handle in &mut model.handles {
             // The damping acts on the proxy's whole velocity, not on what changed since publication.
             handle.twist = Twist::zero();
+            // These schemes hold the wrench that was published.
+            handle.drift = Wrench::zero();
         }
     }
 }

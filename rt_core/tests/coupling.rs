@@ -235,9 +235,10 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
         vector(1.0),
         vector(3.0),
         vector(0.1),
+        (vector(30.0), vector(1.0)),
     )
         .prop_map(
-            move |(position, turn, linear, angular, force, moment)| HandleReference {
+            move |(position, turn, linear, angular, force, moment, drift)| HandleReference {
                 device,
                 pose: Pose {
                     position,
@@ -247,9 +248,16 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
                 wrench: Wrench { force, moment },
                 contact: Vec3::zeros(),
                 weight: Vec3::zeros(),
+                drift: Wrench {
+                    force: drift.0,
+                    moment: drift.1,
+                },
             },
         )
 }
+
+/// How long drifts go on where a test looks at one model (s).
+const AHEAD: f64 = 0.01;
 
 /// Any two-handle model whatsoever: the blend may not rely on symmetry or size.
 fn any_model() -> impl Strategy<Value = LocalModel> {
@@ -263,6 +271,7 @@ fn any_model() -> impl Strategy<Value = LocalModel> {
             let mut model = LocalModel::empty();
             model.handle_count = 2;
             model.period = period;
+            model.horizon = 1.5 * period;
             model.handles[0] = a;
             model.handles[1] = b;
             for i in 0..2 {
@@ -290,8 +299,9 @@ proptest! {
             }
         }
         let at = |s: f64| hands(left * s, right * s, 0.1);
-        let parts = |s: f64| model.parts(&model.deviations(&at(s)), &[Vec6::zeros(); MAX_HANDLES]);
-        let whole = model.wrenches(&model.deviations(&at(1.0)));
+        let still = [Vec6::zeros(); MAX_HANDLES];
+        let parts = |s: f64| model.parts(&model.deviations(&at(s)), &still, AHEAD);
+        let whole = model.wrenches(&model.deviations(&at(1.0)), AHEAD);
         let end = parts(1.0);
         for i in 0..2 {
             let sum = end.elastic[i] + end.viscous[i];
@@ -324,6 +334,7 @@ proptest! {
         let mut at = hands(left, right, 0.1);
         at[1].0.rotation = UnitQuaternion::from_scaled_axis(turn);
         let mut now = settle(&mut coupling, &models[0], &at);
+        let mut newest = models[0];
         for (k, model) in models.iter().enumerate().skip(1) {
             let before = coupling.tick(now, &at);
             // One blending step may follow before the model comes: bring it up to date by probing a copy.
@@ -332,6 +343,7 @@ proptest! {
             model.sequence = 1000 + k as u64;
             model.time_ns = now + k as u64;
             coupling.accept(&model).unwrap();
+            newest = model;
             let after = coupling.tick(now, &at);
             for ((expected, after), before) in expected.iter().zip(&after).zip(&before) {
                 // Forces of order 100 N, sums of some tens of terms.
@@ -348,9 +360,8 @@ proptest! {
             now += MS;
             coupling.tick(now, &at);
         }
-        let mut newest = *models.last().unwrap();
         scheme.shape(&mut newest);
-        let expected = newest.wrenches(&newest.deviations(&at));
+        let expected = newest.wrenches(&newest.deviations(&at), newest.ahead(now));
         let rendered = coupling.tick(now, &at);
         for (a, b) in expected.iter().zip(&rendered).take(2) {
             prop_assert!((a.stacked() - b.stacked()).amax() < 1e-9);

@@ -8,7 +8,7 @@ use super::virtual_coupling::VirtualCoupling;
 use physics::fem::dense::Square;
 use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Wrench,
+    HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
 };
 
 /// A handle comes after its hand by so much faster than that moves (m/s).
@@ -64,7 +64,13 @@ impl HostBody {
         let mut model = LocalModel::empty();
         model.period = parts.period;
         model.handle_count = parts.paths.len().min(MAX_HANDLES) as u8;
+        model.horizon = parts.horizon;
         let weights = parts.body.handle_weights();
+        let origins = (0..parts.paths.len()).filter_map(|handle| {
+            let report = parts.body.handle_report(handle);
+            report.map(|report| report.pose.position)
+        });
+        let stored = parts.tells_energy.then(|| Stored::new(origins.collect()));
         for ((reference, device), weight) in
             model.handles.iter_mut().zip(&parts.devices).zip(weights)
         {
@@ -72,7 +78,7 @@ impl HostBody {
             reference.weight = weight;
         }
         Self {
-            stored: parts.tells_energy.then(|| Stored::new(parts.paths.len())),
+            stored,
             coupling: parts.coupling,
             name: parts.name,
             solved: parts.solved,
@@ -108,6 +114,10 @@ impl HostBody {
     /// [`BodyError`] where the two are not of the same mesh; nothing is changed then.
     pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
         other.body.continue_from(&self.body)?;
+        if let Some(stored) = &mut self.stored {
+            let [before, after] = [&self.body, &other.body].map(Body::elastic_energy);
+            stored.exchange(&self.body, before, after, &self.model);
+        }
         self.body = other.body;
         self.solver = other.solver;
         Ok(())
@@ -154,12 +164,14 @@ impl HostBody {
             if let Some(report) = self.body.handle_report(i) {
                 *reference = HandleReference {
                     weight: reference.weight,
+                    drift: reference.drift,
                     ..reference_of(reference.device, report)
                 };
             }
         }
         if let Some(stored) = &mut self.stored {
-            self.model.energy = stored.of(&self.model);
+            let elastic = self.solver.elastic_energy(&self.body);
+            self.model.energy = stored.of(&self.body, elastic, &self.model);
         }
         let model = match &mut self.coupling {
             Some(coupling) => coupling.through(&self.model),
@@ -221,7 +233,7 @@ impl HostBody {
     }
 }
 
-/// Copies condensed stiffness and damping into a local model's blocks.
+/// Copies condensed stiffness, damping and drift into a local model.
 pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
     let handles = usize::from(model.handle_count);
     for i in 0..handles {
@@ -230,6 +242,8 @@ pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
             model.stiffness[i][j] = block(&condensed.stiffness);
             model.damping[i][j] = block(&condensed.damping);
         }
+        let drift = Vec6::from_column_slice(&condensed.drift[6 * i..6 * i + 6]);
+        model.handles[i].drift = Wrench::from_stacked(&drift);
     }
 }
 
@@ -251,5 +265,6 @@ pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
         },
         contact: Vec3::zeros(),
         weight: Vec3::zeros(),
+        drift: Wrench::zero(),
     }
 }

@@ -20,6 +20,9 @@ pub trait Solver: Send {
         stats: &mut EngineStats,
     ) -> Result<(), StepFault>;
 
+    /// Elastic energy of `body` (J) after the last step.
+    fn elastic_energy(&self, body: &Body) -> f64;
+
     /// The matrices of a local model published every `period` seconds, where the scheme wants them.
     ///
     /// # Errors
@@ -55,6 +58,10 @@ impl Solver for Assembled {
             report.relative_residual(),
         );
         Ok(())
+    }
+
+    fn elastic_energy(&self, body: &Body) -> f64 {
+        body.elastic_energy()
     }
 
     fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {
@@ -106,6 +113,11 @@ impl<T: Real> Solver for Frozen<T> {
             self.beside.begin(refresher);
         }
         Ok(())
+    }
+
+    fn elastic_energy(&self, _body: &Body) -> f64 {
+        // Steps have it at no cost.
+        self.stepper.elastic_energy()
     }
 
     fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {

@@ -16,6 +16,7 @@
 //! a' = S a
 //! K' = S K = S K S^T + (I - S) Kc (I - S)^T
 //! B' = S B S^T + (I - S) Bc (I - S)^T
+//! p' = S p
 //! ```
 //!
 //! The second form of `K'` is the energy of body and springs, that of `B'` what body and dampers
@@ -66,6 +67,7 @@ pub struct VirtualCoupling {
     share: Square,
     speed: Vec<f64>,
     wrench: Vec<f64>,
+    drift: Vec<f64>,
     model: LocalModel,
 }
 
@@ -86,6 +88,7 @@ impl VirtualCoupling {
             share: zeros(),
             speed: vec![0.0; size],
             wrench: vec![0.0; size],
+            drift: vec![0.0; size],
             model: LocalModel::empty(),
         }
     }
@@ -200,8 +203,10 @@ impl VirtualCoupling {
     fn write(&mut self, model: &LocalModel) {
         let places = self.speed.chunks_exact_mut(6);
         let places = places.zip(self.wrench.chunks_exact_mut(6));
-        for ((speed, wrench), handle) in places.zip(model.handles()) {
+        let places = places.zip(self.drift.chunks_exact_mut(6));
+        for (((speed, wrench), drift), handle) in places.zip(model.handles()) {
             speed.copy_from_slice(handle.twist.stacked().as_slice());
+            drift.copy_from_slice(handle.drift.stacked().as_slice());
             wrench.copy_from_slice(handle.wrench.stacked().as_slice());
         }
         let size = self.root.len();
@@ -218,6 +223,8 @@ impl VirtualCoupling {
                 times(&self.share, &self.wrench, slot) - times(damping, &self.speed, slot)
             });
             handle.wrench = Wrench::from_stacked(&wrench);
+            let drift = Vec6::from_fn(|r, _| times(&self.share, &self.drift, 6 * h + r));
+            handle.drift = Wrench::from_stacked(&drift);
         }
         for j in 0..size {
             for i in 0..size {

@@ -19,6 +19,7 @@ pub(super) const SCHEMA: &str = concat!(
 uint64 sequence     # counts the models of this body, from one
 uint64 time_ns      # when the linearized state held
 float64 period      # of publication
+float64 horizon     # how far ahead it is to be good for
 float64 energy      # that hands at rest could get back
 uint32 epoch        # of the topology
 uint8 body          # index in a tick's bodies
@@ -34,6 +35,7 @@ geometry_msgs/Wrench wrench  # on the hand
 uint8 device                 # index in a tick's devices
 geometry_msgs/Vector3 contact  # outward normal of what can push only; zero where held
 geometry_msgs/Vector3 weight   # the part of the force that is weight
+geometry_msgs/Wrench drift     # rate of the wrench beside what stiffness makes of the twist
 ",
     geometry_messages!()
 );
@@ -49,6 +51,8 @@ pub struct ModelRow {
     pub time_ns: u64,
     /// The publication period (s).
     pub period: f64,
+    /// How far ahead it is to be good for (s).
+    pub horizon: f64,
     /// Energy that hands at rest could get back (J).
     pub energy: f64,
     /// Counts the changes of topology.
@@ -69,6 +73,7 @@ impl ModelRow {
             epoch: self.epoch,
             time_ns: self.time_ns,
             period: self.period,
+            horizon: self.horizon,
             energy: self.energy,
             handle_count: self.handles.len() as u8,
             ..LocalModel::empty()
@@ -99,6 +104,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     out.u64(model.sequence);
     out.u64(model.time_ns);
     out.f64(model.period);
+    out.f64(model.horizon);
     out.f64(model.energy);
     out.u32(model.epoch);
     out.u8(body);
@@ -111,6 +117,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
         out.u8(handle.device);
         out.vector(&handle.contact);
         out.vector(&handle.weight);
+        out.wrench(&handle.drift);
     }
     for blocks in [&model.stiffness, &model.damping] {
         out.u32((count * block * count * block) as u32);
@@ -137,7 +144,7 @@ fn turns(model: &LocalModel, count: usize) -> bool {
 pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     let mut from = CdrReader::begin(message)?;
     let (sequence, time_ns) = (from.u64()?, from.u64()?);
-    let (period, energy) = (from.f64()?, from.f64()?);
+    let (period, horizon, energy) = (from.f64()?, from.f64()?, from.f64()?);
     let epoch = from.u32()?;
     let (body, block) = (from.u8()?, usize::from(from.u8()?));
     let count = from.u32()? as usize;
@@ -159,6 +166,7 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
         sequence,
         time_ns,
         period,
+        horizon,
         energy,
         epoch,
         handles,
@@ -175,5 +183,6 @@ fn decode_handle(from: &mut CdrReader) -> Option<HandleReference> {
         device: from.u8()?,
         contact: from.vector()?,
         weight: from.vector()?,
+        drift: from.wrench()?,
     })
 }

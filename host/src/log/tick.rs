@@ -3,7 +3,7 @@
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{EnergyAccount, Telemetry};
+use rt_core::{EnergyAccount, Telemetry, Withheld};
 
 use super::cdr::{CdrReader, CdrWriter};
 use super::geometry::geometry_messages;
@@ -60,6 +60,8 @@ float64 stored     # that could be got back now
 float64 credited   # dissipated by devices and relied on
 float64 available  # what the cap has to spend
 uint64 capped      # ticks in which it took something off
+float64 withheld   # force that the cap withholds (N)
+float64 of         # force of the model's springs there (N)
 ================================================================================
 MSG: palpate_msgs/Reading
 # What the device gave, as it gave it: its own axes. All zero where it gave nothing.
@@ -136,6 +138,8 @@ pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
             out.f64(sum);
         }
         out.u64(body.energy.capped);
+        out.f64(body.withheld.force);
+        out.f64(body.withheld.of);
     }
     out.u32(telemetry.readings().count() as u32);
     for reading in telemetry.readings() {
@@ -211,6 +215,10 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
             credited: from.f64()?,
             available: from.f64()?,
             capped: from.u64()?,
+        },
+        withheld: Withheld {
+            force: from.f64()?,
+            of: from.f64()?,
         },
     })
 }

@@ -31,9 +31,9 @@ impl Coupling {
     /// The model's wrenches in parts, blended as the whole is.
     pub(super) fn parts(&self, devices: &[(Pose, Twist)], lead: &[Vec6; MAX_HANDLES]) -> Parts {
         let deviations = self.to.deviations(devices);
-        let mut parts = self.to.parts(&deviations, lead);
+        let mut parts = self.to.parts(&deviations, lead, self.ahead);
         if self.share < 1.0 {
-            let mut from = self.from.parts(&deviations, lead);
+            let mut from = self.from.parts(&deviations, lead, self.ahead);
             from.mix(&parts, self.share);
             parts = from;
         }

@@ -40,12 +40,13 @@ impl Parts {
 }
 
 impl LocalModel {
-    /// The same wrenches, what springs hold and what dampers do told apart. `lead` is a displacement of each handle
-    /// that the stiffness resists as a damper would: a share of its last step.
+    /// The same wrenches, what springs hold and what dampers do told apart, where the drift has gone on for `ahead` (s).
+    /// `lead` is a displacement of each handle that the stiffness resists as a damper would: a share of its last step.
     pub fn parts(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
         lead: &[Vec6; MAX_HANDLES],
+        ahead: f64,
     ) -> Parts {
         let mut parts = Parts::none();
         let n = usize::from(self.handle_count);
@@ -54,7 +55,7 @@ impl LocalModel {
         for (((stiffness, damping), (elastic, viscous)), handle) in
             rows.zip(outs).zip(&self.handles).take(n)
         {
-            let mut reference = handle.unweighted();
+            let mut reference = handle.unweighted() + handle.drift.stacked() * ahead;
             let mut fall = Vec6::zeros();
             let blocks = stiffness.iter().zip(damping).zip(deviations);
             let others = self.handles.iter().zip(lead);
@@ -66,7 +67,7 @@ impl LocalModel {
             }
             *elastic = reference - fall;
         }
-        parts.stored = (self.energy + self.change_of_energy(deviations)).max(0.0);
+        parts.stored = (self.energy + self.change_of_energy(deviations, ahead)).max(0.0);
         for ((elastic, viscous), handle) in parts
             .elastic
             .iter_mut()
@@ -90,7 +91,14 @@ impl LocalModel {
 
     /// By how much the energy that could be got back differs from that at the reference (J): less the work of the
     /// force on the way, which is linear, so that its mean counts.
-    pub(crate) fn change_of_energy(&self, deviations: &[Deviation; MAX_HANDLES]) -> f64 {
+    ///
+    /// The drift goes on along the handles' path `v0 s`, on which its mean counts, too; off the path it has its whole:
+    /// `-p s . (d - v0 s / 2)`.
+    pub(crate) fn change_of_energy(
+        &self,
+        deviations: &[Deviation; MAX_HANDLES],
+        ahead: f64,
+    ) -> f64 {
         let n = usize::from(self.handle_count);
         let mut change = 0.0;
         let rows = self.stiffness.iter().zip(&self.damping);
@@ -101,7 +109,9 @@ impl LocalModel {
             for (((k, b), deviation), other) in blocks.zip(&self.handles).take(n) {
                 mean += b * other.twist.stacked() - k * deviation.displacement * 0.5;
             }
-            change -= mean.dot(&deviation.displacement);
+            let path = handle.twist.stacked() * (0.5 * ahead);
+            let off = deviation.displacement - path;
+            change -= mean.dot(&deviation.displacement) + handle.drift.stacked().dot(&off) * ahead;
         }
         change
     }

@@ -1,23 +1,33 @@
 //! The cap: what a body may give back.
 //!
-//! The energy-capped linear model: an elastic force whose recoverable energy `V` is more than what the
-//! hands have put in (`H`) is scaled down by `sqrt(H / V)`, so the body never gives back more than it was given, be
-//! the local models late, wrong or contradictory. It is the passivity controller of B. Hannaford and J.-H. Ryu,
-//! "Time-domain passivity control of haptic interfaces" (2002), with the energy bounded above as well (a tank, as of
-//! M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011): credit that is not
-//! backed by the spring of the moment is forgotten, so it cannot be spent at once later. With `F_s` the elastic and
-//! `F_d` the viscous wrench on all handles, each tick:
+//! The energy-capped linear model: no tick may spend more than the hands have put in (`H`), so the body never gives back
+//! more than it was given, be the local models late, wrong or contradictory. It is the passivity controller of B.
+//! Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with the energy bounded above
+//! as well (a tank, as of M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach",
+//! 2011): credit that is not backed by the spring of the moment is forgotten by and by, so it cannot be spent at once
+//! much later. With `F_s` the elastic and `F_d` the viscous wrench on all handles, `V` the energy that hands could get
+//! back, and `R` what they were spared by weights that went and came, each tick:
 //!
 //! ```text
-//! H <- H - w . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
-//! H <- min(H, 2 V + E)                            E: the allowance, 0.4 mJ
-//! F_s <- F_s sqrt(H+ / V), F_d <- F_d - c v       where V > H; c takes out what is missing
-//! F_s <- F_s H+ / p                               where p = |F_s| D > H+: more than a tick may spend
-//! F_d <- F_d (H + E - |F_s| D)+ / (|F_d| D)       where that is less: dampers may go into debt by E
+//! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
+//! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
+//! G  = (H - R+)+                                        what this tick may spend
+//! F_s <- F_s min(1, G / (b V))                          the force bows out; b = 0.3, with d ticks of delay 0.3 (1 + d)
+//! F_d <- F_d - c v                                      where V > G; c takes out what is missing
+//! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
+//! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
 //! ```
 //!
 //! There `D` is how far the hand may get in a tick, whichever way: the longest of its last steps, forgotten by and by.
-//! A hand that turns back within a tick has yesterday's damper push it along; only its first quick step is a surprise.
+//! When a hand turns back within a tick, the previous tick's damper pushes it along; only the first quick step is a
+//! surprise.
+//!
+//! **The certificate** is the bound on what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`,
+//! `K` and `w0` a model claims: what came out is at most what was stored at the start, twice `E`, and the share of the
+//! devices' own dissipation that is relied on. `V` decides only how early the force bows out. A model that claims too
+//! much energy must not soften a hold that was paid for, so the force stays whole down to three tenths of `V`. From
+//! there, on the way out, `d ln H / d ln V = 1 / 0.3`: force and account come to nothing together with `V`, without a
+//! jump.
 //!
 //! **Counts.** What an encoder shows steps by a whole count when the hand has got to its edge, and steps back when it
 //! leaves by the same edge: no work is done between, but `w . D` with the force before each step says that a spring
@@ -30,7 +40,7 @@
 //! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
 //! model's own force tells (`LocalModel::stored`).
 
-use super::{MOST_FORCE, Motion, Passivity, Port, norms};
+use super::{MOST_FORCE, Motion, Passivity, Port, Withheld, norms};
 use crate::MAX_HANDLES;
 use crate::geometry::{Vec3, Vec6};
 use crate::velocity::VelocityEstimator;
@@ -38,6 +48,14 @@ use crate::velocity::VelocityEstimator;
 /// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
 /// of where it goes.
 const CREEP: f64 = 1e-3;
+
+/// Share of the energy that a model claims below which the force bows out. A device that is late by a tick renders
+/// another tick's force on a hand that grows faster meanwhile: twice as much must be backed, and at most all.
+const BACKED: f64 = 0.3;
+
+/// Time (s) in which credit that no spring backs is forgotten. At once would be wrong: while models disagree `V` passes
+/// through zero for some ticks, and what was paid for the spring would be lost.
+const FORGET: f64 = 0.5;
 
 /// Time (s) in which the damper that takes out what is missing grows to all that a device can render.
 const EASE: f64 = 0.02;
@@ -73,15 +91,17 @@ impl Passivity {
                     + hand.lingering(&motion.velocity, known.max_slew);
             }
         }
-        let available = &mut self.account.available;
-        *available = available.min(2.0 * stored + self.config.allowance);
+        let spared = self.spared.max(0.0);
+        let backed = 2.0 * stored + self.config.allowance;
+        self.credit -= (self.credit - spared - backed).max(0.0) * (period / FORGET);
         // Wrenches under way will be rendered whatever is decided now.
-        let left = *available - under_way;
+        let left = self.credit - spared - under_way;
         let budget = left.max(0.0);
         let missing = stored - budget;
         let mut kept = 1.0;
-        if missing > 0.0 {
-            kept = libm::sqrt(budget / stored);
+        let backed = (BACKED * (1.0 + self.config.delay as f64)).min(1.0);
+        if budget < backed * stored {
+            kept = budget / (backed * stored);
         }
         // The damper comes and goes without a jump.
         let (eased, step) = (self.damped, period / EASE);
@@ -106,10 +126,14 @@ impl Passivity {
         }
         let room = (left + self.config.allowance - springs * kept).max(0.0);
         let solvent = if dampers > room { room / dampers } else { 1.0 };
+        self.withheld = Withheld::default();
         if kept < 1.0 {
             for elastic in elastic.iter_mut() {
+                let [force, _] = norms(elastic);
+                self.withheld.of = self.withheld.of.max(force);
                 *elastic *= kept;
             }
+            self.withheld.force = self.withheld.of * (1.0 - kept);
         }
         if solvent < 1.0 {
             for viscous in viscous.iter_mut() {
@@ -126,7 +150,7 @@ impl Passivity {
                 let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
                 // What no device holds was held back on the way.
                 hand.spring = if spring.norm() <= MOST_FORCE {
-                    self.account.available -= 0.5 * (spring - hand.spring).dot(&hand.crept);
+                    self.credit -= 0.5 * (spring - hand.spring).dot(&hand.crept);
                     spring
                 } else {
                     Vec3::zeros()

@@ -26,6 +26,9 @@ pub struct Condensed {
     pub raw_damping: Square,
     /// `Psi^T M Psi`: for checks, it is not to be extrapolated.
     pub mass: Square,
+    /// Rate of the wrench on the hand beside what the stiffness makes of the handles' velocities (N/s, N m/s), 6 H
+    /// numbers: `w0' + K v0`, where `w0'` is the mean rate of the wrench over the period if the handles go on at `v0`.
+    pub drift: Vec<f64>,
     /// What clipping took from the stiffness.
     pub stiffness_clip: Clip,
     /// What clipping took from the damping.
@@ -76,6 +79,8 @@ pub(crate) struct Reduction {
     inner: Square,
     clipper: Clipper,
     scale: Vec<f64>,
+    /// Velocities of the handles, by columns.
+    speeds: Vec<f64>,
     pub(crate) condensed: Condensed,
 }
 
@@ -108,6 +113,7 @@ impl Reduction {
             scale: (0..size)
                 .map(|slot| if slot % 6 < 3 { 1.0 } else { length })
                 .collect(),
+            speeds: vec![0.0; columns.len()],
             columns,
             holder,
             range,
@@ -117,6 +123,7 @@ impl Reduction {
                 raw_stiffness: zeros(),
                 raw_damping: zeros(),
                 mass: zeros(),
+                drift: vec![0.0; size],
                 stiffness_clip: Clip::default(),
                 damping_clip: Clip::default(),
                 length,
@@ -144,7 +151,52 @@ impl Reduction {
     pub(crate) fn reduce(&mut self, body: &Body, ratio: f64) -> &Condensed {
         self.products(body, ratio);
         self.publish(body);
+        self.foresee(body, ratio);
         &self.condensed
+    }
+
+    /// The drift, from the shapes and the velocities of the free nodes.
+    ///
+    /// One implicit Euler step of the linearized body as long as the period, with the handles going on at `v0`, makes
+    /// the wrench on the hands change by
+    ///
+    /// ```text
+    /// w0' t = -(K_c + r Psi_f^T M Psi_f) v0 t + r t Psi_f^T M v_f + Psi_f^T M a_f
+    /// ```
+    ///
+    /// with `K_c = Psi^T K Psi`, `r` the ratio of mass to stiffness in the matrix of the shapes, and `v_f`, `a_f` the
+    /// present velocities and accelerations of the free nodes (`K_hf A_ff^-1` is `-Psi_f^T` but for a factor, so that no
+    /// element is asked again). The accelerations are left out: they hold the tremor of the hand, and nothing of a
+    /// steady motion. What is left beside the stiffness is `p = r Psi_f^T M (v_f - Psi_f v0)`: nothing where the body
+    /// moves as its shapes say, and motions quicker than the period count the less the quicker they are.
+    fn foresee(&mut self, body: &Body, ratio: f64) {
+        let rows = 3 * body.stiffness.free();
+        for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
+            let report = &body.handles[column.handle].report;
+            *speed = if column.motion < 3 {
+                report.linear_velocity[column.motion]
+            } else {
+                report.angular_velocity[column.motion - 3]
+            };
+        }
+        let Condensed {
+            stiffness,
+            raw_stiffness,
+            drift,
+            ..
+        } = &mut self.condensed;
+        drift.fill(0.0);
+        for (c, column) in self.columns.iter().enumerate() {
+            let shape = &self.shapes[c * rows..(c + 1) * rows];
+            let mut sum = momentum(shape, &body.v, &body.mass);
+            let mut clipped = 0.0;
+            for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
+                let at = (column.slot(), other.slot());
+                sum -= self.inner[(c, r)] * speed;
+                clipped += (stiffness[at] - raw_stiffness[at]) * speed;
+            }
+            drift[column.slot()] = ratio * sum + clipped;
+        }
     }
 
     /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
@@ -245,6 +297,15 @@ fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
         }
     }
     sum[0] + sum[1] + sum[2]
+}
+
+/// `sum m_i a_i . v_i` over the free nodes.
+fn momentum(shape: &[f64], velocity: &[Vec3], mass: &[f64]) -> f64 {
+    let mut sum = Vec3::zeros();
+    for ((a, v), &mass) in shape.chunks_exact(3).zip(velocity).zip(mass) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(v) * mass;
+    }
+    sum.sum()
 }
 
 /// The root mean square of the rigid handles' offsets, or of the body's extent where they have none.

@@ -31,11 +31,6 @@ pub(crate) struct Supports {
 }
 
 impl Supports {
-    /// Nodes that are guided along one axis at least, ascending.
-    pub(crate) fn guided(&self) -> impl Iterator<Item = usize> + '_ {
-        self.guided.iter().map(|&node| node as usize)
-    }
-
     /// Memory that they hold (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.list.as_slice())

@@ -203,6 +203,11 @@ impl<T: Real> Stepper<T> {
         self.factors.is_some()
     }
 
+    /// Elastic energy (J) where the last step ended; not a number before the first.
+    pub fn elastic_energy(&self) -> f64 {
+        self.elastic
+    }
+
     /// Makes the first factor, for steps of `h` seconds: otherwise the first step does, and is late.
     ///
     /// # Errors
