@@ -214,10 +214,18 @@ fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<Handle
             let field = format!("body[{index}].handle[{number}]");
             let group = handle.group.as_deref();
             let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
-            // The simulated devices actuate translations only: no rotation is condensed.
-            Ok(holding(vertices, mesh, Freedom::Translation))
+            Ok(holding(vertices, mesh, freedom(loaded, handle)))
         })
         .collect()
+}
+
+/// Which motions a handle's hand feels: those that its device drives. No rotation is condensed for the others.
+pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
+    let device = loaded.scene.device_of(handle);
+    match loaded.models.get(device).and_then(|model| model.rotation) {
+        Some(_) => Freedom::Rigid,
+        None => Freedom::Translation,
+    }
 }
 
 /// A handle about the centre of `vertices`.

@@ -5,14 +5,17 @@ use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
 use super::virtual_coupling::VirtualCoupling;
+use nalgebra::UnitQuaternion;
 use physics::fem::dense::Square;
 use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
 };
 
-/// A handle comes after its hand by so much faster than that moves (m/s).
+/// A handle comes after its hand by so much faster than the hand moves (m/s),
 const CATCH_UP: f64 = 0.5;
+/// and turns after the hand by so much faster than the hand turns (rad/s).
+const TURN_AFTER: f64 = 5.0;
 
 /// A body, the paths of its handles, and how it publishes.
 pub struct HostBody {
@@ -183,30 +186,37 @@ impl HostBody {
     }
 
     /// Sets where the handles go in the next step: to where the hands are, but no faster than they move and
-    /// [`CATCH_UP`] on top. Returns whether one stays behind. After a stall a hand may be anywhere, and a handle that
+    /// [`CATCH_UP`] on top; they turn no faster than the hands do and [`TURN_AFTER`] on top. Returns whether one stays behind. After a stall a hand may be anywhere, and a handle that
     /// went there at once would publish the blow instead of the body.
     fn aim(&mut self) -> bool {
         let mut behind = false;
         self.targets.clear();
         for (index, path) in self.paths.iter().enumerate() {
             let pose = path.pose();
-            let from = self.body.handle_report(index);
-            let from = from.map_or(pose.position, |report| report.pose.position);
-            let (way, most) = (
-                pose.position - from,
-                (path.velocity().norm() + CATCH_UP) * self.step,
-            );
-            let length = way.norm();
-            let share = if length > most { most / length } else { 1.0 };
-            behind |= share < 1.0;
-            self.targets.push(HandlePose {
-                position: if share < 1.0 {
-                    from + way * share
-                } else {
-                    pose.position
-                },
+            let mut target = HandlePose {
+                position: pose.position,
                 rotation: pose.rotation,
-            });
+            };
+            if let Some(report) = self.body.handle_report(index) {
+                let from = &report.pose;
+                let speed = path.velocity().norm() + CATCH_UP;
+                let way = target.position - from.position;
+                if let Some(share) = shortened(way.norm(), speed * self.step) {
+                    target.position = from.position + way * share;
+                    behind = true;
+                }
+                // A device that senses no rotation hands on the same quaternion for ever.
+                if target.rotation != from.rotation {
+                    let speed = path.turning().norm() + TURN_AFTER;
+                    let turn = (target.rotation * from.rotation.inverse()).scaled_axis();
+                    if let Some(share) = shortened(turn.norm(), speed * self.step) {
+                        let part = UnitQuaternion::from_scaled_axis(turn * share);
+                        target.rotation = part * from.rotation;
+                        behind = true;
+                    }
+                }
+            }
+            self.targets.push(target);
         }
         behind
     }
@@ -231,6 +241,11 @@ impl HostBody {
         }
         Ok(())
     }
+}
+
+/// Which share of a way leads as far as `most`, if the whole is longer.
+fn shortened(length: f64, most: f64) -> Option<f64> {
+    (length > most).then(|| most / length)
 }
 
 /// Copies condensed stiffness, damping and drift into a local model.

@@ -79,6 +79,11 @@ impl HandlePath {
     pub fn velocity(&self) -> &Vec3 {
         &self.twist.linear
     }
+
+    /// The filter's angular velocity.
+    pub fn turning(&self) -> &Vec3 {
+        &self.twist.angular
+    }
 }
 
 #[cfg(test)]

@@ -5,10 +5,11 @@
 
 use super::build::links;
 use super::choice::Choice;
-use crate::bodies::{Kind, bending};
+use crate::bodies::{self, Kind, bending};
 use crate::run::setup;
 use crate::scene::LoadedScene;
-use crate::scene::spec::{Scene, SchemeName, SolverName};
+use crate::scene::spec::{self, Scene, SchemeName, SolverName};
+use physics::fem::Freedom;
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
@@ -193,9 +194,9 @@ pub fn plan(loaded: &LoadedScene, kinds: &[Kind], choices: &[Choice]) -> Vec<Sta
             condenses(scene),
             if condenses(scene) {
                 format!(
-                    "scheme \"{}\" extrapolates with stiffness and damping, translations only \
-                     (the devices actuate no rotation), at {} Hz{}",
+                    "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz{}",
                     setup::scheme(scene).name(),
+                    motions(loaded),
                     scene.host.publish_rate,
                     if assembles(scene) {
                         ""
@@ -217,6 +218,21 @@ pub fn plan(loaded: &LoadedScene, kinds: &[Kind], choices: &[Choice]) -> Vec<Sta
             ),
         ),
     ]
+}
+
+/// Which motions of the handles are condensed.
+fn motions(loaded: &LoadedScene) -> String {
+    let bodies = loaded.scene.bodies.iter();
+    let all: Vec<_> = bodies.flat_map(|body| &body.handles).collect();
+    let rigid = |handle: &&&spec::Handle| bodies::freedom(loaded, handle) == Freedom::Rigid;
+    match all.iter().filter(rigid).count() {
+        0 => "translations only (the devices drive no rotation)".into(),
+        turned if turned == all.len() => "translations and rotations".into(),
+        turned => format!(
+            "translations, and rotations of {} whose devices drive them",
+            count(turned, "handle")
+        ),
+    }
 }
 
 fn count(n: usize, what: &str) -> String {

@@ -3,6 +3,7 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
+use super::withheld::{Stretch, Watch};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
@@ -49,6 +50,8 @@ pub struct Collector {
     /// Position and force at the last tick, and the first position.
     last: Vec<Option<(Vec3, Vec3, Vec3)>>,
     open: Vec<Option<(f64, &'static str)>>,
+    /// By body.
+    withheld: Vec<Watch>,
     spans: Vec<Span>,
     samples: Option<Vec<Sample>>,
     ticks: u64,
@@ -62,6 +65,7 @@ impl Collector {
             totals: vec![DeviceTotals::default(); device_names.len()],
             last: vec![None; device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],
+            withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
             samples: keep_samples.then(Vec::new),
             ticks: 0,
@@ -116,6 +120,12 @@ impl Collector {
                 *open = now.map(|what| (time, what));
             }
         }
+        let bodies = telemetry.bodies().zip(&mut self.withheld);
+        for ((body, watch), name) in bodies.zip(&self.body_names) {
+            if let Some(stretch) = watch.take(time, body.withheld) {
+                push_withheld(&mut self.spans, name, &stretch);
+            }
+        }
         if let Some(samples) = &mut self.samples {
             let devices = telemetry
                 .devices()
@@ -133,6 +143,11 @@ impl Collector {
                 push_span(&mut self.spans, from, self.end, name, what);
             }
         }
+        for (watch, name) in self.withheld.iter().zip(&self.body_names) {
+            if let Some(stretch) = watch.finish() {
+                push_withheld(&mut self.spans, name, &stretch);
+            }
+        }
         Collected {
             totals: self.totals,
             spans: self.spans,
@@ -144,6 +159,10 @@ impl Collector {
 
 /// More spans than this are no longer read by anyone, and a flickering limit would fill the memory.
 const MAX_SPANS: usize = 1000;
+
+fn push_withheld(spans: &mut Vec<Span>, name: &str, stretch: &Stretch) {
+    push_span(spans, stretch.from, stretch.to, name, &stretch.what());
+}
 
 fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, what: &str) {
     if spans.len() < MAX_SPANS {

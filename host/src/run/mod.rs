@@ -10,6 +10,7 @@ pub mod setup;
 mod sink;
 pub mod summary;
 pub mod virtual_clock;
+mod withheld;
 
 pub use device::AnyDevice;
 

@@ -107,8 +107,11 @@ fn print_local_models(found: &LocalModels) {
     for row in rows {
         if row.first().is_some_and(|cell| cell.motion == "steady") {
             print("steady", row, |cell| cell.error);
-            print("steady, with the force's rate", row, |cell| {
-                cell.error_with_rate
+            print("steady, without drift", row, |cell| {
+                cell.error_without_drift
+            });
+            print("steady, exact tangent", row, |cell| {
+                cell.error_exact_tangent
             });
         } else {
             print("from rest", row, |cell| cell.error);

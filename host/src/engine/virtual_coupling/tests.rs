@@ -18,6 +18,9 @@ type Stacked = SVector<f64, SIZE>;
 
 /// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of
 /// it as damping (s), its body under way.
+/// How long the drift has gone on (s).
+const AHEAD: f64 = 0.02;
+
 fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     let size = 6 * handles;
     // Numbers without a pattern, the same everywhere.
@@ -47,6 +50,10 @@ fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
         model.handles[i].wrench = Wrench {
             force: Vec3::new(1.0, -2.0, 0.5 + i as f64),
             moment: Vec3::new(0.02, 0.01, -0.03),
+        };
+        model.handles[i].drift = Wrench {
+            force: Vec3::new(5.0 * i as f64, -3.0, 1.0),
+            moment: Vec3::new(0.1, -0.2, 0.3),
         };
         for j in 0..handles {
             model.stiffness[i][j] = Mat6::from_fn(|r, c| stiffness[(6 * i + r, 6 * j + c)]);
@@ -119,7 +126,8 @@ fn the_devices_feel_what_proxies_in_balance_pass_on() {
         // At rest: the dampers do nothing, so the wrench that was published has theirs taken out.
         let speed = stacked(&model, |handle| handle.twist.stacked());
         let wrench = stacked(&model, |handle| handle.wrench.stacked());
-        let held = wrench + whole(&model.damping) * speed;
+        let drift = stacked(&model, |handle| handle.drift.stacked());
+        let held = wrench + whole(&model.damping) * speed + drift * AHEAD;
         // (K + Kc) q = a + Kc d, solved as it stands.
         let proxies = (body + springs)
             .cholesky()
@@ -134,7 +142,7 @@ fn the_devices_feel_what_proxies_in_balance_pass_on() {
             };
         }
         for (i, found) in coupled
-            .wrenches(&deviations)
+            .wrenches(&deviations, AHEAD)
             .iter()
             .enumerate()
             .take(handles)

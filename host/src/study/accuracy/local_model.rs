@@ -1,7 +1,7 @@
 //! How well the local model of a solid foretells the force between publications.
 //!
 //! A cube of gelatine is pressed between a fixed plate and a hand. From some moment on the hand moves at a
-//! constant velocity, and the change of its force after 1 to 50 ms is foretold by stiffness and damping as
+//! constant velocity, and the change of its force after 1 to 50 ms is foretold by stiffness, damping and drift as
 //! condensed for just that period, as the tick does, and simulated with steps far shorter. A model that is
 //! held errs by the whole change: 1. Two motions:
 //!
@@ -9,8 +9,8 @@
 //! - **steady**: the hand has come to its velocity over 0.2 s and keeps it.
 //!
 //! A body in steady motion carries on without the hand's doing, which stiffness and damping cannot know: they
-//! take all of the hand's displacement for news. So the errors of a model that knows the force's rate stand
-//! beside those of the published one.
+//! take all of the hand's displacement for news. The drift knows. So the errors of a model without drift stand beside
+//! those of the published one.
 //!
 //! One linearized step of implicit Euler as long as the period is foretold exactly, once the inertia is added
 //! that is published but not extrapolated: that is what the condensation is made for, and checks it.
@@ -20,7 +20,7 @@ use super::{AccuracyError, Level};
 use physics::Vec3;
 use physics::fem::{
     Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, Scheme, SolidLaw, SolidMaterial,
+    HandleSpec, Integrator, IntegratorOptions, Scheme, SolidLaw, SolidMaterial, Tangent,
 };
 use physics::mesh::generate_box::solid_box;
 use serde::Serialize;
@@ -51,9 +51,11 @@ pub struct Prediction {
     pub change: f64,
     /// Error of the change foretold, as a share of it.
     pub error: f64,
-    /// The same with a model that also knows the force's rate: displacements then count from where the hand
-    /// would be at the velocity published. The published model has no rate; this is what one would bring.
-    pub error_with_rate: f64,
+    /// The same without the drift.
+    pub error_without_drift: f64,
+    /// The same with drift, condensed from the exact tangent. Steps need one without negative parts and condense that;
+    /// the difference is what pressed cells lack of it.
+    pub error_exact_tangent: f64,
 }
 
 /// What was found.
@@ -102,8 +104,6 @@ struct Scene {
     poses: [HandlePose; 2],
     /// Velocity of the hand before it is foretold (m/s).
     velocity: Vec3,
-    /// Rate of its force (N/s).
-    rate: Vec3,
     integrator: Integrator,
     steps_a_ms: u32,
 }
@@ -137,7 +137,6 @@ impl Scene {
             body,
             poses,
             velocity: Vec3::zeros(),
-            rate: Vec3::zeros(),
             integrator,
             steps_a_ms,
         })
@@ -159,9 +158,7 @@ impl Scene {
             // The velocity follows 3 s^2 - 2 s^3.
             let s = t / APPROACH;
             self.poses[1].position = start + VELOCITY * (APPROACH * s * s * s * (1.0 - 0.5 * s));
-            let before = self.force();
             self.integrator.step(&mut self.body, h, &self.poses)?;
-            self.rate = (self.force() - before) / h;
         }
         self.velocity = VELOCITY;
         Ok(())
@@ -173,7 +170,6 @@ impl Scene {
         motion: &'static str,
         damping: f64,
     ) -> Result<Vec<Prediction>, AccuracyError> {
-        self.body.assemble();
         let mut condenser = Condenser::new(&self.body)?;
         let (start, before) = (self.force(), self.poses[1].position);
         let h = 1e-3 / f64::from(self.steps_a_ms);
@@ -181,30 +177,39 @@ impl Scene {
         let mut models = Vec::new();
         for ms in PERIODS {
             let t = f64::from(ms) * 1e-3;
-            let condensed = condenser.condense(&self.body, t)?;
-            // As the tick does: displacement, and velocity less that published.
-            let jump = VELOCITY - self.velocity;
-            let stiffness = hand(condensed, |m| &m.stiffness);
-            let damper = hand(condensed, |m| &m.damping) * jump;
-            let plain = -(stiffness * (VELOCITY * t) + damper);
-            let with_rate = self.rate * t - (stiffness * (jump * t) + damper);
-            models.push((ms, t, plain, with_rate));
+            let mut foretold = |tangent| -> Result<[Vec3; 2], AccuracyError> {
+                self.body.assemble_with(tangent);
+                let condensed = condenser.condense(&self.body, t)?;
+                // As the tick does: displacement, and velocity less that published.
+                let jump = VELOCITY - self.velocity;
+                let stiffness = hand(condensed, |m| &m.stiffness);
+                let damper = hand(condensed, |m| &m.damping) * jump;
+                let plain = -(stiffness * (VELOCITY * t) + damper);
+                let drift = Vec3::from_column_slice(&condensed.drift[6..9]) * t;
+                Ok([plain, plain + drift])
+            };
+            let [plain, whole] = foretold(Tangent::Clipped)?;
+            let [_, exact] = foretold(Tangent::Exact)?;
+            models.push((ms, t, [whole, plain, exact]));
         }
         let mut done = 0;
-        for (ms, period, plain, with_rate) in models {
+        for (ms, period, foretold) in models {
             for step in done + 1..=ms * self.steps_a_ms {
                 self.poses[1].position = before + VELOCITY * (f64::from(step) * h);
                 self.integrator.step(&mut self.body, h, &self.poses)?;
             }
             done = ms * self.steps_a_ms;
             let simulated = self.force() - start;
+            let [error, error_without_drift, error_exact_tangent] =
+                foretold.map(|change| (change - simulated).norm() / simulated.norm());
             predictions.push(Prediction {
                 motion,
                 damping,
                 period,
                 change: simulated.norm(),
-                error: (plain - simulated).norm() / simulated.norm(),
-                error_with_rate: (with_rate - simulated).norm() / simulated.norm(),
+                error,
+                error_without_drift,
+                error_exact_tangent,
             });
         }
         Ok(predictions)

@@ -148,7 +148,7 @@ impl Series {
 /// What the study found.
 #[derive(Clone, Debug, Serialize)]
 pub struct Accuracy {
-    /// `palpate.accuracy/1`.
+    /// `palpate.accuracy/2`.
     pub schema: &'static str,
     /// How much was computed.
     pub level: Level,
@@ -192,7 +192,7 @@ pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, Accu
     }
     let local_models = local_model::run(level, |share| progress(done + (1.0 - done) * share))?;
     Ok(Accuracy {
-        schema: "palpate.accuracy/1",
+        schema: "palpate.accuracy/2",
         level,
         series,
         local_models,

@@ -1,0 +1,142 @@
+//! Whether the cap holds a body's force back for long: a hand that feels too little for half a second has felt it.
+
+use rt_core::Withheld;
+
+/// Withheld shares below this are none: the hold's own accuracy.
+const SHARE: f64 = 0.01;
+/// Nor are forces below this (N): less than a hand can tell.
+const FORCE: f64 = 0.02;
+/// It counts once it has lasted so long (s),
+const LASTING: f64 = 0.5;
+/// and goes on over gaps as long as this (s): a cap that acts in most ticks is felt as one that acts in all.
+const GAP: f64 = 0.1;
+
+/// A stretch of time in which force was withheld.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stretch {
+    /// Start (s).
+    pub(super) from: f64,
+    /// End (s).
+    pub(super) to: f64,
+    /// Where most was withheld.
+    pub(super) most: Withheld,
+}
+
+impl Stretch {
+    /// What it was, for people.
+    pub(super) fn what(&self) -> String {
+        let Withheld { force, of } = self.most;
+        let percent = 100.0 * force / of;
+        format!(
+            "the cap holds back up to {force:.2} N of the body's {of:.2} N ({percent:.0} %): its models claim more \
+             energy than the hands have put in"
+        )
+    }
+}
+
+/// Watches one body.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Watch {
+    open: Option<Stretch>,
+}
+
+impl Watch {
+    /// Takes what is withheld at `time` (s); gives a stretch that has ended, if it lasted.
+    pub(super) fn take(&mut self, time: f64, withheld: Withheld) -> Option<Stretch> {
+        let acts = withheld.force > FORCE.max(SHARE * withheld.of);
+        match &mut self.open {
+            Some(open) if acts && time - open.to <= GAP => {
+                open.to = time;
+                if withheld.force > open.most.force {
+                    open.most = withheld;
+                }
+                None
+            }
+            Some(open) if time - open.to > GAP => {
+                let ended = *open;
+                self.open = acts.then(|| Stretch::begun(time, withheld));
+                lasting(ended)
+            }
+            Some(_) => None,
+            None => {
+                self.open = acts.then(|| Stretch::begun(time, withheld));
+                None
+            }
+        }
+    }
+
+    /// What is still open at the end, if it lasted.
+    pub(super) fn finish(self) -> Option<Stretch> {
+        self.open.and_then(lasting)
+    }
+}
+
+impl Stretch {
+    fn begun(time: f64, most: Withheld) -> Self {
+        Self {
+            from: time,
+            to: time,
+            most,
+        }
+    }
+}
+
+fn lasting(stretch: Stretch) -> Option<Stretch> {
+    (stretch.to - stretch.from > LASTING).then_some(stretch)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two seconds of ticks; `force` (N) is withheld of 2 N at each time (s).
+    fn stretches(force: impl Fn(f64) -> f64) -> Vec<Stretch> {
+        let mut watch = Watch::default();
+        let mut found: Vec<_> = (0..2000)
+            .map(|tick| f64::from(tick) * 1e-3)
+            .filter_map(|t| {
+                watch.take(
+                    t,
+                    Withheld {
+                        force: force(t),
+                        of: 2.0,
+                    },
+                )
+            })
+            .collect();
+        found.extend(watch.finish());
+        found
+    }
+
+    #[test]
+    fn what_lasts_is_told_with_its_size_and_what_is_short_or_small_is_not() {
+        let within = |a: f64, b: f64, t: f64| (a..b).contains(&t);
+        assert_eq!(stretches(|_| 0.015), []);
+        assert_eq!(
+            stretches(|t| if within(0.2, 0.6, t) { 1.0 } else { 0.0 }),
+            []
+        );
+        let long = stretches(|t| if within(0.2, 0.9, t) { t } else { 0.0 });
+        assert_eq!(long.len(), 1);
+        // A tick either side.
+        assert!((long[0].from - 0.2).abs() < 1.1e-3 && (long[0].to - 0.9).abs() < 1.1e-3);
+        assert!((long[0].most.force - 0.9).abs() < 1.1e-3);
+        assert!(
+            long[0]
+                .what()
+                .contains("0.90 N of the body's 2.00 N (45 %)"),
+            "{}",
+            long[0].what()
+        );
+        // Six ticks of seven, to the end.
+        let flickering = stretches(|t| {
+            if t > 1.0 && (t * 1e3) as u64 % 7 > 0 {
+                0.5
+            } else {
+                0.0
+            }
+        });
+        assert_eq!(flickering.len(), 1);
+        assert!(flickering[0].to > 1.99);
+    }
+}
