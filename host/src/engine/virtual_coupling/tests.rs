@@ -16,11 +16,11 @@ const SIZE: usize = 6 * MAX_HANDLES;
 type Whole = SMatrix<f64, SIZE, SIZE>;
 type Stacked = SVector<f64, SIZE>;
 
-/// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of
-/// it as damping (s), its body under way.
 /// How long the drift has gone on (s).
 const AHEAD: f64 = 0.02;
 
+/// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of
+/// it as damping (s), its body under way.
 fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     let size = 6 * handles;
     // Numbers without a pattern, the same everywhere.
