@@ -3,11 +3,12 @@
 use super::scene::{log, picture};
 use super::{CommandError, Common, progress_bar, show};
 use crate::atomic_file::write_atomically;
+use crate::scene::Scene;
 use crate::scene::spec::SchemeName;
 use crate::study::stress::hold::draw::Kind;
 use crate::study::stress::hold::summary::{row, worst};
 use crate::study::stress::hold::verdict::{Failure, failures};
-use crate::study::stress::hold::{CASES, CellResult, SCHEMES, Study};
+use crate::study::stress::hold::{CASES, CellResult, SCHEMES, Study, judge};
 use crate::study::stress::jobs::{self, Header};
 use sim::DeviceModel;
 use std::collections::BTreeMap;
@@ -16,6 +17,9 @@ use std::path::PathBuf;
 /// Arguments of `palpate stress hold`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct HoldArguments {
+    /// Judge this scene instead (TOML), with its own hands
+    #[arg(conflicts_with_all = ["runs", "cell", "quick", "seed", "shard", "json", "plot"])]
+    file: Option<PathBuf>,
     /// How many cells: the cases, and what is drawn; each is run under linear and capped
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
@@ -52,6 +56,10 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
 
 pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
+    if let Some(path) = &arguments.file {
+        let cell = judge(Scene::load(path)?)?;
+        return finish(&BTreeMap::from([(0, cell)]));
+    }
     let study = Study::new(common.seed);
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, study, cell);
@@ -74,19 +82,25 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     if let Some(path) = &common.plot {
         write_atomically(path, picture::holds(&cells).as_bytes())?;
     }
-    for (number, cell) in &cells {
+    finish(&cells)
+}
+
+/// Tells of the cells in which `capped` fails, the cases and the worst.
+fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
+    let failing = worst(cells, "capped");
+    tell(cells, &failing);
+    for (number, cell) in cells {
         if let Some(why) = &cell.failed {
             eprintln!("palpate: cell {number}: {why}");
         }
     }
-    let failed = worst(&cells, "capped").len();
-    if failed > 0 {
-        return Err(CommandError::Stressed {
-            failed,
-            of: cells.len(),
-        });
+    if failing.is_empty() {
+        return Ok(());
     }
-    Ok(())
+    Err(CommandError::Stressed {
+        failed: failing.len(),
+        of: cells.len(),
+    })
 }
 
 /// Prints a table by specimen, by device and by rate, and the worst cells.
@@ -119,35 +133,36 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
             cell.draw.is_some() && (low..high).contains(&cell.rate)
         });
     }
-    println!("\nWorst under capped:\n");
-    println!("| cell | what | Hz | fails | hold error % | run error % | ripple N | capped % |");
-    println!("|---|---|---|---|---|---|---|---|");
-    let failing = worst(cells, "capped");
+}
+
+fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
+    println!("\nCases and worst cells:\n");
+    println!(
+        "| cell | what | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
+    );
+    println!("|{}", "---|".repeat(10));
     let cases = cells.iter().filter(|(_, cell)| cell.case.is_some());
-    let cases = cases.map(|(number, cell)| (*number, cell, failures(cell, "capped")));
-    let drawn = failing
-        .into_iter()
-        .filter(|(_, cell, _)| cell.case.is_none());
-    for (number, cell, failures) in cases.chain(drawn.take(TOLD)) {
-        let names: Vec<_> = failures.iter().map(|what| what.name()).collect();
+    let cases = cases.map(|(number, cell)| (*number, cell));
+    let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
+    let drawn = drawn.map(|(number, cell, _)| (*number, *cell));
+    for (number, cell) in cases.chain(drawn.take(TOLD)) {
         let what = cell.draw.as_ref().map_or_else(
             || cell.case.clone().unwrap_or_default(),
             |draw| format!("{}, {}", draw.kind.name(), draw.device),
         );
-        let numbers = cell.schemes.get("capped").map_or_else(String::new, |o| {
-            format!(
-                "{:.1} | {:.1} | {:.3} | {:.1}",
-                100.0 * o.felt.hold_error,
-                100.0 * o.felt.run_error,
-                o.felt.worst_ripple,
-                100.0 * o.capped
-            )
-        });
-        println!(
-            "| {number} | {what} | {:.0} | {} | {numbers} |",
-            cell.rate,
-            names.join(", ")
-        );
+        for (scheme, outcome) in &cell.schemes {
+            let names = failures(cell, scheme).into_iter().map(Failure::name);
+            println!(
+                "| {number} | {what} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
+                cell.rate,
+                names.collect::<Vec<_>>().join(", "),
+                100.0 * outcome.felt.hold_error,
+                100.0 * outcome.felt.run_error,
+                outcome.felt.worst_ripple,
+                100.0 * outcome.capped,
+                1e3 * outcome.net_energy,
+            );
+        }
     }
 }
 

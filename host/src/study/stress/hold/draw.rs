@@ -146,6 +146,12 @@ impl Draw {
             // After a whole number of steps, as scenes have it.
             (1000.0 / (1000.0 / rate).round(), 1000.0)
         };
+        // A strip that buckles swings by itself: what no model of 30 Hz can tell is damped out.
+        let dampers = if kind == Kind::Buckling {
+            [5e-3, 0.03]
+        } else {
+            [5e-4, 0.03]
+        };
         Self {
             kind,
             device: device.to_owned(),
@@ -153,7 +159,7 @@ impl Draw {
             fineness: chance.unit(3),
             thickness: chance.unit(4),
             weight: kind.is_solid() && chance.unit(5) < 0.5,
-            damping: [scale(6, [0.05, 5.0]), scale(7, [5e-4, 0.03])],
+            damping: [scale(6, [0.05, 5.0]), scale(7, dampers)],
             stiffness: scale(8, [soft, stiff.min(stiffest(&model))]),
             force: chance.between(9, 0.15, 0.55),
             grip: chance.unit(10),

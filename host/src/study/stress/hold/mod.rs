@@ -21,7 +21,8 @@ use super::scene::{StressError, reference, run};
 use crate::bodies;
 use crate::scene::spec::SchemeName;
 use crate::scene::{LoadedScene, Scene};
-use draw::{Draw, Kind};
+use draw::{Draw, Kind, stiffest};
+use rt_core::velocity::VelocityEstimator;
 use serde::{Deserialize, Serialize};
 use sim::DeviceModel;
 use specimen::Scale;
@@ -67,8 +68,6 @@ pub const CASES: [(&str, &str, f64); 6] = [
     ),
 ];
 
-/// Young's modulus with which a specimen's stiffness is found (Pa); it is in proportion.
-const TRIAL: f64 = 1e5;
 /// The period at which it is found (s): so slow that inertia is nothing, and a membrane is held all the same.
 const SLOW: f64 = 1.0;
 
@@ -81,7 +80,8 @@ pub struct CellResult {
     pub draw: Option<Draw>,
     /// Local models a second (Hz).
     pub rate: f64,
-    /// What a change by one count of the encoder makes of the stiffest force that was to be rendered (N).
+    /// What a change by one count of the encoder makes of the force (N): by the body's stiffness where the runs end, and
+    /// by its damping where a velocity is that count over the time in which drivers estimate one.
     pub count: f64,
     /// How still the reference's hold is.
     pub reference: Stillness,
@@ -93,20 +93,14 @@ pub struct CellResult {
     pub failed: Option<String>,
 }
 
-impl CellResult {
-    /// What kind of specimen it has, for tables.
-    pub fn kind(&self) -> &str {
-        self.draw.as_ref().map_or("case", |draw| draw.kind.name())
-    }
-}
-
 /// A cell's runs, whole.
 pub struct Traces {
     /// The reference's.
     pub reference: Trace,
     /// Under each scheme that was asked for.
     pub runs: Vec<Trace>,
-    /// What a change by one count of the encoder makes of the stiffest force that was to be rendered (N).
+    /// What a change by one count of the encoder makes of the force (N): by the body's stiffness where the runs end, and
+    /// by its damping where a velocity is that count over the time in which drivers estimate one.
     pub count: f64,
     host: HostDraw,
 }
@@ -142,7 +136,9 @@ impl Study {
     /// # Errors
     /// [`StressError`] where it cannot be built.
     pub fn scene(&self, cell: u64) -> Result<LoadedScene, StressError> {
-        let load = |text: &str| Scene::load_texts("cell.toml", text, &BTreeMap::new());
+        let load = |text: &str| -> Result<_, StressError> {
+            Ok(Scene::load_texts("cell.toml", text, &BTreeMap::new())?)
+        };
         let Some(draw) = self.draw(cell) else {
             let (_, text, rate) = CASES[cell as usize];
             let mut loaded = load(text)?;
@@ -153,10 +149,14 @@ impl Study {
         let devices: BTreeMap<_, _> = DeviceModel::all().collect();
         let model = &devices[draw.device.as_str()];
         let name = format!("hold {cell} of seed {}", self.seed);
-        let scene = |young| specimen::scene(&name, &draw, Scale { young }, model);
-        let trial = load(&scene(TRIAL))?;
-        let found = stiffness(&trial, draw.kind)?;
-        Ok(load(&scene(TRIAL * draw.stiffness / found))?)
+        let scene = |scale| load(&specimen::scene(&name, &draw, scale, model));
+        let [along, most] = stiffness(&scene(Scale::TRIAL)?, draw.kind)?;
+        // A hand that trembles meets the specimen's other stiffnesses, too.
+        let share = (draw.stiffness / along).min(stiffest(model) / most);
+        scene(Scale {
+            young: Scale::TRIAL.young * share,
+            stiffness: along * share,
+        })
     }
 
     /// The reference of a cell, and its run under each of `schemes`.
@@ -174,17 +174,28 @@ impl Study {
         let draw = self.draw(cell);
         let case = CASES.get(cell as usize);
         let rate = case.map(|(_, _, rate)| *rate);
-        let mut result = CellResult {
+        CellResult {
             case: case.map(|(name, _, _)| (*name).to_owned()),
             rate: rate.or(draw.as_ref().map(|draw| draw.rate)).unwrap_or(0.0),
             draw,
+            ..CellResult::of(self.traces(cell, &names), schemes)
+        }
+    }
+}
+
+impl CellResult {
+    fn of(traces: Result<Traces, StressError>, schemes: &[(SchemeName, &str)]) -> Self {
+        let mut result = Self {
+            case: None,
+            rate: 0.0,
+            draw: None,
             count: 0.0,
             reference: Stillness::default(),
             reference_net_energy: 0.0,
             schemes: BTreeMap::new(),
             failed: None,
         };
-        match self.traces(cell, &names) {
+        match traces {
             Ok(traces) => {
                 result.count = traces.count;
                 result.reference = traces.reference.stillness();
@@ -196,6 +207,27 @@ impl Study {
         }
         result
     }
+}
+
+/// Runs a scene with its own hands under each of [`SCHEMES`].
+///
+/// # Errors
+/// [`StressError`].
+pub fn judge(loaded: LoadedScene) -> Result<CellResult, StressError> {
+    let (case, rate) = (
+        Some(loaded.scene.name.clone()),
+        loaded.scene.host.publish_rate,
+    );
+    let found = traces(
+        loaded,
+        &SCHEMES.map(|(scheme, _)| scheme),
+        Chance::new(0, 0),
+    )?;
+    Ok(CellResult {
+        case,
+        rate,
+        ..CellResult::of(Ok(found), &SCHEMES)
+    })
 }
 
 /// The reference of a scene, and its run under each of `schemes`: at the rates and the latency of the scene, nothing
@@ -219,11 +251,12 @@ fn traces(
         let mut run = run::run(&world, *scheme, chance)?;
         let mut bodies = reference::follow(&world, &mut run)?;
         let horizon = 1.0 / host.rate + host.latency;
-        let stiffness = bodies.stiffness(&world, horizon)?;
         let models = world.loaded.models.iter();
         count = models
-            .zip(stiffness)
-            .map(|(model, stiffness)| model.position_step * stiffness)
+            .zip(bodies.stiffest(&world, horizon)?)
+            .map(|(model, [spring, damper])| {
+                model.position_step * (spring + damper / VelocityEstimator::SPAN)
+            })
             .fold(count, f64::max);
         runs.push(run);
     }
@@ -235,11 +268,12 @@ fn traces(
     })
 }
 
-/// Static stiffness of a scene's specimen at its handle, the way that the hand goes (N/m).
-fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<f64, StressError> {
+/// Static stiffness of a scene's specimen at its handle (N/m): the way that the hand goes, and the most of any way.
+fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<[f64; 2], StressError> {
     let condenser = bodies::condense::<StressError>(loaded, 0, SLOW)?;
     let stiffness = &condenser.condensed().stiffness;
     let way = specimen::way(kind);
     let each = (0..9).map(|k| (k / 3, k % 3));
-    Ok(each.map(|(r, c)| way[r] * stiffness[(r, c)] * way[c]).sum())
+    let along = each.map(|(r, c)| way[r] * stiffness[(r, c)] * way[c]);
+    Ok([along.sum(), reference::largest(stiffness, 0)])
 }

@@ -17,11 +17,21 @@ const MOST_SAG: f64 = 0.1;
 const GRAVITY: f64 = 9.81;
 const POISSON: f64 = 0.4;
 
-/// What a specimen is made of, beside what was drawn.
+/// How stiff a specimen is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scale {
     /// Young's modulus (Pa).
     pub(super) young: f64,
+    /// Static stiffness at the handle the way it goes (N/m).
+    pub(super) stiffness: f64,
+}
+
+impl Scale {
+    /// With which a specimen's stiffness is found: it is in proportion to the modulus.
+    pub(super) const TRIAL: Self = Self {
+        young: 1e5,
+        stiffness: 1e3,
+    };
 }
 
 /// The geometry of a specimen.
@@ -109,9 +119,10 @@ fn pulled(draw: &Draw) -> Shape {
 
 fn plate(draw: &Draw) -> Shape {
     let cells = 2 * whole(draw.fineness, 3, 6);
+    // So thick that it does not bend a thousand times more easily than it stretches: hands meet both.
     let side = 0.12;
     let half = 1.1 * side / f64::from(cells);
-    let thickness = 0.002 + 0.004 * draw.thickness;
+    let thickness = 0.008 + 0.006 * draw.thickness;
     let edges = ["left", "right", "front", "back"].iter().zip([
         [[-0.061, -0.061, -0.01], [-0.059, 0.061, 0.01]],
         [[0.059, -0.061, -0.01], [0.061, 0.061, 0.01]],
@@ -132,7 +143,7 @@ fn plate(draw: &Draw) -> Shape {
         ),
         ways: [way(draw.kind), [0.0, 1.0, 0.0]],
         // Beyond its thickness it stretches more than it bends.
-        most: 1.5 * thickness,
+        most: 0.7 * thickness,
         thickness,
     }
 }
@@ -140,7 +151,7 @@ fn plate(draw: &Draw) -> Shape {
 fn strip(draw: &Draw) -> Shape {
     let (length, width) = (0.12, 0.04);
     let across = whole(draw.fineness, 3, 6);
-    let thickness = 0.003 + 0.004 * draw.thickness;
+    let thickness = 0.004 + 0.004 * draw.thickness;
     Shape {
         mesh: rectangle(length, width, [3 * across, across]),
         held: BETWEEN_EDGES.to_owned(),
@@ -173,7 +184,10 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         most,
         thickness,
     } = shape(draw);
-    let young = scale.young;
+    let Scale {
+        young,
+        stiffness: along,
+    } = scale;
     let mut density: f64 = 1000.0;
     if draw.weight {
         density = density.min(MOST_SAG * young / (GRAVITY * thickness));
@@ -197,10 +211,10 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
     }
     let [mass, stiffness] = draw.damping;
     let gravity = if draw.weight { -GRAVITY } else { 0.0 };
-    let depth = (draw.force * model.max_force / draw.stiffness).min(most);
+    let depth = (draw.force * model.max_force / along).min(most);
     let load = if draw.kind == Kind::Buckling {
         // A hundredth of what it stands along itself decides to which side it goes.
-        let aside = 0.01 * draw.stiffness * buckles(0.12, thickness);
+        let aside = 0.01 * along * buckles(0.12, thickness);
         format!(
             "\n[[body.load]]\nname = \"push aside\"\n\
              box = [[-0.011, -0.03, -0.01], [0.011, 0.03, 0.01]]\nforce = [0.0, 0.0, {aside:?}]\n"
@@ -218,18 +232,24 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         draw.rate,
         draw.latency,
         draw.device,
-        hand(draw, model, ways, depth),
+        hand(draw, model, ways, depth, along),
     )
 }
 
-/// `[device.hand]`: one that gets so deep (m) against the specimen and the device's friction.
-fn hand(draw: &Draw, model: &DeviceModel, ways: [[f64; 3]; 2], depth: f64) -> String {
+/// `[device.hand]`: one that gets so deep (m) against a specimen of this stiffness (N/m) and the device's friction.
+fn hand(
+    draw: &Draw,
+    model: &DeviceModel,
+    ways: [[f64; 3]; 2],
+    depth: f64,
+    stiffness: f64,
+) -> String {
     let arm = Arm::between(draw.grip);
     let names = ["relaxed", "typical", "firm", "rigid"];
     let name = names[(draw.grip * 3.999) as usize];
     // Its spring has to be stretched for the force.
     let beyond = |way: f64| {
-        let held = draw.stiffness * way + model.friction;
+        let held = stiffness * way + model.friction;
         way + (held / arm.stiffness).min(FURTHEST)
     };
     let tremor = if draw.task == Task::Tremble {

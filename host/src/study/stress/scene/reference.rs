@@ -13,7 +13,9 @@ use super::measure::Trace;
 use super::world::{World, exerted, handle};
 use crate::bodies;
 use crate::scene::LoadedScene;
+use nalgebra::Matrix3;
 use physics::fast::{Stepper, StepperOptions};
+use physics::fem::dense::Square;
 use physics::fem::{Body, Condenser, HandlePose};
 use rt_core::clutch::Clutch;
 use rt_core::safety::{Limiter, SafetyState};
@@ -93,31 +95,36 @@ impl<'a> Copy<'a> {
 }
 
 impl Bodies {
-    /// The largest stiffness that each device meets where the bodies of `world` are now, as a model that is good for
-    /// `period` (s) has it (N/m at the device).
-    pub(in crate::study::stress) fn stiffness(
+    /// The largest stiffness and damping that each device meets where the bodies of `world` are now, as a model that is
+    /// good for `period` (s) has them (N/m and N s/m at the device).
+    pub(in crate::study::stress) fn stiffest(
         &mut self,
         world: &World,
         period: f64,
-    ) -> Result<Vec<f64>, StressError> {
+    ) -> Result<Vec<[f64; 2]>, StressError> {
         let held = world.held();
         let devices = &world.loaded.scene.devices;
-        let scales: Vec<_> = devices.iter().map(|d| d.motion_scale).collect();
-        let mut most = vec![0.0; scales.len()];
+        let mut most = vec![[0.0; 2]; devices.len()];
         for ((body, _), held) in self.0.iter_mut().zip(&held) {
             body.assemble();
             let mut condenser = Condenser::new(body)?;
             let condensed = condenser.condense(body, period)?;
             for (handle, device) in held.iter().enumerate() {
-                let block = nalgebra::Matrix3::from_fn(|r, c| {
-                    condensed.stiffness[(6 * handle + r, 6 * handle + c)]
-                });
-                let scale = scales[*device] * scales[*device];
-                most[*device] += scale * block.symmetric_eigenvalues().max();
+                let scale = devices[*device].motion_scale;
+                let found = [&condensed.stiffness, &condensed.damping];
+                for (most, matrix) in most[*device].iter_mut().zip(found) {
+                    *most += scale * scale * largest(matrix, handle);
+                }
             }
         }
         Ok(most)
     }
+}
+
+/// The largest eigenvalue that a condensed matrix has for the translations of `handle`.
+pub(in crate::study::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
+    let block = Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)]);
+    block.symmetric_eigenvalues().max()
 }
 
 /// Leads the bodies along the path that `run` keeps, and keeps what they exert there; gives the bodies at its end.
