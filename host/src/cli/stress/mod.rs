@@ -1,6 +1,7 @@
 //! `palpate stress`: what is to be run before a person touches a device. Under virtual time, on all cores, in shards.
 
 mod faults;
+mod hold;
 mod scene;
 mod wall;
 
@@ -23,6 +24,8 @@ enum What {
     Wall(wall::WallArguments),
     /// A hundred million ticks of input that no device, host or clock should ever give
     Faults(faults::FaultsArguments),
+    /// Fault-free presses, holds, rubs and tremors on every kind of body: whether what is felt is the body
+    Hold(hold::HoldArguments),
     /// A scene under all kinds of hands, rates and faults, under each scheme
     Scene(scene::SceneArguments),
 }
@@ -65,6 +68,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     match &arguments.what {
         What::Wall(arguments) => wall::run(arguments),
         What::Faults(arguments) => faults::run(arguments),
+        What::Hold(arguments) => hold::run(arguments),
         What::Scene(arguments) => scene::run(arguments),
     }
 }

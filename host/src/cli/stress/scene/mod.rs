@@ -1,6 +1,6 @@
 //! `palpate stress scene`: a scene under all kinds of hands, rates and faults.
 
-mod picture;
+pub(super) mod picture;
 mod table;
 
 use super::{CommandError, Common, progress_bar, show};
@@ -61,7 +61,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let default = if common.quick { QUICK } else { RUNS };
     let header = Header {
         study: "scene".to_owned(),
-        schema: 2,
+        schema: 3,
         seed: common.seed,
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({
@@ -131,13 +131,14 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
 }
 
 /// Every tick as a line: time, energies, then for each device force and position, of the run and of its reference.
-fn log(run: &Trace, reference: &Trace) -> String {
+pub(super) fn log(run: &Trace, reference: &Trace) -> String {
     let mut text = String::from("time,out,reference_out,to_spend,stored");
     for device in 0..run.devices.len() {
         for what in [
             "force",
             "position",
             "body",
+            "own",
             "reference_force",
             "reference_position",
         ] {
@@ -159,6 +160,7 @@ fn log(run: &Trace, reference: &Trace) -> String {
                 mine.force[tick],
                 mine.position[tick],
                 mine.body[tick],
+                mine.own[tick].force,
                 right.force[tick],
                 right.position[tick],
             ] {

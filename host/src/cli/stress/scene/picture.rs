@@ -1,6 +1,7 @@
 //! Pictures of the study, and of one of its cells.
 
 use crate::plot::{self, Marker, Panel, Series};
+use crate::study::stress::hold::{self, CellResult as HoldCell};
 use crate::study::stress::scene::measure::{DeviceTrace, Outcome, Trace};
 use crate::study::stress::scene::summary::{Band, outcomes};
 use crate::study::stress::scene::{CellResult, SCHEMES};
@@ -10,6 +11,9 @@ use std::collections::BTreeMap;
 const POINTS: usize = 240;
 /// Net energies below this (mJ) are drawn as this much: a logarithmic axis has no zero.
 const LEAST_ENERGY: f64 = 1e-3;
+
+/// The same of errors (%), ripple (mN) and shares (%).
+const LEAST_ERROR: f64 = 1e-3;
 
 /// A number of an outcome.
 type Value = fn(&Outcome) -> f64;
@@ -51,6 +55,43 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
     plot::panels_svg(&title, &subtitle, 3, &panels)
 }
 
+/// The distributions of the study of holds: errors of the hold and of the run, ripple, and the cap's share.
+pub(in crate::cli::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
+    let values: [(&str, Value); 4] = [
+        ("error of the hold (%)", |o| {
+            (100.0 * o.felt.hold_error).max(LEAST_ERROR)
+        }),
+        ("error of the run, of its peak (%)", |o| {
+            (100.0 * o.felt.run_error).max(LEAST_ERROR)
+        }),
+        ("ripple beyond the reference's (mN)", |o| {
+            (1e3 * o.felt.worst_ripple).max(LEAST_ERROR)
+        }),
+        ("ticks capped (%)", |o| (100.0 * o.capped).max(LEAST_ERROR)),
+    ];
+    let panels = values.map(|(what, value)| Panel {
+        x_label: what.to_owned(),
+        y_label: "share of cells".to_owned(),
+        log_x: true,
+        series: hold::SCHEMES
+            .iter()
+            .map(|(_, scheme)| {
+                let found = cells.values().filter_map(|cell| cell.schemes.get(*scheme));
+                Series {
+                    name: (*scheme).to_owned(),
+                    points: distribution(found.map(value).collect()),
+                    marker: Marker::None,
+                }
+            })
+            .collect(),
+    });
+    let subtitle = format!(
+        "{} cells without faults; distributions over the cells",
+        cells.len()
+    );
+    plot::panels_svg("Presses, holds, rubs and tremors", &subtitle, 2, &panels)
+}
+
 /// The share of `values` that lies below each of them.
 fn distribution(mut values: Vec<f64>) -> Vec<(f64, f64)> {
     values.sort_unstable_by(f64::total_cmp);
@@ -63,7 +104,12 @@ fn distribution(mut values: Vec<f64>) -> Vec<(f64, f64)> {
 }
 
 /// One run beside its reference: each device's force and motion along its main direction, and the energy.
-pub(super) fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) -> String {
+pub(in crate::cli::stress) fn cell(
+    title: &str,
+    subtitle: &str,
+    run: &Trace,
+    reference: &Trace,
+) -> String {
     let mut panels = Vec::new();
     let line = |name: &str, values: Vec<f64>| Series {
         name: name.to_owned(),
@@ -79,11 +125,13 @@ pub(super) fn cell(title: &str, subtitle: &str, run: &Trace, reference: &Trace) 
     for (number, (mine, right)) in run.devices.iter().zip(&reference.devices).enumerate() {
         let way = right.main_direction();
         let along = |trace: &DeviceTrace| trace.force.iter().map(|f| f.dot(&way)).collect();
+        let own = mine.own.iter().map(|own| own.force.dot(&way));
         panels.push(panel(
             format!("force of device {number} (N)"),
             vec![
                 line("this run", along(mine)),
                 line("reference", along(right)),
+                line("the body's own along this run", own.collect()),
             ],
         ));
     }

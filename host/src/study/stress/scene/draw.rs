@@ -15,8 +15,6 @@ pub const DURATION: f64 = 4.5;
 pub const BEGIN: f64 = 0.4;
 /// When they have come to where they stay (s).
 pub const ARRIVED: f64 = 2.6;
-/// From when it is measured how still they are (s).
-pub const HOLD: f64 = DURATION - 1.0;
 /// Whatever goes wrong for a while is over by then (s).
 const OVER: f64 = 2.5;
 
@@ -212,20 +210,50 @@ impl Draw {
         }
     }
 
+    /// A host of so many models a second (Hz) that are `latency` late (s), and nothing goes wrong. Who holds the devices
+    /// and what they do stands in the scene.
+    pub(in crate::study::stress) fn untroubled(rate: f64, latency: f64) -> Self {
+        Self {
+            rate,
+            latency,
+            jitter: 0.0,
+            models_lost: 0.0,
+            records_lost: 0.0,
+            trouble: Trouble::Nothing,
+            stalls: Vec::new(),
+            softening: None,
+            vanishing: None,
+            grips: Vec::new(),
+            task: Task::Press,
+            depth: 1.0,
+            haste: 0.0,
+        }
+    }
+
+    /// Whether the device of this number is gone at `time` (s), or not all back.
+    pub(super) fn is_gone(&self, device: usize, time: f64) -> bool {
+        let mut gone = self.vanishing.iter().filter(|gone| gone.device == device);
+        gone.any(|gone| lasting(&gone.span).holds(time))
+    }
+
     /// Whether something that lasts a while goes on at `time` (s), or what it left behind.
     pub fn is_troubled(&self, time: f64) -> bool {
-        // The force comes back in a fifth of a second, and the hand has gone elsewhere meanwhile.
-        let after = |span: &Span| Span {
-            at: span.at,
-            duration: span.duration + 0.5,
-        };
         let softens = self.softening.map(|softening| Span {
             at: softening.at,
             duration: 0.0,
         });
         let vanishes = self.vanishing.map(|vanishing| vanishing.span);
         let mut spans = self.stalls.iter().copied().chain(softens).chain(vanishes);
-        spans.any(|span| after(&span).holds(time))
+        spans.any(|span| lasting(&span).holds(time))
+    }
+}
+
+/// `span` with what it leaves behind: the force comes back in a fifth of a second, and the hand has gone elsewhere
+/// meanwhile.
+fn lasting(span: &Span) -> Span {
+    Span {
+        at: span.at,
+        duration: span.duration + 0.5,
     }
 }
 

@@ -1,7 +1,9 @@
 //! What is measured of a run: how still a hold is, how much energy came out, how far the forces are off.
 
-use super::draw::{BEGIN, Draw, HOLD, Span};
+use super::draw::{BEGIN, Draw, Span};
+use super::felt::Felt;
 use physics::Vec3;
+use rt_core::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -14,19 +16,27 @@ pub const MOST_SATURATED: f64 = 0.01;
 /// The ripple's band (Hz).
 const BAND: [f64; 2] = [20.0, 400.0];
 /// Forces below this (N) are no measure for an error: about what a device's friction hides.
-const LEAST_FORCE: f64 = 0.1;
+pub(super) const LEAST_FORCE: f64 = 0.1;
+/// Length of the hold at a run's end, in which it is measured how still the hands are (s).
+const HOLD: f64 = 1.0;
 
 /// One device through a run, a value a tick.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceTrace {
     /// What the motors hold (N).
     pub force: Vec<Vec3>,
+    /// The same of the handle's rotation (N m).
+    pub moment: Vec<Vec3>,
     /// Where the handle truly is (m), from its start.
     pub position: Vec<Vec3>,
     /// Whether the force was shortened to the device's limit.
     pub limited: Vec<bool>,
     /// What the body of the host exerts where its handle is (N).
     pub body: Vec<Vec3>,
+    /// Where in the scene a body that is stepped along the run is to be: see [`super::reference::follow`].
+    pub proxy: Vec<Pose>,
+    /// What such a body exerts there, as the device would render it (its own axes).
+    pub own: Vec<Wrench>,
 }
 
 impl DeviceTrace {
@@ -62,8 +72,13 @@ pub struct Trace {
 
 impl Trace {
     /// Tick at `time` (s).
-    fn tick(&self, time: f64) -> usize {
+    pub(super) fn tick(&self, time: f64) -> usize {
         (time / self.period).round() as usize
+    }
+
+    /// The first tick of the hold.
+    pub(super) fn hold(&self) -> usize {
+        self.out.len().saturating_sub(self.tick(HOLD))
     }
 
     /// Net energy that came out at the hands (J): the most that there ever was. Nothing before the first tick.
@@ -73,7 +88,7 @@ impl Trace {
 
     /// How still the worst device is held.
     pub fn stillness(&self) -> Stillness {
-        let from = self.tick(HOLD);
+        let from = self.hold();
         let mut worst = Stillness::default();
         for device in &self.devices {
             let limited = device.limited.iter().skip(from);
@@ -110,7 +125,7 @@ impl Trace {
 
     /// By how much the mean force of the hold is off what the body itself exerts at the same place, as a share.
     fn stiffness_error(&self) -> f64 {
-        let from = self.tick(HOLD);
+        let from = self.hold();
         let (mut off, mut whole) = (0.0, 0.0);
         for device in &self.devices {
             let (mine, right) = (mean(&device.force[from..]), mean(&device.body[from..]));
@@ -154,10 +169,13 @@ pub struct Outcome {
     pub stiffness_error: f64,
     /// Share of the ticks in which a cap took something off.
     pub capped: f64,
+    /// What was felt over the whole run against the body's own.
+    #[serde(flatten)]
+    pub felt: Felt,
 }
 
 impl Outcome {
-    /// Measures a run against its reference.
+    /// Measures a run, along which a body was led ([`super::reference::follow`]), against its reference.
     pub fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
         let stillness = run.stillness();
         let right = reference.stillness();
@@ -173,11 +191,12 @@ impl Outcome {
             error_untroubled: run.error(reference, |time| !draw.is_troubled(time)),
             stiffness_error: run.stiffness_error(),
             capped: run.capped as f64 / ticks,
+            felt: Felt::of(run, reference, draw),
         }
     }
 }
 
-fn mean(values: &[Vec3]) -> Vec3 {
+pub(super) fn mean(values: &[Vec3]) -> Vec3 {
     values.iter().sum::<Vec3>() / values.len().max(1) as f64
 }
 
@@ -190,7 +209,7 @@ fn spread(values: &[Vec3]) -> f64 {
 
 /// Root mean square of what lies in the band. A Hann window keeps a slow drift out of it; the window's own mean
 /// square is made up for.
-fn band_rms(values: &[Vec3], period: f64) -> f64 {
+pub(super) fn band_rms(values: &[Vec3], period: f64) -> f64 {
     let n = values.len();
     if n == 0 {
         return 0.0;
@@ -264,6 +283,7 @@ mod tests {
                 position: vec![Vec3::zeros(); 4500],
                 limited: vec![false; 4500],
                 body: vec![Vec3::new(2.0, 0.0, 0.0); 4500],
+                ..DeviceTrace::default()
             }],
             out: vec![-1.0; 4500],
             ..Trace::default()

@@ -15,12 +15,13 @@
 //! where the hand holds the device (`sim`), never taken from the controller.
 
 pub mod draw;
+pub mod felt;
 mod hands;
 pub mod measure;
-mod reference;
-mod run;
+pub(super) mod reference;
+pub(super) mod run;
 pub mod summary;
-mod world;
+pub(super) mod world;
 
 use super::chance::Chance;
 use crate::bodies;
@@ -99,6 +100,7 @@ impl Study {
     pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StressError> {
         crate::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
+        loaded.scene.duration = draw::DURATION;
         let (config, devices) = crate::run::setup::controls(&loaded, seed)?;
         let friction = devices.iter().map(|d| d.simulated().model().friction);
         let stiffness = stiffness(&loaded)?;
@@ -163,9 +165,11 @@ impl Study {
         let world = self.world(cell);
         let reference = reference::run(&world)?;
         let chance = Chance::new(self.seed, cell);
-        let runs = schemes
-            .iter()
-            .map(|scheme| run::run(&world, *scheme, chance));
+        let runs = schemes.iter().map(|scheme| {
+            let mut run = run::run(&world, *scheme, chance)?;
+            reference::follow(&world, &mut run)?;
+            Ok::<_, StressError>(run)
+        });
         let runs = runs.collect::<Result<_, _>>()?;
         Ok((world.draw, reference, runs))
     }

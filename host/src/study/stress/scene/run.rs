@@ -15,8 +15,9 @@ use crate::engine::pacer::Due;
 use crate::engine::stats::Stopwatch;
 use crate::scene::spec::SchemeName;
 use crate::study::stress::chance::Chance;
+use nalgebra::UnitQuaternion;
 use rt_core::safety::SafetyState;
-use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES};
+use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES, Pose, Vec3};
 
 /// Nothing is measured: the run is virtual.
 struct NoWatch;
@@ -24,6 +25,45 @@ struct NoWatch;
 impl Stopwatch for NoWatch {
     fn now_ns(&self) -> u64 {
         0
+    }
+}
+
+/// Time constant (s) with which a body that is led along a run takes over what the encoder's counts are off.
+const SETTLE: f64 = 0.05;
+
+/// Where in the scene a body is led along a run: where the handle truly is, off by as much as the encoder's counts are
+/// off on the mean of the last while. No tick knows better than its encoder where a hand that rests is, and on a stiff
+/// body a part of a count is a share of the force; but a body that followed the counts themselves would be shaken.
+#[derive(Clone)]
+struct Wander {
+    share: f64,
+    off: Vec3,
+    turned: Vec3,
+}
+
+impl Wander {
+    fn new(period: f64) -> Self {
+        Self {
+            share: period / SETTLE,
+            off: Vec3::zeros(),
+            turned: Vec3::zeros(),
+        }
+    }
+
+    /// The pose, where the controller has its proxy at `shown`, the encoder says and the handle truly is as `reading` has
+    /// them (device axes; those of the scene are parallel). A device that is gone stays where it was left.
+    fn pose(&mut self, shown: &Pose, reading: Option<(&Pose, &Pose)>, scale: f64) -> Pose {
+        let Some((counted, truly)) = reading else {
+            return *shown;
+        };
+        let off = counted.position - truly.position;
+        let turn = truly.rotation * counted.rotation.inverse();
+        self.off += (off - self.off) * self.share;
+        self.turned += (-turn.scaled_axis() - self.turned) * self.share;
+        Pose {
+            position: shown.position + (self.off - off) * scale,
+            rotation: UnitQuaternion::from_scaled_axis(self.turned) * turn * shown.rotation,
+        }
     }
 }
 
@@ -84,7 +124,11 @@ impl Host<'_> {
 }
 
 /// Runs the cell of `world` under `scheme`.
-pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<Trace, StressError> {
+pub(in crate::study::stress) fn run(
+    world: &World,
+    scheme: SchemeName,
+    chance: Chance,
+) -> Result<Trace, StressError> {
     let mut world = world.clone();
     let draw = world.draw.clone();
     for loaded in [Some(&mut world.loaded), world.soft.as_mut()]
@@ -117,6 +161,8 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         heard: vec![false; world.loaded.scene.bodies.len()],
         under_way: Vec::new(),
     };
+    let period = world.period_ns() as f64 * 1e-9;
+    let mut wanders = vec![Wander::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
     for k in 0..world.ticks() {
@@ -135,15 +181,24 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         if let Some(at) = softens.filter(|at| time >= *at && heard.contains(&false)) {
             unaware = Span {
                 at,
-                duration: time + world.period_ns() as f64 * 1e-9 - at,
+                duration: time + period - at,
             };
         }
 
         let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-        devices.read(now, |device, state, _| {
+        let mut truly = [Pose::identity(); MAX_DEVICES];
+        devices.read(now, |device, state, pose| {
             readings[device] = state.ok_or(DeviceError::NoReport);
+            truly[device] = pose;
         });
         let (commands, telemetry) = controller.tick(now, &readings);
+        for (device, wander) in wanders.iter_mut().enumerate() {
+            let shown = telemetry.devices[device].pose;
+            let scale = world.loaded.scene.devices[device].motion_scale;
+            let reading = readings[device].as_ref().ok();
+            let pose = wander.pose(&shown, reading.map(|r| (&r.pose, &truly[device])), scale);
+            devices.keep_proxy(device, pose);
+        }
         devices.write(now, &commands, |device| {
             telemetry.devices[device].safety == SafetyState::Limited
         });
@@ -154,11 +209,11 @@ pub(super) fn run(world: &World, scheme: SchemeName, chance: Chance) -> Result<T
         }
 
         let bodies = host.engine.bodies().iter().map(HostBody::body);
-        let (forces, weight) = devices.exerted_by(bodies);
+        let (wrenches, weight) = devices.exerted_by(bodies);
         let account = controller.energy().fold([0.0; 2], |sum, account| {
             [sum[0] + account.available, sum[1] + account.stored]
         });
-        devices.keep(&forces, weight, account);
+        devices.keep(&wrenches, weight, account);
     }
     let capped = controller.energy().map(|account| account.capped).sum();
     Ok(Trace {
