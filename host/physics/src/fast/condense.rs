@@ -56,6 +56,23 @@ pub(super) struct Shapes {
     current: usize,
 }
 
+/// A turn makes forces of at least this share of what a translation by the handles' length makes: a handle whose
+/// vertices lie on its axis makes none, and a share of none is no goal.
+const LEAST_TURN: f64 = 1e-3;
+
+impl Shapes {
+    /// The least norm of the forces that a column is taken to make (N).
+    fn least_reference(&self, column: usize) -> f64 {
+        let found = self.references[..column].iter().copied();
+        let largest = found.fold(f64::MIN_POSITIVE, f64::max);
+        if self.reduction.columns[column].motion < 3 {
+            f64::MIN_POSITIVE
+        } else {
+            LEAST_TURN * self.reduction.condensed.length * largest
+        }
+    }
+}
+
 impl<T: Real> Stepper<T> {
     /// Condenses the body onto its handles as they are after the last step, for local models published every
     /// `period` seconds. Allocates the first time.
@@ -121,7 +138,8 @@ impl<T: Real> Stepper<T> {
             shapes.next = (column + 1) % count;
             if shapes.references[column] == 0.0 {
                 self.lay(body, shapes, column);
-                shapes.references[column] = self.norm().max(f64::MIN_POSITIVE);
+                let found = self.norm().max(shapes.least_reference(column));
+                shapes.references[column] = found;
             }
             self.lay(body, shapes, column);
             let goal = options.tolerance * shapes.references[column];

@@ -55,6 +55,8 @@ impl<T: Real> Stepper<T> {
             let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
             // The matrix is positive definite: anything else is underflow, or a state that has blown up.
             if !(curvature > 0.0 && curvature.is_finite()) {
+                // The next solve begins with none of this direction, and none of what is not a number is still one.
+                self.p.fill([T::ZERO; 4]);
                 break;
             }
             let alpha = T::of(rz / curvature);
