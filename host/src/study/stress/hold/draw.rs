@@ -69,6 +69,11 @@ impl Kind {
         }
     }
 
+    /// Whether it resists its weight by itself: what has no stiffness of bending would swing under it.
+    fn bends(self) -> bool {
+        self.is_solid() || matches!(self, Self::Plate | Self::Buckling)
+    }
+
     /// Whether it is a solid.
     pub fn is_solid(self) -> bool {
         matches!(
@@ -158,7 +163,7 @@ impl Draw {
             quadratic: kind.is_solid() && chance.unit(2) < 0.2,
             fineness: chance.unit(3),
             thickness: chance.unit(4),
-            weight: kind.is_solid() && chance.unit(5) < 0.5,
+            weight: kind.bends() && chance.unit(5) < 0.5,
             damping: [scale(6, [0.05, 5.0]), scale(7, dampers)],
             stiffness: scale(8, [soft, stiff.min(stiffest(&model))]),
             force: chance.between(9, 0.15, 0.55),

@@ -12,10 +12,12 @@ const MOVES: [f64; 2] = [0.5, 2.8];
 const FURTHEST: f64 = 0.2;
 /// A block is pressed by at most this share of its height, a sheet pulled by at most this share of its length.
 const MOST_STRAIN: [f64; 2] = [0.2, 0.05];
-/// Under its weight a block gives way by at most this share of its height.
-const MOST_SAG: f64 = 0.1;
+/// Under its weight a block gives way by at most this share of its height, a sheet by this share of its length.
+const MOST_SAG: [f64; 2] = [0.1, 0.03];
 const GRAVITY: f64 = 9.81;
 const POISSON: f64 = 0.4;
+/// Length of what is pressed across or along itself (m).
+const SIDE: f64 = 0.12;
 
 /// How stiff a specimen is.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +122,7 @@ fn pulled(draw: &Draw) -> Shape {
 fn plate(draw: &Draw) -> Shape {
     let cells = 2 * whole(draw.fineness, 3, 6);
     // So thick that it does not bend a thousand times more easily than it stretches: hands meet both.
-    let side = 0.12;
+    let side = SIDE;
     let half = 1.1 * side / f64::from(cells);
     let thickness = 0.008 + 0.006 * draw.thickness;
     let edges = ["left", "right", "front", "back"].iter().zip([
@@ -149,7 +151,7 @@ fn plate(draw: &Draw) -> Shape {
 }
 
 fn strip(draw: &Draw) -> Shape {
-    let (length, width) = (0.12, 0.04);
+    let (length, width) = (SIDE, 0.04);
     let across = whole(draw.fineness, 3, 6);
     let thickness = 0.004 + 0.004 * draw.thickness;
     Shape {
@@ -190,7 +192,13 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
     } = scale;
     let mut density: f64 = 1000.0;
     if draw.weight {
-        density = density.min(MOST_SAG * young / (GRAVITY * thickness));
+        density = density.min(if draw.kind.is_solid() {
+            MOST_SAG[0] * young / (GRAVITY * thickness)
+        } else {
+            // A beam's 5 q L^4 / (384 E I).
+            let slenderness = SIDE / thickness;
+            MOST_SAG[1] * 6.4 * young / (GRAVITY * SIDE * slenderness * slenderness)
+        });
     }
     let law = match draw.kind {
         Kind::Linear => "linear",
@@ -212,9 +220,9 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
     let [mass, stiffness] = draw.damping;
     let gravity = if draw.weight { -GRAVITY } else { 0.0 };
     let depth = (draw.force * model.max_force / along).min(most);
-    let load = if draw.kind == Kind::Buckling {
+    let load = if draw.kind == Kind::Buckling && !draw.weight {
         // A hundredth of what it stands along itself decides to which side it goes.
-        let aside = 0.01 * along * buckles(0.12, thickness);
+        let aside = 0.01 * along * buckles(SIDE, thickness);
         format!(
             "\n[[body.load]]\nname = \"push aside\"\n\
              box = [[-0.011, -0.03, -0.01], [0.011, 0.03, 0.01]]\nforce = [0.0, 0.0, {aside:?}]\n"
