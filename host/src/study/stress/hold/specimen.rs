@@ -153,7 +153,7 @@ fn plate(draw: &Draw) -> Shape {
 fn strip(draw: &Draw) -> Shape {
     let (length, width) = (SIDE, 0.04);
     let across = whole(draw.fineness, 3, 6);
-    let thickness = 0.004 + 0.004 * draw.thickness;
+    let thickness = 0.005 + 0.004 * draw.thickness;
     Shape {
         mesh: rectangle(length, width, [3 * across, across]),
         held: BETWEEN_EDGES.to_owned(),
@@ -240,24 +240,29 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         draw.rate,
         draw.latency,
         draw.device,
-        hand(draw, model, ways, depth, along),
+        hand(draw, model, ways, depth, scale, thickness),
     )
 }
 
-/// `[device.hand]`: one that gets so deep (m) against a specimen of this stiffness (N/m) and the device's friction.
+/// `[device.hand]`: one that gets so deep (m) against the specimen and the device's friction.
 fn hand(
     draw: &Draw,
     model: &DeviceModel,
     ways: [[f64; 3]; 2],
     depth: f64,
-    stiffness: f64,
+    Scale { stiffness, .. }: Scale,
+    thickness: f64,
 ) -> String {
     let arm = Arm::between(draw.grip);
     let names = ["relaxed", "typical", "firm", "rigid"];
     let name = names[(draw.grip * 3.999) as usize];
     // Its spring has to be stretched for the force.
     let beyond = |way: f64| {
-        let held = stiffness * way + model.friction;
+        let bears = match draw.kind {
+            Kind::Buckling => way.min(buckles(SIDE, thickness)),
+            _ => way,
+        };
+        let held = stiffness * bears + model.friction;
         way + (held / arm.stiffness).min(FURTHEST)
     };
     let tremor = if draw.task == Task::Tremble {

@@ -25,7 +25,7 @@ use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
 pub(in crate::study::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
 
 impl Bodies {
-    fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
+    pub(in crate::study::stress) fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
         let host = &loaded.scene.host;
         let options = StepperOptions {
             tolerance: host.tolerance,
@@ -79,7 +79,7 @@ impl<'a> Copy<'a> {
             }
             self.bodies = others;
         }
-        let step = self.world.period_ns() as f64 * 1e-9;
+        let step = self.world.period();
         for ((body, stepper), held) in self.bodies.0.iter_mut().zip(&self.held) {
             self.targets.clear();
             self.targets
