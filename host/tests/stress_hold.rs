@@ -111,7 +111,7 @@ fn the_program_resumes_and_shows_one_cell_whole() {
     assert_eq!(code, Some(0));
     assert!(shown.contains("linear: Outcome"), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
-    assert!(svg.contains("the body's own along this run"));
+    assert!(svg.contains("own along this run"));
     // A line for each tick, and the head.
     let lines = std::fs::read_to_string(&log).expect("it was logged");
     assert_eq!(lines.lines().count(), 4001);

@@ -142,11 +142,12 @@ pub(in crate::study::stress) fn follow(
             handle(&run.devices[device].proxy[tick])
         })?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
-        let specs = &world.loaded.scene.devices;
-        for ((device, spec), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+        let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
+        for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             device.own.push(Wrench {
                 force: wrench.force * spec.motion_scale,
-                ..wrench
+                // A device whose handle does not turn renders no moment.
+                moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
             });
         }
     }
