@@ -131,11 +131,12 @@ fn plate(draw: &Draw) -> Shape {
         [[-0.061, -0.061, -0.01], [0.061, -0.059, 0.01]],
         [[-0.061, 0.059, -0.01], [0.061, 0.061, 0.01]],
     ]);
-    let supports: String = edges
+    let supports: Vec<String> = edges
         .map(|(name, corners)| {
             format!("[[body.support]]\nname = \"{name}\"\nbox = {corners:?}\n\n")
         })
         .collect();
+    let supports = supports.concat();
     Shape {
         mesh: rectangle(side, side, [cells, cells]),
         held: format!(
@@ -206,17 +207,22 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         Kind::StableNeoHookean => "stable_neo_hookean",
         _ => "corotational",
     };
-    let mut material =
-        format!("law = \"{law}\"\nyoung = {young:?}\npoisson = {POISSON}\ndensity = {density:?}\n");
-    if !draw.kind.is_solid() {
-        material += &format!("thickness = {thickness:?}\n");
-    }
-    if matches!(draw.kind, Kind::Woven | Kind::WovenStVenantKirchhoff) {
+    let thick = if draw.kind.is_solid() {
+        String::new()
+    } else {
+        format!("thickness = {thickness:?}\n")
+    };
+    let weave = if matches!(draw.kind, Kind::Woven | Kind::WovenStVenantKirchhoff) {
         let (weft, shear) = (0.5 * young, 0.1 * young);
-        material += &format!(
+        format!(
             "\n[body.material.weave]\nwarp = [1.0, 0.3, 0.0]\nyoung_weft = {weft:?}\nshear = {shear:?}\n"
-        );
-    }
+        )
+    } else {
+        String::new()
+    };
+    let material = format!(
+        "law = \"{law}\"\nyoung = {young:?}\npoisson = {POISSON}\ndensity = {density:?}\n{thick}{weave}"
+    );
     let [mass, stiffness] = draw.damping;
     let gravity = if draw.weight { -GRAVITY } else { 0.0 };
     let depth = (draw.force * model.max_force / along).min(most);
