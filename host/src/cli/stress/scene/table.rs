@@ -33,9 +33,10 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
 fn head(first: &str) {
     println!(
         "| {first} | scheme | runs | bounded % | net energy mJ: 99 %, most (cell) | ripple N: median, most (cell) \
-         | error %: median, 90 % | once word has come | without faults: median, 90 %, below 10 % | stiffness error %: median, 90 % |"
+         | error %: median, 90 % | once word has come | without faults: median, 90 %, below 10 % | stiffness error %: median, 90 % \
+         | felt %: median, 90 % | ripple of the run N: 90 %, most | capped %: median, most |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
+    println!("|{}", "---|".repeat(13));
 }
 
 fn rows(cells: &BTreeMap<u64, CellResult>, first: &str, band: Band) {
@@ -49,7 +50,7 @@ fn rows(cells: &BTreeMap<u64, CellResult>, first: &str, band: Band) {
 fn print_row(first: &str, row: &Row) {
     let two = |[a, b]: [f64; 2]| format!("{:.1}, {:.1}", 100.0 * a, 100.0 * b);
     println!(
-        "| {first} | {} | {} | {:.1} | {:.2}, {:.2} ({}) | {:.3}, {:.2} ({}) | {} | {} | {}, {:.0} % | {} |",
+        "| {first} | {} | {} | {:.1} | {:.2}, {:.2} ({}) | {:.3}, {:.2} ({}) | {} | {} | {}, {:.0} % | {} | {} | {:.3}, {:.2} | {} |",
         row.scheme,
         row.runs,
         100.0 * row.bounded,
@@ -64,5 +65,9 @@ fn print_row(first: &str, row: &Row) {
         two(row.untroubled),
         100.0 * row.unnoticed,
         two(row.stiffness),
+        two(row.felt),
+        row.worst_ripple[0],
+        row.worst_ripple[1],
+        two(row.capped),
     );
 }

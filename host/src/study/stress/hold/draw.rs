@@ -69,6 +69,11 @@ impl Kind {
         }
     }
 
+    /// Whether it resists its weight by itself: what has no stiffness of bending would swing under it.
+    fn bends(self) -> bool {
+        self.is_solid() || matches!(self, Self::Plate | Self::Buckling)
+    }
+
     /// Whether it is a solid.
     pub fn is_solid(self) -> bool {
         matches!(
@@ -146,21 +151,19 @@ impl Draw {
             // After a whole number of steps, as scenes have it.
             (1000.0 / (1000.0 / rate).round(), 1000.0)
         };
-        // A strip that buckles swings by itself: what no model of 30 Hz can tell is damped out.
-        let dampers = if kind == Kind::Buckling {
-            [5e-3, 0.03]
-        } else {
-            [5e-4, 0.03]
-        };
+        // A strip that buckles swings by itself: what no model of 30 Hz can tell is damped out. A soft one buckles under
+        // a force that nobody feels.
+        let buckles = kind == Kind::Buckling;
+        let (softest, least) = if buckles { (2e3, 0.01) } else { (soft, 5e-4) };
         Self {
             kind,
             device: device.to_owned(),
             quadratic: kind.is_solid() && chance.unit(2) < 0.2,
             fineness: chance.unit(3),
             thickness: chance.unit(4),
-            weight: kind.is_solid() && chance.unit(5) < 0.5,
-            damping: [scale(6, [0.05, 5.0]), scale(7, dampers)],
-            stiffness: scale(8, [soft, stiff.min(stiffest(&model))]),
+            weight: kind.bends() && chance.unit(5) < 0.5,
+            damping: [scale(6, [0.05, 5.0]), scale(7, [least, 0.03])],
+            stiffness: scale(8, [softest, stiff.min(stiffest(&model))]),
             force: chance.between(9, 0.15, 0.55),
             grip: chance.unit(10),
             task: TASKS[(chance.unit(11) * TASKS.len() as f64) as usize],

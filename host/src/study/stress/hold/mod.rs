@@ -21,8 +21,8 @@ use super::scene::{StressError, reference, run};
 use crate::bodies;
 use crate::scene::spec::SchemeName;
 use crate::scene::{LoadedScene, Scene};
-use draw::{Draw, Kind, stiffest};
-use rt_core::velocity::VelocityEstimator;
+use draw::{Draw, Kind, STIFFNESS, stiffest};
+use rt_core::velocity::{VelocityEstimator, most_damping};
 use serde::{Deserialize, Serialize};
 use sim::DeviceModel;
 use specimen::Scale;
@@ -80,8 +80,8 @@ pub struct CellResult {
     pub draw: Option<Draw>,
     /// Local models a second (Hz).
     pub rate: f64,
-    /// What a change by one count of the encoder makes of the force (N): by the body's stiffness where the runs end, and
-    /// by its damping where a velocity is that count over the time in which drivers estimate one.
+    /// What a change by one count of the encoder makes of the force (N), at rest or where the runs end: by the body's
+    /// stiffness, and by its damping where a velocity is that count over the time in which drivers estimate one.
     pub count: f64,
     /// How still the reference's hold is.
     pub reference: Stillness,
@@ -99,8 +99,8 @@ pub struct Traces {
     pub reference: Trace,
     /// Under each scheme that was asked for.
     pub runs: Vec<Trace>,
-    /// What a change by one count of the encoder makes of the force (N): by the body's stiffness where the runs end, and
-    /// by its damping where a velocity is that count over the time in which drivers estimate one.
+    /// What a change by one count of the encoder makes of the force (N), at rest or where the runs end: by the body's
+    /// stiffness, and by its damping where a velocity is that count over the time in which drivers estimate one.
     pub count: f64,
     host: HostDraw,
 }
@@ -152,7 +152,8 @@ impl Study {
         let scene = |scale| load(&specimen::scene(&name, &draw, scale, model));
         let [along, most] = stiffness(&scene(Scale::TRIAL)?, draw.kind)?;
         // A hand that trembles meets the specimen's other stiffnesses, too.
-        let share = (draw.stiffness / along).min(stiffest(model) / most);
+        let bound = STIFFNESS[1].min(stiffest(model));
+        let share = (draw.stiffness / along).min(bound / most);
         scene(Scale {
             young: Scale::TRIAL.young * share,
             stiffness: along * share,
@@ -245,19 +246,14 @@ fn traces(
         draw: host.clone(),
     };
     let reference = reference::run(&world)?;
-    let mut count: f64 = 0.0;
+    let horizon = 1.0 / host.rate + host.latency;
+    let mut rest = reference::Bodies::new(&world.loaded)?;
+    let mut count = one_count(&world, &mut rest, horizon)?;
     let mut runs = Vec::new();
     for scheme in schemes {
         let mut run = run::run(&world, *scheme, chance)?;
         let mut bodies = reference::follow(&world, &mut run)?;
-        let horizon = 1.0 / host.rate + host.latency;
-        let models = world.loaded.models.iter();
-        count = models
-            .zip(bodies.stiffest(&world, horizon)?)
-            .map(|(model, [spring, damper])| {
-                model.position_step * (spring + damper / VelocityEstimator::SPAN)
-            })
-            .fold(count, f64::max);
+        count = count.max(one_count(&world, &mut bodies, horizon)?);
         runs.push(run);
     }
     Ok(Traces {
@@ -266,6 +262,25 @@ fn traces(
         count,
         host,
     })
+}
+
+/// What a change by one count of an encoder makes of the force (N) where `bodies` are now, for models that are good for
+/// `horizon` (s). A damper counts by as much of it as the device can render.
+fn one_count(
+    world: &World,
+    bodies: &mut reference::Bodies,
+    horizon: f64,
+) -> Result<f64, StressError> {
+    let period = world.period();
+    let each = world.loaded.models.iter();
+    let each = each.zip(bodies.stiffest(world, horizon)?);
+    let forces = each.map(|(model, [spring, damper])| {
+        let count = model.position_step;
+        let delay = VelocityEstimator::for_encoder(period, count).delay();
+        let damper = damper.min(most_damping(model.mass, period, delay));
+        count * (spring + damper / VelocityEstimator::SPAN)
+    });
+    Ok(forces.fold(0.0, f64::max))
 }
 
 /// Static stiffness of a scene's specimen at its handle (N/m): the way that the hand goes, and the most of any way.

@@ -12,10 +12,12 @@ const MOVES: [f64; 2] = [0.5, 2.8];
 const FURTHEST: f64 = 0.2;
 /// A block is pressed by at most this share of its height, a sheet pulled by at most this share of its length.
 const MOST_STRAIN: [f64; 2] = [0.2, 0.05];
-/// Under its weight a block gives way by at most this share of its height.
-const MOST_SAG: f64 = 0.1;
+/// Under its weight a block gives way by at most this share of its height, a sheet by this share of its length.
+const MOST_SAG: [f64; 2] = [0.1, 0.03];
 const GRAVITY: f64 = 9.81;
 const POISSON: f64 = 0.4;
+/// Length of what is pressed across or along itself (m).
+const SIDE: f64 = 0.12;
 
 /// How stiff a specimen is.
 #[derive(Clone, Copy, Debug)]
@@ -120,7 +122,7 @@ fn pulled(draw: &Draw) -> Shape {
 fn plate(draw: &Draw) -> Shape {
     let cells = 2 * whole(draw.fineness, 3, 6);
     // So thick that it does not bend a thousand times more easily than it stretches: hands meet both.
-    let side = 0.12;
+    let side = SIDE;
     let half = 1.1 * side / f64::from(cells);
     let thickness = 0.008 + 0.006 * draw.thickness;
     let edges = ["left", "right", "front", "back"].iter().zip([
@@ -129,11 +131,12 @@ fn plate(draw: &Draw) -> Shape {
         [[-0.061, -0.061, -0.01], [0.061, -0.059, 0.01]],
         [[-0.061, 0.059, -0.01], [0.061, 0.061, 0.01]],
     ]);
-    let supports: String = edges
+    let supports: Vec<String> = edges
         .map(|(name, corners)| {
             format!("[[body.support]]\nname = \"{name}\"\nbox = {corners:?}\n\n")
         })
         .collect();
+    let supports = supports.concat();
     Shape {
         mesh: rectangle(side, side, [cells, cells]),
         held: format!(
@@ -149,9 +152,9 @@ fn plate(draw: &Draw) -> Shape {
 }
 
 fn strip(draw: &Draw) -> Shape {
-    let (length, width) = (0.12, 0.04);
+    let (length, width) = (SIDE, 0.04);
     let across = whole(draw.fineness, 3, 6);
-    let thickness = 0.004 + 0.004 * draw.thickness;
+    let thickness = 0.005 + 0.004 * draw.thickness;
     Shape {
         mesh: rectangle(length, width, [3 * across, across]),
         held: BETWEEN_EDGES.to_owned(),
@@ -190,7 +193,13 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
     } = scale;
     let mut density: f64 = 1000.0;
     if draw.weight {
-        density = density.min(MOST_SAG * young / (GRAVITY * thickness));
+        density = density.min(if draw.kind.is_solid() {
+            MOST_SAG[0] * young / (GRAVITY * thickness)
+        } else {
+            // A beam's 5 q L^4 / (384 E I).
+            let slenderness = SIDE / thickness;
+            MOST_SAG[1] * 6.4 * young / (GRAVITY * SIDE * slenderness * slenderness)
+        });
     }
     let law = match draw.kind {
         Kind::Linear => "linear",
@@ -198,23 +207,28 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         Kind::StableNeoHookean => "stable_neo_hookean",
         _ => "corotational",
     };
-    let mut material =
-        format!("law = \"{law}\"\nyoung = {young:?}\npoisson = {POISSON}\ndensity = {density:?}\n");
-    if !draw.kind.is_solid() {
-        material += &format!("thickness = {thickness:?}\n");
-    }
-    if matches!(draw.kind, Kind::Woven | Kind::WovenStVenantKirchhoff) {
+    let thick = if draw.kind.is_solid() {
+        String::new()
+    } else {
+        format!("thickness = {thickness:?}\n")
+    };
+    let weave = if matches!(draw.kind, Kind::Woven | Kind::WovenStVenantKirchhoff) {
         let (weft, shear) = (0.5 * young, 0.1 * young);
-        material += &format!(
+        format!(
             "\n[body.material.weave]\nwarp = [1.0, 0.3, 0.0]\nyoung_weft = {weft:?}\nshear = {shear:?}\n"
-        );
-    }
+        )
+    } else {
+        String::new()
+    };
+    let material = format!(
+        "law = \"{law}\"\nyoung = {young:?}\npoisson = {POISSON}\ndensity = {density:?}\n{thick}{weave}"
+    );
     let [mass, stiffness] = draw.damping;
     let gravity = if draw.weight { -GRAVITY } else { 0.0 };
     let depth = (draw.force * model.max_force / along).min(most);
-    let load = if draw.kind == Kind::Buckling {
+    let load = if draw.kind == Kind::Buckling && !draw.weight {
         // A hundredth of what it stands along itself decides to which side it goes.
-        let aside = 0.01 * along * buckles(0.12, thickness);
+        let aside = 0.01 * along * buckles(SIDE, thickness);
         format!(
             "\n[[body.load]]\nname = \"push aside\"\n\
              box = [[-0.011, -0.03, -0.01], [0.011, 0.03, 0.01]]\nforce = [0.0, 0.0, {aside:?}]\n"
@@ -232,24 +246,29 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         draw.rate,
         draw.latency,
         draw.device,
-        hand(draw, model, ways, depth, along),
+        hand(draw, model, ways, depth, scale, thickness),
     )
 }
 
-/// `[device.hand]`: one that gets so deep (m) against a specimen of this stiffness (N/m) and the device's friction.
+/// `[device.hand]`: one that gets so deep (m) against the specimen and the device's friction.
 fn hand(
     draw: &Draw,
     model: &DeviceModel,
     ways: [[f64; 3]; 2],
     depth: f64,
-    stiffness: f64,
+    Scale { stiffness, .. }: Scale,
+    thickness: f64,
 ) -> String {
     let arm = Arm::between(draw.grip);
     let names = ["relaxed", "typical", "firm", "rigid"];
     let name = names[(draw.grip * 3.999) as usize];
     // Its spring has to be stretched for the force.
     let beyond = |way: f64| {
-        let held = stiffness * way + model.friction;
+        let bears = match draw.kind {
+            Kind::Buckling => way.min(buckles(SIDE, thickness)),
+            _ => way,
+        };
+        let held = stiffness * bears + model.friction;
         way + (held / arm.stiffness).min(FURTHEST)
     };
     let tremor = if draw.task == Task::Tremble {

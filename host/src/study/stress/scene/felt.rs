@@ -106,3 +106,91 @@ fn worst_ripple(run: &Trace, mine: &DeviceTrace, right: &DeviceTrace) -> f64 {
     });
     beyond.fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Wrench;
+    use std::f64::consts::TAU;
+
+    const TICKS: usize = 4000;
+
+    /// A run of four seconds whose force at a time (s) is given; the body's own is 2 N.
+    fn run(force: impl Fn(f64) -> f64) -> Trace {
+        let along = |force: f64| Vec3::new(0.0, 0.0, force);
+        let times = (0..TICKS).map(|tick| tick as f64 * 1e-3);
+        let own = Wrench {
+            force: along(2.0),
+            ..Wrench::zero()
+        };
+        Trace {
+            period: 1e-3,
+            devices: vec![DeviceTrace {
+                force: times.map(|time| along(force(time))).collect(),
+                moment: vec![Vec3::new(0.01, 0.0, 0.0); TICKS],
+                limited: vec![false; TICKS],
+                own: vec![own; TICKS],
+                ..DeviceTrace::default()
+            }],
+            out: vec![0.0; TICKS],
+            ..Trace::default()
+        }
+    }
+
+    fn felt(force: impl Fn(f64) -> f64) -> Felt {
+        let draw = Draw::untroubled(100.0, 0.0);
+        Felt::of(&run(force), &run(|_| 2.0), &draw)
+    }
+
+    #[test]
+    fn a_force_is_measured_against_the_bodys_own() {
+        let found = felt(|_| 1.9);
+        // Sums of thousands of numbers of order one.
+        let is = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
+        is(found.hold_error, 0.05);
+        is(found.run_error, 0.05);
+        is(found.peak, 2.0);
+        is(found.hold_moment, 0.01);
+        is(found.run_moment, 0.01);
+        assert!(found.worst_ripple < 1e-12);
+    }
+
+    #[test]
+    fn what_happens_early_counts_in_the_run_and_not_in_the_hold() {
+        // For half a second in the middle: nothing of it is left in the last.
+        let found = felt(|time| {
+            let shakes = (1.5..2.0).contains(&time);
+            2.0 + if shakes {
+                0.4 * (TAU * 60.0 * time).sin()
+            } else {
+                0.0
+            }
+        });
+        assert!(found.hold_error < 1e-12);
+        // Half a second of 3.6, of an amplitude of a fifth: 0.2 sqrt(0.5 x 0.5 / 3.6), but for half a tick.
+        let expected = 0.2 * (0.25_f64 / 3.6).sqrt();
+        assert!((found.run_error - expected).abs() < 0.01 * expected);
+        // A window begins every quarter second from 0.4 s, so one holds nine tenths of it at least under its taper.
+        let ripple = found.worst_ripple / (0.4 / 2.0_f64.sqrt());
+        assert!((0.9..1.1).contains(&ripple), "{ripple}");
+    }
+
+    #[test]
+    fn ripple_that_the_reference_has_about_then_is_nobodys_fault() {
+        let shaken = |time: f64| 2.0 + 0.4 * (TAU * 60.0 * time).sin();
+        let draw = Draw::untroubled(100.0, 0.0);
+        let found = Felt::of(&run(shaken), &run(shaken), &draw);
+        assert!(found.worst_ripple < 1e-12);
+        let early = |time: f64| if time < 1.0 { shaken(time) } else { 2.0 };
+        let found = Felt::of(&run(shaken), &run(early), &draw);
+        assert!(found.worst_ripple > 0.2, "{}", found.worst_ripple);
+    }
+
+    #[test]
+    fn a_device_at_its_limit_is_not_to_blame() {
+        let mut limited = run(|_| 1.5);
+        limited.devices[0].limited.fill(true);
+        let draw = Draw::untroubled(100.0, 0.0);
+        assert!(Felt::of(&limited, &run(|_| 1.5), &draw).hold_error < 1e-12);
+    }
+}

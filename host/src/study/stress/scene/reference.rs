@@ -25,7 +25,7 @@ use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
 pub(in crate::study::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
 
 impl Bodies {
-    fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
+    pub(in crate::study::stress) fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
         let host = &loaded.scene.host;
         let options = StepperOptions {
             tolerance: host.tolerance,
@@ -79,7 +79,7 @@ impl<'a> Copy<'a> {
             }
             self.bodies = others;
         }
-        let step = self.world.period_ns() as f64 * 1e-9;
+        let step = self.world.period();
         for ((body, stepper), held) in self.bodies.0.iter_mut().zip(&self.held) {
             self.targets.clear();
             self.targets
@@ -142,11 +142,12 @@ pub(in crate::study::stress) fn follow(
             handle(&run.devices[device].proxy[tick])
         })?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
-        let specs = &world.loaded.scene.devices;
-        for ((device, spec), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+        let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
+        for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             device.own.push(Wrench {
                 force: wrench.force * spec.motion_scale,
-                ..wrench
+                // A device whose handle does not turn renders no moment.
+                moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
             });
         }
     }

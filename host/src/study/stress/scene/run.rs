@@ -161,7 +161,7 @@ pub(in crate::study::stress) fn run(
         heard: vec![false; world.loaded.scene.bodies.len()],
         under_way: Vec::new(),
     };
-    let period = world.period_ns() as f64 * 1e-9;
+    let period = world.period();
     let mut wanders = vec![Wander::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();

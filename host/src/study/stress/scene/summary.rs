@@ -31,6 +31,12 @@ pub struct Row {
     pub unnoticed: f64,
     /// Stiffness error of holds, a share: half of the cells stay below, and nine of ten.
     pub stiffness: [f64; 2],
+    /// Error of what was felt over the whole run, a share of its peak: half of the cells stay below, and nine of ten.
+    pub felt: [f64; 2],
+    /// Ripple in the worst half second beyond the reference's (N): nine of ten of the cells stay below, and all.
+    pub worst_ripple: [f64; 2],
+    /// Share of the ticks in which a cap acted: half of the cells stay below, and all.
+    pub capped: [f64; 2],
     /// The cell of the largest net energy, and that of the largest ripple.
     pub worst: [u64; 2],
 }
@@ -115,6 +121,9 @@ pub fn row<'a>(
             unnoticed: unnoticed as f64 / untroubled.len().max(1) as f64,
             untroubled: at(&untroubled, [0.5, 0.9]),
             stiffness: at(&sorted(&|o| Some(o.stiffness_error)), [0.5, 0.9]),
+            felt: at(&sorted(&|o| Some(o.felt.run_error)), [0.5, 0.9]),
+            worst_ripple: at(&sorted(&|o| Some(o.felt.worst_ripple)), [0.9, 1.0]),
+            capped: at(&sorted(&|o| Some(o.capped)), [0.5, 1.0]),
             worst: [worst(&|o| o.net_energy), worst(&|o| o.stillness.ripple)],
         }
     })

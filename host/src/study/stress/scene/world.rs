@@ -39,6 +39,11 @@ impl World {
         (1e9 / self.loaded.scene.realtime.rate).round() as u64
     }
 
+    /// The same in seconds.
+    pub(in crate::study::stress) fn period(&self) -> f64 {
+        self.period_ns() as f64 * 1e-9
+    }
+
     /// Ticks of a run.
     pub(super) fn ticks(&self) -> u64 {
         (self.loaded.scene.duration * self.loaded.scene.realtime.rate).round() as u64
@@ -69,7 +74,7 @@ impl World {
             own: Vec::new(),
         };
         let trace = Trace {
-            period: self.period_ns() as f64 * 1e-9,
+            period: self.period(),
             devices: devices.iter().map(|_| empty()).collect(),
             ..Trace::default()
         };
