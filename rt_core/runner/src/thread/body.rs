@@ -66,6 +66,8 @@ pub(super) fn body<D: Device>(
         refused_wrenches: done.refused_wrenches,
         degradations: setup.degradations,
         core: setup.core,
+        isolated: setup.isolated,
+        priority: setup.priority,
         locked_bytes: setup.locked_bytes,
         forbidden_call,
     });
