@@ -79,13 +79,111 @@ fn without_the_privileges_it_insists_on_it_does_not_start() {
 }
 
 #[test]
-fn strict_needs_the_real_clock() {
-    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
-        .args(["run", "--strict", "--duration", "0.01"])
+fn what_is_about_the_tick_s_thread_needs_the_real_clock() {
+    for option in ["--strict", "--core=0", "--priority=50"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .args(["run", option, "--duration", "0.01"])
+            .output()
+            .expect("the program runs");
+        assert_eq!(output.status.code(), Some(2), "{option}");
+        let said = text(&output.stderr);
+        let name = option.split('=').next().expect("a name");
+        assert!(
+            said.contains(name) && said.contains("--clock real"),
+            "{said}"
+        );
+    }
+}
+
+/// What the summary says of the tick's thread, with the notes on what it did not get.
+fn placed(arguments: &[&str]) -> (Value, String) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let json = folder.path().join("run.json");
+    let output = palpate(&["--duration", "0.05", "--json"])
+        .arg(&json)
+        .args(arguments)
         .output()
         .expect("the program runs");
-    assert_eq!(output.status.code(), Some(2));
-    assert!(text(&output.stderr).contains("--clock real"));
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    (
+        summary(&json)["tick"]["place"].clone(),
+        text(&output.stdout),
+    )
+}
+
+#[test]
+fn the_summary_says_which_core_and_priority_the_tick_got() {
+    for (arguments, core, priority) in [
+        (&["--core", "0"] as &[_], Some(0), 80),
+        (&["--core", "0", "--priority", "7"], Some(0), 7),
+        (&["--priority", "99"], None, 99),
+    ] {
+        let (place, printed) = placed(arguments);
+        let noted = |what: &str| {
+            printed
+                .lines()
+                .any(|l| l.contains("note ") && l.contains(what))
+        };
+        // Whether the machine gives a core (it may have one only) or a priority is its own affair: what it did not
+        // give is a note, and what it gave is what was asked for.
+        match place["core"].as_u64() {
+            Some(got) => {
+                assert!(core.is_none_or(|core| core == got), "{place}");
+                assert!(
+                    printed.contains(&format!("ran on     core {got} (")),
+                    "{printed}"
+                );
+            }
+            None => assert!(noted("not pinned to a core"), "{printed}"),
+        }
+        match place["priority"].as_u64() {
+            Some(got) => assert_eq!(got, priority),
+            None => assert!(noted(&format!("SCHED_FIFO {priority}")), "{printed}"),
+        }
+        let said = printed.contains(&format!("SCHED_FIFO {priority}\n"));
+        assert_eq!(said, place["priority"].is_u64(), "{printed}");
+    }
+}
+
+#[test]
+fn a_core_that_is_none_is_refused_with_those_that_are() {
+    let online = std::fs::read_to_string("/sys/devices/system/cpu/online");
+    for strict in [&[] as &[_], &["--strict=privileges"]] {
+        let output = palpate(&["--core", "65535", "--duration", "0.05"])
+            .args(strict)
+            .output()
+            .expect("the program runs");
+        let said = text(&output.stderr);
+        match &online {
+            Ok(online) => {
+                assert_eq!(output.status.code(), Some(2), "{said}");
+                assert!(said.contains("--core: found core 65535, allowed"), "{said}");
+                assert!(said.contains(online.trim()), "{said}");
+                assert!(text(&output.stdout).is_empty());
+            }
+            // A system that does not list its cores: the core is tried, and not granted.
+            Err(_) => assert_eq!(
+                output.status.code(),
+                Some(i32::from(!strict.is_empty())),
+                "{said}"
+            ),
+        }
+    }
+}
+
+#[test]
+fn a_priority_that_is_none_is_refused() {
+    for priority in ["0", "100", "-1", "high"] {
+        let output = palpate(&["--duration", "0.05", &format!("--priority={priority}")])
+            .output()
+            .expect("the program runs");
+        assert_eq!(output.status.code(), Some(2));
+        let said = text(&output.stderr);
+        assert!(
+            said.contains(&format!("found {priority}, allowed")),
+            "{said}"
+        );
+    }
 }
 
 /// Waits until the program has its tick's thread, so that a signal finds it at work.
@@ -136,5 +234,82 @@ fn a_signal_ends_a_run_in_order() {
         // A finished log ends with the magic of its format.
         let log = std::fs::read(&log).expect("the log was written");
         assert!(log.ends_with(b"\x89MCAP0\r\n"));
+    }
+}
+
+#[test]
+fn a_core_that_the_tick_cannot_have_to_itself_is_a_privilege_not_granted() {
+    // In a thread of its own, with one core only: the program inherits that, and has no other for its other threads.
+    let output = std::thread::spawn(|| {
+        use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+        let all = sched_getaffinity(None).expect("a mask");
+        let core = (0..CpuSet::MAX_CPU)
+            .find(|&core| all.is_set(core))
+            .expect("a core");
+        let mut one = CpuSet::new();
+        one.set(core);
+        sched_setaffinity(None, &one).expect("a core of the mask");
+        let core = core.to_string();
+        palpate(&["--strict=privileges", "--duration", "0.05", "--core", &core])
+            .output()
+            .expect("the program runs")
+    });
+    let output = output.join().expect("nothing panics");
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("not pinned to a core of its own"), "{said}");
+    assert!(!text(&output.stdout).contains("ticks"));
+}
+
+/// Name and cores of each thread of a running program, as the system tells.
+fn threads(program: &Child) -> Vec<(String, String)> {
+    let tasks = std::fs::read_dir(format!("/proc/{}/task", program.id()));
+    let told = tasks.into_iter().flatten().filter_map(|task| {
+        let path = task.ok()?.path();
+        let name = std::fs::read_to_string(path.join("comm")).ok()?;
+        let status = std::fs::read_to_string(path.join("status")).ok()?;
+        let cores = status
+            .lines()
+            .find_map(|line| line.strip_prefix("Cpus_allowed_list:"))?;
+        Some((name.trim().to_owned(), cores.trim().to_owned()))
+    });
+    told.collect()
+}
+
+#[test]
+fn the_other_threads_keep_off_the_core_that_was_named() {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    if cores < 2 {
+        return;
+    }
+    // The first core of this test's own mask: the program inherits the mask, so the core is there for it.
+    let status = std::fs::read_to_string("/proc/thread-self/status").expect("Linux tells");
+    let own = status
+        .lines()
+        .find_map(|line| line.strip_prefix("Cpus_allowed_list:"))
+        .expect("a mask");
+    let core = runner::cores::parse_list(own).expect("the kernel's format")[0];
+    let mut program = palpate(&["--duration", "600", "--core", &core.to_string()])
+        .spawn()
+        .expect("the program runs");
+    wait_for_the_tick(&program);
+    // The log's thread is the last to start; by then the tick's is set up.
+    let all = loop {
+        let all = threads(&program);
+        if all.iter().any(|(name, _)| name == "palpate-log") || all.is_empty() {
+            break all;
+        }
+        std::thread::yield_now();
+    };
+    program.kill().expect("it runs");
+    program.wait().expect("it ends");
+    assert!(all.len() >= 4, "main, tick, host and log: {all:?}");
+    for (name, cores) in &all {
+        let cores = runner::cores::parse_list(cores).expect("the kernel's format");
+        if name == "palpate-tick" {
+            assert_eq!(cores, [core]);
+        } else {
+            assert!(!cores.contains(&core), "{name} may run on {cores:?}");
+        }
     }
 }

@@ -78,10 +78,12 @@ enum CommandError {
     #[error("ended by signal {0}, in order")]
     Signal(u8),
     #[error(
-        "--strict is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
+        "{0} is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
          allowed --clock real"
     )]
-    StrictWithoutRealClock,
+    NeedsRealClock(&'static str),
+    #[error("--core: {0}")]
+    Core(#[from] runner::cores::NoSuchCore),
     #[error("the system gave no signals: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
@@ -115,7 +117,8 @@ impl CommandError {
             | Self::Run(crate::run::RunError::Scene(_))
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }
-            | Self::StrictWithoutRealClock => 2,
+            | Self::NeedsRealClock(_)
+            | Self::Core(_) => 2,
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }

@@ -4,7 +4,7 @@ use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use crate::engine::faults::HostFault;
 use crate::run::{Clock, RunOptions};
 use physics::fem::cholesky::Kernels;
-use runner::CallPolicy;
+use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -55,6 +55,14 @@ pub(super) struct RunArguments {
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
           default_missing_value = "all")]
     strict: Option<Strict>,
+    /// Real clock: the core that the tick has to itself, among the other threads of this program; an isolated one at
+    /// best. If not given: the first isolated core, or else the last that this program may use
+    #[arg(long, value_name = "N", conflicts_with = "replay")]
+    core: Option<usize>,
+    /// Real clock: priority of the tick under SCHED_FIFO, 1 to 99. If not given: 80, above threaded interrupts (50)
+    /// and below the kernel's own watchdogs (99)
+    #[arg(long, value_name = "P", value_parser = priority, conflicts_with = "replay")]
+    priority: Option<u8>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -82,6 +90,8 @@ impl Default for RunArguments {
             report_progress: false,
             fault: Vec::new(),
             strict: None,
+            core: None,
+            priority: None,
         }
     }
 }
@@ -109,11 +119,35 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A priority under SCHED_FIFO.
+fn priority(text: &str) -> Result<u8, String> {
+    let allowed = text.parse().ok().filter(|value| (1..=99).contains(value));
+    allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
+}
+
+/// Refuses what is about the tick's own thread where there is none.
+fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
+    let given = [
+        ("--strict", arguments.strict.is_some()),
+        ("--core", arguments.core.is_some()),
+        ("--priority", arguments.priority.is_some()),
+    ];
+    match given.into_iter().find(|(_, given)| *given) {
+        Some((option, _)) if arguments.clock == ClockName::Virtual => {
+            Err(CommandError::NeedsRealClock(option))
+        }
+        _ => Ok(()),
+    }
+}
+
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if let Some(path) = &arguments.replay {
         let (scene, json) = (&arguments.scene.scene, &arguments.json);
         return super::replay::run(path, scene.as_deref(), json.as_deref());
     }
+    needs_real_clock(arguments)?;
+    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
+    Cores::of_this_machine().check(core)?;
     let loaded = load(arguments.scene.scene.as_deref())?;
     let mut options = RunOptions {
         duration: arguments.duration,
@@ -135,9 +169,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     // Scenes have simulated devices only.
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
     options.runner.calls = watched.then_some(CallPolicy::Simulated);
-    if arguments.strict.is_some() && arguments.clock == ClockName::Virtual {
-        return Err(CommandError::StrictWithoutRealClock);
-    }
+    options.runner.core = core;
+    options.runner.priority = arguments.priority.or(options.runner.priority);
     // Virtual time commands no device: there a signal may end the program as it always does.
     let signal = match options.clock {
         Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),

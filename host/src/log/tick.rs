@@ -223,16 +223,27 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
     })
 }
 
-/// The sums of energy (J), by the names and in the order of the message's definition.
+/// The sums of energy (J), by the names and in the order of the message's definition: every field of the account but the
+/// count of ticks.
 pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
+    let EnergyAccount {
+        supplied,
+        raised,
+        least,
+        initial,
+        stored,
+        credited,
+        available,
+        capped: _,
+    } = *energy;
     [
-        ("supplied", energy.supplied),
-        ("raised", energy.raised),
-        ("least", energy.least),
-        ("initial", energy.initial),
-        ("stored", energy.stored),
-        ("credited", energy.credited),
-        ("available", energy.available),
+        ("supplied", supplied),
+        ("raised", raised),
+        ("least", least),
+        ("initial", initial),
+        ("stored", stored),
+        ("credited", credited),
+        ("available", available),
     ]
 }
 

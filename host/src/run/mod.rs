@@ -28,7 +28,7 @@ use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
-use runner::{CoreChoice, Reserved};
+use runner::{CoreChoice, Cores, Reserved};
 use setup::HostSide;
 use sink::Sink;
 use std::any::Any;
@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use summary::RunSummary;
+use summary::{PlaceSummary, RunSummary};
 
 /// Which clock a run follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -144,10 +144,11 @@ pub fn run(
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
     // Before the run starts its first thread: the one that makes factors starts with the engine.
-    let reserved = Reserved::new(match options.clock {
+    let core = match options.clock {
         Clock::Real => options.runner.core,
         Clock::Virtual => CoreChoice::Anywhere,
-    });
+    };
+    let reserved = Reserved::new(core, &Cores::of_this_machine());
     let how = How {
         kernels: options.instructions,
         real: options.clock == Clock::Real,
@@ -194,6 +195,7 @@ pub fn run(
                     longest_miss: 0,
                     slots: done.tick.ticks,
                     stopped: false,
+                    place: None,
                     locked_bytes: 0,
                     ticks: done.tick.ticks,
                     counters: done.tick.end.counters(),
@@ -294,6 +296,8 @@ struct TickSide {
     slots: u64,
     /// Whether it ended early because it was asked to.
     stopped: bool,
+    /// Where and how its thread ran; nothing under the virtual clock.
+    place: Option<PlaceSummary>,
     locked_bytes: u64,
     counters: TickCounters,
     refused_wrenches: u64,
@@ -375,6 +379,11 @@ fn real(
             longest_miss: report.longest_miss,
             slots: report.slots,
             stopped: report.ticks < planned && options.stop.is_requested(),
+            place: Some(PlaceSummary {
+                core: report.core,
+                isolated: report.isolated,
+                priority: report.priority,
+            }),
             locked_bytes: report.locked_bytes as u64,
             counters: report.link,
             refused_wrenches: report.refused_wrenches,

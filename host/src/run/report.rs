@@ -37,6 +37,7 @@ pub(super) fn summarize(
         slots: side.slots,
         records: parts.collected.records,
         stopped: side.stopped,
+        place: side.place,
         lateness: measured(&side.latencies.lateness),
         duration: measured(&side.latencies.tick_time),
         model_age: side

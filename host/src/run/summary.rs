@@ -92,6 +92,8 @@ pub struct TickSummary {
     pub records: u64,
     /// Whether the run ended early because it was asked to (a signal).
     pub stopped: bool,
+    /// Where and how its thread ran; nothing under the virtual clock.
+    pub place: Option<PlaceSummary>,
     /// How late it woke; nothing under the virtual clock.
     pub lateness: Option<Distribution>,
     /// How long a tick took; nothing under the virtual clock.
@@ -104,6 +106,17 @@ pub struct TickSummary {
     pub refused_models: u64,
     /// Times that the newest model grew too old.
     pub faded: u64,
+}
+
+/// What the system gave to the tick's thread.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct PlaceSummary {
+    /// The core that it had to itself, among this program's threads; nothing where it had none.
+    pub core: Option<usize>,
+    /// Whether the kernel keeps other programs off that core.
+    pub isolated: bool,
+    /// Its priority under SCHED_FIFO; nothing under the ordinary scheduler.
+    pub priority: Option<u8>,
 }
 
 /// The host.

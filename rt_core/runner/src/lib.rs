@@ -10,7 +10,8 @@
 //!   ([`memory`], [`ring`]), its histograms have fixed bounds ([`latency`]).
 //! - What the system does not give (a core, a priority, locked memory) is **named with its cost**, and the
 //!   run goes on ([`schedule`], [`degradation`]), unless it is told to insist.
-//! - Other threads of the process **keep off** its core ([`reserve`]).
+//! - It takes an isolated core where there is one ([`cores`]); other threads of the process **keep off** its core
+//!   ([`reserve`]).
 //! - Its **system calls** are few and named; the kernel can be asked to trap any other ([`seccomp`]).
 //! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread: virtual
 //!   time runs exactly what [`thread`] runs.
@@ -18,6 +19,7 @@
 //! Read [`thread`] first.
 
 pub mod clock;
+pub mod cores;
 pub mod degradation;
 pub mod hid;
 pub mod latency;
@@ -35,11 +37,11 @@ pub mod thread;
 pub mod tick_loop;
 mod trap;
 
+pub use cores::{CoreChoice, Cores};
 pub use degradation::Degradation;
 pub use latency::{Latencies, LatencyHistogram, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use reserve::Reserved;
-pub use schedule::CoreChoice;
 pub use seccomp::{CallPolicy, ForbiddenCall};
 pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
 pub use tick_loop::TickLoop;

@@ -3,11 +3,13 @@
 //! Each function asks the system once, before the first tick, from the thread that it is for, and checks
 //! what came of it. What is refused comes back as a [`Degradation`]; the run goes on.
 
+use crate::cores::{self, CoreChoice, Cores};
 use crate::degradation::Degradation;
 use core_affinity::CoreId;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::num::NonZeroU64;
+use std::path::Path;
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id, thread_schedule_policy_param,
@@ -17,45 +19,52 @@ use thread_priority::{
 /// the kernel's own watchdogs (99).
 pub const DEFAULT_PRIORITY: u8 = 80;
 
+/// Where the kernel takes a request for short wake-up latency (us, as 32 bits), for as long as the file is open.
+pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
+
 /// The longest processor mask that is dealt with.
 const MOST_CORES: usize = 1024;
 
-/// Which core the tick is pinned to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CoreChoice {
-    /// The last of those that the process may use, if there are at least two.
-    #[default]
-    Last,
-    /// This one, also when it is outside the process's present mask (an isolated core is).
-    Id(usize),
-    /// None: the tick goes where the system puts it.
-    Anywhere,
-}
-
-/// Pins the calling thread; returns the core, or `None` where no pinning was asked for.
+/// Pins the calling thread to the best core of `choice` that the system gives (on `machine`); returns the core, or
+/// `None` where no pinning was asked for. Where every core is refused, the thread keeps to those that it had.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not run on that core alone.
-pub fn pin(choice: CoreChoice) -> Result<Option<usize>, Degradation> {
-    let allowed = core_affinity::get_core_ids().unwrap_or_default();
-    let core = match choice {
-        CoreChoice::Anywhere => return Ok(None),
-        CoreChoice::Id(core) => core,
-        CoreChoice::Last => match allowed.as_slice() {
-            [_, .., last] => last.id,
-            _ => return Err(not_pinned("this process may use one core only".into())),
-        },
-    };
-    // The list of cores shows the present mask only, so a core outside it is tried all the same, and the
-    // mask read back tells whether it worked.
-    let pinned = core < MOST_CORES
-        && core_affinity::set_for_current(CoreId { id: core })
-        && core_affinity::get_core_ids().is_some_and(|mask| mask == [CoreId { id: core }]);
-    if pinned {
-        Ok(Some(core))
-    } else {
-        Err(not_pinned(format!("the system did not give core {core}")))
+/// A [`Degradation`] where the thread does not run on that core alone, or the process's other threads have no core
+/// but that one.
+pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degradation> {
+    if choice == CoreChoice::Anywhere {
+        return Ok(None);
     }
+    let allowed = mask();
+    let mut candidates = machine.candidates(choice, &allowed);
+    // The only core of the process is no core of the tick's own: the other threads are there, too.
+    candidates.retain(|&core| allowed != [core]);
+    if candidates.is_empty() {
+        return Err(not_pinned("this process may use one core only".into()));
+    }
+    // An isolated core is outside the mask, so a core is tried whether the mask has it or not, and the mask read back
+    // tells whether it worked.
+    let given = candidates
+        .iter()
+        .find(|&&core| try_core(core) && mask() == [core]);
+    match given {
+        Some(core) => Ok(Some(*core)),
+        None => Err(not_pinned(format!(
+            "the system did not give core {}",
+            cores::list(&candidates)
+        ))),
+    }
+}
+
+/// The cores that the calling thread may use, ascending.
+fn mask() -> Vec<usize> {
+    let cores = core_affinity::get_core_ids().unwrap_or_default();
+    cores.iter().map(|core| core.id).collect()
+}
+
+/// Asks for `core` alone; whether the system agreed.
+fn try_core(core: usize) -> bool {
+    core < MOST_CORES && core_affinity::set_for_current(CoreId { id: core })
 }
 
 fn not_pinned(why: String) -> Degradation {
@@ -64,7 +73,7 @@ fn not_pinned(why: String) -> Degradation {
         why,
         cost: "it shares or changes cores, which costs tens of microseconds at times",
         remedy:
-            "give the process two cores or more, and name one that exists (best an isolated one)"
+            "give the process two cores or more, or isolate one, and name one that exists (--core)"
                 .into(),
     }
 }
@@ -76,11 +85,12 @@ pub fn sharpen_timers() {
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
-/// Puts the calling thread under SCHED_FIFO with `priority` (1 to 99).
+/// Puts the calling thread under SCHED_FIFO with `priority` (1 to 99); returns the priority that the system says the
+/// thread then has.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread stays under the ordinary scheduler.
-pub fn realtime(priority: u8) -> Result<(), Degradation> {
+/// A [`Degradation`] where the thread does not get it.
+pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let asked = ThreadPriorityValue::try_from(priority)
         .map_err(|_| format!("priority {priority} is not between 1 and 99"))
@@ -91,8 +101,14 @@ pub fn realtime(priority: u8) -> Result<(), Degradation> {
                 .map_err(|error| error.to_string())
         });
     let why = match asked {
-        Ok((obtained, _)) if obtained == policy => return Ok(()),
-        Ok((obtained, _)) => format!("the system says {obtained:?}"),
+        Ok((obtained, parameters))
+            if obtained == policy && parameters.sched_priority == i32::from(priority) =>
+        {
+            return Ok(priority);
+        }
+        Ok((obtained, parameters)) => {
+            format!("the system says {obtained:?} {}", parameters.sched_priority)
+        }
         Err(why) => why,
     };
     Err(Degradation {
@@ -114,16 +130,13 @@ pub struct KeepAwake {
 }
 
 impl KeepAwake {
-    /// Where the kernel takes the request.
-    const PATH: &str = "/dev/cpu_dma_latency";
-
-    /// Asks for a wake-up latency of zero.
+    /// Asks for a wake-up latency of zero, at `path` ([`WAKE_LATENCY`], or a file in its place).
     ///
     /// # Errors
     /// A [`Degradation`] where the system does not allow or know it.
-    pub fn hold() -> Result<Self, Degradation> {
+    pub fn hold(path: &Path) -> Result<Self, Degradation> {
         let ask = || {
-            let mut request = OpenOptions::new().write(true).open(Self::PATH)?;
+            let mut request = OpenOptions::new().write(true).open(path)?;
             request.write_all(&0_i32.to_ne_bytes())?;
             Ok(request)
         };
@@ -131,11 +144,11 @@ impl KeepAwake {
             .map(|request| Self { _request: request })
             .map_err(|error: std::io::Error| Degradation {
                 what: "the processor may sleep between ticks".into(),
-                why: format!("{}: {error}", Self::PATH),
+                why: format!("{}: {error}", path.display()),
                 cost: "waking from a deep sleep state costs up to some hundred microseconds",
                 remedy: format!(
                     "give the account write access to {} (a udev rule)",
-                    Self::PATH
+                    path.display()
                 ),
             })
     }
@@ -146,23 +159,72 @@ mod tests {
     use super::*;
 
     /// In a thread of its own: the mask belongs to the thread.
+    fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
+        std::thread::spawn(f).join().expect("does not panic")
+    }
+
     fn pin_elsewhere(choice: CoreChoice) -> Result<Option<usize>, Degradation> {
-        std::thread::spawn(move || pin(choice))
-            .join()
-            .expect("pinning does not panic")
+        apart(move || pin(choice, &Cores::of_this_machine()))
     }
 
     #[test]
     fn the_last_allowed_core_is_taken_where_there_is_a_choice() {
-        let allowed = core_affinity::get_core_ids().unwrap_or_default();
+        let allowed = mask();
         match pin_elsewhere(CoreChoice::Last) {
             Ok(core) => {
                 assert!(allowed.len() > 1);
-                assert_eq!(core, allowed.last().map(|core| core.id));
+                assert_eq!(core, allowed.last().copied());
             }
             Err(degradation) => {
                 assert!(allowed.len() < 2, "{degradation}");
             }
+        }
+    }
+
+    #[test]
+    fn a_core_that_the_process_has_given_up_is_given_by_its_number() {
+        // What isolation does to a process: the core exists and is outside the mask.
+        let [first, .., last] = mask()[..] else {
+            return;
+        };
+        apart(move || {
+            assert!(try_core(first));
+            assert_eq!(mask(), [first]);
+            assert_eq!(pin(CoreChoice::Id(last), &Cores::default()), Ok(Some(last)));
+            assert_eq!(mask(), [last], "the mask read back is that core alone");
+        });
+        apart(move || {
+            assert!(try_core(first));
+            let machine = Cores::new(vec![first, last], vec![last]);
+            assert_eq!(pin(CoreChoice::Isolated, &machine), Ok(Some(last)));
+        });
+    }
+
+    #[test]
+    fn an_isolated_core_that_the_system_does_not_give_leaves_the_next_choice() {
+        let allowed = mask();
+        let machine = Cores::new(vec![0, 1023], vec![1023]);
+        let pinned = apart(move || pin(CoreChoice::Isolated, &machine));
+        match allowed.as_slice() {
+            [_, .., last] => assert_eq!(pinned, Ok(Some(*last))),
+            _ => assert!(pinned.is_err()),
+        }
+    }
+
+    #[test]
+    fn the_only_core_of_a_process_is_not_the_tick_s_own() {
+        let first = mask()[0];
+        for choice in [
+            CoreChoice::Id(first),
+            CoreChoice::Last,
+            CoreChoice::Isolated,
+        ] {
+            let pinned = apart(move || {
+                assert!(try_core(first));
+                pin(choice, &Cores::default())
+            });
+            let degradation = pinned.expect_err("the other threads are there, too");
+            assert!(degradation.why.contains("one core only"), "{degradation}");
         }
     }
 

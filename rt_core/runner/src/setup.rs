@@ -1,17 +1,21 @@
 //! What the tick's thread asks of the system before its first tick, and what it got.
 
 use crate::clock::now_ns;
+use crate::cores::Cores;
 use crate::degradation::Degradation;
 use crate::memory::{LockedMemory, MemoryRange, STACK_AHEAD, touch_stack};
 use crate::schedule::{KeepAwake, pin, realtime, sharpen_timers};
 use crate::thread::RunnerConfig;
 use crate::tick_loop::TickLoop;
+use std::path::Path;
 
 /// What the thread got from the system.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Setup {
     pub(crate) degradations: Vec<Degradation>,
     pub(crate) core: Option<usize>,
+    pub(crate) isolated: bool,
+    pub(crate) priority: Option<u8>,
     pub(crate) locked_bytes: usize,
 }
 
@@ -26,16 +30,22 @@ pub(crate) fn set_up<D>(
     sharpen_timers();
     // The first reading of the clock looks for where to read it without the kernel.
     now_ns();
-    match pin(config.core) {
-        Ok(core) => setup.core = core,
+    let machine = Cores::of_this_machine();
+    match pin(config.core, &machine) {
+        Ok(core) => {
+            setup.core = core;
+            setup.isolated = core.is_some_and(|core| machine.is_isolated(core));
+        }
         Err(degradation) => setup.degradations.push(degradation),
     }
-    if let Some(Err(degradation)) = config.priority.map(realtime) {
-        setup.degradations.push(degradation);
+    match config.priority.map(realtime) {
+        Some(Ok(priority)) => setup.priority = Some(priority),
+        Some(Err(degradation)) => setup.degradations.push(degradation),
+        None => {}
     }
     let mut awake = None;
     if config.keep_awake {
-        match KeepAwake::hold() {
+        match KeepAwake::hold(Path::new(config.wake_latency)) {
             Ok(held) => awake = Some(held),
             Err(degradation) => setup.degradations.push(degradation),
         }

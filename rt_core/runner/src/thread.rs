@@ -11,11 +11,12 @@
 
 mod body;
 
+use crate::cores::CoreChoice;
 use crate::degradation::Degradation;
 use crate::latency::Latencies;
 use crate::link::{TickCounters, TickEnd};
 use crate::memory::LockedMemory;
-use crate::schedule::{CoreChoice, DEFAULT_PRIORITY, KeepAwake};
+use crate::schedule::{DEFAULT_PRIORITY, KeepAwake, WAKE_LATENCY};
 use crate::seccomp::{CallPolicy, FilterError, ForbiddenCall};
 use crate::setup::Setup;
 use crate::tick_loop::TickLoop;
@@ -42,6 +43,8 @@ pub struct RunnerConfig {
     pub lock_memory: bool,
     /// Whether to keep the processor out of its deeper sleep states.
     pub keep_awake: bool,
+    /// Where that is asked for: [`WAKE_LATENCY`], or a file that stands in for it.
+    pub wake_latency: &'static str,
     /// Whether to refuse to start where the system does not grant one of the above.
     pub insist: bool,
     /// The system calls that the thread may make; any other ends the loop. `None`: nobody looks.
@@ -54,10 +57,11 @@ impl Default for RunnerConfig {
         Self {
             period_ns: 1_000_000,
             ticks: None,
-            core: CoreChoice::Last,
+            core: CoreChoice::default(),
             priority: Some(DEFAULT_PRIORITY),
             lock_memory: true,
             keep_awake: true,
+            wake_latency: WAKE_LATENCY,
             insist: false,
             calls: None,
         }
@@ -159,6 +163,10 @@ pub struct TickReport<D> {
     pub degradations: Vec<Degradation>,
     /// The core that the tick was pinned to.
     pub core: Option<usize>,
+    /// Whether the kernel keeps that core aside.
+    pub isolated: bool,
+    /// The priority under SCHED_FIFO that the tick had; `None` under the ordinary scheduler.
+    pub priority: Option<u8>,
     /// Memory held in place (bytes).
     pub locked_bytes: usize,
     /// The system call that ended the run, if one did.

@@ -2,8 +2,9 @@
 
 use crate::log::{TickRow, energy_sums};
 use rt_core::coupling::HostState;
+use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{Pose, Vec3};
+use rt_core::{Pose, Twist, Vec3, Wrench};
 use serde::{Serialize, Serializer};
 use std::fmt;
 
@@ -95,7 +96,8 @@ fn same(a: Value, b: Value) -> bool {
     }
 }
 
-/// Gives every field of a tick to `see`, always in the same order.
+/// Gives every field of a tick to `see`, always in the same order. The records are taken apart without `..`, so that a
+/// field added to one of them cannot be forgotten here.
 fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
     let mut put = |part, name, component, value| {
         see(
@@ -107,41 +109,77 @@ fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
             value,
         );
     };
-    put(Part::Tick, "tick", "", Value::Count(row.tick));
-    put(Part::Tick, "time_ns", "", Value::Count(row.time_ns));
-    for (name, count) in [("devices", row.devices.len()), ("bodies", row.bodies.len())] {
+    let TickRow {
+        tick,
+        time_ns,
+        lateness_ns: _,
+        devices,
+        bodies,
+        readings: _,
+    } = row;
+    put(Part::Tick, "tick", "", Value::Count(*tick));
+    put(Part::Tick, "time_ns", "", Value::Count(*time_ns));
+    for (name, count) in [("devices", devices.len()), ("bodies", bodies.len())] {
         put(Part::Tick, name, "", Value::Count(count as u64));
     }
-    for (index, device) in row.devices.iter().enumerate() {
-        let part = Part::Device(index);
-        let Pose { position, rotation } = &device.pose;
-        vector(part, "position", position, &mut put);
-        for (component, x) in ["x", "y", "z", "w"].iter().zip(rotation.coords.iter()) {
-            put(part, "orientation", component, Value::Number(*x));
-        }
-        vector(part, "linear", &device.twist.linear, &mut put);
-        vector(part, "angular", &device.twist.angular, &mut put);
-        vector(part, "force", &device.wrench.force, &mut put);
-        vector(part, "torque", &device.wrench.moment, &mut put);
-        let time = Value::Count(device.device_time_ns);
-        put(part, "device_time_ns", "", time);
-        let buttons = Value::Count(u64::from(device.buttons));
-        put(part, "buttons", "", buttons);
-        put(part, "fresh", "", Value::Flag(device.fresh));
-        put(part, "safety", "", Value::Safety(device.safety));
+    for (index, device) in devices.iter().enumerate() {
+        visit_device(Part::Device(index), device, &mut put);
     }
-    for (index, body) in row.bodies.iter().enumerate() {
-        let part = Part::Body(index);
-        put(part, "sequence", "", Value::Count(body.sequence));
-        put(part, "epoch", "", Value::Count(u64::from(body.epoch)));
-        put(part, "age_ns", "", Value::Count(body.age_ns));
-        put(part, "trust", "", Value::Number(body.trust));
-        put(part, "state", "", Value::Host(body.state));
-        for (name, sum) in energy_sums(&body.energy) {
-            put(part, name, "", Value::Number(sum));
-        }
-        put(part, "capped", "", Value::Count(body.energy.capped));
+    for (index, body) in bodies.iter().enumerate() {
+        visit_body(Part::Body(index), body, &mut put);
     }
+}
+
+fn visit_device(
+    part: Part,
+    device: &DeviceTelemetry,
+    put: &mut impl FnMut(Part, &'static str, &'static str, Value),
+) {
+    let DeviceTelemetry {
+        pose: Pose { position, rotation },
+        twist: Twist { linear, angular },
+        wrench: Wrench { force, moment },
+        buttons,
+        device_time_ns,
+        fresh,
+        safety,
+    } = device;
+    vector(part, "position", position, put);
+    for (component, x) in ["x", "y", "z", "w"].iter().zip(rotation.coords.iter()) {
+        put(part, "orientation", component, Value::Number(*x));
+    }
+    vector(part, "linear", linear, put);
+    vector(part, "angular", angular, put);
+    vector(part, "force", force, put);
+    vector(part, "torque", moment, put);
+    put(part, "device_time_ns", "", Value::Count(*device_time_ns));
+    put(part, "buttons", "", Value::Count(u64::from(*buttons)));
+    put(part, "fresh", "", Value::Flag(*fresh));
+    put(part, "safety", "", Value::Safety(*safety));
+}
+
+fn visit_body(
+    part: Part,
+    body: &BodyTelemetry,
+    put: &mut impl FnMut(Part, &'static str, &'static str, Value),
+) {
+    let BodyTelemetry {
+        sequence,
+        epoch,
+        age_ns,
+        trust,
+        state,
+        energy,
+    } = body;
+    put(part, "sequence", "", Value::Count(*sequence));
+    put(part, "epoch", "", Value::Count(u64::from(*epoch)));
+    put(part, "age_ns", "", Value::Count(*age_ns));
+    put(part, "trust", "", Value::Number(*trust));
+    put(part, "state", "", Value::Host(*state));
+    for (name, sum) in energy_sums(energy) {
+        put(part, name, "", Value::Number(sum));
+    }
+    put(part, "capped", "", Value::Count(energy.capped));
 }
 
 fn vector(

@@ -1,6 +1,6 @@
 //! The summary for people, a line for each thing.
 
-use super::{Distribution, RunSummary};
+use super::{Distribution, PlaceSummary, RunSummary};
 use std::fmt;
 
 /// Events that are printed; `--json` has them all.
@@ -21,6 +21,9 @@ impl fmt::Display for RunSummary {
         )?;
         if t.stopped {
             writeln!(f, "  stopped    before its end, because it was asked to")?;
+        }
+        if let Some(place) = &t.place {
+            writeln!(f, "  ran on     {place}")?;
         }
         if let Some(lateness) = &t.lateness {
             writeln!(f, "  woke late  {}", Times(lateness))?;
@@ -164,6 +167,20 @@ impl fmt::Display for RunSummary {
             writeln!(f, "  FAILED     {what}")?;
         }
         Ok(())
+    }
+}
+
+impl fmt::Display for PlaceSummary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.core, self.isolated) {
+            (Some(core), true) => write!(f, "core {core} (isolated)")?,
+            (Some(core), false) => write!(f, "core {core} (not isolated)")?,
+            (None, _) => write!(f, "no core of its own")?,
+        }
+        match self.priority {
+            Some(priority) => write!(f, ", SCHED_FIFO {priority}"),
+            None => write!(f, ", no realtime priority"),
+        }
     }
 }
 

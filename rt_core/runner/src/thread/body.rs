@@ -66,6 +66,8 @@ pub(super) fn body<D: Device>(
         refused_wrenches: done.refused_wrenches,
         degradations: setup.degradations,
         core: setup.core,
+        isolated: setup.isolated,
+        priority: setup.priority,
         locked_bytes: setup.locked_bytes,
         forbidden_call,
     });
@@ -81,7 +83,9 @@ fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
     Ok(config.calls.map_or(Ok(()), confine)?)
 }
 
-/// The loop itself: the hot path.
+/// The loop itself: the hot path. A function of its own in the program, so that `tests/tests/no_lock.rs` can follow
+/// everything that it calls.
+#[inline(never)]
 fn run<D: Device>(
     tick_loop: &mut TickLoop<D>,
     pace: &mut Pace,

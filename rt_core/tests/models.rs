@@ -1,0 +1,204 @@
+//! Which models are taken into use, and what of one reaches the hand: one that knows of fewer changes of topology than
+//! the one in use is refused, a contact never pulls, and weight comes and goes with the trust in its model.
+// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+#![allow(clippy::disallowed_macros, clippy::disallowed_types)]
+
+use rt_core::coupling::{Coupling, CouplingConfig, HostState};
+use rt_core::local_model::ModelFault;
+use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench};
+
+const MS: u64 = 1_000_000;
+const PERIOD: f64 = 1e-3;
+/// Every scheme but those that read no stiffness.
+const SCHEMES: [Scheme; 4] = [
+    Scheme::Linear,
+    Scheme::Proxy,
+    Scheme::Classic,
+    Scheme::Capped,
+];
+
+fn coupling(scheme: Scheme) -> Coupling {
+    Coupling::new(CouplingConfig {
+        scheme,
+        period: PERIOD,
+        blend: 0.5,
+        age_limit: 0.05,
+        decay: 0.1,
+        recovery: PERIOD,
+        hold_damping: 0.0,
+        passivity: PassivityConfig::new(PERIOD),
+    })
+}
+
+/// One handle at the origin, on which the body does nothing.
+fn model(sequence: u64, epoch: u32, time_ns: u64) -> LocalModel {
+    let mut model = LocalModel::empty();
+    model.sequence = sequence;
+    model.epoch = epoch;
+    model.time_ns = time_ns;
+    model.period = 0.004;
+    model.handle_count = 1;
+    model
+}
+
+/// One hand at a place, at a velocity.
+fn at(position: Vec3, velocity: Vec3) -> [(Pose, Twist); 1] {
+    let twist = Twist {
+        linear: velocity,
+        ..Twist::zero()
+    };
+    [(Pose::at(position), twist)]
+}
+
+/// A tick, and the device holds what comes of it.
+fn tick(coupling: &mut Coupling, now_ns: u64, hand: &[(Pose, Twist); 1]) -> Wrench {
+    let [wrench, ..] = coupling.tick(now_ns, hand);
+    let mut held = [Wrench::zero(); MAX_DEVICES];
+    held[0] = wrench;
+    coupling.hold(&held, &[1.0; MAX_DEVICES]);
+    wrench
+}
+
+#[test]
+fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
+    let still = at(Vec3::zeros(), Vec3::zeros());
+    for scheme in SCHEMES {
+        let mut coupling = coupling(scheme);
+        assert_eq!(coupling.accept(&model(1, 5, 10 * MS)), Ok(()));
+        // Before it is taken into use, and after.
+        for (refused, now) in [(1, 11), (2, 12)] {
+            let older = model(1 + refused, 4, now * MS);
+            assert_eq!(coupling.accept(&older), Err(ModelFault::Outdated));
+            assert_eq!(coupling.counters().outdated, refused);
+            tick(&mut coupling, now * MS, &still);
+            assert_eq!((coupling.model().epoch, coupling.model().sequence), (5, 1));
+        }
+        // The same epoch, and a later one, are taken.
+        for (sequence, epoch) in [(4, 5), (5, 6)] {
+            let newer = model(sequence, epoch, (20 + sequence) * MS);
+            assert_eq!(coupling.accept(&newer), Ok(()));
+            tick(&mut coupling, 30 * MS, &still);
+            assert_eq!(coupling.model().sequence, sequence);
+        }
+        assert_eq!(coupling.counters().accepted, 3);
+    }
+}
+
+#[test]
+fn a_contact_pushes_and_never_pulls() {
+    // A wall along x, soft sideways, that damps what moves in it.
+    let (k, sideways, b) = (1000.0, 200.0, 5.0);
+    let mut wall = model(1, 0, MS);
+    wall.handles[0].contact = Vec3::x();
+    wall.stiffness[0][0][(0, 0)] = k;
+    wall.stiffness[0][0][(1, 1)] = sideways;
+    wall.damping[0][0][(0, 0)] = b;
+    // Not the classic controller, which takes back in the air what the wall gave too much.
+    for scheme in [Scheme::Linear, Scheme::Proxy, Scheme::Capped] {
+        let mut coupling = coupling(scheme);
+        coupling.accept(&wall).expect("a sound model");
+        let mut force = |x: f64, y: f64, v: f64| {
+            let hand = at(Vec3::new(x, y, 0.0), Vec3::x() * v);
+            tick(&mut coupling, 2 * MS, &hand).force
+        };
+        for _ in 0..20 {
+            force(0.0, 0.0, 0.0);
+        }
+        // Slowly in: a tenth of a millimetre in twenty ticks. It pushes.
+        let mut deep = Vec3::zeros();
+        for step in 1..=20 {
+            deep = force(-5e-6 * f64::from(step), 0.0, 0.0);
+        }
+        // The cap's damper may add some of the stiffness of half a step.
+        assert!(
+            (deep.x / (k * 1e-4) - 1.0).abs() < 0.05,
+            "{scheme:?} {deep}"
+        );
+        // Out of the wall: nothing, neither of its spring nor of its damper. To the last bit but for a blend's rounding.
+        for step in 1..=20 {
+            let x = 5e-6 * f64::from(step);
+            let air = force(x, 0.0, 5e-3);
+            assert!(air.x.abs() < 1e-12, "{scheme:?}: {air} at {x} m");
+        }
+        if scheme == Scheme::Capped {
+            assert_eq!(coupling.energy().stored, 0.0, "air stores nothing");
+        }
+    }
+}
+
+#[test]
+fn a_contact_holds_sideways_also_where_it_would_pull() {
+    let mut wall = model(1, 0, MS);
+    wall.handles[0].contact = Vec3::x();
+    wall.stiffness[0][0][(0, 0)] = 1000.0;
+    wall.stiffness[0][0][(1, 1)] = 200.0;
+    for scheme in SCHEMES {
+        let mut coupling = coupling(scheme);
+        coupling.accept(&wall).expect("a sound model");
+        let mut force = Vec3::zeros();
+        for step in 0..=40 {
+            // First its trust comes, then the hand goes sideways and out at once.
+            let s = 1e-6 * f64::from((step - 20).max(0));
+            let hand = at(Vec3::new(s, s, 0.0), Vec3::zeros());
+            force = tick(&mut coupling, 2 * MS, &hand).force;
+        }
+        assert!(force.x.abs() < 1e-12, "{scheme:?} {force}");
+        // Half a step's stiffness may act as a damper under the cap: 2.5 % of twenty steps.
+        assert!(
+            (force.y / (-200.0 * 20e-6) - 1.0).abs() < 0.03,
+            "{scheme:?} {force}"
+        );
+    }
+}
+
+#[test]
+fn weight_comes_and_goes_with_the_trust_in_its_model() {
+    let weight = 2.0;
+    for scheme in SCHEMES {
+        let mut coupling = coupling(scheme);
+        let mut hanging = model(1, 0, MS);
+        hanging.handles[0].wrench.force.z = -weight;
+        hanging.handles[0].weight.z = -weight;
+        let mut now = MS;
+        let mut tick = |coupling: &mut Coupling, height: f64| {
+            let hand = at(Vec3::z() * height, Vec3::zeros());
+            now += MS;
+            tick(coupling, now, &hand).force.z
+        };
+        coupling.accept(&hanging).expect("a sound model");
+        for _ in 0..40 {
+            tick(&mut coupling, 0.0);
+        }
+        // No newer model comes: it grows too old at 50 ms, and fades for 100 ms, while the hand lifts it. What has been
+        // raised is at each moment what is held up then, times the height.
+        let (mut faded, mut seen) = (0, [false; 2]);
+        for step in 1..=200 {
+            let height = 1e-4 * f64::from(step);
+            let share = tick(&mut coupling, height) / -weight;
+            let raised = coupling.energy().raised;
+            let expected = share * weight * height;
+            // Sums of two hundred terms, each of some hundredths of a joule, in double precision.
+            assert!(
+                (raised - expected).abs() < 1e-12,
+                "{scheme:?} step {step}: {raised} {expected}"
+            );
+            match coupling.state() {
+                HostState::Live => {
+                    assert!((share - 1.0).abs() < 1e-12, "{scheme:?}");
+                    seen[0] = true;
+                }
+                HostState::Fading => {
+                    assert!(share < 1.0 && share > 0.0, "{scheme:?} {share}");
+                    faded += 1;
+                }
+                HostState::Held => {
+                    // Nothing is held up any more; `raised` has been checked above.
+                    assert_eq!(share, 0.0, "{scheme:?}");
+                    seen[1] = true;
+                }
+                HostState::Waiting => panic!("a model is in use"),
+            }
+        }
+        assert!(faded > 90 && seen == [true; 2], "{faded} {seen:?}");
+    }
+}
