@@ -16,8 +16,10 @@
 
 mod cap;
 mod classic;
+mod edge;
 mod hand;
 
+use edge::Edge;
 use hand::Hand;
 pub(crate) use hand::Motion;
 
@@ -240,7 +242,13 @@ impl Passivity {
             }
             let period = self.config.period;
             let share = self.config.credit;
-            let credit = ways.dissipated(&way, period, [port.damping, port.friction], share)
+            let onwards = ways.dissipated(&way, period, [port.damping, port.friction], share);
+            if way != Vec3::zeros() {
+                let held = held.map_or(Vec3::zeros(), |wrench| wrench.force);
+                let spring = (held - weight.copied().unwrap_or_default()) * port.force_scale;
+                note_edges(&mut hand.edges, &way, &spring, onwards > 0.0, port.count);
+            }
+            let credit = onwards
                 + turns.dissipated(
                     &turn,
                     period,
@@ -293,6 +301,21 @@ impl Passivity {
             let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
             self.spared += raised;
+        }
+    }
+}
+
+/// Tells the edges of each axis of a step by `way` (m) under `force` (N).
+fn note_edges(edges: &mut [Edge; 3], way: &Vec3, force: &Vec3, credited: bool, count: f64) {
+    let [x, y, z] = [way.x, way.y, way.z].map(|by| by != 0.0);
+    let others = [y || z, x || z, x || y];
+    let axes = way.iter().zip(force).zip(edges).zip(others);
+    for (((&by, force), edge), others) in axes {
+        if by != 0.0 {
+            edge.step(by, -force * by, credited, count);
+        }
+        if others {
+            edge.slant();
         }
     }
 }

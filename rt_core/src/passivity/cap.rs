@@ -33,7 +33,8 @@
 //! leaves by the same edge: no work is done between, but `w . D` with the force before each step says that a spring
 //! gave `K D^2`. A trembling hand on a stiff wall would so empty the account, and the wall would go soft. Where a count
 //! comes after a rest, the spring's work is taken with the mean of its force before and after. What a hand can get by
-//! that is `K D^2 / 2` a count, covered by friction that is not relied on up to `K = 2 (1 - eta) f_c / D`.
+//! that is `K D^2 / 2` a count, covered by friction that is not relied on up to `K = 2 (1 - eta) f_c / D`. What dampers
+//! and late models make of the same count is in [`super::edge`].
 //!
 //! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
 //!
@@ -145,12 +146,18 @@ impl Passivity {
         }
         // A count that came after a rest was reached slowly, and left again where it was reached: the springs' force
         // changes on the way, not after it. What a hand can make of that is less than the friction not relied on.
-        for (holder, elastic) in holders.iter().zip(elastic.iter()) {
+        let share = self.config.credit;
+        let each = holders.iter().zip(elastic.iter()).zip(&ports);
+        for ((holder, elastic), port) in each {
             if let Some(hand) = self.hands.get_mut(*holder) {
                 let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
                 // What no device holds was held back on the way.
                 hand.spring = if spring.norm() <= MOST_FORCE {
-                    self.credit -= 0.5 * (spring - hand.spring).dot(&hand.crept);
+                    let corrections = (hand.spring - spring).component_mul(&hand.crept) * 0.5;
+                    self.credit += corrections.sum();
+                    for (edge, correction) in hand.edges.iter_mut().zip(&corrections) {
+                        self.credit += edge.settle(*correction, port.friction, share);
+                    }
                     spring
                 } else {
                     Vec3::zeros()

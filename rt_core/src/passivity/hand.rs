@@ -1,6 +1,7 @@
 //! What is remembered of each hand on a body: where it was, what it held, how far it got.
 
 use super::MAX_DELAY;
+use super::edge::Edge;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 
 /// How one handle moves.
@@ -81,6 +82,8 @@ pub(super) struct Hand {
     pub(super) heading: Vec3,
     /// The step of this tick, if it was one count after a rest.
     pub(super) crept: Vec3,
+    /// The last count along each axis.
+    pub(super) edges: [Edge; 3],
     /// Force of the springs held last.
     pub(super) spring: Vec3,
     /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
@@ -97,6 +100,7 @@ impl Hand {
             ways: [Way::none(); 2],
             heading: Vec3::zeros(),
             crept: Vec3::zeros(),
+            edges: [Edge::default(); 3],
             spring: Vec3::zeros(),
             reach: [0.0; 2],
         }
