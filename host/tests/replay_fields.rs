@@ -10,7 +10,7 @@ use host::scene::{LoadedScene, Scene};
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{EnergyAccount, Pose, Twist, Vec3, Wrench};
+use rt_core::{EnergyAccount, Pose, Twist, Vec3, Withheld, Wrench};
 use std::error::Error;
 
 type Outcome = Result<(), Box<dyn Error>>;
@@ -111,6 +111,7 @@ fn of_body<'a>(part: &str, body: &'a mut BodyTelemetry, leaves: &mut Vec<(String
         age_ns,
         trust,
         state,
+        withheld: Withheld { force, of },
         energy:
             EnergyAccount {
                 supplied,
@@ -128,6 +129,8 @@ fn of_body<'a>(part: &str, body: &'a mut BodyTelemetry, leaves: &mut Vec<(String
     leaves.push((format!("{part} state"), Leaf::Host(state)));
     for (name, x) in [
         ("trust", trust),
+        ("withheld", force),
+        ("of", of),
         ("supplied", supplied),
         ("raised", raised),
         ("least", least),

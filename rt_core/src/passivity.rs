@@ -300,7 +300,9 @@ impl Passivity {
             let (wrench, weight) = if sound { (*wrench, *weight) } else { zero };
             let raised = hand.push(&wrench, &weight) * port.force_scale;
             self.account.raised += raised;
+            let before = self.spared.max(0.0);
             self.spared += raised;
+            self.account.available -= self.spared.max(0.0) - before;
         }
     }
 }

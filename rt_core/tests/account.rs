@@ -205,13 +205,21 @@ fn a_scaled_device_raises_its_scale_of_weight() {
             (lifted.supplied - expected).abs() < 1e-15,
             "{scale} {lifted:?}"
         );
-        // Taken away up there, nothing is raised any more; back again, it is, and somebody has to pay.
+        // Taken away up there, nothing is raised any more; back again, it is, and nobody has to pay twice.
         let away = at(0.01, 0.0);
         assert!(away.raised.abs() < 1e-15, "{scale} {away:?}");
         let back = at(0.01, 1.0);
         assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
-        let paid = away.available - back.available;
-        assert!((paid - expected).abs() < 1e-15, "{scale} {paid}");
+        let paid = lifted.available - back.available;
+        assert!(paid.abs() < 1e-15, "{scale} {paid}");
+        // Taken away down here and back up there, the hand was spared the work, and has so much less to spend.
+        at(0.0, 1.0);
+        let away = at(0.0, 0.0);
+        at(0.01, 0.0);
+        let back = at(0.01, 1.0);
+        assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
+        let spared = away.available - back.available;
+        assert!((spared - expected).abs() < 1e-15, "{scale} {spared}");
     }
 }
 

@@ -6,7 +6,9 @@ use fem_support::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
 
-use physics::fem::{Body, BodyConfig, Budget, Freedom, HandlePose, StepError};
+use physics::fem::{
+    Body, BodyConfig, Budget, Equilibrium, EquilibriumOptions, Freedom, HandlePose, StepError,
+};
 
 const LX: f64 = 0.1;
 

@@ -12,7 +12,7 @@
 //! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
 //! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
 //! G  = (H - R+)+                                        what this tick may spend
-//! F_s <- F_s min(1, G / (b V))                          the force bows out; b = 0.3, with d ticks of delay 0.3 (1 + d)
+//! F_s <- F_s min(1, G / (b V))                          the force bows out; b = 0.3, more for late devices
 //! F_d <- F_d - c v                                      where V > G; c takes out what is missing
 //! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
 //! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
@@ -51,7 +51,8 @@ use crate::velocity::VelocityEstimator;
 const CREEP: f64 = 1e-3;
 
 /// Share of the energy that a model claims below which the force bows out. A device that is late by a tick renders
-/// another tick's force on a hand that grows faster meanwhile: twice as much must be backed, and at most all.
+/// another tick's force on a hand that grows faster meanwhile: twice as much must be backed, and at most all. Where a
+/// force falls no faster than a limit of slew, all must.
 const BACKED: f64 = 0.3;
 
 /// Time (s) in which credit that no spring backs is forgotten. At once would be wrong: while models disagree `V` passes
@@ -100,7 +101,12 @@ impl Passivity {
         let budget = left.max(0.0);
         let missing = stored - budget;
         let mut kept = 1.0;
-        let backed = (BACKED * (1.0 + self.config.delay as f64)).min(1.0);
+        let slow = ports.iter().any(|port| port.max_slew.is_finite());
+        let backed = if slow {
+            1.0
+        } else {
+            (BACKED * (1.0 + self.config.delay as f64)).min(1.0)
+        };
         if budget < backed * stored {
             kept = budget / (backed * stored);
         }

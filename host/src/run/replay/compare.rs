@@ -4,7 +4,7 @@ use crate::log::{TickRow, energy_sums};
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
-use rt_core::{Pose, Twist, Vec3, Wrench};
+use rt_core::{Pose, Twist, Vec3, Withheld, Wrench};
 use serde::{Serialize, Serializer};
 use std::fmt;
 
@@ -169,8 +169,12 @@ fn visit_body(
         age_ns,
         trust,
         state,
+        withheld,
         energy,
     } = body;
+    let Withheld { force, of } = withheld;
+    put(part, "withheld", "", Value::Number(*force));
+    put(part, "of", "", Value::Number(*of));
     put(part, "sequence", "", Value::Count(*sequence));
     put(part, "epoch", "", Value::Count(u64::from(*epoch)));
     put(part, "age_ns", "", Value::Count(*age_ns));
