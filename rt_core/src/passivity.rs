@@ -214,6 +214,7 @@ impl Passivity {
                 continue;
             };
             hand.crept = Vec3::zeros();
+            hand.pace = 1.0;
             for way in &mut hand.ways {
                 way.since = way.since.saturating_add(1);
             }
@@ -235,6 +236,7 @@ impl Passivity {
             if way != Vec3::zeros() {
                 if ways.since > 1 && way.norm() < 1.5 * port.count {
                     hand.crept = way;
+                    hand.pace = f64::from(ways.since);
                 }
                 hand.heading = hand
                     .heading
@@ -281,6 +283,11 @@ impl Passivity {
         self.hands
             .get(device)
             .map_or(Vec3::zeros(), |hand| hand.heading)
+    }
+
+    /// In how many ticks a device has made the translation of this tick: one, or more where it is a count after a rest.
+    pub(crate) fn pace(&self, device: usize) -> f64 {
+        self.hands.get(device).map_or(1.0, |hand| hand.pace)
     }
 
     /// Notes what could be got back now (J).

@@ -60,6 +60,8 @@ impl Coupling {
                 velocity: twist.stacked(),
             };
             let [linear, angular] = *share;
+            // A hand that made one count in many ticks went on slowly: what the spring lags by is that much less.
+            let linear = linear / self.passivity.pace(device);
             *lead = step.component_mul(&Vec6::new(
                 linear, linear, linear, angular, angular, angular,
             ));

@@ -82,6 +82,8 @@ pub(super) struct Hand {
     pub(super) heading: Vec3,
     /// The step of this tick, if it was one count after a rest.
     pub(super) crept: Vec3,
+    /// Ticks that the translation of this tick was made in: more than one for a count after a rest.
+    pub(super) pace: f64,
     /// The last count along each axis.
     pub(super) edges: [Edge; 3],
     /// Force of the springs held last.
@@ -100,6 +102,7 @@ impl Hand {
             ways: [Way::none(); 2],
             heading: Vec3::zeros(),
             crept: Vec3::zeros(),
+            pace: 1.0,
             edges: [Edge::default(); 3],
             spring: Vec3::zeros(),
             reach: [0.0; 2],
