@@ -137,7 +137,8 @@ impl Guard {
                 }
             } else {
                 misses += 1;
-                if misses == MOST_MISSES {
+                // What nothing tears stays at the least where it is, with the energy that it had.
+                if work > 0.0 && misses == MOST_MISSES {
                     break;
                 }
             }
