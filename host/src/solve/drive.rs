@@ -102,6 +102,12 @@ impl<'a> Drive<'a> {
             }
         };
         let rest: Vec<Vec3> = built.body.positions().collect();
+        if solve.analysis == Analysis::Dynamic && ramp > 0.0 {
+            // Loads grow from nothing. Zeros, one a vertex, are good forces.
+            let _ = built
+                .body
+                .set_external_forces(&vec![Vec3::zeros(); rest.len()]);
+        }
         let targets = built.handles.iter().map(|h| HandlePose::at(h.origin));
         Ok(Self {
             spec: &scene.bodies[index],
@@ -155,8 +161,8 @@ impl<'a> Drive<'a> {
                 for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
                     *force = load * share;
                 }
-                body.set_external_forces(&self.forces)?;
-                let report = integrator.step(body, self.step, &self.targets)?;
+                let report =
+                    integrator.step_loaded(body, self.step, &self.targets, &self.forces)?;
                 (
                     report.substeps,
                     report.refused,
