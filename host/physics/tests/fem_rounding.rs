@@ -114,7 +114,11 @@ fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
             let error = block(law, off, force, 1e-9).unwrap_err();
             println!("{off} m, {force} N: {error}");
             assert!(matches!(error, StepError::Rounding { .. }), "{error}");
-            let advice = if off > 0.0 { "nearer to the origin" } else { "larger loads" };
+            let advice = if off > 0.0 {
+                "nearer to the origin"
+            } else {
+                "larger loads"
+            };
             assert!(error.to_string().contains(advice), "{error}");
         }
     }
@@ -123,6 +127,47 @@ fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
     let (far, _) = block(SolidLaw::Linear, FAR, 1e6, 1e-9).unwrap();
     // The rest shape itself is rounded to 1e-13 m, of a cell of 25 mm.
     assert!(distance(&near, &far) < 1e-9 * norm(&near));
+}
+
+#[test]
+fn a_motion_without_digits_is_told_from_one_that_begins_gently() {
+    for (force, enough) in [(1.0, true), (1e-10, false)] {
+        let mut mesh = cube(2, 0.0, false);
+        for x in &mut mesh.positions {
+            *x *= EDGE;
+        }
+        let law = SolidLaw::StableNeoHookean;
+        let config = BodyConfig {
+            stiffness_damping: 1e-5,
+            ..weightless()
+        };
+        let mut body = Body::solid(&mesh, &[STEEL], law, config, &[]).unwrap();
+        let numbered = (0_u32..).zip(&mesh.positions);
+        let below: Vec<u32> = numbered
+            .filter(|(_, x)| x.z == 0.0)
+            .map(|(v, _)| v)
+            .collect();
+        body.add_support(&below, [true; 3]).unwrap();
+        let options = IntegratorOptions {
+            scheme: Scheme::TrBdf2,
+            ..IntegratorOptions::default()
+        };
+        let mut integrator = Integrator::new(&body, options).unwrap();
+        for step in 1..=50 {
+            let share = (f64::from(step) / 50.0).powi(3);
+            let forces: Vec<Vec3> = mesh
+                .positions
+                .iter()
+                .map(|x| Vec3::x() * (x.z * force * share))
+                .collect();
+            integrator
+                .step_loaded(&mut body, 1e-6, &[], &forces)
+                .unwrap();
+        }
+        let found = integrator.check_digits(&body);
+        println!("{force} N: {found:?}");
+        assert_eq!(found.is_ok(), enough, "{found:?}");
+    }
 }
 
 /// A strip of 0.2 m by 0.05 m whose end is pulled by a tenth and turned aside; positions less `off`.
@@ -198,7 +243,8 @@ fn tiny_steps_are_not_halved_for_rounding() {
                 density: 1000.0,
             };
             let mesh = cube(2, 0.2, false);
-            let mut body = Body::solid(&mesh, &[stuff], SolidLaw::StableNeoHookean, config, &[]).unwrap();
+            let mut body =
+                Body::solid(&mesh, &[stuff], SolidLaw::StableNeoHookean, config, &[]).unwrap();
             let kick: Vec<Vec3> = mesh.positions.iter().map(|x| x * 0.1).collect();
             body.set_velocities(&kick).unwrap();
             let options = IntegratorOptions {

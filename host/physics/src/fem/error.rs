@@ -261,7 +261,7 @@ pub enum StepError {
         rounding_advice(*place, *size)
     )]
     Rounding {
-        /// The motion of a node that was still asked for (m).
+        /// The motion of a node that was still asked for, or that its coordinates cannot tell (m).
         open: f64,
         /// The largest motion of a node from rest (m).
         moved: f64,

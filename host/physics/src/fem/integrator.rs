@@ -10,7 +10,7 @@ use super::body::Body;
 use super::error::{CondenseError, StepError};
 use super::guard::Guard;
 use super::handle::{HandlePose, HandleReport};
-use super::newton::{Newton, NewtonOptions, NewtonReport};
+use super::newton::{Newton, NewtonOptions, NewtonReport, check_digits};
 use crate::Vec3;
 
 /// How time is discretized.
@@ -91,6 +91,10 @@ pub struct Integrator {
     ramped: bool,
     /// Shares of the step at which the substep starts and ends.
     span: (f64, f64),
+    /// The most that rounding left open of the motion in any step, and the farthest from rest that the body was then
+    /// (m).
+    open: f64,
+    moved: f64,
 }
 
 /// `share` of the way between two poses.
@@ -127,6 +131,8 @@ impl Integrator {
             loads: (zeros.clone(), zeros),
             ramped: false,
             span: (0.0, 1.0),
+            open: 0.0,
+            moved: 0.0,
             aims: reports.iter().map(|report| report.pose).collect(),
             reports,
             reactions: Vec::with_capacity(body.supports.list.len()),
@@ -164,6 +170,17 @@ impl Integrator {
             body.external.copy_from_slice(&self.loads.1);
         }
         result
+    }
+
+    /// Whether the motion so far, of which `body` is the end, has digits enough: the most that rounding left open in a
+    /// step is a hundredth of the motion from rest at most. A motion that begins gently has none in its first steps,
+    /// so the whole of it is judged.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::Rounding`].
+    pub fn check_digits(&self, body: &Body) -> Result<(), StepError> {
+        check_digits(body, self.open, self.moved.max(body.moved()))
     }
 
     /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle.
@@ -244,6 +261,10 @@ impl Integrator {
                     done += size;
                     report.substeps += 1;
                     report.damped += usize::from(damped);
+                    if newton.open > 0.0 {
+                        self.open = self.open.max(newton.open);
+                        self.moved = self.moved.max(body.moved());
+                    }
                     report.iterations += newton.iterations;
                     let relative = newton.residual / newton.reference.max(f64::MIN_POSITIVE);
                     report.relative_residual = report.relative_residual.max(relative);
@@ -257,8 +278,6 @@ impl Integrator {
                     }
                     size = size.min((whole - done).max(1));
                 }
-                // A shorter step has fewer digits still.
-                Err(error @ StepError::Rounding { .. }) => return Err(error),
                 other => {
                     report.refused += 1;
                     let count = body.inverted_count();

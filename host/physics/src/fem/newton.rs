@@ -14,8 +14,9 @@
 //! so every direction descends.
 //!
 //! Below some residual nothing but rounding is left (`rounding`). There the method goes on as long as a step halves
-//! the residual. Its last direction then tells how much of the motion is still open, and a solve of which more than a
-//! hundredth is open has not been solved: [`StepError::Rounding`].
+//! the residual. Its last direction then tells how much of the motion is still open, and an equilibrium of which more
+//! than a hundredth is open has not been solved: [`StepError::Rounding`]. A stage of a motion may well move by less than
+//! numbers can tell; of a motion it is the whole that counts (`Integrator::check_digits`).
 
 use super::Tangent;
 use super::body::Body;
@@ -69,7 +70,8 @@ pub struct NewtonReport {
     pub converged: bool,
     /// Whether the residual is above the tolerance, and rounding.
     pub rounded: bool,
-    /// Where rounding stopped the solve: the largest motion of a node that was still asked for (m).
+    /// Where rounding stopped the solve: the largest motion of a node that was still asked for, or that its coordinates
+    /// cannot tell (m).
     pub open: f64,
 }
 
@@ -177,7 +179,9 @@ impl Newton {
                 });
             }
             let met = report.residual <= self.options.tolerance * report.reference;
-            let floor = self.rounding.of_forces(body, factors.mass, factors.stiffness);
+            let floor = self
+                .rounding
+                .of_forces(body, factors.mass, factors.stiffness);
             report.rounded = !met && report.residual <= floor;
             if !prescribed {
                 let fine = report.residual <= FINE * report.reference.max(asked);
@@ -235,17 +239,11 @@ impl Newton {
         }
         let free = body.stiffness.free();
         let open = self.step[..free].iter().map(Vec3::amax);
-        report.open = open.fold(0.0, f64::max);
-        let moved = body.x.iter().zip(&body.rest).map(|(x, rest)| (x - rest).amax());
-        let moved = moved.fold(0.0, f64::max);
-        if report.open > MOST_OPEN * moved {
-            let place = body.x.iter().map(Vec3::amax).fold(0.0, f64::max);
-            return Err(StepError::Rounding {
-                open: report.open,
-                moved,
-                place,
-                size: body.size(),
-            });
+        // No place is known better than numbers of its size are apart.
+        let place = body.x.iter().map(Vec3::amax).fold(0.0, f64::max);
+        report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
+        if stage.is_none() {
+            check_digits(body, report.open, body.moved())?;
         }
         report.converged = true;
         Ok(report)
@@ -450,6 +448,19 @@ impl Newton {
         }
         false
     }
+}
+
+/// Refuses a solution of which rounding leaves `open` (m) of the `moved` (m) open.
+pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), StepError> {
+    if open <= MOST_OPEN * moved {
+        return Ok(());
+    }
+    Err(StepError::Rounding {
+        open,
+        moved,
+        place: body.x.iter().map(Vec3::amax).fold(0.0, f64::max),
+        size: body.size(),
+    })
 }
 
 /// Mean diagonal of the stiffness over the mean mass (1/s^2).

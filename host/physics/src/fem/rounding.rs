@@ -62,8 +62,7 @@ impl Rounding {
     /// Norm of the residual that may be rounding (N), of a matrix `mass M + stiffness K`.
     pub(crate) fn of_forces(&self, body: &Body, mass: f64, stiffness: f64) -> f64 {
         let square = |node: usize| {
-            let matrix =
-                body.stiffness.diagonal(node).amax() * stiffness + body.mass[node] * mass;
+            let matrix = body.stiffness.diagonal(node).amax() * stiffness + body.mass[node] * mass;
             // Neighbours are as uncertain as the node itself.
             let force = 2.0 * matrix * self.of_place(body, node);
             force * force
@@ -77,11 +76,21 @@ impl Lost {
     /// twice the geometric mean of the body's energy and the motion's (Cauchy and Schwarz, for a quadratic energy).
     pub(crate) fn of_energy(self, elastic: f64) -> f64 {
         let elastic = elastic.abs();
-        SUMS * elastic + libm::sqrt(2.0 * elastic * self.elastic) + self.elastic + self.elements + self.work
+        SUMS * elastic
+            + libm::sqrt(2.0 * elastic * self.elastic)
+            + self.elastic
+            + self.elements
+            + self.work
     }
 }
 
 impl Body {
+    /// The largest motion of a node from rest along an axis (m).
+    pub(crate) fn moved(&self) -> f64 {
+        let ways = self.x.iter().zip(&self.rest);
+        ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)
+    }
+
     /// Longest edge of the box around the body at rest (m).
     pub(crate) fn size(&self) -> f64 {
         let corner = |pick: fn(f64, f64) -> f64| {

@@ -164,7 +164,11 @@ impl Integrator {
         }
         let loads = self.loads.0.iter().zip(&self.loads.1);
         let changed = loads.map(|(from, to)| (to - from).norm());
-        let moved = body.x.iter().zip(&self.x).map(|(x, from)| (x - from).norm());
+        let moved = body
+            .x
+            .iter()
+            .zip(&self.x)
+            .map(|(x, from)| (x - from).norm());
         let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
         work * (self.span.1 - self.span.0) * body.load_factor.abs()
     }
