@@ -3,7 +3,7 @@
 //! A body of which cells are inside out passes close by saddles of its energy. There the small errors of one
 //! linearization decide where it comes to rest: rightly, or in a balance in which a cell stays inside out. So the
 //! equation is linearized again at the step's end, and solved for what is left: Newton's method for implicit Euler.
-//! Elsewhere one linearization does, and nothing here costs anything.
+//! Elsewhere, and where a hand moves the body, one linearization does, and nothing here costs anything.
 
 use super::super::{Real, to_vec};
 use super::{Limits, Stepper, StepperReport};

@@ -19,7 +19,10 @@ impl<T: Real> Stepper<T> {
     ) -> Result<(), StepError> {
         let mut work = self.take(body, h, report)?;
         let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
-        let promised = self.promise(body, h, factors);
+        // A hand decides where a body goes that it tears along.
+        let promised = (work == 0.0)
+            .then(|| self.promise(body, h, factors))
+            .flatten();
         let mut after = self.energy_ahead(body, h);
         if promised.is_some_and(|promised| self.breaks(body, promised)) {
             (work, after) = self.correct(body, h, factors, report, out_of_time)?;

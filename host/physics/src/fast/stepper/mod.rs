@@ -267,12 +267,17 @@ impl<T: Real> Stepper<T> {
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
         let goal = self.options.tolerance * reference;
+        // A body at rest and in balance but for rounding stays where it is.
+        let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
+            self.unseen / (h * h)
+        } else {
+            0.0
+        };
         let limits = Limits {
             goal,
             // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
             // hand by a hundred times as much.
-            // A body in balance but for rounding stays where it is.
-            start: (0.1 * goal).max(self.unseen / (h * h)),
+            start: (0.1 * goal).max(unseen),
             max_iterations: self.options.max_iterations,
         };
         let mut report = self.iterate(factors, limits, &mut out_of_time);
