@@ -94,7 +94,7 @@ fn a_steel_block_moves_under_a_tenth_of_a_millinewton() {
             let error = distance(&moved, &expected) / norm(&expected);
             println!(
                 "{law:?} {force} N: moved {:.3e} m, error {error:.2e}, residual {:.2e}, rounded {}, open {:.1e} m",
-                moved.iter().map(|u| u.norm()).fold(0.0, f64::max),
+                moved.iter().map(Vec3::norm).fold(0.0, f64::max),
                 report.last.residual / report.last.reference,
                 report.last.rounded,
                 report.last.open,

@@ -85,8 +85,8 @@ impl<T: Real> Stepper<T> {
     pub(super) fn breaks(&self, body: &Body, promised: Promise) -> bool {
         let force = (0..self.free).map(|place| to_vec(&self.force[place]).dot(&self.moved(place)));
         let left = force.sum::<f64>() - promised.force + promised.stiffness;
-        let inside_out = |set: &Box<dyn crate::fem::Elements>| set.inverted(&self.at) > 0;
-        left.abs() > STRAY * promised.whole.abs() && body.elements.iter().any(inside_out)
+        left.abs() > STRAY * promised.whole.abs()
+            && body.elements.iter().any(|set| set.inverted(&self.at) > 0)
     }
 
     /// Solves for what is left where the step ends, linearized there; returns the most work (J) that hands can have
