@@ -491,6 +491,124 @@ fn the_program_writes_what_was_asked_for() {
     assert_eq!(output.status.code(), Some(2));
 }
 
+/// What the program says of a scene, and its exit code.
+fn said(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("solve")
+        .arg(&path)
+        .output()
+        .unwrap();
+    let printed = String::from_utf8(output.stdout).unwrap();
+    (printed, output.status.code())
+}
+
+/// Steel under next to nothing: it moves, the program says that rounding limits the digits, or that they are too few.
+#[test]
+fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |analysis: &str, force: f64| {
+        format!(
+            r#"
+name = "block"
+gravity = [0, 0, 0]
+{analysis}
+[[body]]
+name = "block"
+mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [4, 4, 4] }}
+material = {{ law = "linear", young = 210e9, poisson = 0.3, density = 7850 }}
+[[body.support]]
+name = "floor"
+group = "bottom"
+[[body.load]]
+name = "push"
+group = "top"
+force = [{force}, 0, 0]
+"#
+        )
+    };
+    let moved = |force: f64| body(&scene("", force)).displacement.value / force;
+    let (far, near) = (moved(1e4), moved(1e-4));
+    // Strains of 5e-14 are known to 1.1e-16: 0.2 %; three times that.
+    assert!((near - far).abs() < 7e-3 * far, "{near:e} {far:e}");
+    let (printed, code) = said(folder.path(), &scene("", 1e-4));
+    assert_eq!(code, Some(0), "{printed}");
+    assert!(printed.contains("limited by rounding: "), "{printed}");
+    let (printed, code) = said(folder.path(), &scene("", 1e4));
+    assert_eq!(code, Some(0), "{printed}");
+    assert!(!printed.contains("limited by rounding"), "{printed}");
+
+    let motion = "duration = 1e-4\n[solve]\nanalysis = \"dynamic\"\nstep = 1e-5";
+    for analysis in ["", motion] {
+        let (printed, code) = said(folder.path(), &scene(analysis, 1e-9));
+        assert_eq!(code, Some(1), "{printed}");
+        assert!(printed.contains("too few digits"), "{printed}");
+    }
+}
+
+/// A strip that lies a kilometre from the origin: rubber deforms as at the origin, steel under next to nothing is told.
+#[test]
+fn a_strip_far_away_is_solved_as_far_as_its_digits_allow() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |far: u32, young: f64, force: f64| {
+        let mut mesh = String::new();
+        for column in 0..=8 {
+            for row in 0..=2 {
+                let (x, y) = (f64::from(column) / 64.0, f64::from(row) / 64.0);
+                mesh += &format!("v {} {y} 0\n", f64::from(far) + x);
+            }
+        }
+        for column in 0..8 {
+            for row in 1..=2 {
+                let a = 3 * column + row;
+                mesh += &format!("f {a} {} {}\nf {a} {} {}\n", a + 3, a + 4, a + 4, a + 1);
+            }
+        }
+        std::fs::write(folder.path().join("strip.obj"), mesh).unwrap();
+        format!(
+            r#"
+name = "strip"
+gravity = [0, 0, 0]
+[[body]]
+name = "strip"
+mesh.file = "strip.obj"
+material = {{ young = {young:e}, poisson = 0.3, thickness = 1e-3, density = 1000 }}
+[[body.support]]
+name = "wall"
+box = [[{far}, -1, -1], [{far}.001, 1, 1]]
+[[body.support]]
+name = "plane"
+box = [[{far}, -1, -1], [{}, 1, 1]]
+axes = ["z"]
+[[body.load]]
+name = "pull"
+box = [[{far}.124, -1, -1], [{}, 1, 1]]
+force = [{force:e}, 0, 0]
+"#,
+            far + 1,
+            far + 1,
+        )
+    };
+    let moved = |far: u32| {
+        let text = scene(far, 1e6, 1.0);
+        let (printed, code) = said(folder.path(), &text);
+        assert_eq!(code, Some(0), "{printed}");
+        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let loaded = Scene::load(&folder.path().join("scene.toml")).unwrap();
+        solve(&loaded, false, |_| {}, keep).unwrap().bodies[0]
+            .displacement
+            .value
+    };
+    let (near, far) = (moved(0), moved(1000));
+    // Coordinates of 1 km are kept to 6e-14 m, of 4 mm of motion: 1.5e-11; each of eight cells adds as much.
+    assert!((near - far).abs() < 1e-9 * near, "{near} {far}");
+    let (printed, code) = said(folder.path(), &scene(1000, 210e9, 1e-4));
+    assert_eq!(code, Some(1), "{printed}");
+    assert!(printed.contains("too few digits"), "{printed}");
+    assert!(printed.contains("nearer to the origin"), "{printed}");
+}
+
 /// A mesh written in each format and read again, with its material by element, gives the same solution.
 #[test]
 fn a_mesh_travels_with_its_material() {

@@ -321,3 +321,81 @@ fn a_refused_attempt_leaves_no_trace_at_the_handles() {
     );
     assert_eq!(*body.handle_report(1).unwrap(), felt);
 }
+
+/// A cube held below, from rest under forces on its upper face that grow as the square of time, in a tenth of a
+/// second; `jumps` sets the forces of each step's end before it instead.
+fn loaded(law: SolidLaw, scheme: Scheme, steps: u32, jumps: bool) -> Vec<Vec3> {
+    let mesh = cube(1, 0.0, true);
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.5, 0.005), &[]).unwrap();
+    let held: Vec<u32> = (0_u32..)
+        .zip(&mesh.positions)
+        .filter(|(_, x)| x.z == 0.0)
+        .map(|(vertex, _)| vertex)
+        .collect();
+    body.add_support(&held, [true; 3]).unwrap();
+    let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
+    for step in 1..=steps {
+        let share = f64::from(step) / f64::from(steps);
+        let pull = |x: &Vec3| Vec3::new(20.0, -5.0, 10.0) * (x.z * share * share);
+        let forces: Vec<Vec3> = mesh.positions.iter().map(pull).collect();
+        let h = 0.1 / f64::from(steps);
+        if jumps {
+            body.set_external_forces(&forces).unwrap();
+            integrator.step(&mut body, h, &[]).unwrap();
+        } else {
+            integrator.step_loaded(&mut body, h, &[], &forces).unwrap();
+        }
+    }
+    body.positions().collect()
+}
+
+#[test]
+fn schemes_keep_their_order_under_growing_loads() {
+    for law in [SolidLaw::Linear, SolidLaw::StableNeoHookean] {
+        let exact = loaded(law, Scheme::TrBdf2, 1600, false);
+        for (scheme, jumps, order) in [
+            (Scheme::TrBdf2, false, 2.0),
+            (Scheme::ImplicitEuler, false, 1.0),
+            // What the loads of their own time are for.
+            (Scheme::TrBdf2, true, 1.0),
+        ] {
+            let error = |steps| distance(&loaded(law, scheme, steps, jumps), &exact);
+            let (coarse, fine) = (error(50), error(100));
+            let found = (coarse / fine).log2();
+            println!(
+                "{law:?} {scheme:?} jumps {jumps}: errors {coarse:.2e}, {fine:.2e}, order {found:.3}"
+            );
+            // The next term of the error is of the step's length: a few hundredths of the order.
+            assert!(
+                (found - order).abs() < 0.15,
+                "{law:?} {scheme:?} {jumps}: {found}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_step_that_fails_keeps_the_forces_too() {
+    let mesh = cube(1, 0.0, false);
+    let mut body = Body::solid(&mesh, &[RUBBER], SolidLaw::Linear, config(0.0, 0.0), &[]).unwrap();
+    let mut integrator = Integrator::new(&body, options(Scheme::TrBdf2)).unwrap();
+    let mut forces = vec![Vec3::x(); mesh.positions.len()];
+    body.set_external_forces(&forces).unwrap();
+    let before = body.total_external_force();
+    assert!(
+        integrator
+            .step_loaded(&mut body, -1.0, &[], &vec![Vec3::y(); forces.len()])
+            .is_err()
+    );
+    assert_eq!(body.total_external_force(), before);
+    forces[1].y = f64::NAN;
+    let error = integrator
+        .step_loaded(&mut body, 0.01, &[], &forces)
+        .unwrap_err();
+    assert!(matches!(error, StepError::Forces(_)), "{error}");
+    assert_eq!(body.total_external_force(), before);
+    let error = integrator
+        .step_loaded(&mut body, 0.01, &[], &forces[1..])
+        .unwrap_err();
+    assert!(matches!(error, StepError::Forces(_)), "{error}");
+}

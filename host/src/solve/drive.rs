@@ -102,6 +102,12 @@ impl<'a> Drive<'a> {
             }
         };
         let rest: Vec<Vec3> = built.body.positions().collect();
+        if solve.analysis == Analysis::Dynamic && ramp > 0.0 {
+            // Loads grow from nothing. Zeros, one a vertex, are good forces.
+            let _ = built
+                .body
+                .set_external_forces(&vec![Vec3::zeros(); rest.len()]);
+        }
         let targets = built.handles.iter().map(|h| HandlePose::at(h.origin));
         Ok(Self {
             spec: &scene.bodies[index],
@@ -127,6 +133,9 @@ impl<'a> Drive<'a> {
     /// One more step, or `None` at the end. After an error the body is where it was before.
     pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
         if self.done == self.steps {
+            if let Method::Dynamic(integrator) = &self.method {
+                integrator.check_digits(&self.built.body)?;
+            }
             return Ok(None);
         }
         let next = self.done + 1;
@@ -139,7 +148,7 @@ impl<'a> Drive<'a> {
         let share = if at < self.ramp { at / self.ramp } else { 1.0 };
         self.aim(share)?;
         let body = &mut self.built.body;
-        let (substeps, refused, iterations, residual) = match &mut self.method {
+        let (substeps, refused, iterations, residual, open) = match &mut self.method {
             Method::Static(equilibrium) => {
                 let report = equilibrium.solve(body, &self.targets, share)?;
                 let last = report.last;
@@ -149,19 +158,21 @@ impl<'a> Drive<'a> {
                     report.refused,
                     report.iterations,
                     residual,
+                    last.open,
                 )
             }
             Method::Dynamic(integrator) => {
                 for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
                     *force = load * share;
                 }
-                body.set_external_forces(&self.forces)?;
-                let report = integrator.step(body, self.step, &self.targets)?;
+                let report =
+                    integrator.step_loaded(body, self.step, &self.targets, &self.forces)?;
                 (
                     report.substeps,
                     report.refused,
                     report.iterations,
                     report.relative_residual,
+                    report.last.open,
                 )
             }
         };
@@ -173,6 +184,7 @@ impl<'a> Drive<'a> {
             refused,
             iterations,
             residual,
+            open: (open > 0.0).then_some(open),
             elastic_energy: self.built.body.elastic_energy(),
             kinetic_energy: self.built.body.kinetic_energy(),
             forces: reactions.iter().map(|reaction| reaction.force).collect(),

@@ -65,6 +65,15 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
         sum(|row| row.iterations),
         residual.fold(0.0, f64::max),
     )?;
+    let open = body.steps.iter().filter_map(|row| row.open);
+    let open = open.fold(0.0, f64::max);
+    if open > 0.0 {
+        writeln!(
+            to,
+            "    {:<10} limited by rounding: {open:.1e} m of the motion are left open",
+            "digits"
+        )?;
+    }
     // Of forces as large as these, and of their moments about points a metre away.
     let forces = body.reactions.iter().map(|reaction| reaction.force);
     let forces = forces.chain([body.applied]).flatten();

@@ -99,6 +99,9 @@ pub struct Row {
     pub iterations: usize,
     /// Residual left, as a share of the forces that balance.
     pub residual: f64,
+    /// Where rounding stopped the solve above its tolerance: what it leaves open of the motion (m).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub open: Option<f64>,
     /// Elastic energy (J).
     pub elastic_energy: f64,
     /// Kinetic energy (J).

@@ -161,6 +161,8 @@ impl Equilibrium {
                     report.last = newton;
                     size = (2.0 * size).min(widest);
                 }
+                // A shorter load step has fewer digits still.
+                Err(error @ StepError::Rounding { .. }) => return Err(error),
                 other => {
                     report.refused += 1;
                     let count = body.inverted_count();

@@ -223,6 +223,9 @@ pub enum StepError {
         /// The handle.
         handle: usize,
     },
+    /// The forces that should act at the end of the step.
+    #[error(transparent)]
+    Forces(BodyError),
     /// `solve` was called without `assemble` since the state last changed.
     #[error(
         "forces and stiffness are not those of the present state; call `assemble` before `solve`"
@@ -250,6 +253,23 @@ pub enum StepError {
         /// Norm of the forces that should balance (N).
         reference: f64,
     },
+    /// Rounding leaves so much of the motion open that it is not solved.
+    #[error(
+        "too few digits: the body moves by {moved:e} m, of which rounding leaves {open:e} m open, for its coordinates \
+         go up to {place:e} m and numbers of that size are {:.1e} m apart; the last state is kept. {}",
+        place * f64::EPSILON,
+        rounding_advice(*place, *size)
+    )]
+    Rounding {
+        /// The motion of a node that was still asked for, or that its coordinates cannot tell (m).
+        open: f64,
+        /// The largest motion of a node from rest (m).
+        moved: f64,
+        /// The largest coordinate (m).
+        place: f64,
+        /// Longest edge of the box around the body at rest (m).
+        size: f64,
+    },
     /// Every balance that was found turns further elements inside out, however small the step was made.
     #[error(
         "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
@@ -262,6 +282,15 @@ pub enum StepError {
     /// The matrix could not be factorized.
     #[error(transparent)]
     Matrix(#[from] CondenseError),
+}
+
+/// What to do where digits do not suffice.
+fn rounding_advice(place: f64, size: f64) -> &'static str {
+    if place > 10.0 * size {
+        "Move the body nearer to the origin"
+    } else {
+        "Ask for larger loads or displacements: the body is too stiff for these"
+    }
 }
 
 /// Why a condensation was refused.

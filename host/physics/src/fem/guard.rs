@@ -7,12 +7,13 @@
 //! physics", 2018, who blend with implicit Euler by the energy).
 
 use super::body::Body;
+use super::rounding;
 use crate::Vec3;
 
 /// Share of kinetic and elastic energy that a step may regain. A scheme of second order swings about the right
 /// energy, and must be let: half of the hundredth that is promised.
 const SLACK: f64 = 0.005;
-/// Energies are known to this share of stiffness times position squared, and of the loads' work.
+/// Energies are known to this share of stiffness times the length of edges squared, and of the loads' work.
 const ROUNDING: f64 = 1e-14;
 /// A kick of a thousand cells in a step, in cells that resist with the fourth power.
 const MOST_HALVINGS: usize = 30;
@@ -101,7 +102,7 @@ impl Guard {
     pub(crate) fn allows(&self, body: &Body, after: Energy, work: f64) -> bool {
         let limit = self.limit + work;
         // Rounding costs a pass over the body: only where it decides.
-        after.total <= limit || after.total <= limit + rounding(body)
+        after.total <= limit || after.total <= limit + rounding(body, after.own)
     }
 
     /// Halves the displacement of `body` over a step until it may end where that leads, when hands have put in at
@@ -137,7 +138,8 @@ impl Guard {
                 }
             } else {
                 misses += 1;
-                if misses == MOST_MISSES {
+                // What nothing tears stays at the least where it is, with the energy that it had.
+                if work > 0.0 && misses == MOST_MISSES {
                     break;
                 }
             }
@@ -199,15 +201,19 @@ impl Body {
     }
 }
 
-/// What cannot be told from a sum of energies (J).
-fn rounding(body: &Body) -> f64 {
+/// What cannot be told from a sum of energies of which `own` is not that of loads (J).
+fn rounding(body: &Body, own: f64) -> f64 {
     let free = body.stiffness.free();
-    let mut sum = 0.0;
+    let (mut sum, mut places) = (0.0, 0.0);
     for (node, x) in body.x.iter().enumerate() {
         sum += body.external[node].dot(x).abs();
         if node < free {
-            sum += body.stiffness.diagonal(node).amax() * x.norm_squared();
+            let stiffness = body.stiffness.diagonal(node).amax();
+            let reach = rounding::reach(body, node);
+            sum += stiffness * reach * reach;
+            places += stiffness * (f64::EPSILON * x.amax()).powi(2);
         }
     }
-    ROUNDING * sum
+    // Forces over what rounding takes from positions (Cauchy and Schwarz, as in `rounding`).
+    ROUNDING * sum + libm::sqrt(2.0 * own.abs() * places) + places
 }

@@ -1,7 +1,8 @@
 //! Time steps that are solved to a tolerance: implicit Euler, and TR-BDF2 with little damping of its own (`substep`).
 //!
-//! A handle moves at constant velocity over a step. A step that does not converge is taken in halves; one that cannot
-//! be taken leaves the body as it was.
+//! A handle moves at constant velocity over a step, and loads go evenly from what they were to what they will be: each
+//! stage has those of its own time. A step that does not converge is taken in halves; one that cannot be taken leaves
+//! the body as it was.
 
 mod substep;
 
@@ -9,7 +10,7 @@ use super::body::Body;
 use super::error::{CondenseError, StepError};
 use super::guard::Guard;
 use super::handle::{HandlePose, HandleReport};
-use super::newton::{Newton, NewtonOptions, NewtonReport};
+use super::newton::{Newton, NewtonOptions, NewtonReport, check_digits};
 use crate::Vec3;
 
 /// How time is discretized.
@@ -83,8 +84,17 @@ pub struct Integrator {
     grip: Vec<Vec3>,
     aims: Vec<HandlePose>,
     guard: Guard,
-    /// The most that hands can have put in over the substep (J).
+    /// The most that hands, and the change of loads, can have put in over the substep (J).
     work: f64,
+    /// Loads (N) by node at the start of the step and at its end; where they differ, `ramped`.
+    loads: (Vec<Vec3>, Vec<Vec3>),
+    ramped: bool,
+    /// Shares of the step at which the substep starts and ends.
+    span: (f64, f64),
+    /// The most that rounding left open of the motion in any step, and the farthest from rest that the body was then
+    /// (m).
+    open: f64,
+    moved: f64,
 }
 
 /// `share` of the way between two poses.
@@ -117,7 +127,12 @@ impl Integrator {
             x: zeros.clone(),
             v: zeros.clone(),
             middle: zeros.clone(),
-            kept: (zeros.clone(), zeros),
+            kept: (zeros.clone(), zeros.clone()),
+            loads: (zeros.clone(), zeros),
+            ramped: false,
+            span: (0.0, 1.0),
+            open: 0.0,
+            moved: 0.0,
             aims: reports.iter().map(|report| report.pose).collect(),
             reports,
             reactions: Vec::with_capacity(body.supports.list.len()),
@@ -125,6 +140,47 @@ impl Integrator {
             guard: Guard::default(),
             work: 0.0,
         })
+    }
+
+    /// The same as [`step`](Self::step) under forces on the vertices, beside gravity, that go evenly from those that
+    /// `body` has to `forces` (N), which it has afterwards. Loads that jump are
+    /// [set](Body::set_external_forces) between steps instead.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`], with [`StepError::Forces`] for forces that [`Body::set_external_forces`] would refuse; the body
+    /// keeps its state and its forces then.
+    pub fn step_loaded(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+        forces: &[Vec3],
+    ) -> Result<StepReport, StepError> {
+        self.loads.0.copy_from_slice(&body.external);
+        body.set_external_forces(forces)
+            .map_err(StepError::Forces)?;
+        self.loads.1.copy_from_slice(&body.external);
+        self.ramped = self.loads.0 != self.loads.1;
+        let result = self.step(body, h, targets);
+        self.ramped = false;
+        if result.is_err() {
+            body.external.copy_from_slice(&self.loads.0);
+        } else {
+            body.external.copy_from_slice(&self.loads.1);
+        }
+        result
+    }
+
+    /// Whether the motion so far, of which `body` is the end, has digits enough: the most that rounding left open in a
+    /// step is a hundredth of the motion from rest at most. A motion that begins gently has none in its first steps,
+    /// so the whole of it is judged.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::Rounding`].
+    pub fn check_digits(&self, body: &Body) -> Result<(), StepError> {
+        check_digits(body, self.open, self.moved.max(body.moved()))
     }
 
     /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle.
@@ -186,6 +242,10 @@ impl Integrator {
                 let share = (done + size) as f64 / whole as f64;
                 self.aims[i] = between(&self.reports[i].pose, &targets[i], share);
             }
+            self.span = (
+                done as f64 / whole as f64,
+                (done + size) as f64 / whole as f64,
+            );
             let share = size as f64 / (whole - done) as f64;
             let dt = h * size as f64 / whole as f64;
             let guard = self.guard;
@@ -201,6 +261,10 @@ impl Integrator {
                     done += size;
                     report.substeps += 1;
                     report.damped += usize::from(damped);
+                    if newton.open > 0.0 {
+                        self.open = self.open.max(newton.open);
+                        self.moved = self.moved.max(body.moved());
+                    }
                     report.iterations += newton.iterations;
                     let relative = newton.residual / newton.reference.max(f64::MIN_POSITIVE);
                     report.relative_residual = report.relative_residual.max(relative);

@@ -13,6 +13,7 @@
 //! - `exchange`: the same body made of something else.
 //! - [`pcg`]: preconditioned conjugate gradients for that step.
 //! - `guard`: a bound on the energy that a step may leave.
+//! - `rounding`: what rounding leaves unknown of positions, forces and energies.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 //! - [`cholesky`], [`condense`] and `reduction`: what the hands feel, as small dense matrices between handles.
 //!
@@ -42,6 +43,7 @@ mod memory;
 pub mod newton;
 pub mod pcg;
 pub(crate) mod reduction;
+pub(crate) mod rounding;
 pub mod shape;
 pub mod sheet_law;
 pub mod solid;

@@ -12,20 +12,25 @@
 //! the potential is that of Radovitzky and Ortiz, 1999), the damping's matrix held over one search. The
 //! exact tangent gives the quadratic end; where it is not positive definite the clipped one takes its place,
 //! so every direction descends.
+//!
+//! Below some residual nothing but rounding is left (`rounding`). There the method goes on as long as a step halves
+//! the residual. Its last direction then tells how much of the motion is still open, and an equilibrium of which more
+//! than a hundredth is open has not been solved: [`StepError::Rounding`]. A stage of a motion may well move by less than
+//! numbers can tell; of a motion it is the whole that counts (`Integrator::check_digits`).
 
 use super::Tangent;
 use super::body::Body;
 use super::cholesky::{Cholesky, Kernels};
 use super::error::{CondenseError, StepError};
+use super::rounding::{Lost, Rounding};
 use crate::Vec3;
 
 /// Share of the promised decrease that a step must bring (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// Energies are known to this share of stiffness times position squared, and of themselves: their own
-/// rounding, below which a decrease cannot be told and the full step is taken.
-const ENERGY_ROUNDING: f64 = 1e-15;
-/// Forces are known to this share of stiffness times position: their own rounding.
-const FORCE_ROUNDING: f64 = 2e-15;
+/// A residual that is rounding and no larger a share of the forces that balance is not worth another step.
+const FINE: f64 = 1e-6;
+/// Share of the motion that rounding may leave open: two digits of it must be right.
+const MOST_OPEN: f64 = 0.01;
 /// Mass added to a static matrix, as a share of the mean diagonal: what no support holds stays where it is
 /// instead of making the matrix singular. The residual does not know of it.
 const STATIC_SHIFT: f64 = 1e-11;
@@ -61,8 +66,13 @@ pub struct NewtonReport {
     pub residual: f64,
     /// Norm of the forces that balance (N).
     pub reference: f64,
-    /// Whether the tolerance was met.
+    /// Whether the tolerance was met, or all that is left over is rounding.
     pub converged: bool,
+    /// Whether the residual is above the tolerance, and rounding.
+    pub rounded: bool,
+    /// Where rounding stopped the solve: the largest motion of a node that was still asked for, or that its coordinates
+    /// cannot tell (m).
+    pub open: f64,
 }
 
 /// The equation of one stage, by node.
@@ -88,6 +98,9 @@ pub(crate) struct Newton {
     step: Vec<Vec3>,
     start: Vec<Vec3>,
     flat: Vec<f64>,
+    rounding: Rounding,
+    /// Norm of the right-hand side of the last direction (N).
+    asked: f64,
 }
 
 /// Factors of a stage in the matrix.
@@ -108,6 +121,8 @@ impl Newton {
             step: vec![Vec3::zeros(); count],
             start: vec![Vec3::zeros(); count],
             flat: vec![0.0; 3 * body.stiffness.free()],
+            rounding: Rounding::new(body),
+            asked: 0.0,
         })
     }
 
@@ -116,7 +131,7 @@ impl Newton {
     ///
     /// # Errors
     ///
-    /// [`StepError::Diverged`] and [`StepError::Matrix`]; positions are then anywhere.
+    /// [`StepError::Diverged`], [`StepError::Rounding`] and [`StepError::Matrix`]; positions are then anywhere.
     pub(crate) fn solve(
         &mut self,
         body: &mut Body,
@@ -142,12 +157,18 @@ impl Newton {
             self.step[node] = goal - body.x[node];
         }
         let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());
-        let mut report = NewtonReport::default();
-        body.assemble_with(if exact {
+        let loaded = body.load_factor != 0.0 && body.external.iter().any(|f| *f != Vec3::zeros());
+        // What is asked of the solve beside its loads (N).
+        let mut asked = 0.0;
+        let quiet = !prescribed && !loaded;
+        let tangent = if exact {
             Tangent::Exact
         } else {
             Tangent::Clipped
-        });
+        };
+        let mut report = NewtonReport::default();
+        let mut last = f64::INFINITY;
+        body.assemble_with(tangent);
         loop {
             self.balance(body, stage);
             self.judge(body, stage, &mut report);
@@ -157,14 +178,31 @@ impl Newton {
                     iterations: report.iterations,
                 });
             }
-            report.converged = report.converged && !prescribed;
+            let met = report.residual <= self.options.tolerance * report.reference;
+            let floor = self
+                .rounding
+                .of_forces(body, factors.mass, factors.stiffness);
+            report.rounded = !met && report.residual <= floor;
+            if !prescribed {
+                let fine = report.residual <= FINE * report.reference.max(asked);
+                report.converged = met || (report.rounded && (quiet || fine));
+                if !report.converged && report.rounded && report.residual > 0.5 * last {
+                    return self.end_at_rounding(body, stage, tangent, last, report);
+                }
+            }
             if report.converged || report.iterations >= self.options.max_iterations {
                 return Ok(report);
             }
+            last = if report.rounded && !prescribed {
+                report.residual
+            } else {
+                f64::INFINITY
+            };
             report.iterations += 1;
             self.direction(body, factors, exact, prescribed, stage, &mut report)?;
             self.start.copy_from_slice(&body.x);
             if prescribed {
+                asked = self.asked;
                 for (x, u) in body.x.iter_mut().zip(&self.step) {
                     *x += u;
                 }
@@ -172,15 +210,43 @@ impl Newton {
             } else if !self.search(body, factors, stage, &mut report) {
                 // No decrease that can be told from rounding: as far as it goes.
                 body.x.copy_from_slice(&self.start);
+                if report.rounded {
+                    body.assemble_with(tangent);
+                    return self.end_at_rounding(body, stage, tangent, f64::INFINITY, report);
+                }
                 body.assemble_with(Tangent::Clipped);
                 return Ok(report);
             }
-            body.assemble_with(if exact {
-                Tangent::Exact
-            } else {
-                Tangent::Clipped
-            });
+            body.assemble_with(tangent);
         }
+    }
+
+    /// Ends a solve of which only rounding is left, at the better of the present positions and those before the last
+    /// step, where the residual was `last` (N).
+    fn end_at_rounding(
+        &mut self,
+        body: &mut Body,
+        stage: Option<Stage<'_>>,
+        tangent: Tangent,
+        last: f64,
+        mut report: NewtonReport,
+    ) -> Result<NewtonReport, StepError> {
+        if last < report.residual {
+            body.x.copy_from_slice(&self.start);
+            body.assemble_with(tangent);
+            self.balance(body, stage);
+            self.judge(body, stage, &mut report);
+        }
+        let free = body.stiffness.free();
+        let open = self.step[..free].iter().map(Vec3::amax);
+        // No place is known better than numbers of its size are apart.
+        let place = body.x.iter().map(Vec3::amax).fold(0.0, f64::max);
+        report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
+        if stage.is_none() {
+            check_digits(body, report.open, body.moved())?;
+        }
+        report.converged = true;
+        Ok(report)
     }
 
     /// What the last solve left over, by node (N): on held nodes and guided axes the force of hand or support,
@@ -211,11 +277,11 @@ impl Newton {
         }
     }
 
-    /// Residual, reference and convergence into `report`.
+    /// Residual and reference into `report`.
     fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
         let free = body.stiffness.free();
         let mask = body.supports.mask();
-        let (mut residual, mut reference, mut rounding) = (0.0, 0.0, 0.0);
+        let (mut residual, mut reference) = (0.0, 0.0);
         for node in 0..body.x.len() {
             let external = body.external[node] * body.load_factor;
             reference += body.internal[node].norm_squared() + external.norm_squared();
@@ -226,19 +292,13 @@ impl Newton {
             residual += mask
                 .map_or(r, |mask| r.component_mul(&mask[node]))
                 .norm_squared();
-            let stiffness = body.stiffness.diagonal(node).amax();
-            rounding += (stiffness * body.x[node].amax()).powi(2);
             if let Some(stage) = stage {
                 let moved = (body.x[node] - stage.predicted[node]) / (stage.g * stage.g);
                 reference += (moved * body.mass[node]).norm_squared();
-                let place = body.x[node].amax() / (stage.g * stage.g);
-                rounding += (place * body.mass[node]).powi(2);
             }
         }
         report.residual = libm::sqrt(residual);
         report.reference = libm::sqrt(reference);
-        let goal = self.options.tolerance * report.reference;
-        report.converged = report.residual <= goal.max(FORCE_ROUNDING * libm::sqrt(rounding));
     }
 
     /// Newton's direction into `step`, whose prescribed parts are given.
@@ -273,6 +333,7 @@ impl Newton {
             }
             self.flat[3 * node..3 * node + 3].copy_from_slice(rhs.as_slice());
         }
+        self.asked = libm::sqrt(self.flat.iter().map(|f| f * f).sum());
         self.cholesky.solve(&mut self.flat);
         for (u, flat) in self.step.iter_mut().zip(self.flat.chunks_exact(3)) {
             *u += Vec3::new(flat[0], flat[1], flat[2]);
@@ -350,10 +411,17 @@ impl Newton {
     ) -> bool {
         let free = body.stiffness.free();
         let elastic = body.elastic_energy();
-        let (mut slope, mut linear, mut quadratic, mut scale) = (0.0, 0.0, 0.0, 0.0);
+        let (mut slope, mut linear, mut quadratic) = (0.0, 0.0, 0.0);
+        let mut lost = Lost::default();
         for node in 0..free {
             let u = self.step[node];
-            scale += body.stiffness.diagonal(node).amax() * body.x[node].norm_squared();
+            let place = self.rounding.of_place(body, node);
+            let stiffness = body.stiffness.diagonal(node).amax();
+            let matrix = stiffness * factors.stiffness + body.mass[node] * factors.mass;
+            lost.elastic += stiffness * place * place;
+            lost.elements += self.rounding.of_element(node, stiffness);
+            lost.work += (self.residual[node] + body.internal[node]).norm() * place
+                + matrix * place * u.norm();
             slope += self.residual[node].dot(&u);
             linear += (self.residual[node] + body.internal[node]).dot(&u);
             if stage.is_some() {
@@ -364,7 +432,7 @@ impl Newton {
                 }
             }
         }
-        let slack = ENERGY_ROUNDING * (100.0 * elastic.abs() + scale);
+        let slack = lost.of_energy(elastic);
         let mut share = 1.0;
         for _ in 0..40 {
             for (node, x) in body.x.iter_mut().enumerate().take(free) {
@@ -380,6 +448,19 @@ impl Newton {
         }
         false
     }
+}
+
+/// Refuses a solution of which rounding leaves `open` (m) of the `moved` (m) open.
+pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), StepError> {
+    if open <= MOST_OPEN * moved {
+        return Ok(());
+    }
+    Err(StepError::Rounding {
+        open,
+        moved,
+        place: body.x.iter().map(Vec3::amax).fold(0.0, f64::max),
+        size: body.size(),
+    })
 }
 
 /// Mean diagonal of the stiffness over the mean mass (1/s^2).

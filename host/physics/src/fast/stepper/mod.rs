@@ -15,6 +15,7 @@
 //! Forces and tangent at the end of a step are those with which the next begins, and their energy bounds the
 //! step (`guard`) at no cost.
 
+mod correct;
 mod finish;
 mod guess;
 mod iterate;
@@ -59,6 +60,10 @@ pub struct Stepper<T> {
     /// Positions (m) by node for which the kernels are linearized.
     pub(super) at: Vec<Vec3>,
     elastic: f64,
+    /// Elastic energy (J) above which cells may be inside out.
+    turned: f64,
+    /// Mass times what rounding takes from positions (kg m): less force than this over `h^2` moves nothing.
+    unseen: f64,
 
     // By place.
     pub(super) rest: Vec<Vec3>,
@@ -166,6 +171,9 @@ impl<T: Real> Stepper<T> {
             (options.preconditioner, options.kernels),
         )?;
         let zeros = vec![[T::ZERO; 4]; count];
+        let lost = mass.iter().zip(&rest);
+        let lost = lost.map(|(mass, rest)| (mass * rest.amax() * (0.5 * f64::EPSILON)).powi(2));
+        let unseen = lost.sum::<f64>().sqrt();
         Ok(Self {
             options,
             kernels: kept,
@@ -180,6 +188,8 @@ impl<T: Real> Stepper<T> {
             usual: 0,
             at: vec![Vec3::repeat(f64::NAN); count],
             elastic: 0.0,
+            turned: correct::turned(body),
+            unseen,
             rest,
             mask,
             inertia: vec![T::ZERO; count],
@@ -262,18 +272,24 @@ impl<T: Real> Stepper<T> {
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
         let goal = self.options.tolerance * reference;
+        // A body at rest and in balance but for rounding stays where it is.
+        let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
+            self.unseen / (h * h)
+        } else {
+            0.0
+        };
         let limits = Limits {
             goal,
             // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
             // hand by a hundred times as much.
-            start: 0.1 * goal,
+            start: (0.1 * goal).max(unseen),
             max_iterations: self.options.max_iterations,
         };
         let mut report = self.iterate(factors, limits, &mut out_of_time);
         report.reference = reference;
         self.unfinished = !report.converged;
         self.stale |= self.is_slow(&report);
-        self.finish(body, h, targets, &mut report)?;
+        self.finish(body, h, targets, factors, &mut report, &mut out_of_time)?;
         if speed > 0.0 && report.converged {
             self.sleep.observe(body, h, targets, speed);
         } else {

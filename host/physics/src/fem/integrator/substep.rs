@@ -31,6 +31,8 @@ impl Integrator {
         share: f64,
     ) -> Result<(NewtonReport, bool), StepError> {
         let scheme = self.options.scheme;
+        // Energies are compared under the loads of the substep's end.
+        self.load(body, 1.0);
         if scheme == Scheme::ImplicitEuler {
             return Ok((self.attempt(body, scheme, h, share)?, false));
         }
@@ -73,12 +75,14 @@ impl Integrator {
             Scheme::TrBdf2 => {
                 let g = D * h;
                 body.assemble();
+                self.load(body, 0.0);
                 for node in 0..self.x.len() {
                     let acceleration = acceleration(body, node);
                     self.anchor[node] = self.x[node] + self.v[node] * g;
                     self.predicted[node] =
                         self.anchor[node] + (self.v[node] + acceleration * g) * g;
                 }
+                self.load(body, GAMMA);
                 let first = self.solve(body, g, GAMMA, share * GAMMA, h)?;
                 if !first.converged {
                     return Ok(first);
@@ -95,6 +99,7 @@ impl Integrator {
                 }
                 // What is left of the way after the first stage.
                 let left = share * (1.0 - GAMMA) / (1.0 - share * GAMMA);
+                self.load(body, 1.0);
                 let mut second = self.solve(body, g, 1.0, left, h)?;
                 self.work += self.hands(body, &self.middle);
                 second.iterations += first.iterations;
@@ -107,7 +112,7 @@ impl Integrator {
         for (node, v) in body.v.iter_mut().enumerate() {
             *v = (body.x[node] - self.anchor[node]) / g;
         }
-        self.work += self.push(body);
+        self.work += self.push(body) + self.ramp(body);
         report.converged &= body.v.iter().flat_map(Vec3::iter).all(|v| v.is_finite());
         body.fresh = false;
         Ok(report)
@@ -134,6 +139,38 @@ impl Integrator {
         let held = body.stiffness.free()..body.x.len();
         let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
         work + body.supports.work(gained, |_| Vec3::repeat(1.0))
+    }
+
+    /// Sets the loads to those at `part` of the substep.
+    fn load(&self, body: &mut Body, part: f64) {
+        if !self.ramped {
+            return;
+        }
+        let share = self.span.0 + (self.span.1 - self.span.0) * part;
+        if share == 1.0 {
+            body.external.copy_from_slice(&self.loads.1);
+            return;
+        }
+        let loads = self.loads.0.iter().zip(&self.loads.1);
+        for (external, (from, to)) in body.external.iter_mut().zip(loads) {
+            *external = from + (to - from) * share;
+        }
+    }
+
+    /// The most work (J) that loads can have done beyond what those of the end would have.
+    fn ramp(&self, body: &Body) -> f64 {
+        if !self.ramped {
+            return 0.0;
+        }
+        let loads = self.loads.0.iter().zip(&self.loads.1);
+        let changed = loads.map(|(from, to)| (to - from).norm());
+        let moved = body
+            .x
+            .iter()
+            .zip(&self.x)
+            .map(|(x, from)| (x - from).norm());
+        let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
+        work * (self.span.1 - self.span.0) * body.load_factor.abs()
     }
 
     /// Solves a stage that ends `part` of a substep of `h` after its start.
