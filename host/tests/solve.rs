@@ -4,6 +4,7 @@ use host::scene::{LoadedScene, Scene};
 use host::solve::{BodySolution, Frame, Solution, solve};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::fmt::Write as _;
 use std::process::Command;
 
 fn load(text: &str) -> LoadedScene {
@@ -556,13 +557,14 @@ fn a_strip_far_away_is_solved_as_far_as_its_digits_allow() {
         for column in 0..=8 {
             for row in 0..=2 {
                 let (x, y) = (f64::from(column) / 64.0, f64::from(row) / 64.0);
-                mesh += &format!("v {} {y} 0\n", f64::from(far) + x);
+                writeln!(mesh, "v {} {y} 0", f64::from(far) + x).expect("a string takes it");
             }
         }
         for column in 0..8 {
             for row in 1..=2 {
                 let a = 3 * column + row;
-                mesh += &format!("f {a} {} {}\nf {a} {} {}\n", a + 3, a + 4, a + 4, a + 1);
+                writeln!(mesh, "f {a} {} {}\nf {a} {} {}", a + 3, a + 4, a + 4, a + 1)
+                    .expect("a string takes it");
             }
         }
         std::fs::write(folder.path().join("strip.obj"), mesh).unwrap();

@@ -130,7 +130,7 @@ mod tests {
         );
         // Six ticks of seven, to the end.
         let flickering = stretches(|t| {
-            if t > 1.0 && (t * 1e3) as u64 % 7 > 0 {
+            if t > 1.0 && !((t * 1e3) as u64).is_multiple_of(7) {
                 0.5
             } else {
                 0.0
