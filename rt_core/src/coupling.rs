@@ -293,6 +293,7 @@ impl Coupling {
             }
         }
         self.passivity.begin(shaped.energy);
+        self.passivity.release(shaped.released);
         self.passivity.note_stored(shaped.energy.max(0.0));
         // After a gap the two models differ by what happened in it: the blend takes its share of that, up to the time
         // in which a force comes back.

@@ -103,6 +103,9 @@ pub struct LocalModel {
     /// stores, and no more than the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. What bounds the energy of
     /// a body needs it; zero is always safe.
     pub energy: f64,
+    /// Energy that the body has released of its own beyond what the first model told of (J), since then: a strip that
+    /// sags further gives its weight's potential to the hands. It only grows. Zero is always safe.
+    pub released: f64,
     /// How many of `handles` are in use.
     pub handle_count: u8,
     /// The handles, the first `handle_count` of them in use.
@@ -177,6 +180,7 @@ impl LocalModel {
             period: 1.0,
             horizon: 1.0,
             energy: 0.0,
+            released: 0.0,
             handle_count: 0,
             handles: [HandleReference::zero(); MAX_HANDLES],
             stiffness: [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES],
@@ -262,6 +266,7 @@ impl LocalModel {
             && self.horizon.is_finite()
             && self.horizon > 0.0
             && self.energy.is_finite()
+            && self.released.is_finite()
             && self.handles().all(HandleReference::is_finite)
             && used_blocks(&self.stiffness, n).all(is_finite)
             && used_blocks(&self.damping, n).all(is_finite);

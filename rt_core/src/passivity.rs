@@ -159,6 +159,9 @@ pub struct Passivity {
     account: EnergyAccount,
     /// What springs may give back (J): what hands have put in, less what has been forgotten of it.
     credit: f64,
+    /// What bodies said to have released so far (J), and what hands have got by it since they said so last.
+    released: f64,
+    got: f64,
     /// Work that hands were spared by weights that went and came (J), with its sign.
     spared: f64,
     withheld: Withheld,
@@ -181,6 +184,8 @@ impl Passivity {
                 ..EnergyAccount::default()
             },
             credit: config.allowance,
+            released: 0.0,
+            got: 0.0,
             spared: 0.0,
             withheld: Withheld::default(),
             damped: 0.0,
@@ -261,6 +266,7 @@ impl Passivity {
             self.account.credited += credit;
             self.account.raised -= fallen;
             self.credit += credit - (work - fallen);
+            self.got += work - fallen;
         }
         let account = &mut self.account;
         let got = account.supplied - account.raised + account.credited;
@@ -283,6 +289,15 @@ impl Passivity {
         self.hands
             .get(device)
             .map_or(Vec3::zeros(), |hand| hand.heading)
+    }
+
+    /// The body says to have released so much of its own energy so far (J). As much of it as hands have got since it was
+    /// last asked is credited: a body may give what it has, and no word of a model makes more than that of it.
+    pub(crate) fn release(&mut self, released: f64) {
+        let more = (released - self.released).max(0.0);
+        self.credit += more.min(self.got.max(0.0));
+        self.released = self.released.max(released);
+        self.got = 0.0;
     }
 
     /// In how many ticks a device has made the translation of this tick: one, or more where it is a count after a rest.

@@ -174,7 +174,7 @@ impl HostBody {
         }
         if let Some(stored) = &mut self.stored {
             let elastic = self.solver.elastic_energy(&self.body);
-            self.model.energy = stored.of(&self.body, elastic, &self.model);
+            stored.tell(&self.body, elastic, &mut self.model);
         }
         let model = match &mut self.coupling {
             Some(coupling) => coupling.through(&self.model),

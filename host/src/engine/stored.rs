@@ -14,6 +14,9 @@
 //! that was done; on a sheet that has buckled the body's own is more than hands have paid, for models that came late
 //! pulled along during the snap.
 //!
+//! Where the body's own energy falls below nothing, it has **released** more than the first model told of: the sag of a
+//! strip gives its weight's potential to the hands. Models tell of that, too, and `c` rises by as much.
+//!
 //! A body that is made of something softer from one step to the next stores less at the same shape: `c` changes so that
 //! the body's own energy falls by the ratio of its elastic energies.
 
@@ -35,6 +38,8 @@ pub(super) struct Stored {
     origins: Vec<Vec3>,
     /// `c` (J); none before the first model.
     constant: Option<f64>,
+    /// What was released so far (J).
+    released: f64,
 }
 
 impl Stored {
@@ -48,6 +53,7 @@ impl Stored {
             load: vec![0.0; size],
             origins,
             constant: None,
+            released: 0.0,
         }
     }
 
@@ -65,13 +71,18 @@ impl Stored {
         }
     }
 
-    /// What hands could get back from `body`, whose elastic energy is `elastic` (J), where `model` tells of it (J).
-    pub(super) fn of(&mut self, body: &Body, elastic: f64, model: &LocalModel) -> f64 {
+    /// Tells in `model` what hands could get back from `body`, whose elastic energy is `elastic` (J), and what it has
+    /// released.
+    pub(super) fn tell(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model);
         let own = elastic + self.potential(body, model);
-        let constant = *self.constant.get_or_insert(tangent - own);
+        let constant = self.constant.get_or_insert(tangent - own);
+        let below = (-(own + *constant)).max(0.0);
+        *constant += below;
+        self.released += below;
         // An energy that is not a number is none that anyone may count on.
-        (own + constant).min(tangent).max(0.0)
+        model.energy = (own + *constant).min(tangent).max(0.0);
+        model.released = self.released;
     }
 
     /// The body's elastic energy falls from `before` to `after` (J) as its material changes, at the same shape.

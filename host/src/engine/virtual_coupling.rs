@@ -104,6 +104,7 @@ impl VirtualCoupling {
     pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
         self.model = *model;
         self.model.energy = 0.0;
+        self.model.released = 0.0;
         self.read(model);
         self.factorize();
         self.combine();

@@ -21,6 +21,7 @@ uint64 time_ns      # when the linearized state held
 float64 period      # of publication
 float64 horizon     # how far ahead it is to be good for
 float64 energy      # that hands at rest could get back
+float64 released    # of the body's own, beyond the first model's energy
 uint32 epoch        # of the topology
 uint8 body          # index in a tick's bodies
 uint8 block         # rows of a block: 6, or 3 where only translations are coupled
@@ -55,6 +56,8 @@ pub struct ModelRow {
     pub horizon: f64,
     /// Energy that hands at rest could get back (J).
     pub energy: f64,
+    /// Energy that the body has released of its own (J).
+    pub released: f64,
     /// Counts the changes of topology.
     pub epoch: u32,
     /// The handles, at most [`MAX_HANDLES`].
@@ -75,6 +78,7 @@ impl ModelRow {
             period: self.period,
             horizon: self.horizon,
             energy: self.energy,
+            released: self.released,
             handle_count: self.handles.len() as u8,
             ..LocalModel::empty()
         };
@@ -106,6 +110,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     out.f64(model.period);
     out.f64(model.horizon);
     out.f64(model.energy);
+    out.f64(model.released);
     out.u32(model.epoch);
     out.u8(body);
     out.u8(block as u8);
@@ -144,7 +149,8 @@ fn turns(model: &LocalModel, count: usize) -> bool {
 pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     let mut from = CdrReader::begin(message)?;
     let (sequence, time_ns) = (from.u64()?, from.u64()?);
-    let (period, horizon, energy) = (from.f64()?, from.f64()?, from.f64()?);
+    let (period, horizon) = (from.f64()?, from.f64()?);
+    let (energy, released) = (from.f64()?, from.f64()?);
     let epoch = from.u32()?;
     let (body, block) = (from.u8()?, usize::from(from.u8()?));
     let count = from.u32()? as usize;
@@ -168,6 +174,7 @@ pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
         period,
         horizon,
         energy,
+        released,
         epoch,
         handles,
         block,
