@@ -62,14 +62,16 @@ fn a_scheme_that_is_not_the_body_is_found() {
     assert!(failures.contains(&Failure::Run), "{failures:?}");
 }
 
-/// The quick part: the cases, and each specimen on each device.
+/// The quick part: the cases, and each specimen on each device. A strip that swings faster than its host publishes is
+/// beyond every scheme: there `linear` is beyond the same limits.
 #[test]
-
 fn capped_is_the_body_for_every_specimen_on_every_device() {
     let failing: Vec<_> = (FIRST..FIRST + 54)
         .map(|cell| (cell, Study::new(SEED).cell(cell, &SCHEMES)))
         .filter_map(|(cell, found)| {
-            let beyond = failures(&found, "capped");
+            let without = failures(&found, "linear");
+            let mut beyond = failures(&found, "capped");
+            beyond.retain(|failure| !without.contains(failure));
             (!beyond.is_empty()).then_some((cell, found.draw.map(|draw| draw.kind), beyond))
         })
         .collect();

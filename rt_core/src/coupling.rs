@@ -243,6 +243,7 @@ impl Coupling {
     fn switch_to(&mut self, model: &LocalModel, now_ns: u64, devices: &[(Pose, Twist)]) {
         let mut shaped = *model;
         self.config.scheme.shape(&mut shaped);
+        shaped.rest_dampers();
         if self.config.scheme == Scheme::Capped {
             self.bound(&mut shaped);
         }
@@ -288,8 +289,7 @@ impl Coupling {
             // force is yet to come.
             if self.to.handle_count > 0 {
                 from.energy = 0.0;
-                let deviations = from.deviations(devices);
-                from.energy = stored - from.change_of_energy(&deviations, ahead);
+                from.energy = stored + from.work(&from.deviations(devices), ahead);
             }
         }
         self.passivity.begin(shaped.energy);

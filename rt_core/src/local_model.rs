@@ -279,10 +279,6 @@ impl LocalModel {
 
     /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device: `a_i a_j B_ij` with the
     /// largest `a` up to one that do it, which keeps the matrix positive where it was.
-    ///
-    /// The wrench of the whole damping at the reference, `-B v0`, is history: with the next model it is a different one.
-    /// What is no longer damped is therefore taken out of the reference, too. Left there it would act as a part of the
-    /// spring that is a publication late, and a late spring feeds the motion that it answers.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
         let mut shares = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -300,7 +296,6 @@ impl LocalModel {
         if shares.iter().flatten().all(|&share| share == 1.0) {
             return;
         }
-        let whole = self.damped();
         let scale = |[linear, angular]: [f64; 2]| {
             Vec6::new(linear, linear, linear, angular, angular, angular)
         };
@@ -311,23 +306,25 @@ impl LocalModel {
                 block.component_mul_assign(&(mine * theirs.transpose()));
             }
         }
-        let left = self.damped();
-        for ((handle, whole), left) in self.handles.iter_mut().zip(&whole).zip(&left) {
-            let wrench = handle.wrench.stacked() + whole - left;
-            handle.wrench = Wrench::from_stacked(&wrench);
-        }
     }
 
-    /// `B v0`: what the damping takes from the reference wrenches.
-    fn damped(&self) -> [Vec6; MAX_HANDLES] {
-        let mut damped = [Vec6::zeros(); MAX_HANDLES];
+    /// Takes out of the reference wrenches what its dampers do there: they become `w0 + B v0`, and the twists zero. What
+    /// dampers do now is then `-B v` of the whole velocity.
+    ///
+    /// The wrench of the damping at the reference is history: with the next model it is a different one. Where a device
+    /// renders less damping than the body has, and only so much of it were taken out, the rest would act as a part of the
+    /// spring that is a publication late, and a late spring feeds the motion that it answers.
+    pub(crate) fn rest_dampers(&mut self) {
         let n = usize::from(self.handle_count);
-        for (row, out) in self.damping.iter().zip(&mut damped).take(n) {
-            for (b, handle) in row.iter().zip(&self.handles).take(n) {
-                *out += b * handle.twist.stacked();
+        let twists = self.handles.map(|handle| handle.twist.stacked());
+        for (row, handle) in self.damping.iter().zip(&mut self.handles).take(n) {
+            let mut wrench = handle.wrench.stacked();
+            for (b, twist) in row.iter().zip(&twists).take(n) {
+                wrench += b * twist;
             }
+            handle.wrench = Wrench::from_stacked(&wrench);
+            handle.twist = Twist::zero();
         }
-        damped
     }
 
     /// The largest entry sums of each handle's own stiffness (N/m, N m/rad): no motion of one handle alone is resisted

@@ -3,7 +3,9 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 use proptest::prelude::*;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
-use rt_core::{DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, Telemetry, Vec3};
+use rt_core::{
+    DeviceError, DeviceState, EnergyAccount, LocalModel, Mat6, Telemetry, Vec3, Withheld,
+};
 
 use super::tick::SCHEMA;
 use super::{Log, LogError, LogHeader, LogWriter, TickRow, energy_sums, read_log};
@@ -53,6 +55,10 @@ fn telemetry(tick: u64) -> Telemetry {
     body.age_ns = 17;
     body.trust = 0.75;
     body.state = HostState::Fading;
+    body.withheld = Withheld {
+        force: 0.5 * x,
+        of: x,
+    };
     body.energy = EnergyAccount {
         supplied: x,
         raised: 2.0 * x,
@@ -72,7 +78,9 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
         sequence,
         time_ns: 1_000_000 * sequence,
         period: 1.0 / 60.0,
+        horizon: 0.03,
         energy: 0.7,
+        released: 0.2,
         epoch: 3,
         handle_count: 2,
         ..LocalModel::empty()
@@ -82,6 +90,7 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
         model.handles[i].wrench.force.z = 0.1 + i as f64;
         model.handles[i].contact.y = 0.2 + i as f64;
         model.handles[i].weight.z = -0.3 - i as f64;
+        model.handles[i].drift.force.x = 40.0 + i as f64;
         for j in 0..2 {
             let used = |r: usize, c: usize| turns || (r < 3 && c < 3);
             let entry = |r: usize, c: usize| (100 * i + 50 * j + 6 * r + c) as f64 - 0.3;
@@ -158,13 +167,13 @@ fn a_model_is_read_back_as_it_was_published_and_takes_room_for_what_is_in_use() 
     }
     let zero = log.models[2].model().damping[1][0][(4, 4)];
     assert!(zero.is_sign_negative(), "equal numbers, but not equal bits");
-    // Two handles: 25 numbers each (pose 7, twist 6, wrench 6, contact and weight 3), and 2 x 36 or 2 x 144 in the
-    // matrices.
+    // Two handles: 31 numbers each (pose 7, twist, wrench and drift 6, contact and weight 3), and 2 x 36 or 2 x 144 in
+    // the matrices.
     let mut message = Vec::new();
     super::model::encode(0, &models[0], &mut message);
-    assert!(message.len() < 8 * (2 * 25 + 2 * 36) + 100);
+    assert!(message.len() < 8 * (2 * 31 + 2 * 36) + 100);
     super::model::encode(0, &models[1], &mut message);
-    assert!(message.len() < 8 * (2 * 25 + 2 * 144) + 100);
+    assert!(message.len() < 8 * (2 * 31 + 2 * 144) + 100);
 }
 
 #[test]

@@ -51,6 +51,8 @@ uint64 age_ns    # of that model
 float64 trust    # in it, from zero (safe hold) to one
 uint32 epoch     # of its topology
 uint8 state      # what the coupling was doing
+float64 withheld # force that the cap withholds (N)
+float64 of       # force of the model's springs there (N)
 # Energy (J) between the hands and the body, sums since the start: a lost message loses nothing.
 float64 supplied   # net work of the hands
 float64 raised     # part of it that lifted weight
@@ -60,8 +62,6 @@ float64 stored     # that could be got back now
 float64 credited   # dissipated by devices and relied on
 float64 available  # what the cap has to spend
 uint64 capped      # ticks in which it took something off
-float64 withheld   # force that the cap withholds (N)
-float64 of         # force of the model's springs there (N)
 ================================================================================
 MSG: palpate_msgs/Reading
 # What the device gave, as it gave it: its own axes. All zero where it gave nothing.
@@ -134,12 +134,12 @@ pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
             .iter()
             .position(|s| *s == body.state)
             .map_or(u8::MAX, |i| i as u8));
+        out.f64(body.withheld.force);
+        out.f64(body.withheld.of);
         for (_, sum) in energy_sums(&body.energy) {
             out.f64(sum);
         }
         out.u64(body.energy.capped);
-        out.f64(body.withheld.force);
-        out.f64(body.withheld.of);
     }
     out.u32(telemetry.readings().count() as u32);
     for reading in telemetry.readings() {
@@ -206,6 +206,10 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
         trust: from.f64()?,
         epoch: from.u32()?,
         state: *HOST_STATES.get(usize::from(from.u8()?))?,
+        withheld: Withheld {
+            force: from.f64()?,
+            of: from.f64()?,
+        },
         energy: EnergyAccount {
             supplied: from.f64()?,
             raised: from.f64()?,
@@ -215,10 +219,6 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
             credited: from.f64()?,
             available: from.f64()?,
             capped: from.u64()?,
-        },
-        withheld: Withheld {
-            force: from.f64()?,
-            of: from.f64()?,
         },
     })
 }

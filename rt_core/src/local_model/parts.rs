@@ -8,11 +8,11 @@ use crate::geometry::{Vec3, Vec6};
 /// The wrenches on all handles, in parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts {
-    /// What springs hold: the reference's wrench without the weight, less the stiffness times the displacement.
+    /// What springs hold: the reference's wrench without the weight, drifted, less the stiffness times the displacement.
     pub elastic: [Vec6; MAX_HANDLES],
     /// What dampers do: less the damping times the velocity.
     pub viscous: [Vec6; MAX_HANDLES],
-    /// Energy that hands at rest could get back (J).
+    /// Energy that hands at rest could get back (J): that of the reference, less the work of the springs on the way.
     pub stored: f64,
 }
 
@@ -52,22 +52,23 @@ impl LocalModel {
         let n = usize::from(self.handle_count);
         let rows = self.stiffness.iter().zip(&self.damping);
         let outs = parts.elastic.iter_mut().zip(&mut parts.viscous);
-        for (((stiffness, damping), (elastic, viscous)), handle) in
-            rows.zip(outs).zip(&self.handles).take(n)
+        let handles = self.handles.iter().zip(deviations);
+        let mut work = 0.0;
+        for (((stiffness, damping), (elastic, viscous)), (handle, own)) in
+            rows.zip(outs).zip(handles).take(n)
         {
-            let mut reference = handle.unweighted() + handle.drift.stacked() * ahead;
+            let begin = handle.unweighted() + handle.drift.stacked() * ahead;
             let mut fall = Vec6::zeros();
-            let blocks = stiffness.iter().zip(damping).zip(deviations);
-            let others = self.handles.iter().zip(lead);
-            for (((k, b), deviation), (other, lead)) in blocks.zip(others).take(n) {
-                let own = other.twist.stacked();
-                reference += b * own;
+            let blocks = stiffness.iter().zip(damping);
+            for ((k, b), (deviation, lead)) in blocks.zip(deviations.iter().zip(lead)).take(n) {
                 fall += k * deviation.displacement;
-                *viscous -= b * (deviation.velocity + own) + k * lead;
+                *viscous -= b * deviation.velocity + k * lead;
             }
-            *elastic = reference - fall;
+            *elastic = begin - fall;
+            // The force is linear on the way, so its mean counts.
+            work += (begin - fall * 0.5).dot(&own.displacement);
         }
-        parts.stored = (self.energy + self.change_of_energy(deviations, ahead)).max(0.0);
+        parts.stored = (self.energy - work).max(0.0);
         for ((elastic, viscous), handle) in parts
             .elastic
             .iter_mut()
@@ -89,30 +90,18 @@ impl LocalModel {
         parts
     }
 
-    /// By how much the energy that could be got back differs from that at the reference (J): less the work of the
-    /// force on the way, which is linear, so that its mean counts.
-    ///
-    /// The drift goes on along the handles' path `v0 s`, on which its mean counts, too; off the path it has its whole:
-    /// `-p s . (d - v0 s / 2)`.
-    pub(crate) fn change_of_energy(
-        &self,
-        deviations: &[Deviation; MAX_HANDLES],
-        ahead: f64,
-    ) -> f64 {
+    /// Work of the springs from the reference to where the handles are (J), where the drift has gone on for `ahead` (s).
+    pub(crate) fn work(&self, deviations: &[Deviation; MAX_HANDLES], ahead: f64) -> f64 {
         let n = usize::from(self.handle_count);
-        let mut change = 0.0;
-        let rows = self.stiffness.iter().zip(&self.damping);
         let handles = self.handles.iter().zip(deviations);
-        for ((stiffness, damping), (handle, deviation)) in rows.zip(handles).take(n) {
-            let mut mean = handle.unweighted();
-            let blocks = stiffness.iter().zip(damping).zip(deviations);
-            for (((k, b), deviation), other) in blocks.zip(&self.handles).take(n) {
-                mean += b * other.twist.stacked() - k * deviation.displacement * 0.5;
+        let mut work = 0.0;
+        for (row, (handle, own)) in self.stiffness.iter().zip(handles).take(n) {
+            let mut mean = handle.unweighted() + handle.drift.stacked() * ahead;
+            for (k, deviation) in row.iter().zip(deviations).take(n) {
+                mean -= k * deviation.displacement * 0.5;
             }
-            let path = handle.twist.stacked() * (0.5 * ahead);
-            let off = deviation.displacement - path;
-            change -= mean.dot(&deviation.displacement) + handle.drift.stacked().dot(&off) * ahead;
+            work += mean.dot(&own.displacement);
         }
-        change
+        work
     }
 }

@@ -84,7 +84,10 @@ impl Models {
                     handle.wrench.force = Vec3::from_fn(|_, _| number());
                     handle.pose.position = Vec3::from_fn(|_, _| number());
                     handle.twist.linear = Vec3::from_fn(|_, _| number());
+                    handle.drift.force = Vec3::from_fn(|_, _| number());
                 }
+                model.released = number();
+                model.horizon = number();
                 // Mostly finite, or nothing of it would ever get in.
                 if draw.unit(n) < 0.9 {
                     tame(&mut model);
@@ -121,6 +124,7 @@ fn restless(model: &mut LocalModel, draw: Chance, n: u64) {
         handle.wrench.force = Vec3::new(number(0), number(1), number(2)) * 10.0;
         handle.pose.position = Vec3::new(number(3), number(4), number(5)) * 0.1;
         handle.twist.linear = Vec3::new(number(6), number(7), number(8));
+        handle.drift.force = Vec3::new(number(9), number(10), number(11)) * 100.0;
     }
     for (i, row) in (8..).zip(&mut model.stiffness) {
         for (j, block) in (0..).zip(row) {
@@ -129,6 +133,7 @@ fn restless(model: &mut LocalModel, draw: Chance, n: u64) {
         }
     }
     model.energy = scale * draw.unit(n + 1);
+    model.released = scale * draw.unit(n + 2);
 }
 
 /// Makes what is not finite zero.
@@ -139,10 +144,15 @@ fn tame(model: &mut LocalModel) {
         }
     };
     fix(&mut model.energy);
+    fix(&mut model.released);
+    if !(model.horizon.is_finite() && model.horizon > 0.0) {
+        model.horizon = 1.0;
+    }
     for handle in &mut model.handles {
         handle.wrench.force.iter_mut().for_each(fix);
         handle.pose.position.iter_mut().for_each(fix);
         handle.twist.linear.iter_mut().for_each(fix);
+        handle.drift.force.iter_mut().for_each(fix);
     }
 }
 

@@ -5,7 +5,7 @@ use super::*;
 #[test]
 fn bad_input_of_every_kind_is_met_and_survived() {
     let mut met: BTreeMap<String, u64> = BTreeMap::new();
-    for cell in 0..7 {
+    for cell in 0..16 {
         let outcome = run(1, cell);
         assert!(outcome.passed(), "cell {cell}: {outcome:?}");
         assert_eq!(outcome.ticks, TICKS);
