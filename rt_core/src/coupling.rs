@@ -243,8 +243,8 @@ impl Coupling {
     fn switch_to(&mut self, model: &LocalModel, now_ns: u64, devices: &[(Pose, Twist)]) {
         let mut shaped = *model;
         self.config.scheme.shape(&mut shaped);
-        shaped.rest_dampers();
         if self.config.scheme == Scheme::Capped {
+            shaped.rest_dampers();
             self.bound(&mut shaped);
         }
         let before = self.rendered(devices);
@@ -259,13 +259,14 @@ impl Coupling {
         // Same references as the new model, and the wrench that makes the present force the same. The drift goes on.
         let ahead = shaped.ahead(now_ns);
         from.handle_count = shaped.handle_count;
-        let drifts = from.handles.map(|handle| handle.drift);
-        from.handles = shaped.handles;
-        for (handle, drift) in from.handles.iter_mut().zip(drifts) {
+        for (handle, newer) in from.handles.iter_mut().zip(shaped.handles()) {
+            let drift = handle.drift;
+            *handle = *newer;
             handle.drift = drift;
         }
         let response = from.response(&from.deviations(devices));
-        for (handle, fall) in from.handles.iter_mut().zip(&response) {
+        let used = usize::from(shaped.handle_count);
+        for (handle, fall) in from.handles.iter_mut().zip(&response).take(used) {
             let old = self
                 .to
                 .handles()

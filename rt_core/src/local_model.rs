@@ -340,16 +340,16 @@ impl LocalModel {
         found
     }
 
-    /// Mixes the forces of two models that share their handles and references: this one's share falls to `1 - share`.
+    /// Mixes stiffness, damping and drift of two models that share their handles: this one's share falls to `1 - share`.
+    /// The reference wrenches are left as they are, for the reference changes next.
     pub(crate) fn mix(&mut self, other: &Self, share: f64) {
-        for (mine, theirs) in self.handles.iter_mut().zip(&other.handles) {
-            let mix = |mine: &Wrench, theirs: &Wrench| {
-                mine.scaled(1.0 - share).plus(&theirs.scaled(share))
-            };
-            mine.wrench = mix(&mine.wrench, &theirs.wrench);
-            mine.drift = mix(&mine.drift, &theirs.drift);
-        }
         let n = usize::from(self.handle_count);
+        for (mine, theirs) in self.handles.iter_mut().zip(&other.handles).take(n) {
+            mine.drift = mine
+                .drift
+                .scaled(1.0 - share)
+                .plus(&theirs.drift.scaled(share));
+        }
         mix_blocks(&mut self.stiffness, &other.stiffness, share, n);
         mix_blocks(&mut self.damping, &other.damping, share, n);
     }
