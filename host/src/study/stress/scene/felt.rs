@@ -1,6 +1,6 @@
 //! What was felt over a whole run, against what the body itself exerts at the same pose.
 //!
-//! The body's own is that of a copy that is led along the run ([`super::reference::follow`]): whatever led the hand
+//! The body's own is that of a copy that is led along the run (`reference::follow`): whatever led the hand
 //! there, an exact force is the copy's. Ripple is compared with that of the reference in its own hands instead: a copy
 //! that is shaken along with the hand shakes, too, and would excuse the scheme that shakes them.
 

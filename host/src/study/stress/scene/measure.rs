@@ -33,7 +33,7 @@ pub struct DeviceTrace {
     pub limited: Vec<bool>,
     /// What the body of the host exerts where its handle is (N).
     pub body: Vec<Vec3>,
-    /// Where in the scene a body that is stepped along the run is to be: see [`super::reference::follow`].
+    /// Where in the scene a body that is stepped along the run is to be: see `reference::follow`.
     pub proxy: Vec<Pose>,
     /// What such a body exerts there, as the device would render it (its own axes).
     pub own: Vec<Wrench>,
@@ -175,7 +175,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Measures a run, along which a body was led ([`super::reference::follow`]), against its reference.
+    /// Measures a run, along which a body was led (`reference::follow`), against its reference.
     pub fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
         let stillness = run.stillness();
         let right = reference.stillness();
