@@ -202,3 +202,37 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
         assert!(faded > 90 && seen == [true; 2], "{faded} {seen:?}");
     }
 }
+
+#[test]
+fn a_drift_goes_on_to_the_horizon_and_levels_off_within_another() {
+    let mut model = LocalModel::empty();
+    model.time_ns = 5 * MS;
+    model.horizon = 0.02;
+    let ahead = |age_ms: f64| model.ahead(5 * MS + (age_ms * 1e6) as u64);
+    // A model of a time to come has no age yet. Rounding of hundredths of a second.
+    assert_eq!(model.ahead(0), 0.0);
+    for (age_ms, expected) in [
+        (0.0, 0.0),
+        (7.0, 0.007),
+        (20.0, 0.02),
+        (30.0, 0.0275),
+        (40.0, 0.03),
+        (1e6, 0.03),
+    ] {
+        assert!(
+            (ahead(age_ms) - expected).abs() < 1e-15,
+            "{age_ms} ms: {}",
+            ahead(age_ms)
+        );
+    }
+    // Neither end has a corner: the slope is one before the horizon, and falls evenly to nothing.
+    let slope = |age_ms: f64| (ahead(age_ms + 0.01) - ahead(age_ms - 0.01)) / 2e-5;
+    for (age_ms, expected) in [(19.9, 1.0), (20.0, 1.0), (25.0, 0.75), (40.0, 0.0)] {
+        // A kink of the second derivative, 50 a second, over a hundredth of a millisecond.
+        assert!(
+            (slope(age_ms) - expected).abs() < 5e-4,
+            "{age_ms} ms: {}",
+            slope(age_ms)
+        );
+    }
+}

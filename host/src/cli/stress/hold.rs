@@ -1,7 +1,7 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, nothing going wrong.
 
 use super::scene::{log, picture};
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, progress_bar, scheme_of, show};
 use crate::atomic_file::write_atomically;
 use crate::scene::Scene;
 use crate::scene::spec::SchemeName;
@@ -47,11 +47,7 @@ const QUICK: u64 = 60;
 const TOLD: usize = 12;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
-    let known = SCHEMES.iter().find(|(_, name)| *name == text);
-    let names = SCHEMES.map(|(_, name)| name).join(", ");
-    known
-        .map(|(scheme, _)| *scheme)
-        .ok_or(format!("allowed: {names}"))
+    scheme_of(text, &SCHEMES)
 }
 
 pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {

@@ -6,6 +6,7 @@ mod scene;
 mod wall;
 
 use super::{CommandError, progress_bar};
+use crate::scene::spec::SchemeName;
 use crate::study::stress::jobs::{Options, Progress, Shard};
 use indicatif::ProgressBar;
 use std::num::NonZero;
@@ -71,6 +72,15 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         What::Hold(arguments) => hold::run(arguments),
         What::Scene(arguments) => scene::run(arguments),
     }
+}
+
+/// The scheme of this name among those that a study runs.
+fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
+    let found = known.iter().find(|(_, name)| *name == text);
+    found.map(|(scheme, _)| *scheme).ok_or_else(|| {
+        let names: Vec<_> = known.iter().map(|(_, name)| *name).collect();
+        format!("allowed: {}", names.join(", "))
+    })
 }
 
 /// Shows how far the cells are on a bar of a thousand parts.

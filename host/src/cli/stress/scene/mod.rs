@@ -3,7 +3,7 @@
 pub(super) mod picture;
 mod table;
 
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, progress_bar, scheme_of, show};
 use crate::atomic_file::write_atomically;
 use crate::scene::Scene;
 use crate::scene::spec::SchemeName;
@@ -43,11 +43,7 @@ const RUNS: u64 = 420;
 const QUICK: u64 = 14;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
-    let known = SCHEMES.iter().find(|(_, name)| *name == text);
-    let names = SCHEMES.map(|(_, name)| name).join(", ");
-    known
-        .map(|(scheme, _)| *scheme)
-        .ok_or(format!("allowed: {names}"))
+    scheme_of(text, &SCHEMES)
 }
 
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
