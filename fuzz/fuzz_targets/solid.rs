@@ -2,7 +2,8 @@
 //! accepted as a sheet is that sheet.
 #![no_main]
 
-use physics::mesh::{Mesh, read, read_mesh};
+use meshio::{read, read_mesh};
+use physics::mesh::Mesh;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mesh = read_mesh("mesh", bytes);

@@ -1,10 +1,8 @@
 //! A mesh file: what is accepted is a mesh.
 #![no_main]
 
-use physics::mesh;
-
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    match mesh::vtk_xml::parse(bytes) {
+    match meshio::vtk_xml::parse(bytes) {
         Ok(mesh) => mesh.validate().expect("what is read is valid"),
         Err(error) => assert!(!error.to_string().contains('\n'), "an error is one line"),
     }

@@ -1,10 +1,10 @@
 //! Meshes, finite elements and condensation: pure computation.
 //!
 //! Everything here is a plain function or struct over state and time step. There are no threads, clocks,
-//! files or printing, and no knowledge of devices: files arrive as text, time as a step length, and every
+//! files or printing, and no knowledge of devices: a mesh arrives as arrays, time as a step length, and every
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
-//! - [`mesh`]: triangle and tetrahedral meshes, generators and file formats.
+//! - [`mesh`]: triangle and tetrahedral meshes, their checks and generators.
 //! - [`fast`]: the realtime step of a body, without assembling anything.
 //! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the
 //!   condensation of a body onto its handles.

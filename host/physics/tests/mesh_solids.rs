@@ -1,11 +1,8 @@
-//! Generated solids, quadratic ones, and the files for ParaView.
+//! Generated solids, and quadratic ones.
 
-use physics::Vec3;
-use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::Cells;
 use physics::mesh::generate_box::{BoxError, solid_box};
 use physics::mesh::tet::MIDSIDE_ENDS;
-use physics::mesh::write_vtu::{Snapshot, Values};
-use physics::mesh::{self, Cells};
 use std::collections::BTreeMap;
 
 #[test]
@@ -85,42 +82,4 @@ fn middles_lie_in_the_middle_and_join_the_faces_of_their_edges() {
         assert_eq!(mesh.group(name).unwrap().members, expected, "{name}");
     }
     assert_eq!(mesh.quadratic(), mesh);
-}
-
-#[test]
-fn a_written_sheet_reads_back_bit_for_bit() {
-    let mesh = sheet(0.1, 0.07, 5, 3, Pattern::Alternating).unwrap();
-    let mut snapshot = Snapshot::of_sheet(&mesh);
-    let vectors = mesh.positions.iter().map(|x| x / 3.0).collect();
-    snapshot
-        .at_vertices
-        .push(("u <m> & \"more\"".to_owned(), Values::Vector(vectors)));
-    let back = mesh::read("sheet.vtu", snapshot.vtu().as_bytes()).unwrap();
-    assert_eq!(
-        (back.positions, back.triangles),
-        (mesh.positions, mesh.triangles)
-    );
-}
-
-#[test]
-fn a_written_solid_has_its_cells_and_values() {
-    let mesh = solid_box([1.0; 3], [1, 1, 1]).unwrap().quadratic();
-    let mut snapshot = Snapshot::of_solid(&mesh);
-    let tensors = vec![physics::Mat3::from_diagonal(&Vec3::new(1.0, 2.0, 3.0)); 6];
-    snapshot
-        .in_cells
-        .push(("stress".to_owned(), Values::Tensor(tensors)));
-    let text = snapshot.vtu();
-    assert!(text.contains("<Piece NumberOfPoints=\"27\" NumberOfCells=\"6\">"));
-    assert!(
-        text.contains(&format!(
-            "Name=\"types\" format=\"ascii\">\n{}</DataArray>",
-            "24\n".repeat(6)
-        )),
-        "six quadratic tetrahedra"
-    );
-    assert_eq!(
-        text.matches("1.0 0.0 0.0 0.0 2.0 0.0 0.0 0.0 3.0").count(),
-        6
-    );
 }

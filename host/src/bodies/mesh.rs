@@ -5,7 +5,7 @@ use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
-use physics::mesh::{self, Cells, Mesh};
+use physics::mesh::{Cells, Mesh};
 
 /// The mesh of one body, its elements in the file's order.
 pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneError> {
@@ -46,7 +46,7 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneErr
         MeshSource::File(name) => {
             let file = loaded.meshes[index].as_ref();
             let bytes = file.map_or(&[][..], |file| &file.bytes);
-            mesh::read_mesh(name, bytes).map_err(|source| SceneError::Mesh {
+            meshio::read_mesh(name, bytes).map_err(|source| SceneError::Mesh {
                 place: loaded.source.place(&field("file")),
                 path: file.map_or_else(|| name.into(), |file| file.path.clone()),
                 source: Box::new(source),

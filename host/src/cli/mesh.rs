@@ -3,8 +3,9 @@
 use super::{CommandError, load};
 use crate::atomic_file::write_atomically;
 use crate::bodies::{self, Built};
-use physics::mesh::write_vtu::Snapshot;
-use physics::mesh::{Bounds, Field, Group, Mesh, write_gmsh, write_vtk};
+use meshio::write_vtu::Snapshot;
+use meshio::{write_gmsh, write_vtk};
+use physics::mesh::{Bounds, Field, Group, Mesh};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `palpate mesh`.

@@ -1,7 +1,7 @@
 //! What can be wrong with a scene, said in one line: file, line, field, what was found, what is allowed.
 
 use super::source::{Source, cut};
-use physics::mesh::MeshFileError;
+use meshio::MeshFileError;
 use sim::models::{ModelError, ModelProblem};
 use std::{fmt, io, path::PathBuf};
 use thiserror::Error;

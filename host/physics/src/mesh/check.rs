@@ -181,16 +181,18 @@ pub enum MeshError {
 
 /// What an error is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Culprit {
+pub enum Culprit {
+    /// A vertex.
     Vertex(u32),
     /// A triangle, or a cell of a solid.
     Cell(u32),
+    /// The mesh as a whole.
     Mesh,
 }
 
 impl MeshError {
     /// What a person should look at: of several triangles or vertices, the last.
-    pub(super) fn culprit(&self) -> Culprit {
+    pub fn culprit(&self) -> Culprit {
         match *self {
             Self::Coordinate { vertex, .. }
             | Self::Unused { vertex }
@@ -365,7 +367,10 @@ fn check_all_used(mesh: &TriMesh) -> Result<(), MeshError> {
 ///
 /// Asked of meshes from files only: programs that write every triangle with vertices of its own are
 /// common, and such a mesh would be as many loose pieces. A mesh that was torn has such vertices by right.
-pub(super) fn check_distinct(positions: &[Vec3]) -> Result<(), MeshError> {
+///
+/// # Errors
+/// [`MeshError::Coincident`], with the first vertex that lies where an earlier one does.
+pub fn check_distinct(positions: &[Vec3]) -> Result<(), MeshError> {
     // Adding zero makes one of the two zeros.
     let place = |vertex: u32| {
         positions

@@ -155,7 +155,7 @@ pub enum SolidError {
 
 impl SolidError {
     /// What a person should look at: of several cells or vertices, the last.
-    pub(super) fn culprit(&self) -> Culprit {
+    pub fn culprit(&self) -> Culprit {
         match *self {
             Self::Common(ref error) => error.culprit(),
             Self::Unused { vertex } => Culprit::Vertex(vertex),
@@ -248,7 +248,9 @@ fn check_indices(mesh: &TetMesh) -> Result<(), SolidError> {
 }
 
 /// Six times the signed volume of a cell with straight edges (m³), and its longest edge (m).
-pub(super) fn size(positions: &[Vec3], cell: &[u32]) -> (f64, f64) {
+///
+/// The cell's corners come first in it, and each is one of the positions.
+pub fn size(positions: &[Vec3], cell: &[u32]) -> (f64, f64) {
     let at = |k: usize| positions[cell[k] as usize];
     let edges = Mat3::from_columns(&[at(1) - at(0), at(2) - at(0), at(3) - at(0)]);
     let longest = (0..4)

@@ -1,10 +1,9 @@
 //! Meshes of triangles ([`TriMesh`]) and of tetrahedra ([`TetMesh`]): positions, cells, and named groups of
 //! either.
 //!
-//! A mesh comes from a generator ([`generate`], [`generate_box`]) or from a file's bytes ([`read`],
-//! [`read_mesh`]: [`gmsh`], [`obj`], [`vtk_legacy`], [`vtk_xml`]); what is read ends in [`TriMesh::new`] or
-//! [`TetMesh::new`], so what holds for one mesh holds for all (see [`check`], [`check_solid`]). It goes back
-//! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
+//! A mesh comes from a generator ([`generate`], [`generate_box`], [`generate_plate`]) or from a file, which the
+//! crate `meshio` reads. What is read ends in [`TriMesh::new`] or [`TetMesh::new`], so what holds for one mesh
+//! holds for all (see [`check`], [`check_solid`]).
 
 use crate::Vec3;
 
@@ -14,31 +13,24 @@ mod check_named;
 mod check_neighbours;
 pub mod check_solid;
 mod elevate;
-pub mod file;
 pub mod generate;
 pub mod generate_box;
 pub mod generate_plate;
-pub mod gmsh;
-mod lines;
-pub mod obj;
-mod soup;
-mod soup_solid;
 pub mod tet;
-mod text;
-mod vtk_array;
-mod vtk_cells;
-mod vtk_fields;
-pub mod vtk_legacy;
-pub mod vtk_xml;
-pub mod write_gmsh;
-pub mod write_vtk;
-pub mod write_vtu;
 
 pub use adjacency::Adjacency;
 pub use check::MeshError;
 pub use check_solid::SolidError;
-pub use file::{Mesh, MeshFileError, Place, read, read_mesh};
 pub use tet::{Cells, TetMesh};
+
+/// A mesh of either kind.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Mesh {
+    /// Triangles only.
+    Sheet(TriMesh),
+    /// Tetrahedra.
+    Solid(TetMesh),
+}
 
 /// A triangle mesh with named groups, as a generator or a file gives it.
 ///
@@ -101,6 +93,16 @@ impl Bounds {
     /// The edge lengths of the box (m).
     pub fn size(&self) -> Vec3 {
         self.max - self.min
+    }
+}
+
+impl Mesh {
+    /// The named values per triangle or cell, to be changed.
+    pub fn fields_mut(&mut self) -> &mut Vec<Field> {
+        match self {
+            Self::Sheet(mesh) => &mut mesh.triangle_fields,
+            Self::Solid(mesh) => &mut mesh.cell_fields,
+        }
     }
 }
 

@@ -1,0 +1,211 @@
+//! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of sheet and solid
+//! it is ([`read_mesh`]).
+//!
+//! The format follows from the end of the file's name and, where that says nothing, from how the file
+//! begins. All formats are held to the same: every number is checked, every count compared with what
+//! follows, memory taken in proportion to the file and never to a number in it. Vertices that no triangle
+//! or cell uses are dropped; what [`TriMesh::validate`] or [`TetMesh::validate`] refuses, and two vertices
+//! at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//!
+//! [`TetMesh::validate`]: physics::mesh::TetMesh::validate
+
+use crate::gmsh::{self, GmshError};
+use crate::lines::Unexpected;
+use crate::{obj, vtk_legacy, vtk_xml};
+use physics::mesh::{Mesh, MeshError, SolidError, TriMesh};
+use std::fmt;
+use thiserror::Error;
+
+/// The most named groups that a file may have.
+pub const MAX_GROUPS: usize = 256;
+/// The most named fields that a file may have, those that are passed over not counted.
+pub const MAX_FIELDS: usize = 256;
+
+/// Which meshes a reader takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Wanted {
+    /// Sheets alone; a tetrahedron is an error.
+    Sheet,
+    /// Sheets, and solids where the file has a tetrahedron.
+    Any,
+}
+
+/// Why a file is no mesh. Every message is one line of text.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum MeshFileError {
+    /// Neither the file's name nor how it begins says which format it is in.
+    #[error(
+        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and {found}"
+    )]
+    Format {
+        /// How the file begins.
+        found: String,
+    },
+    /// Something else stands in the file than should.
+    #[error("{place}: expected {expected}, found {found}")]
+    Syntax {
+        /// Where.
+        place: Place,
+        /// What should stand there, and where it helps, what to do.
+        expected: String,
+        /// What stands there, shortened.
+        found: String,
+    },
+    /// The triangles make no usable mesh. Vertices and triangles are counted from zero here, as they
+    /// would be in the mesh.
+    #[error("{place}: {source}")]
+    Mesh {
+        /// Where the triangle or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: MeshError,
+    },
+    /// The tetrahedra make no usable mesh. Vertices and cells are counted from zero here, as they would be
+    /// in the mesh.
+    #[error("{place}: {source}")]
+    Solid {
+        /// Where the cell or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: SolidError,
+    },
+    /// A Gmsh file is wrong.
+    #[error(transparent)]
+    Gmsh(#[from] GmshError),
+}
+
+/// A place in a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A line, counted from one.
+    Line(usize),
+    /// A byte of a file that is not text, counted from zero.
+    Byte(usize),
+    /// A number of an encoded array, counted from zero, and the line where the array begins.
+    Item {
+        /// The line, counted from one.
+        line: usize,
+        /// The number's place in the array, counted from zero.
+        item: usize,
+    },
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Line(line) => write!(to, "line {line}"),
+            Self::Byte(byte) => write!(to, "byte {byte}"),
+            Self::Item { line, item } => write!(to, "line {line}, number {item} of the array"),
+        }
+    }
+}
+
+impl From<Unexpected> for MeshFileError {
+    fn from(error: Unexpected) -> Self {
+        Self::Syntax {
+            place: Place::Line(error.line),
+            expected: error.expected,
+            found: error.found,
+        }
+    }
+}
+
+impl MeshFileError {
+    pub(crate) fn syntax(
+        place: Place,
+        expected: impl Into<String>,
+        found: impl Into<String>,
+    ) -> Self {
+        Self::Syntax {
+            place,
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+}
+
+/// The sheet. Readers that are asked for one refuse tetrahedra by themselves, with their place.
+pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
+    match mesh {
+        Mesh::Sheet(mesh) => Ok(mesh),
+        Mesh::Solid(_) => Err(MeshFileError::syntax(
+            Place::Line(1),
+            "a sheet",
+            "a file of tetrahedra",
+        )),
+    }
+}
+
+/// Reads a sheet from the bytes of a file called `name`. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found; a tetrahedron is one.
+pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    Ok(match Format::of(name, bytes)? {
+        Format::Obj => obj::parse(bytes)?,
+        Format::Gmsh => gmsh::parse_bytes(bytes)?,
+        Format::VtkLegacy => vtk_legacy::parse(bytes)?,
+        Format::VtkXml => vtk_xml::parse(bytes)?,
+    })
+}
+
+/// Reads a mesh from the bytes of a file called `name`: a solid if there is a tetrahedron in it, otherwise a
+/// sheet. Coordinates are taken as metres.
+///
+/// Of a solid's file, triangles, lines and points only name vertices: where the format has named groups,
+/// theirs become groups of vertices, otherwise they are passed over.
+///
+/// # Errors
+/// The first [`MeshFileError`] found.
+pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    Ok(match Format::of(name, bytes)? {
+        Format::Obj => Mesh::Sheet(obj::parse(bytes)?),
+        Format::Gmsh => gmsh::parse_mesh(bytes)?,
+        Format::VtkLegacy => vtk_legacy::parse_mesh(bytes)?,
+        Format::VtkXml => vtk_xml::parse_mesh(bytes)?,
+    })
+}
+
+enum Format {
+    Obj,
+    Gmsh,
+    VtkLegacy,
+    VtkXml,
+}
+
+impl Format {
+    fn of(name: &str, bytes: &[u8]) -> Result<Self, MeshFileError> {
+        let extension = name
+            .rsplit_once('.')
+            .map(|(_, end)| end.to_ascii_lowercase());
+        match extension.as_deref() {
+            Some("obj") => Ok(Self::Obj),
+            Some("msh") => Ok(Self::Gmsh),
+            Some("vtk") => Ok(Self::VtkLegacy),
+            Some("vtu" | "vtp") => Ok(Self::VtkXml),
+            _ => Self::by_beginning(bytes),
+        }
+    }
+
+    fn by_beginning(bytes: &[u8]) -> Result<Self, MeshFileError> {
+        let text = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+        let start = text.trim_ascii_start();
+        if start.starts_with(b"$MeshFormat") {
+            Ok(Self::Gmsh)
+        } else if start.starts_with(b"# vtk DataFile") {
+            Ok(Self::VtkLegacy)
+        } else if start.starts_with(b"<?xml") || start.starts_with(b"<VTKFile") {
+            Ok(Self::VtkXml)
+        } else {
+            let found = if start.is_empty() {
+                "an empty file".to_owned()
+            } else {
+                format!(
+                    "a file that begins with {}",
+                    crate::text::quoted_bytes(start)
+                )
+            };
+            Err(MeshFileError::Format { found })
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! From a file's sections to a sheet: node tags to indices, unused nodes dropped, groups filled.
+
+use super::elements::of_dimension;
+use super::groups::groups;
+use super::sections::{Node, Sections};
+use super::{GmshError, elements::Element, fields};
+use crate::soup::UNUSED;
+use physics::mesh::check::{Culprit, check_distinct};
+use physics::mesh::{MeshError, TriMesh};
+use std::collections::BTreeMap;
+
+/// Where each node tag stands in the list of nodes.
+pub(super) type Places = BTreeMap<u64, usize>;
+
+/// The sheet of all triangles.
+pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
+    let places = places(&sections.nodes)?;
+    let used = of_dimension(&sections.blocks, 2)
+        .map(|element| nodes_of(element, &places))
+        .collect::<Result<Vec<_>, _>>()?;
+
+    // The vertex of each node.
+    let mut vertices = vec![UNUSED; sections.nodes.len()];
+    for &node in used.iter().flatten() {
+        vertices[node] = 0;
+    }
+    let mut positions = Vec::new();
+    for (vertex, node) in vertices.iter_mut().zip(&sections.nodes) {
+        if *vertex != UNUSED {
+            // Numbers run out only where the mesh is refused for its size below.
+            *vertex = positions.len() as u32;
+            positions.push(node.position);
+        }
+    }
+    let corners = used
+        .iter()
+        .map(|nodes| nodes.map(|node| vertices[node]))
+        .collect();
+
+    let refused = |source: MeshError| GmshError::Mesh {
+        line: line_at_fault(&source, sections, &vertices),
+        source,
+    };
+    let mut mesh = TriMesh::new(positions, corners).map_err(refused)?;
+    check_distinct(&mesh.positions).map_err(refused)?;
+    let groups = groups(sections, 0..=3);
+    mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
+    mesh.triangle_groups = groups.of_cells(2);
+    mesh.triangle_fields = fields::per_cell(sections, 2)?;
+    Ok(mesh)
+}
+
+/// Where each node tag stands in the list of nodes. Tags may be sparse: they are looked up, never used as
+/// indices.
+pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
+    let mut places = Places::new();
+    for (place, node) in nodes.iter().enumerate() {
+        if let Some(earlier) = places.insert(node.tag, place) {
+            let what = format!("node tag {}", node.tag);
+            let first = nodes.get(earlier).map_or(0, |node| node.line);
+            return Err(GmshError::Repeated {
+                line: node.line,
+                what,
+                first,
+            });
+        }
+    }
+    Ok(places)
+}
+
+/// The places of an element's nodes.
+pub(super) fn nodes_of<const N: usize>(
+    element: Element,
+    places: &Places,
+) -> Result<[usize; N], GmshError> {
+    let mut found = [0; N];
+    for (place, &tag) in found.iter_mut().zip(element.nodes) {
+        *place = place_of(tag, element.line, places)?;
+    }
+    Ok(found)
+}
+
+/// The place of a node that is named in a line.
+pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, GmshError> {
+    places.get(&tag).copied().ok_or_else(|| GmshError::Syntax {
+        line,
+        expected: "the tag of a node in $Nodes".to_owned(),
+        found: tag.to_string(),
+    })
+}
+
+/// The line of the vertex or triangle that an error is about.
+fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
+    let line = match error.culprit() {
+        Culprit::Vertex(index) => {
+            let mut nodes = sections.nodes.iter().zip(vertices);
+            nodes
+                .find(|&(_, &vertex)| vertex == index)
+                .map(|(node, _)| node.line)
+        }
+        Culprit::Cell(index) => of_dimension(&sections.blocks, 2)
+            .nth(index as usize)
+            .map(|element| element.line),
+        Culprit::Mesh => None,
+    };
+    line.unwrap_or(sections.last_line)
+}

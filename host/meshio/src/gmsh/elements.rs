@@ -1,0 +1,203 @@
+//! The section `$Elements` of an MSH 4.1 file: which kinds are read, and how the others are refused.
+
+use super::GmshError;
+use super::sections::{dimension, head, room, total};
+use crate::file::Wanted;
+use crate::lines::Lines;
+
+/// A kind of element.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Kind {
+    /// Gmsh's number for it.
+    code: u32,
+    pub(super) name: &'static str,
+    pub(super) dim: u8,
+    pub(super) nodes: usize,
+    /// Zero for points, which go with either of the others.
+    order: u8,
+}
+
+/// The kinds that are read, those of a sheet first.
+static KINDS: [Kind; 7] = [
+    kind(15, "points", 0, 1, 0),
+    kind(1, "2-node lines", 1, 2, 1),
+    kind(2, "3-node triangles", 2, 3, 1),
+    kind(8, "3-node lines of second order", 1, 3, 2),
+    kind(9, "6-node triangles of second order", 2, 6, 2),
+    kind(4, "4-node tetrahedra", 3, 4, 1),
+    kind(11, "10-node tetrahedra of second order", 3, 10, 2),
+];
+const OF_SHEETS: usize = 3;
+
+const fn kind(code: u32, name: &'static str, dim: u8, nodes: usize, order: u8) -> Kind {
+    Kind {
+        code,
+        name,
+        dim,
+        nodes,
+        order,
+    }
+}
+
+/// The elements of one entity.
+pub(super) struct Block {
+    pub(super) kind: &'static Kind,
+    pub(super) entity: i32,
+    /// Where the block starts.
+    pub(super) line: usize,
+    elements: Vec<(u64, usize)>,
+    /// The tags of the nodes, one element after the other.
+    nodes: Vec<u64>,
+}
+
+/// An element of a block.
+#[derive(Clone, Copy)]
+pub(super) struct Element<'a> {
+    pub(super) tag: u64,
+    pub(super) line: usize,
+    /// The tags of its nodes.
+    pub(super) nodes: &'a [u64],
+}
+
+impl Block {
+    pub(super) fn len(&self) -> usize {
+        self.elements.len()
+    }
+
+    pub(super) fn elements(&self) -> impl Iterator<Item = Element<'_>> {
+        let nodes = self.nodes.chunks_exact(self.kind.nodes);
+        self.elements
+            .iter()
+            .zip(nodes)
+            .map(|(&(tag, line), nodes)| Element { tag, line, nodes })
+    }
+}
+
+/// The elements of one dimension.
+pub(super) fn of_dimension(blocks: &[Block], dim: u8) -> impl Iterator<Item = Element<'_>> {
+    blocks
+        .iter()
+        .filter(move |block| block.kind.dim == dim)
+        .flat_map(Block::elements)
+}
+
+/// Reads the section.
+pub(super) fn read(lines: &mut Lines, text: &str, wanted: Wanted) -> Result<Vec<Block>, GmshError> {
+    let (head, block_count, count) = head(lines)?;
+    // "2 1 2 1" and "1 1 2 3" with their lines' ends: a block is left out if it has no elements.
+    let mut blocks = room(block_count, text, 16);
+    let mut total_found = 0;
+    for _ in 0..block_count {
+        let mut fields = lines.expect("a block of elements")?;
+        let start = fields;
+        let dim = dimension(&mut fields)?;
+        let entity = fields.number("an entity's tag")?;
+        let code: u32 = fields.number("an element type")?;
+        let in_block: usize = fields.number("a number of elements")?;
+        fields.end()?;
+        let known = match wanted {
+            Wanted::Sheet => KINDS.get(..OF_SHEETS).unwrap_or_default(),
+            Wanted::Any => &KINDS,
+        };
+        let kind = known
+            .iter()
+            .find(|kind| kind.code == code)
+            .ok_or_else(|| unsupported(start.line, code, wanted))?;
+        if dim != kind.dim {
+            let expected = format!("dimension {} for elements of type {code}", kind.dim);
+            return Err(start.unexpected(&expected).into());
+        }
+        // "1 1" with its line's end, then two bytes for each node but the first.
+        let mut elements = room(in_block, text, 2 + 2 * kind.nodes);
+        let mut nodes = room(in_block.saturating_mul(kind.nodes), text, 2);
+        for _ in 0..in_block {
+            let mut fields = lines.expect("an element")?;
+            elements.push((fields.number("an element's tag")?, fields.line));
+            for _ in 0..kind.nodes {
+                nodes.push(fields.number("the tag of an element's node")?);
+            }
+            fields.end()?;
+        }
+        total_found += elements.len();
+        if elements.is_empty() {
+            continue;
+        }
+        elements.shrink_to_fit();
+        nodes.shrink_to_fit();
+        blocks.push(Block {
+            kind,
+            entity,
+            line: start.line,
+            elements,
+            nodes,
+        });
+    }
+    total(&head, count, total_found, "elements")?;
+    lines.marker("$EndElements")?;
+    Ok(blocks)
+}
+
+/// Whether there is a tetrahedron. All elements are then of its order, or else of first order.
+pub(super) fn are_solid(blocks: &[Block]) -> Result<bool, GmshError> {
+    let solid = blocks.iter().find(|block| block.kind.dim == 3);
+    let order = solid.map_or(1, |block| block.kind.order);
+    let mut others = blocks.iter();
+    let Some(other) = others.find(|block| ![0, order].contains(&block.kind.order)) else {
+        return Ok(solid.is_some());
+    };
+    Err(match solid {
+        Some(solid) => GmshError::MixedOrder {
+            line: other.line,
+            name: other.kind.name,
+            first: solid.line,
+            first_name: solid.kind.name,
+        },
+        None => unsupported(other.line, other.kind.code, Wanted::Sheet),
+    })
+}
+
+/// The error for elements of other types: the types that people are likely to have, and what to do.
+fn unsupported(line: usize, code: u32, wanted: Wanted) -> GmshError {
+    const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
+    const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";
+    const SURFACE: &str = "mesh the surface only, with `gmsh -2`";
+    const TETRAHEDRA: &str = "mesh again with tetrahedra: neither recombined nor in layers";
+    const LOWER_ORDER: &str = "set Mesh.ElementOrder = 1 or 2 and mesh again";
+    let (expected, order, volume, other) = match wanted {
+        Wanted::Sheet => (
+            "3-node triangles, 2-node lines or points",
+            FIRST_ORDER,
+            SURFACE,
+            "mesh again with triangles of first order",
+        ),
+        Wanted::Any => (
+            "tetrahedra, triangles, lines or points, of first or second order",
+            LOWER_ORDER,
+            TETRAHEDRA,
+            "mesh again with triangles or tetrahedra of first or second order",
+        ),
+    };
+    let (name, advice) = match code {
+        3 => ("4-node quadrangles", TRIANGLES),
+        4 => ("4-node tetrahedra", SURFACE),
+        5 => ("8-node hexahedra", volume),
+        6 => ("6-node prisms", volume),
+        7 => ("5-node pyramids", volume),
+        8 => ("3-node lines of second order", FIRST_ORDER),
+        9 => ("6-node triangles of second order", FIRST_ORDER),
+        10 => ("9-node quadrangles of second order", FIRST_ORDER),
+        11 => ("10-node tetrahedra of second order", SURFACE),
+        16 => ("8-node quadrangles of second order", FIRST_ORDER),
+        20 | 21 => ("triangles of third order", order),
+        26 => ("4-node lines of third order", order),
+        29 => ("20-node tetrahedra of third order", LOWER_ORDER),
+        _ => ("another kind", other),
+    };
+    GmshError::Element {
+        line,
+        code,
+        name,
+        expected,
+        advice,
+    }
+}

@@ -1,0 +1,226 @@
+//! The sections `$ElementData` of an MSH 4.1 file, and from them to a value for each cell.
+
+use super::GmshError;
+use super::elements::{Block, Element, of_dimension};
+use super::sections::{Sections, room, skip};
+use crate::file::MAX_FIELDS;
+use crate::lines::{Fields, Lines};
+use crate::text::quoted;
+use physics::mesh::Field;
+
+/// One number for each of some elements.
+pub(super) struct Data {
+    name: String,
+    line: usize,
+    /// In the file's order.
+    values: Vec<Value>,
+}
+
+struct Value {
+    element: u64,
+    number: f64,
+    line: usize,
+}
+
+const INTEGERS: &str =
+    "at least 3 integer tags: a time step, a number of components, a number of values";
+
+/// An element that is not a cell of the mesh.
+const NO_CELL: u32 = u32::MAX;
+
+/// Reads a section after its first line; gives nothing where it has no name or several components.
+pub(super) fn read(
+    lines: &mut Lines,
+    text: &str,
+    before: &[Data],
+) -> Result<Option<Data>, GmshError> {
+    let (head, name) = name(lines)?;
+    for _ in 0..count(lines, "a number of real tags")?.1 {
+        let mut fields = lines.expect("a real tag")?;
+        fields.finite("a real tag, finite")?;
+        fields.end()?;
+    }
+    let (fields, integers) = count(lines, INTEGERS)?;
+    if integers < 3 {
+        let expected = INTEGERS.to_owned();
+        let found = integers.to_string();
+        return Err(GmshError::Syntax {
+            line: fields.line,
+            expected,
+            found,
+        });
+    }
+    count_signed(lines)?;
+    let (_, components) = count(lines, "a number of components")?;
+    let (claim, claimed) = count(lines, "a number of values")?;
+    for _ in 3..integers {
+        count_signed(lines)?;
+    }
+    let Some(name) = name.filter(|_| components == 1) else {
+        skip(lines, "$ElementData")?;
+        return Ok(None);
+    };
+    if before.len() == MAX_FIELDS {
+        return Err(head
+            .unexpected(&format!("at most {MAX_FIELDS} fields"))
+            .into());
+    }
+    if let Some(earlier) = before.iter().find(|earlier| earlier.name == name) {
+        return Err(GmshError::Repeated {
+            line: head.line,
+            what: format!("the field {}", quoted(name)),
+            first: earlier.line,
+        });
+    }
+    // "1 1" and its line's end.
+    let mut values: Vec<Value> = room(claimed, text, 4);
+    loop {
+        let mut fields = lines.expect("$EndElementData")?;
+        if fields.rest() == "$EndElementData" {
+            break;
+        }
+        if values.len() == claimed {
+            return Err(fields
+                .unexpected(&format!("$EndElementData after {claimed} values"))
+                .into());
+        }
+        values.push(Value {
+            element: fields.number("an element's tag")?,
+            number: fields.finite("an element's value, finite")?,
+            line: fields.line,
+        });
+        fields.end()?;
+    }
+    if values.len() < claimed {
+        return Err(GmshError::Syntax {
+            line: claim.line,
+            expected: format!("{claimed} values, as this line says"),
+            found: values.len().to_string(),
+        });
+    }
+    values.shrink_to_fit();
+    Ok(Some(Data {
+        name: name.to_owned(),
+        line: head.line,
+        values,
+    }))
+}
+
+/// The string tags, the first of which is the field's name: where it stands, and what it is.
+fn name<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, Option<&'a str>), GmshError> {
+    let (mut head, tags) = count(lines, "a number of string tags")?;
+    let mut name = None;
+    for number in 0..tags {
+        let fields = lines.expect("a string tag")?;
+        let inner = fields.rest().strip_prefix('"');
+        let inner = inner.and_then(|inner| inner.strip_suffix('"'));
+        let inner = inner.ok_or_else(|| fields.unexpected("a string tag in double quotes"))?;
+        if number == 0 {
+            head = fields;
+            name = Some(inner).filter(|inner| !inner.trim().is_empty());
+        }
+    }
+    Ok((head, name))
+}
+
+/// A line with one number on it.
+fn count<'a>(lines: &mut Lines<'a>, expected: &str) -> Result<(Fields<'a>, usize), GmshError> {
+    let mut fields = lines.expect(expected)?;
+    let line = fields;
+    let number = fields.number(expected)?;
+    fields.end()?;
+    Ok((line, number))
+}
+
+/// A line with a number on it that says nothing here.
+fn count_signed(lines: &mut Lines) -> Result<(), GmshError> {
+    let mut fields = lines.expect("an integer tag")?;
+    fields.number::<i64>("an integer tag")?;
+    Ok(fields.end()?)
+}
+
+/// The fields over the cells of dimension `dim`, in the order of the blocks. One that names none of them is
+/// left out.
+pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshError> {
+    let mut fields = Vec::new();
+    if sections.data.is_empty() {
+        return Ok(fields);
+    }
+    let cells = tags(sections, dim)?;
+    let count = cells.iter().filter(|(_, cell)| *cell != NO_CELL).count();
+    for data in &sections.data {
+        let mut values = vec![f64::NAN; count];
+        let mut named = 0;
+        for &Value {
+            element,
+            number,
+            line,
+        } in &data.values
+        {
+            let place = cells.binary_search_by_key(&element, |&(tag, _)| tag);
+            let cell = place.ok().and_then(|place| cells.get(place));
+            let Some(&(_, cell)) = cell else {
+                return Err(GmshError::Syntax {
+                    line,
+                    expected: "the tag of an element in $Elements".to_owned(),
+                    found: element.to_string(),
+                });
+            };
+            let Some(slot) = values.get_mut(cell as usize) else {
+                continue;
+            };
+            if !slot.is_nan() {
+                let what = format!("element {element} in the field {}", quoted(&data.name));
+                let mut lines = data.values.iter().filter(|value| value.element == element);
+                let first = lines.next().map_or(line, |value| value.line);
+                return Err(GmshError::Repeated { line, what, first });
+            }
+            *slot = number;
+            named += 1;
+        }
+        if named == 0 {
+            continue;
+        }
+        if let Some(missing) = values.iter().position(|value| value.is_nan()) {
+            let mut cells = of_dimension(&sections.blocks, dim);
+            let missing = cells.nth(missing).map_or(0, |element| element.tag);
+            return Err(GmshError::Syntax {
+                line: data.line,
+                expected: format!("values for all {count} elements of the mesh"),
+                found: format!("{named}, none for element {missing}"),
+            });
+        }
+        fields.push(Field {
+            name: data.name.clone(),
+            values,
+        });
+    }
+    Ok(fields)
+}
+
+/// The tags of all elements, ascending, and the cell that each is. Tags may be sparse: they are looked up,
+/// never used as indices.
+fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
+    let mut next = 0;
+    let mut tags: Vec<(u64, u32)> = Vec::new();
+    for block in &sections.blocks {
+        for Element { tag, .. } in block.elements() {
+            let is_cell = block.kind.dim == dim;
+            tags.push((tag, if is_cell { next } else { NO_CELL }));
+            next += u32::from(is_cell);
+        }
+    }
+    tags.sort_unstable();
+    let twice = tags.windows(2).find_map(|pair| match *pair {
+        [(tag, _), (other, _)] => (tag == other).then_some(tag),
+        _ => None,
+    });
+    let Some(tag) = twice else { return Ok(tags) };
+    let all = sections.blocks.iter().flat_map(Block::elements);
+    let mut lines = all
+        .filter(|element| element.tag == tag)
+        .map(|element| element.line);
+    let (first, line) = (lines.next().unwrap_or(1), lines.next().unwrap_or(1));
+    let what = format!("element tag {tag}");
+    Err(GmshError::Repeated { line, what, first })
+}

@@ -1,0 +1,193 @@
+//! Meshes in Gmsh's MSH format, version 4.1, ASCII, from a file's text.
+//!
+//! Source: the Gmsh reference manual, "MSH file format". Read are `$MeshFormat`, `$PhysicalNames`,
+//! `$Entities`, `$Nodes` and `$Elements`, each at most once and in any order after the first, and any number
+//! of `$ElementData`; other sections are skipped. The format knows no units: coordinates are taken as metres.
+//!
+//! - A file without tetrahedra is a sheet. 3-node triangles become its triangles, in the file's order. 2-node
+//!   lines and points only name vertices. Any other element is an error, for a mesh without it would have
+//!   holes.
+//! - A file with tetrahedra, of 4 nodes or of 10, is a solid, if one is asked for. Triangles, lines and
+//!   points only name vertices; they have to be of the same order as the tetrahedra, or their groups would
+//!   lack the vertices at the middles of edges.
+//! - Vertices are the nodes that a triangle of a sheet, or a cell of a solid, uses, in the file's order;
+//!   others (the centre of an arc) are dropped, from groups too.
+//! - A named physical group of points or curves becomes a vertex group; of surfaces, a vertex group and, in a
+//!   sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
+//!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored.
+//! - An `$ElementData` with one component becomes a field of the triangles of a sheet or the cells of a
+//!   solid. It has to name each of them once; what it says of other elements is passed over, and so is one
+//!   without a name or with more components.
+//!
+//! The file is hostile until checked: every number is parsed, every count compared with what follows, and
+//! memory is taken in proportion to the text, never to a number in it.
+
+mod assemble;
+mod elements;
+mod fields;
+mod groups;
+mod sections;
+pub(crate) mod solid;
+
+use crate::file::Wanted;
+use crate::lines::Unexpected;
+use physics::mesh::{Mesh, MeshError, SolidError, TriMesh};
+use thiserror::Error;
+
+/// The most named physical groups that a file may have.
+pub const MAX_GROUPS: usize = crate::file::MAX_GROUPS;
+/// The most physical groups that one entity may be in. With it the room for groups is bounded by that for
+/// elements.
+pub const MAX_TAGS: usize = 16;
+
+/// Why a text is no mesh. Lines are counted from one; every message is one line of text.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum GmshError {
+    /// Something else stands where a number, a name or a section should.
+    #[error("line {line}: expected {expected}, found {found}")]
+    Syntax {
+        /// Where.
+        line: usize,
+        /// What should stand there.
+        expected: String,
+        /// What stands there, shortened.
+        found: String,
+    },
+    /// The file is in another version of the format, or binary.
+    #[error(
+        "line {line}: found MSH {found}, only 4.1 ASCII is read; convert the file with \
+         `gmsh in.msh -save -o out.msh -format msh41`"
+    )]
+    Version {
+        /// Where.
+        line: usize,
+        /// The version and whether it is ASCII or binary.
+        found: String,
+    },
+    /// The bytes are no UTF-8 text.
+    #[error(
+        "line {line}: found bytes that are no text, expected MSH 4.1 ASCII in UTF-8; convert the file \
+         with `gmsh in.msh -save -o out.msh -format msh41`"
+    )]
+    NotText {
+        /// Where the first such byte stands.
+        line: usize,
+    },
+    /// The file has elements that make neither a sheet nor a solid.
+    #[error("line {line}: found elements of type {code} ({name}), expected {expected}; {advice}")]
+    Element {
+        /// Where the block of elements starts.
+        line: usize,
+        /// Gmsh's number for the type.
+        code: u32,
+        /// The type in words.
+        name: &'static str,
+        /// The types that are read, in words.
+        expected: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// Some elements are of first order, others of second.
+    #[error(
+        "line {line}: found {name}, in line {first} {first_name}; mesh again with one Mesh.ElementOrder for \
+         all"
+    )]
+    MixedOrder {
+        /// Where the block of elements of the other order starts.
+        line: usize,
+        /// What they are.
+        name: &'static str,
+        /// Where the first block of tetrahedra starts.
+        first: usize,
+        /// What they are.
+        first_name: &'static str,
+    },
+    /// What may stand only once stands twice.
+    #[error("line {line}: expected {what} once, found it again, first in line {first}")]
+    Repeated {
+        /// Where it stands again.
+        line: usize,
+        /// A section, a field, or a kind of tag with its number.
+        what: String,
+        /// Where it stood first.
+        first: usize,
+    },
+    /// A section is missing.
+    #[error("line {line}: expected a section {section}, found the end of the file")]
+    Missing {
+        /// The last line.
+        line: usize,
+        /// The section.
+        section: &'static str,
+    },
+    /// The triangles make no usable mesh. Vertices and triangles are counted from zero here, as they
+    /// would be in the mesh.
+    #[error("line {line}: {source}")]
+    Mesh {
+        /// Where the triangle or vertex at fault stands.
+        line: usize,
+        /// What is wrong with it.
+        source: MeshError,
+    },
+    /// The tetrahedra make no usable mesh. Vertices and cells are counted from zero here, as they would be
+    /// in the mesh.
+    #[error("line {line}: {source}")]
+    Solid {
+        /// Where the cell or vertex at fault stands.
+        line: usize,
+        /// What is wrong with it.
+        source: SolidError,
+    },
+}
+
+impl From<Unexpected> for GmshError {
+    fn from(error: Unexpected) -> Self {
+        Self::Syntax {
+            line: error.line,
+            expected: error.expected,
+            found: error.found,
+        }
+    }
+}
+
+/// Reads a sheet from the text of an MSH 4.1 ASCII file. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`GmshError`] found; a tetrahedron is one.
+pub fn parse(text: &str) -> Result<TriMesh, GmshError> {
+    assemble::sheet(&sections::read(text, Wanted::Sheet)?)
+}
+
+/// As [`parse`], from the bytes of a file, so that a binary MSH file is called by its name.
+///
+/// # Errors
+/// As [`parse`]; [`GmshError::NotText`] if the bytes are no UTF-8.
+pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
+    parse(text(bytes)?)
+}
+
+/// As [`parse_bytes`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+///
+/// # Errors
+/// As [`parse_bytes`], but for tetrahedra.
+pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
+    let sections = sections::read(text(bytes)?, Wanted::Any)?;
+    Ok(if elements::are_solid(&sections.blocks)? {
+        Mesh::Solid(solid::mesh(&sections)?)
+    } else {
+        Mesh::Sheet(assemble::sheet(&sections)?)
+    })
+}
+
+fn text(bytes: &[u8]) -> Result<&str, GmshError> {
+    let error = match std::str::from_utf8(bytes) {
+        Ok(text) => return Ok(text),
+        Err(error) => error,
+    };
+    let text = bytes.get(..error.valid_up_to()).unwrap_or_default();
+    let text = std::str::from_utf8(text).unwrap_or_default();
+    sections::check_format(text)?;
+    Err(GmshError::NotText {
+        line: 1 + text.matches('\n').count(),
+    })
+}

@@ -1,0 +1,63 @@
+//! From a file's sections to a solid: Gmsh's order of nodes to VTK's, unused nodes dropped, groups filled.
+
+use super::assemble::{Places, nodes_of, places};
+use super::elements::of_dimension;
+use super::groups::groups;
+use super::sections::Sections;
+use super::{GmshError, fields};
+use crate::soup_solid::{SolidFault, SolidSoup};
+use physics::mesh::check::Culprit;
+use physics::mesh::{Cells, TetMesh};
+
+/// The solid of all tetrahedra, all of one order.
+pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
+    let places = places(&sections.nodes)?;
+    let mut tetrahedra = sections.blocks.iter().filter(|block| block.kind.dim == 3);
+    let cells = if tetrahedra.all(|block| block.kind.nodes == 4) {
+        Cells::Linear(cells(sections, &places)?)
+    } else {
+        let mut cells = cells(sections, &places)?;
+        for cell in &mut cells {
+            *cell = to_or_from_vtk(*cell);
+        }
+        Cells::Quadratic(cells)
+    };
+    let positions = sections.nodes.iter().map(|node| node.position).collect();
+    let soup = SolidSoup { positions, cells };
+    let refused = |SolidFault { source, culprit }| {
+        let line = match culprit {
+            Culprit::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+            Culprit::Cell(cell) => of_dimension(&sections.blocks, 3)
+                .nth(cell as usize)
+                .map(|element| element.line),
+            Culprit::Mesh => None,
+        };
+        GmshError::Solid {
+            line: line.unwrap_or(sections.last_line),
+            source,
+        }
+    };
+    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    mesh.vertex_groups = groups(sections, 0..=2).of_vertices(&places, &vertices)?;
+    mesh.cell_groups = groups(sections, 3..=3).of_cells(3);
+    mesh.cell_fields = fields::per_cell(sections, 3)?;
+    Ok(mesh)
+}
+
+/// The places of each tetrahedron's nodes.
+fn cells<const N: usize>(sections: &Sections, places: &Places) -> Result<Vec<[u32; N]>, GmshError> {
+    of_dimension(&sections.blocks, 3)
+        .map(|element| {
+            // Numbers run out only where the mesh is refused for its size.
+            let nodes = nodes_of::<N>(element, places)?;
+            Ok(nodes.map(|node| node as u32))
+        })
+        .collect()
+}
+
+/// The nodes of a quadratic tetrahedron from Gmsh's order to VTK's, or back: the middles of the edges 13 and
+/// 23 stand the other way round ("Node ordering" in the Gmsh reference manual).
+pub(crate) fn to_or_from_vtk(mut nodes: [u32; 10]) -> [u32; 10] {
+    nodes.swap(8, 9);
+    nodes
+}

@@ -1,0 +1,144 @@
+//! A text as lines of fields, with errors that name the line.
+
+use crate::text::quoted;
+use std::str::FromStr;
+
+/// Something else stands in a line than should.
+#[derive(Debug)]
+pub(crate) struct Unexpected {
+    /// The line's number, from one.
+    pub(crate) line: usize,
+    pub(crate) expected: String,
+    pub(crate) found: String,
+}
+
+/// The lines of a text that are not blank, each with its number.
+pub(crate) struct Lines<'a> {
+    lines: std::iter::Enumerate<std::str::Lines<'a>>,
+    /// The number of the last line given out, from one; zero before the first.
+    last: usize,
+}
+
+/// What is left of one line.
+#[derive(Clone, Copy)]
+pub(crate) struct Fields<'a> {
+    /// The line's number, from one.
+    pub(crate) line: usize,
+    rest: &'a str,
+}
+
+impl<'a> Lines<'a> {
+    pub(crate) fn new(text: &'a str) -> Self {
+        Self {
+            lines: text.lines().enumerate(),
+            last: 0,
+        }
+    }
+
+    /// The number of the last line given out.
+    pub(crate) fn last(&self) -> usize {
+        self.last
+    }
+
+    /// The next line that is not blank, if any.
+    pub(crate) fn next(&mut self) -> Option<Fields<'a>> {
+        for (index, text) in self.lines.by_ref() {
+            self.last = index + 1;
+            let rest = text.trim();
+            if !rest.is_empty() {
+                return Some(Fields {
+                    line: self.last.max(1),
+                    rest,
+                });
+            }
+        }
+        None
+    }
+
+    /// The next line that is not blank, which should hold `expected`.
+    pub(crate) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, Unexpected> {
+        self.next().ok_or_else(|| Unexpected {
+            line: self.last.max(1),
+            expected: expected.to_owned(),
+            found: "the end of the file".to_owned(),
+        })
+    }
+
+    /// The next line, which should be `marker` alone.
+    pub(crate) fn marker(&mut self, marker: &str) -> Result<(), Unexpected> {
+        let fields = self.expect(marker)?;
+        if fields.rest == marker {
+            Ok(())
+        } else {
+            Err(fields.unexpected(marker))
+        }
+    }
+}
+
+impl<'a> Fields<'a> {
+    /// What is left of the line, without blanks at either end.
+    pub(crate) fn rest(&self) -> &'a str {
+        self.rest
+    }
+
+    /// The error that `expected` should stand here instead of what does.
+    pub(crate) fn unexpected(&self, expected: &str) -> Unexpected {
+        let found = if self.rest.is_empty() {
+            "the end of the line".to_owned()
+        } else {
+            quoted(self.rest)
+        };
+        Unexpected {
+            line: self.line,
+            expected: expected.to_owned(),
+            found,
+        }
+    }
+
+    /// The next field as text.
+    pub(crate) fn word(&mut self, expected: &str) -> Result<&'a str, Unexpected> {
+        if self.rest.is_empty() {
+            return Err(self.unexpected(expected));
+        }
+        let (word, rest) = self
+            .rest
+            .split_once(char::is_whitespace)
+            .unwrap_or((self.rest, ""));
+        self.rest = rest.trim_start();
+        Ok(word)
+    }
+
+    /// The next field as a number.
+    pub(crate) fn number<T: FromStr>(&mut self, expected: &str) -> Result<T, Unexpected> {
+        let word = self.word(expected)?;
+        word.parse().map_err(|_| {
+            Fields {
+                rest: word,
+                ..*self
+            }
+            .unexpected(expected)
+        })
+    }
+
+    /// The next field as a finite number.
+    pub(crate) fn finite(&mut self, expected: &str) -> Result<f64, Unexpected> {
+        let word = self.word(expected)?;
+        let number = word.parse::<f64>().ok().filter(|number| number.is_finite());
+        number.ok_or_else(|| {
+            Fields {
+                rest: word,
+                ..*self
+            }
+            .unexpected(expected)
+        })
+    }
+
+    /// Checks that nothing is left of the line.
+    pub(crate) fn end(&self) -> Result<(), Unexpected> {
+        if self.rest.is_empty() {
+            Ok(())
+        } else {
+            Err(self.unexpected("the end of the line"))
+        }
+    }
+}

@@ -1,0 +1,218 @@
+//! Meshes in Wavefront's OBJ format, from a file's bytes.
+//!
+//! Source: Wavefront Technologies, "Advanced Visualizer Manual", appendix B1, "Object files (.obj)". The
+//! format knows no units: coordinates are taken as metres.
+//!
+//! - `v` gives a vertex; a weight or a colour after its three coordinates is passed over.
+//! - `f` gives a triangle, as `1 2 3`, `1/4 2/5 3/6`, `1//7 2//8 3//9` or `1/4/7 2/5/8 3/6/9`, where
+//!   numbers below zero count back from the last vertex. A face of more than three vertices is an error:
+//!   how it is cut changes how the sheet stretches, so that is left to the person.
+//! - The names after `g`, `o` and `usemtl` become groups of the triangles that follow, and of their
+//!   vertices. Groups of one name are one group; one without triangles is dropped.
+//! - Texture coordinates, normals, lines, points and materials are passed over. Curved surfaces are an
+//!   error.
+
+use crate::file::{MAX_GROUPS, MeshFileError, Place};
+use crate::lines::{Fields, Lines};
+use crate::soup::{Fault, Soup};
+use crate::text::line_of;
+use physics::Vec3;
+use physics::mesh::check::Culprit;
+use physics::mesh::{Group, TriMesh};
+use std::collections::BTreeMap;
+
+/// The most names that one `g` may have. With it the room for groups is bounded by that for triangles.
+pub const MAX_NAMES: usize = 8;
+
+/// Statements that say nothing about triangles.
+const PASSED_OVER: [&str; 15] = [
+    "vt",
+    "vn",
+    "vp",
+    "s",
+    "mg",
+    "mtllib",
+    "l",
+    "p",
+    "lod",
+    "bevel",
+    "c_interp",
+    "d_interp",
+    "shadow_obj",
+    "trace_obj",
+    "usemap",
+];
+
+/// What was read so far.
+#[derive(Default)]
+struct Reader {
+    soup: Soup,
+    vertex_lines: Vec<u32>,
+    triangle_lines: Vec<u32>,
+    /// Where each name stands in the soup's groups.
+    names: BTreeMap<String, usize>,
+    /// The groups to which triangles belong at present: those of `g`, of `o`, of `usemtl`.
+    current: [Vec<usize>; 3],
+}
+
+/// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found.
+pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let place = Place::Line(line_of(bytes, error.valid_up_to()));
+        MeshFileError::syntax(place, "OBJ text in UTF-8", "bytes that are no text")
+    })?;
+    let mut reader = Reader::default();
+    let mut lines = Lines::new(text);
+    while let Some(fields) = lines.next() {
+        reader.statement(fields)?;
+    }
+    reader.finish(lines.last().max(1))
+}
+
+impl Reader {
+    fn statement(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
+        let whole = fields;
+        match fields.word("a statement")? {
+            "v" => self.vertex(fields),
+            "f" => self.face(fields),
+            "g" => self.groups(0, fields),
+            "o" => self.groups(1, fields),
+            "usemtl" => self.groups(2, fields),
+            word if word.starts_with('#') || PASSED_OVER.contains(&word) => Ok(()),
+            _ => Err(whole.unexpected("a statement of OBJ, such as v or f"))?,
+        }
+    }
+
+    fn vertex(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
+        let mut position = Vec3::zeros();
+        for coordinate in position.iter_mut() {
+            *coordinate = fields.finite("a coordinate, finite")?;
+        }
+        self.soup.positions.push(position);
+        self.vertex_lines.push(fields.line as u32);
+        Ok(())
+    }
+
+    fn face(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
+        let mut corners = [0; 3];
+        for corner in &mut corners {
+            let before = fields;
+            let word = fields.word("three vertices of a face")?;
+            *corner = self.corner(word).ok_or_else(|| {
+                before.unexpected("the number of a vertex, such as 1, -1 or 1/2/3")
+            })?;
+        }
+        let rest = fields.rest();
+        if !rest.is_empty() && !rest.starts_with('#') {
+            let count = 3 + rest.split_whitespace().count();
+            return Err(MeshFileError::syntax(
+                Place::Line(fields.line),
+                "a triangle (export with triangulated faces)",
+                format!("a face of {count} vertices"),
+            ));
+        }
+        let number = self.soup.triangles.len() as u32;
+        self.soup.triangles.push(corners);
+        self.triangle_lines.push(fields.line as u32);
+        for &group in self.current.iter().flatten() {
+            if let Some(Group { members, .. }) = self.soup.groups.get_mut(group)
+                && members.last() != Some(&number)
+            {
+                members.push(number);
+            }
+        }
+        Ok(())
+    }
+
+    /// The vertex that a corner of a face names, counted from zero. It may stand further down.
+    fn corner(&self, word: &str) -> Option<u32> {
+        let mut parts = word.split('/');
+        let number: i64 = parts.next()?.parse().ok()?;
+        let mut others = parts.by_ref().take(2);
+        if !others.all(|part| part.is_empty() || part.parse::<i64>().is_ok())
+            || parts.next().is_some()
+        {
+            return None;
+        }
+        let vertices = self.soup.positions.len() as i64;
+        let from_zero = if number > 0 {
+            number - 1
+        } else {
+            // Zero is out of range, too.
+            vertices.checked_add(number).filter(|_| number < 0)?
+        };
+        u32::try_from(from_zero).ok()
+    }
+
+    /// Triangles belong to the groups of these names from now on.
+    fn groups(&mut self, kind: usize, fields: Fields) -> Result<(), MeshFileError> {
+        // The names of objects and materials may have blanks in them.
+        let names: Vec<&str> = if kind == 0 {
+            fields
+                .rest()
+                .split_whitespace()
+                .take(MAX_NAMES + 1)
+                .collect()
+        } else {
+            vec![fields.rest()]
+        };
+        if names.len() > MAX_NAMES {
+            return Err(fields.unexpected(&format!("at most {MAX_NAMES} groups at a time")))?;
+        }
+        let mut current = Vec::new();
+        for name in names.into_iter().filter(|name| !name.is_empty()) {
+            let index = match self.names.get(name) {
+                Some(&index) => index,
+                None => self.new_group(name, fields)?,
+            };
+            current.push(index);
+        }
+        if let Some(of_kind) = self.current.get_mut(kind) {
+            *of_kind = current;
+        }
+        Ok(())
+    }
+
+    fn new_group(&mut self, name: &str, fields: Fields) -> Result<usize, MeshFileError> {
+        let index = self.soup.groups.len();
+        if index == MAX_GROUPS {
+            return Err(fields.unexpected(&format!("at most {MAX_GROUPS} groups in all")))?;
+        }
+        self.names.insert(name.to_owned(), index);
+        self.soup.groups.push(Group {
+            name: name.to_owned(),
+            members: Vec::new(),
+        });
+        Ok(index)
+    }
+
+    fn finish(mut self, last_line: usize) -> Result<TriMesh, MeshFileError> {
+        let vertices = self.soup.positions.len();
+        let line = |lines: &[u32], index: u32| {
+            let line = lines.get(index as usize);
+            Place::Line(line.map_or(last_line, |&line| line as usize))
+        };
+        for (triangle, corners) in (0_u32..).zip(&self.soup.triangles) {
+            if let Some(corner) = corners.iter().find(|&&corner| corner as usize >= vertices) {
+                return Err(MeshFileError::syntax(
+                    line(&self.triangle_lines, triangle),
+                    format!("a vertex from 1 to {vertices}"),
+                    (u64::from(*corner) + 1).to_string(),
+                ));
+            }
+        }
+        self.soup.groups.retain(|group| !group.members.is_empty());
+        self.soup.into_mesh().map_err(|Fault { source, culprit }| {
+            let place = match culprit {
+                Culprit::Vertex(vertex) => line(&self.vertex_lines, vertex),
+                Culprit::Cell(triangle) => line(&self.triangle_lines, triangle),
+                Culprit::Mesh => Place::Line(last_line),
+            };
+            MeshFileError::Mesh { place, source }
+        })
+    }
+}

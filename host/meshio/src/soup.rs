@@ -1,0 +1,99 @@
+//! From what a file says to a mesh: unused vertices dropped, groups filled, faults traced back to the file.
+
+use physics::Vec3;
+use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
+use physics::mesh::{Group, MeshError, TriMesh};
+
+/// The number of a vertex that no triangle or cell uses.
+pub(crate) const UNUSED: u32 = u32::MAX;
+
+/// Vertices and triangles as a file lists them. Every corner of a triangle is one of the vertices.
+#[derive(Default)]
+pub(crate) struct Soup {
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Named sets of triangles, each ascending.
+    pub(crate) groups: Vec<Group>,
+}
+
+/// Why a soup is no mesh.
+#[derive(Debug)]
+pub(crate) struct Fault {
+    pub(crate) source: MeshError,
+    /// What is at fault, vertices numbered as in the file.
+    pub(crate) culprit: Culprit,
+}
+
+impl Soup {
+    /// A mesh of these triangles. Each group becomes one of triangles and one of their vertices.
+    pub(crate) fn into_mesh(self) -> Result<TriMesh, Fault> {
+        let found = self.positions.len();
+        if found > MAX_COUNT {
+            let what = "vertices";
+            return Err(Fault {
+                source: MeshError::TooMany { what, found },
+                culprit: Culprit::Mesh,
+            });
+        }
+        let Self {
+            mut positions,
+            mut triangles,
+            groups,
+        } = self;
+        let numbers = drop_unused(&mut positions, &mut triangles);
+        let fault = |source: MeshError| {
+            let culprit = match source.culprit() {
+                Culprit::Vertex(vertex) => {
+                    let place = numbers.iter().position(|&number| number == vertex);
+                    Culprit::Vertex(place.unwrap_or_default() as u32)
+                }
+                other => other,
+            };
+            Fault { source, culprit }
+        };
+        let mut mesh = TriMesh::new(positions, triangles).map_err(fault)?;
+        check_distinct(&mesh.positions).map_err(fault)?;
+        mesh.vertex_groups = groups
+            .iter()
+            .map(|group| Group {
+                name: group.name.clone(),
+                members: vertices_of(&mesh.triangles, &group.members),
+            })
+            .collect();
+        mesh.triangle_groups = groups;
+        Ok(mesh)
+    }
+}
+
+/// Drops the vertices that no triangle or cell uses; gives the new number of each old one.
+pub(crate) fn drop_unused<const N: usize>(
+    positions: &mut Vec<Vec3>,
+    cells: &mut [[u32; N]],
+) -> Vec<u32> {
+    let mut numbers = vec![UNUSED; positions.len()];
+    for &vertex in cells.iter().flatten() {
+        if let Some(number) = numbers.get_mut(vertex as usize) {
+            *number = 0;
+        }
+    }
+    let used = numbers.iter_mut().filter(|number| **number != UNUSED);
+    for (number, next) in used.zip(0_u32..) {
+        *number = next;
+    }
+    let mut kept = numbers.iter().map(|&number| number != UNUSED);
+    positions.retain(|_| kept.next().unwrap_or(false));
+    for vertex in cells.iter_mut().flatten() {
+        *vertex = numbers.get(*vertex as usize).copied().unwrap_or(UNUSED);
+    }
+    numbers
+}
+
+/// The vertices of some triangles, ascending, each once.
+fn vertices_of(triangles: &[[u32; 3]], members: &[u32]) -> Vec<u32> {
+    let corners = members.iter().filter_map(|&t| triangles.get(t as usize));
+    let mut vertices: Vec<u32> = corners.flatten().copied().collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices.shrink_to_fit();
+    vertices
+}

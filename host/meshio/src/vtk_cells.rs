@@ -1,0 +1,362 @@
+//! From VTK's cells to triangles or tetrahedra, alike for its legacy and its XML files.
+//!
+//! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
+
+use crate::file::{MeshFileError, Place, Wanted};
+use crate::soup::{Fault, Soup};
+use crate::soup_solid::{SolidFault, SolidSoup};
+use crate::vtk_array::Array;
+use physics::Vec3;
+use physics::mesh::check::Culprit;
+use physics::mesh::{Cells as Tetrahedra, Mesh};
+
+/// The type of the cells of a `POLYDATA` file's polygons.
+pub(crate) const POLYGON: i64 = 7;
+const TRIANGLE: i64 = 5;
+const TETRAHEDRON: i64 = 10;
+const QUADRATIC_EDGE: i64 = 21;
+const QUADRATIC_TRIANGLE: i64 = 22;
+const QUADRATIC_TETRAHEDRON: i64 = 24;
+
+/// Triangles or tetrahedra read so far, with where they stand.
+pub(crate) struct Cells<'a> {
+    wanted: Wanted,
+    points: Array<'a>,
+    positions: Vec<Vec3>,
+    triangles: Vec<[u32; 3]>,
+    /// From the first tetrahedron on; triangles are then passed over.
+    tetrahedra: Option<Tetrahedra>,
+    /// Where the first line or triangle of second order stands, and what it is: an error in a sheet.
+    second_order: Option<(Place, &'static str)>,
+    /// For each triangle or tetrahedron, where its first point stands in the array of points' numbers.
+    starts: Vec<u32>,
+    /// Its number among all the file's cells.
+    kept: Vec<u32>,
+    /// How many cells there were so far, those included that are passed over: in a hostile file any number.
+    count: usize,
+}
+
+/// What cells are kept.
+enum Kept {
+    Triangle,
+    Tetrahedron,
+    QuadraticTetrahedron,
+    Nothing,
+}
+
+impl<'a> Cells<'a> {
+    /// No cells yet over these points, three coordinates each. `before` cells were passed over already.
+    pub(crate) fn new(
+        points: Array<'a>,
+        before: usize,
+        wanted: Wanted,
+    ) -> Result<Self, MeshFileError> {
+        let mut positions = Vec::with_capacity(points.len() / 3);
+        let mut reals = points.reals("a finite coordinate");
+        while let (Some(x), Some(y), Some(z)) = (reals.next(), reals.next(), reals.next()) {
+            positions.push(Vec3::new(x?, y?, z?));
+        }
+        drop(reals);
+        Ok(Self {
+            wanted,
+            points,
+            positions,
+            triangles: Vec::new(),
+            tetrahedra: None,
+            second_order: None,
+            starts: Vec::new(),
+            kept: Vec::new(),
+            count: before,
+        })
+    }
+
+    /// Adds cells of these types whose points' numbers stand one cell after the other; `ends` says where
+    /// each ends.
+    pub(crate) fn add(
+        &mut self,
+        types: impl Iterator<Item = Result<i64, MeshFileError>>,
+        ends: impl Iterator<Item = Result<i64, MeshFileError>>,
+        end_place: impl Fn(usize) -> Place,
+        numbers: &Array,
+    ) -> Result<(), MeshFileError> {
+        let mut nodes = Nodes::new(numbers);
+        for (cell, (code, end)) in types.zip(ends).enumerate() {
+            let end = end?;
+            let size = usize::try_from(end)
+                .ok()
+                .filter(|&end| end <= numbers.len())
+                .and_then(|end| end.checked_sub(nodes.at))
+                .ok_or_else(|| {
+                    let expected =
+                        format!("the end of a cell, from {} to {}", nodes.at, numbers.len());
+                    MeshFileError::syntax(end_place(cell), expected, end.to_string())
+                })?;
+            self.cell(code?, size, &mut nodes)?;
+        }
+        nodes.finish()
+    }
+
+    /// Adds as many cells as there are types; before the points' numbers of each stands how many they are.
+    pub(crate) fn add_counted(
+        &mut self,
+        types: impl Iterator<Item = Result<i64, MeshFileError>>,
+        numbers: &Array,
+    ) -> Result<(), MeshFileError> {
+        let mut nodes = Nodes::new(numbers);
+        for code in types {
+            let place = nodes.at;
+            let size = nodes.next()?;
+            let left = numbers.len() - nodes.at;
+            let size = usize::try_from(size)
+                .ok()
+                .filter(|&size| size <= left)
+                .ok_or_else(|| {
+                    let expected = format!("the number of a cell's points, from 0 to {left}");
+                    MeshFileError::syntax(numbers.place(place), expected, size.to_string())
+                })?;
+            self.cell(code?, size, &mut nodes)?;
+        }
+        nodes.finish()
+    }
+
+    fn cell(
+        &mut self,
+        code: i64,
+        size: usize,
+        nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
+    ) -> Result<(), MeshFileError> {
+        let start = nodes.at;
+        let kept = self.judge(code, size, || nodes.numbers.place(start))?;
+        let mut vertices = [0; 10];
+        for k in 0..size {
+            let vertex = self.vertex(nodes)?;
+            if let Some(slot) = vertices.get_mut(k) {
+                *slot = vertex;
+            }
+        }
+        let [a, b, c, d, ..] = vertices;
+        match (kept, &mut self.tetrahedra) {
+            (Kept::Triangle, None) => self.triangles.push([a, b, c]),
+            (Kept::Tetrahedron, Some(Tetrahedra::Linear(cells))) => cells.push([a, b, c, d]),
+            (Kept::QuadraticTetrahedron, Some(Tetrahedra::Quadratic(cells))) => {
+                cells.push(vertices);
+            }
+            _ => {
+                self.count = self.count.saturating_add(1);
+                return Ok(());
+            }
+        }
+        self.starts.push(start as u32);
+        self.kept.push(self.count as u32);
+        self.count = self.count.saturating_add(1);
+        Ok(())
+    }
+
+    /// Whether a cell is kept or passed over, or else an error at `place`. With the first tetrahedron, what
+    /// was kept of triangles is dropped.
+    fn judge(
+        &mut self,
+        code: i64,
+        size: usize,
+        place: impl Fn() -> Place,
+    ) -> Result<Kept, MeshFileError> {
+        let is_any = self.wanted == Wanted::Any;
+        match (code, size) {
+            (TRIANGLE | POLYGON, 3) => return Ok(Kept::Triangle),
+            (QUADRATIC_EDGE, 3) | (QUADRATIC_TRIANGLE, 6) if is_any => {
+                let name = if size == 3 { LINE_2 } else { TRIANGLE_2 };
+                if self.second_order.is_none() && self.tetrahedra.is_none() {
+                    self.second_order = Some((place(), name));
+                }
+                return Ok(Kept::Nothing);
+            }
+            (TETRAHEDRON, 4) | (QUADRATIC_TETRAHEDRON, 10) if is_any => {}
+            _ => {
+                return match refused(code, size) {
+                    None => Ok(Kept::Nothing),
+                    Some(found) => Err(self.not_kept(place(), found)),
+                };
+            }
+        }
+        let is_linear = size == 4;
+        match &self.tetrahedra {
+            None => {
+                self.tetrahedra = Some(if is_linear {
+                    Tetrahedra::Linear(Vec::new())
+                } else {
+                    Tetrahedra::Quadratic(Vec::new())
+                });
+                self.triangles = Vec::new();
+                self.starts = Vec::new();
+                self.kept = Vec::new();
+            }
+            Some(others) => {
+                if matches!(others, Tetrahedra::Linear(_)) != is_linear {
+                    let (expected, found) = if is_linear {
+                        ("second", "first")
+                    } else {
+                        ("first", "second")
+                    };
+                    return Err(MeshFileError::syntax(
+                        place(),
+                        format!("a tetrahedron of {expected} order, as those before"),
+                        format!("one of {found} order"),
+                    ));
+                }
+            }
+        }
+        Ok(if is_linear {
+            Kept::Tetrahedron
+        } else {
+            Kept::QuadraticTetrahedron
+        })
+    }
+
+    fn not_kept(&self, place: Place, found: impl Into<String>) -> MeshFileError {
+        let expected = match self.wanted {
+            Wanted::Sheet => {
+                "a triangle (cut to triangles first, as ParaView's filter Triangulate does)"
+            }
+            Wanted::Any => {
+                "a triangle or a tetrahedron (cut to them first, as ParaView's filters Triangulate and \
+                 Tetrahedralize do)"
+            }
+        };
+        MeshFileError::syntax(place, expected, found)
+    }
+
+    fn vertex(
+        &self,
+        nodes: &mut Nodes<'_, impl Iterator<Item = Result<i64, MeshFileError>>>,
+    ) -> Result<u32, MeshFileError> {
+        let place = nodes.at;
+        let number = nodes.next()?;
+        let points = self.positions.len();
+        match u32::try_from(number) {
+            Ok(vertex) if (vertex as usize) < points => Ok(vertex),
+            _ => Err(MeshFileError::syntax(
+                nodes.numbers.place(place),
+                format!("the number of one of {points} points, counted from 0"),
+                number.to_string(),
+            )),
+        }
+    }
+
+    /// The mesh of the cells, and which of how many cells of the file those of the mesh are. `numbers` is the
+    /// array that held their points' numbers.
+    pub(crate) fn finish(self, numbers: &Array) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
+        if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
+            return Err(self.not_kept(place, name));
+        }
+        let Self {
+            points,
+            positions,
+            triangles,
+            tetrahedra,
+            starts,
+            kept,
+            count,
+            ..
+        } = self;
+        let place = |culprit| match culprit {
+            Culprit::Vertex(vertex) => points.place(3 * vertex as usize),
+            Culprit::Cell(cell) => {
+                let start = starts.get(cell as usize);
+                numbers.place(start.map_or(0, |&start| start as usize))
+            }
+            Culprit::Mesh => numbers.place(numbers.len()),
+        };
+        let mesh = match tetrahedra {
+            None => {
+                let soup = Soup {
+                    positions,
+                    triangles,
+                    groups: Vec::new(),
+                };
+                Mesh::Sheet(soup.into_mesh().map_err(|Fault { source, culprit }| {
+                    let place = place(culprit);
+                    MeshFileError::Mesh { place, source }
+                })?)
+            }
+            Some(cells) => {
+                let soup = SolidSoup { positions, cells };
+                let (solid, _) = soup.into_mesh().map_err(|SolidFault { source, culprit }| {
+                    let place = place(culprit);
+                    MeshFileError::Solid { place, source }
+                })?;
+                Mesh::Solid(solid)
+            }
+        };
+        Ok((mesh, count, kept))
+    }
+}
+
+/// An array of points' numbers, and how many of them are read.
+struct Nodes<'a, I> {
+    numbers: &'a Array<'a>,
+    rest: I,
+    at: usize,
+}
+
+impl<'a> Nodes<'a, ()> {
+    fn new(numbers: &'a Array<'a>) -> Nodes<'a, impl Iterator<Item = Result<i64, MeshFileError>>> {
+        Nodes {
+            numbers,
+            rest: numbers.integers(),
+            at: 0,
+        }
+    }
+}
+
+impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
+    fn next(&mut self) -> Result<i64, MeshFileError> {
+        let number = self.rest.next().unwrap_or_else(|| {
+            let found = format!("the end of {} numbers", self.numbers.len());
+            let place = self.numbers.place(self.at);
+            Err(MeshFileError::syntax(place, "the next cell", found))
+        })?;
+        self.at += 1;
+        Ok(number)
+    }
+
+    /// Checks that none is left over.
+    fn finish(&self) -> Result<(), MeshFileError> {
+        let left = self.numbers.len() - self.at;
+        if left == 0 {
+            return Ok(());
+        }
+        let place = self.numbers.place(self.at);
+        let found = format!("{left} more numbers");
+        Err(MeshFileError::syntax(place, "the end of the cells", found))
+    }
+}
+
+const LINE_2: &str = "a line of second order";
+const TRIANGLE_2: &str = "a triangle of second order";
+
+/// What a cell that is not kept is called, if it is not one that may be passed over.
+fn refused(code: i64, size: usize) -> Option<String> {
+    let name = match code {
+        // Nothing, points and lines.
+        0..=4 => return None,
+        TRIANGLE => return Some(format!("a triangle of {size} points")),
+        6 => "a strip of triangles",
+        POLYGON => return Some(format!("a polygon of {size} points")),
+        8 => "a pixel",
+        9 => "a quadrangle",
+        TETRAHEDRON if size == 4 => "a tetrahedron",
+        TETRAHEDRON => return Some(format!("a tetrahedron of {size} points")),
+        11 => "a voxel",
+        12 => "a hexahedron",
+        13 => "a wedge",
+        14 => "a pyramid",
+        QUADRATIC_EDGE => LINE_2,
+        QUADRATIC_TRIANGLE => TRIANGLE_2,
+        QUADRATIC_TETRAHEDRON if size == 10 => "a tetrahedron of second order",
+        QUADRATIC_TETRAHEDRON => {
+            return Some(format!("a tetrahedron of second order of {size} points"));
+        }
+        _ => return Some(format!("a cell of type {code}")),
+    };
+    Some(name.to_owned())
+}

@@ -1,0 +1,254 @@
+//! Meshes in VTK's legacy format, text or binary, from a file's bytes.
+//!
+//! Source: "VTK File Formats" in the VTK documentation, section "Simple Legacy Formats", versions 2.0 to
+//! 5.1. Read are the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format knows no units: coordinates
+//! are taken as metres.
+//!
+//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
+//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
+//! error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
+//! component becomes a field; its other attributes, `POINT_DATA` and what stands before both are passed
+//! over. The file makes no groups.
+
+mod attributes;
+mod cursor;
+
+use crate::file::{MeshFileError, Place, Wanted, into_sheet};
+use crate::vtk_array::{Array, Scalar};
+use crate::vtk_cells::{Cells, POLYGON};
+use crate::vtk_fields;
+use attributes::CellArray;
+use cursor::{Cursor, Line};
+use physics::mesh::{Mesh, TriMesh};
+
+/// What a data set holds, as far as it was read.
+#[derive(Default)]
+struct Sections<'a> {
+    points: Option<Array<'a>>,
+    cells: Option<Connectivity<'a>>,
+    types: Option<Array<'a>>,
+    /// How many points and lines there are beside a `POLYDATA` file's polygons.
+    others: usize,
+    cell_data: Vec<CellArray<'a>>,
+}
+
+/// Which points make which cell.
+struct Connectivity<'a> {
+    /// Where the section begins.
+    place: Place,
+    cells: usize,
+    /// From version 5 on: where each cell starts, and where the last one ends.
+    offsets: Option<Array<'a>>,
+    numbers: Array<'a>,
+}
+
+/// Reads a sheet from the bytes of a legacy VTK file. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found; a tetrahedron is one.
+pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    into_sheet(read(bytes, Wanted::Sheet)?)
+}
+
+/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+///
+/// # Errors
+/// As [`parse`], but for tetrahedra.
+pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any)
+}
+
+fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
+    let mut cursor = Cursor::new(bytes);
+    let version_5 = header(&mut cursor)?;
+    let mut line = cursor.expect("DATASET")?;
+    let is_grid = match (line.word("DATASET")?, line.word("a data set")?) {
+        (word, _) if !word.eq_ignore_ascii_case("DATASET") => {
+            return Err(line.unexpected("DATASET"));
+        }
+        (_, kind) if kind.eq_ignore_ascii_case("POLYDATA") => false,
+        (_, kind) if kind.eq_ignore_ascii_case("UNSTRUCTURED_GRID") => true,
+        _ => return Err(line.unexpected("DATASET POLYDATA or DATASET UNSTRUCTURED_GRID")),
+    };
+    let sections = sections(&mut cursor, is_grid, version_5)?;
+    let end = cursor.place();
+    let missing = |what: &str| MeshFileError::syntax(end, what, "the end of the data set");
+    let points = sections.points.ok_or_else(|| missing("POINTS"))?;
+    let name = if is_grid { "CELLS" } else { "POLYGONS" };
+    let connectivity = sections.cells.ok_or_else(|| missing(name))?;
+    let cells = Cells::new(points, sections.others, wanted)?;
+    let (mut mesh, count, kept) = if is_grid {
+        let types = sections.types.ok_or_else(|| missing("CELL_TYPES"))?;
+        if types.len() != connectivity.cells {
+            let expected = format!("{} cells, as CELL_TYPES has", types.len());
+            return Err(MeshFileError::syntax(
+                connectivity.place,
+                expected,
+                connectivity.cells.to_string(),
+            ));
+        }
+        mesh(cells, &connectivity, types.integers())?
+    } else {
+        let types = std::iter::repeat_n(Ok(POLYGON), connectivity.cells);
+        mesh(cells, &connectivity, types)?
+    };
+    for CellArray { place, name, array } in &sections.cell_data {
+        vtk_fields::add(&mut mesh, (count, &kept), (*place, name), array)?;
+    }
+    Ok(mesh)
+}
+
+/// Reads the three lines before the data set; says whether cells are laid out as from version 5 on.
+fn header(cursor: &mut Cursor) -> Result<bool, MeshFileError> {
+    const START: &str = "# vtk DataFile Version 2.0 to 5.1";
+    let line = cursor.expect(START)?;
+    let version = line
+        .rest()
+        .strip_prefix("# vtk DataFile Version ")
+        .and_then(|version| version.trim().parse::<f64>().ok())
+        .filter(|version| (1.0..6.0).contains(version))
+        .ok_or_else(|| line.unexpected(START))?;
+    cursor.skip_line(); // the title
+    let line = cursor.expect("ASCII or BINARY")?;
+    match line.rest() {
+        word if word.eq_ignore_ascii_case("ASCII") => {}
+        word if word.eq_ignore_ascii_case("BINARY") => cursor.binary = true,
+        _ => return Err(line.unexpected("ASCII or BINARY")),
+    }
+    Ok(version >= 5.0)
+}
+
+fn sections<'a>(
+    cursor: &mut Cursor<'a>,
+    is_grid: bool,
+    version_5: bool,
+) -> Result<Sections<'a>, MeshFileError> {
+    let mut found = Sections::default();
+    while let Some(mut line) = cursor.next()? {
+        let whole = line;
+        let keyword = line.word("a section")?.to_ascii_uppercase();
+        let again = || whole.unexpected(&format!("{keyword} once"));
+        match (keyword.as_str(), is_grid) {
+            ("POINTS", _) => {
+                let count = line.count("a number of points")?;
+                let scalar = scalar(&mut line)?;
+                let points = cursor.array(&line, count.checked_mul(3), scalar)?;
+                if found.points.replace(points).is_some() {
+                    return Err(again());
+                }
+            }
+            ("CELLS", true) | ("POLYGONS", false) => {
+                let cells = connectivity(cursor, line, version_5)?;
+                if found.cells.replace(cells).is_some() {
+                    return Err(again());
+                }
+            }
+            ("CELL_TYPES", true) => {
+                let count = line.count("a number of cells")?;
+                let types = cursor.array(&line, Some(count), Scalar::I32)?;
+                if found.types.replace(types).is_some() {
+                    return Err(again());
+                }
+            }
+            ("VERTICES" | "LINES", false) => {
+                let others = connectivity(cursor, line, version_5)?.cells;
+                found.others = found.others.saturating_add(others);
+            }
+            ("FIELD", _) => drop(attributes::field(cursor, line, |_| false)?),
+            ("METADATA", _) => cursor.skip_paragraph(),
+            // Nothing but attributes follows.
+            ("POINT_DATA" | "CELL_DATA", _) => {
+                found.cell_data = attributes::read(cursor, whole)?;
+            }
+            ("TRIANGLE_STRIPS", false) => {
+                let expected = "POLYGONS (cut strips to triangles first, as ParaView's filter \
+                                Triangulate does)";
+                return Err(whole.unexpected(expected));
+            }
+            (_, true) => return Err(whole.unexpected("POINTS, CELLS or CELL_TYPES")),
+            (_, false) => return Err(whole.unexpected("POINTS, POLYGONS, LINES or VERTICES")),
+        }
+    }
+    Ok(found)
+}
+
+/// A section that says which points make which cell, after its keyword.
+fn connectivity<'a>(
+    cursor: &mut Cursor<'a>,
+    mut line: Line<'a>,
+    version_5: bool,
+) -> Result<Connectivity<'a>, MeshFileError> {
+    let place = line.place;
+    let first = line.count("two counts")?;
+    let second = line.count("two counts")?;
+    if !version_5 {
+        return Ok(Connectivity {
+            place,
+            cells: first,
+            offsets: None,
+            numbers: cursor.array(&line, Some(second), Scalar::I32)?,
+        });
+    }
+    let mut named = |name: &str, count| {
+        let mut line = cursor.expect(name)?;
+        let whole = line;
+        if !line.word(name)?.eq_ignore_ascii_case(name) {
+            return Err(whole.unexpected(name));
+        }
+        let scalar = scalar(&mut line)?;
+        cursor.array(&line, Some(count), scalar)
+    };
+    let offsets = named("OFFSETS", first)?;
+    let numbers = named("CONNECTIVITY", second)?;
+    Ok(Connectivity {
+        place,
+        cells: first.saturating_sub(1),
+        offsets: Some(offsets),
+        numbers,
+    })
+}
+
+/// The next word as a type of numbers.
+fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
+    const EXPECTED: &str = "a type of numbers, such as float or int";
+    let before = *line;
+    Ok(match line.word(EXPECTED)?.to_ascii_lowercase().as_str() {
+        "char" | "signed_char" => Scalar::I8,
+        "unsigned_char" => Scalar::U8,
+        "short" => Scalar::I16,
+        "unsigned_short" => Scalar::U16,
+        "int" | "vtkidtype" => Scalar::I32,
+        "unsigned_int" => Scalar::U32,
+        "long" | "vtktypeint64" => Scalar::I64,
+        "unsigned_long" | "vtktypeuint64" => Scalar::U64,
+        "float" => Scalar::F32,
+        "double" => Scalar::F64,
+        _ => return Err(before.unexpected(EXPECTED)),
+    })
+}
+
+/// The mesh of cells of these types, and which of how many cells of the file those of the mesh are.
+fn mesh(
+    mut cells: Cells,
+    connectivity: &Connectivity,
+    types: impl Iterator<Item = Result<i64, MeshFileError>>,
+) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
+    let numbers = &connectivity.numbers;
+    if let Some(offsets) = &connectivity.offsets {
+        let mut ends = offsets.integers();
+        if let Some(first) = ends.next().transpose()?
+            && first != 0
+        {
+            let found = first.to_string();
+            return Err(MeshFileError::syntax(
+                offsets.place(0),
+                "a first offset of 0",
+                found,
+            ));
+        }
+        cells.add(types, ends, |cell| offsets.place(cell + 1), numbers)?;
+    } else {
+        cells.add_counted(types, numbers)?;
+    }
+    cells.finish(numbers)
+}

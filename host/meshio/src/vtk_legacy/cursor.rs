@@ -1,0 +1,188 @@
+//! A file that is lines of text in part and bytes in part.
+
+use crate::file::{MeshFileError, Place};
+use crate::text::{newlines, quoted, quoted_bytes};
+use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
+use std::borrow::Cow;
+
+/// Longest line of text that is looked at; a keyword's line is far shorter.
+const LONGEST_LINE: usize = 1024;
+
+/// How far a file is read.
+pub(super) struct Cursor<'a> {
+    file: &'a [u8],
+    at: usize,
+    /// Whether arrays are bytes rather than text.
+    pub(super) binary: bool,
+    /// How many lines end before the byte `counted`. Lines are counted as reading goes on: counting from
+    /// the start each time would take time in the square of a file's length.
+    lines: usize,
+    counted: usize,
+}
+
+/// What is left of a line of text.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    pub(super) place: Place,
+    rest: &'a str,
+}
+
+impl<'a> Cursor<'a> {
+    pub(super) fn new(file: &'a [u8]) -> Self {
+        Self {
+            file,
+            at: 0,
+            binary: false,
+            lines: 0,
+            counted: 0,
+        }
+    }
+
+    fn rest(&self) -> &'a [u8] {
+        self.file.get(self.at..).unwrap_or_default()
+    }
+
+    /// Where reading goes on: a line where the file is text.
+    pub(super) fn place(&mut self) -> Place {
+        if self.binary {
+            return Place::Byte(self.at);
+        }
+        let passed = self.file.get(self.counted..self.at).unwrap_or_default();
+        self.lines += newlines(passed);
+        self.counted = self.at;
+        Place::Line(1 + self.lines)
+    }
+
+    /// The next line that is not blank, if any.
+    pub(super) fn next(&mut self) -> Result<Option<Line<'a>>, MeshFileError> {
+        let rest = self.rest();
+        self.at += rest.len() - rest.trim_ascii_start().len();
+        if self.rest().is_empty() {
+            return Ok(None);
+        }
+        let place = self.place();
+        let line = self.skip_line();
+        let text = std::str::from_utf8(line)
+            .ok()
+            .filter(|line| line.len() <= LONGEST_LINE)
+            .ok_or_else(|| {
+                MeshFileError::syntax(place, "a line of text with a keyword", quoted_bytes(line))
+            })?;
+        Ok(Some(Line {
+            place,
+            rest: text.trim(),
+        }))
+    }
+
+    /// The next line that is not blank, which should hold `expected`.
+    pub(super) fn expect(&mut self, expected: &str) -> Result<Line<'a>, MeshFileError> {
+        let line = self.next()?;
+        line.ok_or_else(|| MeshFileError::syntax(self.place(), expected, "the end of the file"))
+    }
+
+    /// Passes over the rest of the present line; gives it.
+    pub(super) fn skip_line(&mut self) -> &'a [u8] {
+        let rest = self.rest();
+        let end = rest.iter().position(|&byte| byte == b'\n');
+        self.at += end.map_or(rest.len(), |end| end + 1);
+        rest.get(..end.unwrap_or(rest.len())).unwrap_or_default()
+    }
+
+    /// Passes over all lines up to a blank one.
+    pub(super) fn skip_paragraph(&mut self) {
+        while !self.skip_line().trim_ascii().is_empty() {}
+    }
+
+    /// An array of `count` numbers that follows `line`, which must be at its end.
+    pub(super) fn array(
+        &mut self,
+        line: &Line,
+        count: Option<usize>,
+        scalar: Scalar,
+    ) -> Result<Array<'a>, MeshFileError> {
+        line.end()?;
+        let too_few = |found: String| {
+            let claimed = count.map_or_else(|| "too many".to_owned(), |count| count.to_string());
+            let expected = format!("{claimed} numbers after this line, as it says");
+            MeshFileError::syntax(line.place, expected, found)
+        };
+        let offset = self.at;
+        let rest = self.rest();
+        let origin = Origin::File {
+            file: self.file,
+            offset,
+        };
+        if self.binary {
+            let length = count.and_then(|count| count.checked_mul(scalar.size()));
+            let bytes = length
+                .and_then(|length| rest.get(..length))
+                .ok_or_else(|| {
+                    too_few(format!("{} bytes up to the end of the file", rest.len()))
+                })?;
+            self.at += bytes.len();
+            return Ok(Array::bytes(Cow::Borrowed(bytes), scalar, true, origin));
+        }
+        let wanted = count.unwrap_or(usize::MAX);
+        let length = text_length(rest, wanted)
+            .map_err(|found| too_few(format!("{found} up to the end of the file")))?;
+        let text = rest.get(..length).unwrap_or_default();
+        self.at += length;
+        Ok(Array::text(text, origin))
+    }
+}
+
+/// How many bytes the first `count` words take, or how many words there are if they are fewer.
+fn text_length(text: &[u8], count: usize) -> Result<usize, usize> {
+    let Some(last) = count.checked_sub(1) else {
+        return Ok(0);
+    };
+    match nth_word(text, last) {
+        Some(word) => Ok(word.end),
+        None => Err(words(text).count()),
+    }
+}
+
+impl<'a> Line<'a> {
+    pub(super) fn rest(&self) -> &'a str {
+        self.rest
+    }
+
+    /// The error that `expected` should stand here instead of what does.
+    pub(super) fn unexpected(&self, expected: &str) -> MeshFileError {
+        let found = if self.rest.is_empty() {
+            "the end of the line".to_owned()
+        } else {
+            quoted(self.rest)
+        };
+        MeshFileError::syntax(self.place, expected, found)
+    }
+
+    /// The next word.
+    pub(super) fn word(&mut self, expected: &str) -> Result<&'a str, MeshFileError> {
+        if self.rest.is_empty() {
+            return Err(self.unexpected(expected));
+        }
+        let (word, rest) = self
+            .rest
+            .split_once(char::is_whitespace)
+            .unwrap_or((self.rest, ""));
+        self.rest = rest.trim_start();
+        Ok(word)
+    }
+
+    /// The next word as a count.
+    pub(super) fn count(&mut self, expected: &str) -> Result<usize, MeshFileError> {
+        let before = *self;
+        let word = self.word(expected)?;
+        word.parse().map_err(|_| before.unexpected(expected))
+    }
+
+    /// Checks that nothing is left of the line.
+    pub(super) fn end(&self) -> Result<(), MeshFileError> {
+        if self.rest.is_empty() {
+            Ok(())
+        } else {
+            Err(self.unexpected("the end of the line"))
+        }
+    }
+}

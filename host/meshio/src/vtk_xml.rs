@@ -1,0 +1,125 @@
+//! Meshes in VTK's XML formats for unstructured grids (`.vtu`) and polygons (`.vtp`), from a file's bytes.
+//!
+//! Source: "VTK File Formats" in the VTK documentation, section "XML Formats". Read are arrays as text
+//! (`ascii`), in base64 (`binary`) and appended, raw or in base64, uncompressed or compressed by zlib,
+//! in both byte orders. The format knows no units: coordinates are taken as metres.
+//!
+//! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
+//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
+//! error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
+//! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are passed over. The
+//! file makes no groups.
+//!
+//! What unpacks to much more than the file's own size is refused: see [`MAX_RATIO`].
+
+mod data;
+mod document;
+mod tag;
+
+use crate::file::{MeshFileError, Place, Wanted, into_sheet};
+use crate::vtk_array::Array;
+use crate::vtk_cells::{Cells, POLYGON};
+use crate::vtk_fields;
+use data::Unpacker;
+use document::{Document, NamedArray, Piece, Role};
+use physics::mesh::{Mesh, TriMesh};
+
+/// The most bytes that a file's compressed arrays unpack to, over the file's own length.
+///
+/// zlib packs up to a thousand times. What VTK writes of a regular grid, whose coordinates and numbers
+/// repeat more than those of other meshes, is packed six times.
+pub const MAX_RATIO: usize = 16;
+/// What compressed arrays may unpack to in any case (bytes): a small file may be mostly repetition.
+pub const MIN_UNPACKED: usize = 64 << 10;
+/// The most that they may unpack to, however long the file (bytes): a grid of three million vertices.
+pub const MAX_UNPACKED: usize = 256 << 20;
+
+/// Reads a sheet from the bytes of a VTU or VTP file. Coordinates are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found; a tetrahedron is one.
+pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    into_sheet(read(bytes, Wanted::Sheet)?)
+}
+
+/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+///
+/// # Errors
+/// As [`parse`], but for tetrahedra.
+pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+    read(bytes, Wanted::Any)
+}
+
+fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
+    let document = document::read(bytes)?;
+    let mut unpacker = Unpacker::new(bytes, &document.encoding);
+    let piece = &document.piece;
+    let at = Place::Line(piece.line);
+    if piece.strips > 0 {
+        return Err(MeshFileError::syntax(
+            at,
+            "no strips of triangles (cut to triangles first, as ParaView's filter Triangulate does)",
+            format!("{} strips", piece.strips),
+        ));
+    }
+
+    let points = array(&document, &mut unpacker, Role::Points)?;
+    count(piece, "coordinates", piece.points.checked_mul(3), &points)?;
+    let numbers = array(&document, &mut unpacker, Role::Connectivity)?;
+    let ends = array(&document, &mut unpacker, Role::Offsets)?;
+    count(piece, "ends of cells", Some(piece.cells), &ends)?;
+    let end_place = |cell| ends.place(cell);
+
+    let mut cells = Cells::new(points, piece.others, wanted)?;
+    if document.is_grid {
+        let types = array(&document, &mut unpacker, Role::Types)?;
+        count(piece, "types of cells", Some(piece.cells), &types)?;
+        cells.add(types.integers(), ends.integers(), end_place, &numbers)?;
+    } else {
+        let types = std::iter::repeat_n(Ok(POLYGON), ends.len());
+        cells.add(types, ends.integers(), end_place, &numbers)?;
+    }
+    let (mut mesh, count, kept) = cells.finish(&numbers)?;
+    for NamedArray { name, array } in &piece.cell_data {
+        let place = Place::Line(array.line);
+        let array = unpacker.array(array)?;
+        vtk_fields::add(&mut mesh, (count, &kept), (place, name), &array)?;
+    }
+    Ok(mesh)
+}
+
+/// The array of this role. A file without points or cells may leave it out.
+fn array<'a>(
+    document: &Document<'a>,
+    unpacker: &mut Unpacker<'a>,
+    role: Role,
+) -> Result<Array<'a>, MeshFileError> {
+    let piece = &document.piece;
+    match piece.arrays.iter().find(|(of, _)| *of == role) {
+        Some((_, array)) => unpacker.array(array),
+        None if piece.points == 0 || piece.cells == 0 => Ok(Array::none(piece.line)),
+        None => Err(MeshFileError::syntax(
+            Place::Line(piece.line),
+            format!("a DataArray of {}", role.name()),
+            "none in this Piece",
+        )),
+    }
+}
+
+/// Checks that an array holds as many numbers as the piece says.
+fn count(
+    piece: &Piece,
+    what: &str,
+    claimed: Option<usize>,
+    array: &Array,
+) -> Result<(), MeshFileError> {
+    if claimed == Some(array.len()) {
+        return Ok(());
+    }
+    let claimed = claimed.map_or_else(|| "too many".to_owned(), |claimed| claimed.to_string());
+    Err(MeshFileError::syntax(
+        Place::Line(piece.line),
+        format!("{claimed} {what}, as this Piece says"),
+        format!("{} in the DataArray", array.len()),
+    ))
+}

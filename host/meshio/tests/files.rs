@@ -1,0 +1,453 @@
+//! Meshes from files of every format: what other programs write is read, what is wrong is refused with
+//! its place.
+
+use meshio::{MeshFileError, read};
+use physics::mesh::{MeshError, TriMesh};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+/// Valid files: most of them written by VTK 9.7, two cells by one, cut into four triangles.
+const SEEDS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz/seeds");
+
+fn seeds(target: &str) -> io::Result<Vec<PathBuf>> {
+    let mut paths = Vec::new();
+    for entry in fs::read_dir(Path::new(SEEDS).join(target))? {
+        paths.push(entry?.path());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+fn error(name: &str, bytes: &[u8]) -> String {
+    read(name, bytes).map_or_else(|error| error.to_string(), |_| "no error".to_owned())
+}
+
+/// A square of 1 m in the xy-plane.
+fn is_square(mesh: &TriMesh) -> bool {
+    mesh.positions.len() == 4 && mesh.triangles == [[0, 1, 2], [0, 2, 3]] && mesh.area() == 1.0
+}
+
+#[test]
+fn every_variant_that_vtk_writes_gives_the_same_mesh() -> Outcome {
+    let mut count = 0;
+    let obj = read("vtk.obj", &fs::read(Path::new(SEEDS).join("obj/vtk.obj"))?)?;
+    for path in ["vtk_xml", "vtk_legacy"].into_iter().map(seeds) {
+        for path in path? {
+            let name = path.display().to_string();
+            let mesh = read(&name, &fs::read(&path)?).map_err(|e| format!("{name}: {e}"))?;
+            assert_eq!(mesh.triangles, obj.triangles, "{name}");
+            // Text has fewer digits than float numbers.
+            for (found, expected) in mesh.positions.iter().zip(&obj.positions) {
+                assert!((found - expected).norm() < 1e-7, "{name}: {found}");
+            }
+            assert_eq!(mesh.positions.len(), 6, "{name}");
+            count += 1;
+        }
+    }
+    assert!(count >= 40, "only {count} files");
+    Ok(())
+}
+
+#[test]
+fn the_format_follows_from_the_name_or_else_from_the_beginning() -> Outcome {
+    for target in ["vtk_xml", "vtk_legacy", "gmsh"] {
+        for path in seeds(target)? {
+            let bytes = fs::read(&path)?;
+            read("mesh", &bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+        }
+    }
+    assert_eq!(
+        error("mesh.stl", b"solid x\n"),
+        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and a \
+         file that begins with \"solid x\\n\""
+    );
+    assert_eq!(
+        error("mesh", b""),
+        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and an \
+         empty file"
+    );
+    Ok(())
+}
+
+#[test]
+fn an_obj_file_gives_vertices_triangles_and_groups() -> Outcome {
+    let text = "# a square\nmtllib x.mtl\no sheet of cloth\n\
+        v 9 9 9\nv 0 0 0\nv 1 0 0 1 0.5 0.5 0.5\nv 1 1 0\nvt 0 0\nvn 0 0 1\n\
+        g left lower\nusemtl red\nf 2/1/1 3//1 4/1\n\
+        v 0 1 0\ng left\nf -4 -2 -1 # the last\ng empty\ns off\nl 1 2\n";
+    let mesh = read("SQUARE.OBJ", text.as_bytes())?;
+    assert!(is_square(&mesh), "the unused vertex is dropped: {mesh:?}");
+    let groups: Vec<(&str, &[u32], &[u32])> = mesh
+        .triangle_groups
+        .iter()
+        .zip(&mesh.vertex_groups)
+        .map(|(t, v)| (t.name.as_str(), &t.members[..], &v.members[..]))
+        .collect();
+    assert_eq!(
+        groups,
+        [
+            ("sheet of cloth", &[0, 1][..], &[0, 1, 2, 3][..]),
+            ("left", &[0, 1], &[0, 1, 2, 3]),
+            ("lower", &[0], &[0, 1, 2]),
+            ("red", &[0, 1], &[0, 1, 2, 3]),
+        ]
+    );
+    mesh.validate()?;
+    Ok(())
+}
+
+/// Cases of a file and the error that follows; `\n` stands between lines.
+fn check(name: &str, cases: &[(&str, &str)]) {
+    let mut wrong = Vec::new();
+    for (text, expected) in cases {
+        let found = error(name, text.as_bytes());
+        if found != *expected {
+            wrong.push(format!("{text:?}\n  is  {found}\n  not {expected}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+#[test]
+fn wrong_obj_files_are_refused_with_their_line() {
+    let with = |text: &str| format!("{TRIANGLE}{text}");
+    let cases = [
+        (
+            String::new(),
+            "line 1: the mesh has no triangles, at least 1 is needed",
+        ),
+        (
+            with("f 1 2 NaN"),
+            "line 4: expected the number of a vertex, such as 1, -1 or 1/2/3, found \"NaN\"",
+        ),
+        (
+            with("f 1 2 4"),
+            "line 4: expected a vertex from 1 to 3, found 4",
+        ),
+        (
+            with("f 1 2 0"),
+            "line 4: expected the number of a vertex, such as 1, -1 or 1/2/3, found \"0\"",
+        ),
+        (
+            with("f 1 2 -4"),
+            "line 4: expected the number of a vertex, such as 1, -1 or 1/2/3, found \"-4\"",
+        ),
+        (
+            with("f 1 2 99999999999999999999"),
+            "line 4: expected the number of a vertex, such as 1, -1 or 1/2/3, found \"99999999999999999999\"",
+        ),
+        (
+            with("f 1 2 3/1/1/1"),
+            "line 4: expected the number of a vertex, such as 1, -1 or 1/2/3, found \"3/1/1/1\"",
+        ),
+        (
+            with("f 1 2"),
+            "line 4: expected three vertices of a face, found the end of the line",
+        ),
+        (
+            with("v 1 1 0\nf 1 2 3 4"),
+            "line 5: expected a triangle (export with triangulated faces), found a face of 4 vertices",
+        ),
+        (
+            "v 0 0 nan".to_owned(),
+            "line 1: expected a coordinate, finite, found \"nan\"",
+        ),
+        (
+            "v 0 0 inf".to_owned(),
+            "line 1: expected a coordinate, finite, found \"inf\"",
+        ),
+        (
+            "v 0 0".to_owned(),
+            "line 1: expected a coordinate, finite, found the end of the line",
+        ),
+        (
+            "v 0 0 0\nv 2e9 0 0\nv 0 1 0\nf 1 2 3".to_owned(),
+            "line 2: vertex 1: x is 2000000000.0 m, it must be finite and within ±1e9 m",
+        ),
+        (
+            with("f 1 2 2"),
+            "line 4: triangle 0: vertex 1 is named twice, all three must differ",
+        ),
+        (
+            "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3".to_owned(),
+            "line 4: triangle 0: it is flat, its height is 0.000e0 of its longest edge; at least 1e-6 is needed",
+        ),
+        (
+            with("v 0 0 1\nv 0 0 -1\nv 1 1 1\nf 1 2 3\nf 1 2 4\nf 1 2 5"),
+            "line 9: edge 0-1: triangles 0, 1 and 2 meet there, at most 2 may",
+        ),
+        (
+            with("f 1 2 3\nf 2 3 1"),
+            "line 5: triangle 1: it has the same three vertices as triangle 0",
+        ),
+        (
+            with("v 7 7 7\nv 0 0 1\nv -0 -0 0\nf 1 2 3\nf 5 6 2"),
+            "line 6: vertices 0 and 4 lie at one place, where the mesh would silently come apart; merge them (a slit needs a gap)",
+        ),
+        (
+            "vertex 1 2 3".to_owned(),
+            "line 1: expected a statement of OBJ, such as v or f, found \"vertex 1 2 3\"",
+        ),
+        (
+            "curv 0 1 1 2".to_owned(),
+            "line 1: expected a statement of OBJ, such as v or f, found \"curv 0 1 1 2\"",
+        ),
+        (
+            "g a b c d e f g h i".to_owned(),
+            "line 1: expected at most 8 groups at a time, found \"a b c d e f g h i\"",
+        ),
+    ];
+    let cases: Vec<(&str, &str)> = cases.iter().map(|(t, e)| (t.as_str(), *e)).collect();
+    check("x.obj", &cases);
+    assert_eq!(
+        error("x.obj", b"v 0 0 0\n# caf\xe9\n"),
+        "line 2: expected OBJ text in UTF-8, found bytes that are no text"
+    );
+}
+
+#[test]
+fn wrong_legacy_files_are_refused_with_their_line() {
+    const HEAD: &str = "# vtk DataFile Version 3.0\ntitle\nASCII\nDATASET POLYDATA\n";
+    const POINTS: &str = "POINTS 4 float\n0 0 0 1 0 0\n1 1 0 0 1 0\n";
+    let cases = [
+        (
+            String::new(),
+            "line 1: expected # vtk DataFile Version 2.0 to 5.1, found the end of the file",
+        ),
+        (
+            "# vtk DataFile Version 9.0\n".to_owned(),
+            "line 1: expected # vtk DataFile Version 2.0 to 5.1, found \"# vtk DataFile Version 9.0\"",
+        ),
+        (
+            HEAD.replace("POLYDATA", "STRUCTURED_GRID"),
+            "line 4: expected DATASET POLYDATA or DATASET UNSTRUCTURED_GRID, found the end of the line",
+        ),
+        (
+            HEAD.to_owned(),
+            "line 5: expected POINTS, found the end of the data set",
+        ),
+        (
+            format!("{HEAD}{POINTS}"),
+            "line 8: expected POLYGONS, found the end of the data set",
+        ),
+        (
+            format!("{HEAD}POINTS 1000000000 float\n0 0 0\n"),
+            "line 5: expected 3000000000 numbers after this line, as it says, found 3 up to the end of the file",
+        ),
+        (
+            format!("{HEAD}POINTS 18446744073709551615 float\n0 0 0\n"),
+            "line 5: expected too many numbers after this line, as it says, found 3 up to the end of the file",
+        ),
+        (
+            format!("{HEAD}POINTS -1 float\n0 0 0\n"),
+            "line 5: expected a number of points, found \"-1 float\"",
+        ),
+        (
+            format!("{HEAD}POINTS 1 quaternion\n0 0 0\n"),
+            "line 5: expected a type of numbers, such as float or int, found \"quaternion\"",
+        ),
+        (
+            format!("{HEAD}POINTS 1 float\n0 0 nan\n"),
+            "line 7: expected POLYGONS, found the end of the data set",
+        ),
+        (
+            format!(
+                "{HEAD}{}POLYGONS 1 4\n3 0 1 2\n",
+                POINTS.replace("1 1 0", "1\nnan 0")
+            ),
+            "line 8: expected a finite coordinate, found NaN",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 4\n3 0 1\n\n4\n"),
+            "line 11: expected the number of one of 4 points, counted from 0, found 4",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 4\n3 0 1 -2\n"),
+            "line 9: expected the number of one of 4 points, counted from 0, found -2",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 4\n3 0 1 2.5\n"),
+            "line 9: expected a whole number, found \"2.5\"",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 5\n4 0 1 2 3\n"),
+            "line 9: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a polygon of 4 points",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 4\n1000000000 0 1 2\n"),
+            "line 9: expected the number of a cell's points, from 0 to 3, found 1000000000",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1 8\n3 0 1 2 3 0 2 3\n"),
+            "line 9: expected the end of the cells, found 4 more numbers",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 1000000000 4\n3 0 1 2\n"),
+            "line 9: expected the next cell, found the end of 4 numbers",
+        ),
+        (
+            format!("{HEAD}{POINTS}{POINTS}"),
+            "line 8: expected POINTS once, found \"POINTS 4 float\"",
+        ),
+        (
+            format!("{HEAD}{POINTS}POLYGONS 2 8\n3 0 1 2\n3 0 1 0\n"),
+            "line 10: triangle 1: vertex 0 is named twice, all three must differ",
+        ),
+        (
+            format!("{HEAD}{POINTS}TRIANGLE_STRIPS 1 4\n3 0 1 2\n"),
+            "line 8: expected POLYGONS (cut strips to triangles first, as ParaView's filter Triangulate does), found \"TRIANGLE_STRIPS 1 4\"",
+        ),
+    ];
+    let cases: Vec<(&str, &str)> = cases.iter().map(|(t, e)| (t.as_str(), *e)).collect();
+    check("x.vtk", &cases);
+}
+
+const GRID: &str = r#"<?xml version="1.0"?>
+<VTKFile type="UnstructuredGrid" byte_order="LittleEndian">
+<UnstructuredGrid><Piece NumberOfPoints="4" NumberOfCells="2">
+<PointData><DataArray type="Float32" Name="p" format="ascii">0 0 0 0</DataArray></PointData>
+<Points><DataArray type="Float64" NumberOfComponents="3" format="ascii">
+0 0 0 1 0 0
+1 1 0 0 1 0
+</DataArray></Points>
+<Cells>
+<DataArray type="Int32" Name="connectivity">0 1 2
+0 2 3</DataArray>
+<DataArray type="Int32" Name="offsets" format="ascii">3 6</DataArray>
+<DataArray type="UInt8" Name="types" format="ascii">5 5</DataArray>
+</Cells></Piece></UnstructuredGrid></VTKFile>
+"#;
+
+#[test]
+fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
+    assert!(is_square(&read("x.vtu", GRID.as_bytes())?));
+    // A piece of the file, what stands there instead, the error that follows.
+    let cases = [
+        (
+            "1 1 0 0 1 0",
+            "1 1 0 0 nan 0",
+            "line 7: expected a finite coordinate, found NaN",
+        ),
+        (
+            "1 1 0 0 1 0",
+            "1 1 0 0 1",
+            "line 3: expected 12 coordinates, as this Piece says, found 11 in the DataArray",
+        ),
+        (
+            "Points=\"4\"",
+            "Points=\"1000000000\"",
+            "line 3: expected 3000000000 coordinates, as this Piece says, found 12 in the DataArray",
+        ),
+        (
+            "Points=\"4\"",
+            "Points=\"18446744073709551615\"",
+            "line 3: expected too many coordinates, as this Piece says, found 12 in the DataArray",
+        ),
+        (
+            "Points=\"4\"",
+            "Points=\"-4\"",
+            "line 3: expected NumberOfPoints to be a whole number, found \"-4\"",
+        ),
+        (
+            "0 2 3<",
+            "0 2 4<",
+            "line 11: expected the number of one of 4 points, counted from 0, found 4",
+        ),
+        (
+            "0 2 3<",
+            "0 2 0<",
+            "line 11: triangle 1: vertex 0 is named twice, all three must differ",
+        ),
+        (
+            "3 6<",
+            "3 7<",
+            "line 12: expected the end of a cell, from 3 to 6, found 7",
+        ),
+        (
+            "3 6<",
+            "3 -1<",
+            "line 12: expected the end of a cell, from 3 to 6, found -1",
+        ),
+        (
+            "3 6<",
+            "4 6<",
+            "line 10: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a triangle of 4 points",
+        ),
+        (
+            "5 5<",
+            "5 22<",
+            "line 11: expected a triangle (cut to triangles first, as ParaView's filter Triangulate does), found a triangle of second order",
+        ),
+        (
+            "Float64",
+            "Float128",
+            "line 5: expected type to be Int8 or UInt8 or Int16 or UInt16 or Int32 or UInt32 or Int64 or UInt64 or Float32 or Float64, found \"Float128\"",
+        ),
+        (
+            "LittleEndian\"",
+            "LittleEndian\" compressor=\"vtkLZ4DataCompressor\"",
+            "line 2: expected compressor to be vtkZLibDataCompressor, found \"vtkLZ4DataCompressor\"",
+        ),
+        (
+            "UnstructuredGrid\" ",
+            "ImageData\" ",
+            "line 2: expected type to be UnstructuredGrid or PolyData, found \"ImageData\"",
+        ),
+        (
+            "\"connectivity\"",
+            "\"connectivity\" format=\"appended\" offset=\"0\"",
+            "line 10: expected AppendedData in the file, found none",
+        ),
+        (
+            "\"connectivity\"",
+            "\"numbers\"",
+            "line 3: expected a DataArray of connectivity, found none in this Piece",
+        ),
+        (
+            "</Cells>",
+            "",
+            "line 14: expected well-formed XML, found \"ill-formed document: expected `</Cells>`\"...",
+        ),
+        (
+            "<VTKFile",
+            "<!DOCTYPE x [<!ENTITY a \"b\">]><VTKFile",
+            "line 2: expected a VTKFile, found a document type",
+        ),
+        (
+            "<VTKFile",
+            "<html",
+            "line 2: expected a VTKFile, found a tag \"html\"",
+        ),
+    ];
+    for (piece, instead, expected) in cases {
+        assert_eq!(GRID.matches(piece).count(), 1, "{piece:?}");
+        assert_eq!(
+            error("x.vtu", GRID.replace(piece, instead).as_bytes()),
+            expected
+        );
+    }
+    let deep = GRID.replace("<Cells>", &"<a>".repeat(100_000));
+    assert!(error("x.vtu", deep.as_bytes()).contains("nested less deeply"));
+    assert_eq!(
+        error("x.vtu", b""),
+        "line 1: expected a VTKFile, found the end of the tags"
+    );
+    Ok(())
+}
+
+#[test]
+fn a_wrong_mesh_can_be_told_from_wrong_text() {
+    let flat = read("x.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
+    assert!(matches!(
+        flat,
+        Err(MeshFileError::Mesh {
+            source: MeshError::Flat { .. },
+            ..
+        })
+    ));
+}

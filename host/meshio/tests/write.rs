@@ -1,0 +1,150 @@
+//! What is written reads back: every number bit for bit, groups where the format has them.
+
+mod support;
+
+use meshio::write_vtu::Snapshot;
+use meshio::{read, read_mesh, write_gmsh, write_vtk};
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::{Field, Group, Mesh, TetMesh, TriMesh};
+use proptest::prelude::*;
+use support::{expect_solid, fields, finite, groups, solid};
+
+/// Equal as bits: minus zero is not zero.
+fn same_bits(a: &[Field], b: &[Field]) -> bool {
+    let bits = |fields: &[Field]| -> Vec<(String, Vec<u64>)> {
+        let of = |field: &Field| field.values.iter().map(|x| x.to_bits()).collect();
+        fields
+            .iter()
+            .map(|field| (field.name.clone(), of(field)))
+            .collect()
+    };
+    bits(a) == bits(b)
+}
+
+/// Small sheets with groups and fields. As when a file is read, each group of triangles has a group of their
+/// vertices; those come last.
+fn any_sheet() -> impl Strategy<Value = TriMesh> {
+    (1_u32..4, 1_u32..4, finite())
+        .prop_flat_map(|(nx, ny, z)| {
+            let mut mesh = sheet(0.3, 0.2, nx, ny, Pattern::Alternating).unwrap();
+            for x in &mut mesh.positions {
+                x.z = z.clamp(-1e9, 1e9);
+            }
+            let (vertices, triangles) = (mesh.positions.len(), mesh.triangles.len());
+            (
+                Just(mesh),
+                groups(vertices as u32),
+                groups(triangles as u32),
+                fields(triangles),
+            )
+        })
+        .prop_map(|(mut mesh, mut vertex_groups, triangle_groups, fields)| {
+            vertex_groups.retain(|group| !triangle_groups.iter().any(|t| t.name == group.name));
+            for group in &triangle_groups {
+                let corners = group.members.iter().map(|&t| mesh.triangles[t as usize]);
+                let mut members: Vec<u32> = corners.flatten().collect();
+                members.sort_unstable();
+                members.dedup();
+                vertex_groups.push(Group {
+                    name: group.name.clone(),
+                    members,
+                });
+            }
+            mesh.vertex_groups = vertex_groups;
+            mesh.triangle_groups = triangle_groups;
+            mesh.triangle_fields = fields;
+            mesh
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    #[test]
+    fn solids_read_back(mesh in solid()) {
+        prop_assert_eq!(mesh.validate(), Ok(()));
+        let whole = Mesh::Solid(mesh.clone());
+        let text = write_gmsh::write(&whole);
+        let back = expect_solid(read_mesh("x.msh", text.as_bytes()).unwrap());
+        prop_assert!(same_bits(&back.cell_fields, &mesh.cell_fields));
+        prop_assert_eq!(back, mesh.clone());
+
+        let mut plain = TetMesh { vertex_groups: Vec::new(), cell_groups: Vec::new(), ..mesh };
+        let text = write_vtk::write(&whole);
+        let back = expect_solid(read_mesh("x.vtk", text.as_bytes()).unwrap());
+        prop_assert!(same_bits(&back.cell_fields, &plain.cell_fields));
+        prop_assert_eq!(&back, &plain);
+
+        let text = Snapshot::of_solid(&plain).vtu();
+        let back = expect_solid(read_mesh("x.vtu", text.as_bytes()).unwrap());
+        prop_assert!(same_bits(&back.cell_fields, &plain.cell_fields));
+        plain.cell_fields = back.cell_fields.clone();
+        prop_assert_eq!(&back, &plain);
+    }
+
+    #[test]
+    fn sheets_read_back(mesh in any_sheet()) {
+        prop_assert_eq!(mesh.validate(), Ok(()));
+        let whole = Mesh::Sheet(mesh.clone());
+        let text = write_gmsh::write(&whole);
+        let back = read("x.msh", text.as_bytes()).unwrap();
+        prop_assert!(same_bits(&back.triangle_fields, &mesh.triangle_fields));
+        prop_assert_eq!(&back, &mesh);
+        prop_assert_eq!(&read_mesh("x.msh", text.as_bytes()), &Ok(whole.clone()));
+
+        let plain =
+            TriMesh { vertex_groups: Vec::new(), triangle_groups: Vec::new(), ..mesh };
+        for (name, text) in [
+            ("x.vtk", write_vtk::write(&whole)),
+            ("x.vtu", Snapshot::of_sheet(&plain).vtu()),
+        ] {
+            let back = read(name, text.as_bytes()).unwrap();
+            prop_assert!(same_bits(&back.triangle_fields, &plain.triangle_fields));
+            prop_assert_eq!(&back, &plain);
+            prop_assert_eq!(read_mesh(name, text.as_bytes()), Ok(Mesh::Sheet(back)));
+        }
+    }
+}
+
+#[test]
+fn a_group_of_vertices_beside_one_of_triangles_keeps_what_it_has_more() {
+    let mut mesh = sheet(1.0, 1.0, 1, 1, Pattern::Alternating).unwrap();
+    let group = |members: &[u32]| {
+        vec![Group {
+            name: "one".to_owned(),
+            members: members.to_vec(),
+        }]
+    };
+    mesh.triangle_groups = group(&[0]);
+    mesh.vertex_groups = group(&[0, 1, 2, 3]);
+    let back = read("x.msh", write_gmsh::write_sheet(&mesh).as_bytes()).unwrap();
+    assert_eq!(back, mesh);
+}
+
+#[test]
+fn what_a_format_cannot_say_is_left_out() {
+    let mut mesh = sheet(1.0, 1.0, 1, 1, Pattern::Alternating).unwrap();
+    let group = |name: &str, members: &[u32]| Group {
+        name: name.to_owned(),
+        members: members.to_vec(),
+    };
+    mesh.vertex_groups = vec![
+        group("none", &[]),
+        group("  ", &[1]),
+        group("a \"b\"\n$EndNodes", &[2]),
+    ];
+    let field = |name: &str| Field {
+        name: name.to_owned(),
+        values: vec![1.0; mesh.triangles.len()],
+    };
+    mesh.triangle_fields = vec![field(""), field("\n")];
+    let back = read("x.msh", write_gmsh::write_sheet(&mesh).as_bytes()).unwrap();
+    assert_eq!(back.vertex_groups, [group("a 'b' $EndNodes", &[2])]);
+    assert_eq!(back.triangle_fields, []);
+    let back = read("x.vtk", write_vtk::write_sheet(&mesh).as_bytes()).unwrap();
+    assert_eq!(back.triangle_fields, []);
+    assert_eq!(
+        (back.positions, back.triangles),
+        (mesh.positions, mesh.triangles)
+    );
+}
