@@ -8,15 +8,13 @@
 use crate::clutch::Clutch;
 use crate::device::DeviceState;
 use crate::geometry::{Pose, Twist};
+use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
 use crate::proxy::Proxy;
 use crate::safety::{Limiter, SafetyConfig};
 
-/// No hand moves a device faster (m/s); a tap ends a tenth as fast.
-const FASTEST: f64 = 20.0;
-/// No device reaches further (m).
-const FURTHEST: f64 = 10.0;
-/// Nor is any turned faster (rad/s).
-const GIDDIEST: f64 = 1e3;
+/// An estimate of a velocity may overshoot the hand's by so much. How fast a hand may be in the end is the last stage's
+/// business.
+const OVERSHOOT: f64 = 10.0;
 /// By how much the length of a rotation's quaternion may differ from one: a report's eight bits do less.
 const SKEW: f64 = 0.01;
 
@@ -64,22 +62,22 @@ impl Channel {
     /// Where the proxy is.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
         let (pose, mut twist) = self.proxy.to_scene(&self.state);
-        let share = self.clutch.share(&self.limiter);
-        twist.linear *= share;
-        twist.angular *= share;
+        let fraction = self.clutch.fraction(&self.limiter);
+        twist.linear *= fraction;
+        twist.angular *= fraction;
         (pose, twist)
     }
 
     /// How much more than its hand a proxy is pushed, as the clutch goes: the power is the same on both sides.
     pub(crate) fn lever(&self) -> f64 {
-        let share = self.clutch.share(&self.limiter);
-        if share > 0.0 { 1.0 / share } else { 0.0 }
+        let fraction = self.clutch.fraction(&self.limiter);
+        if fraction > 0.0 { 1.0 / fraction } else { 0.0 }
     }
 
     fn can_have_come(&self, within_ns: u64, state: &DeviceState) -> bool {
-        let way = state.pose.position - self.state.pose.position;
+        let displacement = state.pose.position - self.state.pose.position;
         let time = (within_ns as f64 * 1e-9).max(self.limiter.period());
-        way.norm() <= FASTEST * time
+        displacement.norm() <= LARGEST_SPEED * time
     }
 }
 
@@ -87,7 +85,8 @@ impl Channel {
 fn is_sound(state: &DeviceState) -> bool {
     let DeviceState { pose, twist, .. } = state;
     let turn = pose.rotation.coords.norm();
-    // An estimate may overshoot what a hand does; a limit of speed is the last stage's business.
-    let moves = twist.linear.norm() <= 10.0 * FASTEST && twist.angular.norm() <= GIDDIEST;
-    state.is_finite() && pose.position.norm() <= FURTHEST && (turn - 1.0).abs() <= SKEW && moves
+    let moves = twist.linear.norm() <= OVERSHOOT * LARGEST_SPEED
+        && twist.angular.norm() <= OVERSHOOT * LARGEST_ANGULAR_RATE;
+    let within_reach = pose.position.norm() <= LARGEST_REACH;
+    state.is_finite() && within_reach && (turn - 1.0).abs() <= SKEW && moves
 }

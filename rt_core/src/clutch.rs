@@ -3,9 +3,9 @@
 //! A device that was away took its hand along without the scene. Were its proxy to follow at once, the body would store
 //! what no hand has put in, and the other hands would feel the blow: so the proxy goes on from where it was left.
 //!
-//! Were it then to follow whole while its hand feels a share `s` of the force, the hand would store `F . D` for
+//! Were it then to follow whole while its hand feels a fraction `s` of the force, the hand would store `F . D` for
 //! `s F . D`; a cap on the energy does not give back what nobody paid, and the hold that follows would be too soft. So
-//! the proxy follows by the same share, `s D`, and turns by it: a transformer, which neither makes nor loses energy.
+//! the proxy follows by the same fraction, `s D`, and turns by it: a transformer, which neither makes nor loses energy.
 
 use crate::device::DeviceState;
 use crate::proxy::Proxy;
@@ -34,14 +34,14 @@ impl Clutch {
     ) {
         self.slips |= limiter.is_stale();
         if self.slips {
-            let share = limiter.share();
-            proxy.slip(1.0 - share, before, now);
-            self.slips = share < 1.0;
+            let fraction = limiter.fraction();
+            proxy.slip(1.0 - fraction, before, now);
+            self.slips = fraction < 1.0;
         }
     }
 
-    /// Share of the device's motion that its proxy follows now.
-    pub fn share(&self, limiter: &Limiter) -> f64 {
-        if self.slips { limiter.share() } else { 1.0 }
+    /// Fraction of the device's motion that its proxy follows now.
+    pub fn fraction(&self, limiter: &Limiter) -> f64 {
+        if self.slips { limiter.fraction() } else { 1.0 }
     }
 }

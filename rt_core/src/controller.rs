@@ -91,12 +91,28 @@ impl Controller {
         telemetry.readings = *readings;
 
         let mut proxies = [(Pose::identity(), Twist::zero()); MAX_DEVICES];
+        let fresh = self.read(now_ns, readings, &mut proxies);
+        let mut forces = Forces::none();
+        self.couple(now_ns, &proxies, &mut forces, &mut telemetry);
+        let commands = self.limit(&proxies, fresh, &mut forces, &mut telemetry);
+        self.account(&forces, &mut telemetry);
+        self.tick = self.tick.wrapping_add(1);
+        (commands, telemetry)
+    }
+
+    /// The first phase: where each proxy is. Returns which devices gave a state that is believed.
+    fn read(
+        &mut self,
+        now_ns: u64,
+        readings: &[Reading; MAX_DEVICES],
+        proxies: &mut [(Pose, Twist); MAX_DEVICES],
+    ) -> [bool; MAX_DEVICES] {
         let mut fresh = [false; MAX_DEVICES];
         let each = self
             .channels
             .iter_mut()
             .zip(readings)
-            .zip(&mut proxies)
+            .zip(proxies)
             .zip(&mut fresh);
         for (((channel, reading), proxy), fresh) in each {
             if let Ok(state) = reading {
@@ -104,16 +120,24 @@ impl Controller {
             }
             *proxy = channel.on_scene();
         }
+        fresh
+    }
 
-        let mut on_proxies = [Wrench::zero(); MAX_DEVICES];
-        let mut shares = [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES];
-        let bodies = self.couplings.iter_mut().zip(&mut shares);
-        for ((coupling, shares), record) in bodies.zip(&mut telemetry.bodies) {
-            let wrenches = coupling.tick(now_ns, &proxies);
+    /// The second phase: the wrench of each body on each proxy.
+    fn couple(
+        &mut self,
+        now_ns: u64,
+        proxies: &[(Pose, Twist); MAX_DEVICES],
+        forces: &mut Forces,
+        telemetry: &mut Telemetry,
+    ) {
+        let bodies = self.couplings.iter_mut().zip(&mut forces.by_body);
+        for ((coupling, by_device), record) in bodies.zip(&mut telemetry.bodies) {
+            let wrenches = coupling.tick(now_ns, proxies);
             for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
                 let device = usize::from(handle.device);
-                let sums = on_proxies.get_mut(device).into_iter();
-                for sum in sums.chain(shares.get_mut(device)) {
+                let sums = forces.on_proxies.get_mut(device).into_iter();
+                for sum in sums.chain(by_device.get_mut(device)) {
                     *sum = sum.plus(wrench);
                 }
             }
@@ -124,44 +148,45 @@ impl Controller {
             record.state = coupling.state();
             record.withheld = coupling.withheld();
         }
+    }
 
+    /// The third phase: the command for each device. What a device does not take of a wrench is taken off the bodies'
+    /// wrenches, too.
+    fn limit(
+        &mut self,
+        proxies: &[(Pose, Twist); MAX_DEVICES],
+        fresh: [bool; MAX_DEVICES],
+        forces: &mut Forces,
+        telemetry: &mut Telemetry,
+    ) -> [Wrench; MAX_DEVICES] {
         let mut commands = [Wrench::zero(); MAX_DEVICES];
-        let mut passed = [0.0; MAX_DEVICES];
-        let inputs = self
-            .channels
-            .iter_mut()
-            .zip(&proxies)
-            .zip(&fresh)
-            .zip(&on_proxies);
+        let inputs = self.channels.iter_mut().zip(proxies).zip(fresh);
+        let inputs = inputs.zip(&forces.on_proxies).zip(&mut forces.passed);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
         // Not `enumerate`: its count could overflow, as far as the compiler knows.
-        for (((((channel, proxy), fresh), wrench), (command, record)), device) in
-            inputs.zip(outputs).zip(0..MAX_DEVICES)
+        for (((((channel, proxy), fresh), wrench), passed), ((command, record), device)) in
+            inputs.zip(outputs.zip(0..MAX_DEVICES))
         {
             let asked = channel.proxy.to_device(wrench);
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
-            let [force, moment] = shares_passed(&asked, command);
-            // What left in another direction than asked (a slew limit) is put down to the first body.
+            let [force, moment] = fractions_passed(&asked, command);
+            // The force that left in another direction than asked (a slew limit) is put down to the first body.
             let rest = Wrench {
                 force: command.force - asked.force * force,
                 moment: Vec3::zeros(),
             };
             let mut rest = channel.proxy.on_proxy(&rest);
-            // A proxy that follows by a share is pushed by that much more than its hand.
+            // A proxy that follows its hand by a fraction is pushed by that much more than the hand.
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
-            if let Some(passed) = passed.get_mut(device) {
-                *passed = force;
-            }
-            let here = shares
-                .iter_mut()
-                .filter_map(|shares| shares.get_mut(device));
-            for share in here {
-                share.force = share.force * force + rest.force;
-                share.moment *= moment;
+            *passed = force;
+            let here = forces.by_body.iter_mut();
+            for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
+                wrench.force = wrench.force * force + rest.force;
+                wrench.moment *= moment;
                 rest = Wrench::zero();
             }
             record.pose = proxy.0;
@@ -172,17 +197,20 @@ impl Controller {
             };
             record.buttons = channel.state.buttons;
             record.device_time_ns = channel.state.device_time_ns;
-            record.fresh = *fresh;
+            record.fresh = fresh;
             record.safety = channel.limiter.state();
         }
-        for (coupling, held) in self.couplings.iter_mut().zip(&shares) {
-            coupling.hold(held, &passed);
+        commands
+    }
+
+    /// The last phase: each body's energy, by the wrenches that its devices were in the end told to hold.
+    fn account(&mut self, forces: &Forces, telemetry: &mut Telemetry) {
+        for (coupling, held) in self.couplings.iter_mut().zip(&forces.by_body) {
+            coupling.hold(held, &forces.passed);
         }
         for (coupling, record) in self.couplings.iter().zip(&mut telemetry.bodies) {
             record.energy = *coupling.energy();
         }
-        self.tick = self.tick.wrapping_add(1);
-        (commands, telemetry)
     }
 
     /// The energy of each body's hands so far.
@@ -215,9 +243,29 @@ impl Controller {
     }
 }
 
-/// Which shares of the force and the moment that were asked for the last stage let through.
-fn shares_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
-    let share = |asked: f64, left: f64| {
+/// The wrenches of one tick.
+struct Forces {
+    /// The sum over all bodies, on each proxy (scene axes).
+    on_proxies: [Wrench; MAX_DEVICES],
+    /// Each body's own part of it.
+    by_body: [[Wrench; MAX_DEVICES]; MAX_BODIES],
+    /// By device, the fraction of the force that the last stage passed, times the clutch's lever.
+    passed: [f64; MAX_DEVICES],
+}
+
+impl Forces {
+    fn none() -> Self {
+        Self {
+            on_proxies: [Wrench::zero(); MAX_DEVICES],
+            by_body: [[Wrench::zero(); MAX_DEVICES]; MAX_BODIES],
+            passed: [0.0; MAX_DEVICES],
+        }
+    }
+}
+
+/// The fractions of the commanded force and moment that passed the last stage.
+fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
+    let fraction = |asked: f64, left: f64| {
         if asked.is_finite() && asked > 0.0 {
             left / asked
         } else {
@@ -225,8 +273,8 @@ fn shares_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
         }
     };
     [
-        share(asked.force.norm(), command.force.norm()),
-        share(asked.moment.norm(), command.moment.norm()),
+        fraction(asked.force.norm(), command.force.norm()),
+        fraction(asked.moment.norm(), command.moment.norm()),
     ]
 }
 

@@ -28,7 +28,7 @@ pub struct CouplingConfig {
     pub scheme: Scheme,
     /// The tick's period (s).
     pub period: f64,
-    /// Share of a publication period over which a new model takes over.
+    /// Fraction of a publication period over which a new model takes over.
     pub blend: f64,
     /// Age beyond which a model is no longer trusted (s).
     pub age_limit: f64,
@@ -80,10 +80,12 @@ pub struct Coupling {
     from: LocalModel,
     /// The newest model, as the scheme reads it.
     to: LocalModel,
-    pending: Option<LocalModel>,
-    /// Share of `to` in the blend, and by how much it grows a tick.
-    share: f64,
-    share_step: f64,
+    /// A model that the next tick takes into use, where there is one.
+    pending: LocalModel,
+    is_pending: bool,
+    /// Fraction of `to` in the blend, and by how much it grows a tick.
+    blend: f64,
+    blend_step: f64,
     /// Trust in the model, from zero (safe hold) to one.
     trust: f64,
     state: HostState,
@@ -93,7 +95,7 @@ pub struct Coupling {
     ticked_ns: Option<u64>,
     /// How long the drift of the newest model has gone on (s).
     ahead: f64,
-    /// Share of a step that the stiffness resists as a damper would, by handle: translation and rotation.
+    /// Fraction of a step that the stiffness resists as a damper would, by handle: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
 }
 
@@ -104,9 +106,10 @@ impl Coupling {
             config,
             from: LocalModel::empty(),
             to: LocalModel::empty(),
-            pending: None,
-            share: 1.0,
-            share_step: 0.0,
+            pending: LocalModel::empty(),
+            is_pending: false,
+            blend: 1.0,
+            blend_step: 0.0,
             trust: 0.0,
             state: HostState::Waiting,
             counters: CouplingCounters::default(),
@@ -122,7 +125,11 @@ impl Coupling {
     /// # Errors
     /// The [`ModelFault`] for which it was refused; refusals are counted.
     pub fn accept(&mut self, model: &LocalModel) -> Result<(), ModelFault> {
-        let current = self.pending.as_ref().unwrap_or(&self.to);
+        let current = if self.is_pending {
+            &self.pending
+        } else {
+            &self.to
+        };
         let seen_one = current.handle_count > 0;
         let checked = model.check().and_then(|()| {
             // A clock that was set back must not leave the model that it made first and last.
@@ -140,7 +147,10 @@ impl Coupling {
             }
         });
         match checked {
-            Ok(()) => self.pending = Some(*model),
+            Ok(()) => {
+                self.pending.copy_used_from(model);
+                self.is_pending = true;
+            }
             Err(ModelFault::NotFinite) => count_one(&mut self.counters.not_finite),
             Err(ModelFault::Handles) => count_one(&mut self.counters.wrong_handles),
             Err(ModelFault::Outdated) => count_one(&mut self.counters.outdated),
@@ -157,8 +167,9 @@ impl Coupling {
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
         self.ahead = self.to.ahead(now_ns);
-        if let Some(model) = self.pending.take() {
-            self.switch_to(&model, now_ns, devices);
+        if self.is_pending {
+            self.is_pending = false;
+            self.switch(now_ns, devices);
         }
         let mut wrenches = match self.config.scheme {
             Scheme::Capped => self.capped(devices, &steps),
@@ -169,7 +180,7 @@ impl Coupling {
             self.passivity
                 .restore(hands, devices, &steps, &mut wrenches);
         }
-        self.share = (self.share + self.share_step).min(1.0);
+        self.blend = (self.blend + self.blend_step).min(1.0);
         self.grow_old(now_ns);
         let trust = smooth_step(self.trust);
         for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
@@ -183,7 +194,7 @@ impl Coupling {
         wrenches
     }
 
-    /// What each device, by index, was in the end told to hold for this body (scene axes), and which share of the
+    /// What each device, by index, was in the end told to hold for this body (scene axes), and which fraction of the
     /// force that was asked for this is.
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
         let mut weights = [Vec3::zeros(); MAX_DEVICES];
@@ -240,37 +251,69 @@ impl Coupling {
         })
     }
 
-    fn switch_to(&mut self, model: &LocalModel, now_ns: u64, devices: &[(Pose, Twist)]) {
-        let mut shaped = *model;
-        self.config.scheme.shape(&mut shaped);
+    /// Takes the pending model into use: from here on the force passes from the one rendered so far to the new one's.
+    fn switch(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) {
+        self.config.scheme.shape(&mut self.pending);
         if self.config.scheme == Scheme::Capped {
-            shaped.rest_dampers();
-            self.bound(&mut shaped);
+            self.pending.rest_dampers();
+            self.bound();
         }
         let before = self.rendered(devices);
+        let ahead = self.pending.ahead(now_ns);
+        let ticks = self.blend_ticks();
+        // The models as they were tell it, so it comes first.
+        let stored = self.stored_before(devices);
+        self.re_express(ahead, &before, devices);
+        if let Some(stored) = stored {
+            self.from.energy = 0.0;
+            self.from.energy = stored + self.from.work(&self.from.deviations(devices), ahead);
+        }
+        self.to.copy_used_from(&self.pending);
+        self.passivity.begin(self.to.energy);
+        self.passivity.release(self.to.released);
+        self.passivity.note_stored(self.to.energy.max(0.0));
+        self.ahead = ahead;
+        self.blend_step = 1.0 / ticks;
+        self.blend = 0.0;
+        count_one(&mut self.counters.accepted);
+    }
 
-        let mut from = if same_handles(&self.to, &shaped) {
-            let mut blended = self.from;
-            blended.mix(&self.to, self.share);
-            blended
+    /// Energy of the model as rendered so far (J), where it is to be the same afterwards: under the cap, and not before
+    /// the first model. What the body stores then is its own, though its force is yet to come.
+    fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
+        let told = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
+        let still = [Vec6::zeros(); MAX_HANDLES];
+        told.then(|| self.parts(devices, &still, &still).stored)
+    }
+
+    /// Makes `from` what was rendered so far, re-expressed at the references of the pending model, with reference wrenches
+    /// that make the present wrenches those `before`. The drift goes on.
+    fn re_express(
+        &mut self,
+        ahead: f64,
+        before: &[Wrench; MAX_HANDLES],
+        devices: &[(Pose, Twist)],
+    ) {
+        let Self {
+            from, to, pending, ..
+        } = self;
+        if same_handles(to, pending) {
+            from.mix(to, self.blend);
         } else {
-            shaped
-        };
-        // Same references as the new model, and the wrench that makes the present force the same. The drift goes on.
-        let ahead = shaped.ahead(now_ns);
-        from.handle_count = shaped.handle_count;
-        for (handle, newer) in from.handles.iter_mut().zip(shaped.handles()) {
+            from.copy_used_from(pending);
+        }
+        from.handle_count = pending.handle_count;
+        for (handle, newer) in from.handles.iter_mut().zip(pending.handles()) {
             let drift = handle.drift;
             *handle = *newer;
             handle.drift = drift;
         }
         let response = from.response(&from.deviations(devices));
-        let used = usize::from(shaped.handle_count);
+        let used = usize::from(pending.handle_count);
         for (handle, fall) in from.handles.iter_mut().zip(&response).take(used) {
-            let old = self
-                .to
+            let old = to
                 .handles()
-                .zip(&before)
+                .zip(before)
                 .find(|(old, _)| old.device == handle.device);
             let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
             let drift = handle.drift.stacked() * ahead;
@@ -282,51 +325,36 @@ impl Coupling {
                 Wrench::zero()
             };
         }
-        if self.config.scheme == Scheme::Capped {
-            // The same energy now, too. What is stored falls by the work of the mean force on the way.
-            let still = [Vec6::zeros(); MAX_HANDLES];
-            let stored = self.parts(devices, &still).stored;
-            // Before the first model there is none to be the same as: what the body stores then is its own, though its
-            // force is yet to come.
-            if self.to.handle_count > 0 {
-                from.energy = 0.0;
-                from.energy = stored + from.work(&from.deviations(devices), ahead);
-            }
-        }
-        self.passivity.begin(shaped.energy);
-        self.passivity.release(shaped.released);
-        self.passivity.note_stored(shaped.energy.max(0.0));
-        // After a gap the two models differ by what happened in it: the blend takes its share of that, up to the time
+    }
+
+    /// Over how many ticks the force passes to the pending model.
+    fn blend_ticks(&self) -> f64 {
+        let period = self.pending.period;
+        // After a gap the two models differ by what happened in it: the blend takes its part of that, up to the time
         // in which a force comes back.
-        let gap = shaped.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
-        let interval = gap.min(self.config.age_limit).max(shaped.period);
-        let longest = self.config.recovery.max(self.config.blend * shaped.period);
+        let gap = self.pending.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
+        let interval = gap.min(self.config.age_limit).max(period);
+        let longest = self.config.recovery.max(self.config.blend * period);
         let time = (self.config.blend * interval).min(longest);
         let ticks = libm::ceil(time / self.config.period).max(2.0);
         // A blend that is under way is not cut short by the next model either.
-        let left = if self.share < 1.0 {
-            (1.0 - self.share) / self.share_step
+        let left = if self.blend < 1.0 {
+            (1.0 - self.blend) / self.blend_step
         } else {
             0.0
         };
-        let ticks = ticks.max(left);
-        self.from = from;
-        self.to = shaped;
-        self.ahead = ahead;
-        self.share_step = 1.0 / ticks;
-        self.share = 0.0;
-        count_one(&mut self.counters.accepted);
+        ticks.max(left)
     }
 
     fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         let deviations = self.to.deviations(devices);
         let mut wrenches = self.to.wrenches(&deviations, self.ahead);
-        if self.share < 1.0 {
+        if self.blend < 1.0 {
             let old = self.from.wrenches(&deviations, self.ahead);
             for (wrench, old) in wrenches.iter_mut().zip(&old) {
                 *wrench = old
-                    .scaled(1.0 - self.share)
-                    .plus(&wrench.scaled(self.share));
+                    .scaled(1.0 - self.blend)
+                    .plus(&wrench.scaled(self.blend));
             }
         }
         wrenches

@@ -50,6 +50,7 @@ pub mod controller;
 pub mod coupling;
 pub mod device;
 pub mod geometry;
+mod limits;
 pub mod local_model;
 pub mod passivity;
 pub mod proxy;

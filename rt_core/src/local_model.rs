@@ -12,7 +12,7 @@
 //! with the condensation in `physics`.
 //!
 //! **Drift.** A hand that moves steadily finds a body that moves already, and stiffness alone takes all of the hand's
-//! way for news. Where `w0'` is the rate of the wrench along the path `d = v0 s` that the handles are on, the
+//! displacement for news. Where `w0'` is the rate of the wrench along the path `d = v0 s` that the handles are on, the
 //! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It is the same as above with
 //! `p = w0' + K v0`: the part of the wrench's rate that stiffness does not foretell. A body that answers at once has
 //! no drift.
@@ -188,6 +188,38 @@ impl LocalModel {
         }
     }
 
+    /// Copies what is in use of another model: with one handle a tenth of what all would take. What is not in use stays as
+    /// it was.
+    pub fn copy_used_from(&mut self, other: &Self) {
+        let n = usize::from(other.handle_count);
+        let Self {
+            sequence,
+            epoch,
+            time_ns,
+            period,
+            horizon,
+            energy,
+            released,
+            handle_count,
+            handles,
+            stiffness,
+            damping,
+        } = self;
+        *sequence = other.sequence;
+        *epoch = other.epoch;
+        *time_ns = other.time_ns;
+        *period = other.period;
+        *horizon = other.horizon;
+        *energy = other.energy;
+        *released = other.released;
+        *handle_count = other.handle_count;
+        for (mine, theirs) in handles.iter_mut().zip(other.handles()) {
+            *mine = *theirs;
+        }
+        copy_used_blocks(stiffness, &other.stiffness, n);
+        copy_used_blocks(damping, &other.damping, n);
+    }
+
     /// The handles in use.
     pub fn handles(&self) -> impl Iterator<Item = &HandleReference> {
         self.handles.iter().take(usize::from(self.handle_count))
@@ -280,28 +312,28 @@ impl LocalModel {
     /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device: `a_i a_j B_ij` with the
     /// largest `a` up to one that do it, which keeps the matrix positive where it was.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
-        let mut shares = [[1.0; 2]; MAX_HANDLES];
+        let mut scales = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
         let rows = self.damping.iter().enumerate().zip(&self.handles);
-        for (((i, row), handle), shares) in rows.zip(&mut shares).take(n) {
+        for (((i, row), handle), scales) in rows.zip(&mut scales).take(n) {
             let Some(own) = row.get(i) else { continue };
-            for ((share, most), found) in
-                shares.iter_mut().zip(most(handle.device)).zip(largest(own))
+            for ((fraction, most), found) in
+                scales.iter_mut().zip(most(handle.device)).zip(largest(own))
             {
                 if found > most {
-                    *share = libm::sqrt(most / found);
+                    *fraction = libm::sqrt(most / found);
                 }
             }
         }
-        if shares.iter().flatten().all(|&share| share == 1.0) {
+        if scales.iter().flatten().all(|&fraction| fraction == 1.0) {
             return;
         }
         let scale = |[linear, angular]: [f64; 2]| {
             Vec6::new(linear, linear, linear, angular, angular, angular)
         };
-        for (row, mine) in self.damping.iter_mut().zip(&shares).take(n) {
+        for (row, mine) in self.damping.iter_mut().zip(&scales).take(n) {
             let mine = scale(*mine);
-            for (block, theirs) in row.iter_mut().zip(&shares).take(n) {
+            for (block, theirs) in row.iter_mut().zip(&scales).take(n) {
                 let theirs = scale(*theirs);
                 block.component_mul_assign(&(mine * theirs.transpose()));
             }
@@ -340,18 +372,18 @@ impl LocalModel {
         found
     }
 
-    /// Mixes stiffness, damping and drift of two models that share their handles: this one's share falls to `1 - share`.
+    /// Mixes stiffness, damping and drift of two models that have the same handles: this one's fraction falls to `1 - fraction`.
     /// The reference wrenches are left as they are, for the reference changes next.
-    pub(crate) fn mix(&mut self, other: &Self, share: f64) {
+    pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
         let n = usize::from(self.handle_count);
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles).take(n) {
             mine.drift = mine
                 .drift
-                .scaled(1.0 - share)
-                .plus(&theirs.drift.scaled(share));
+                .scaled(1.0 - fraction)
+                .plus(&theirs.drift.scaled(fraction));
         }
-        mix_blocks(&mut self.stiffness, &other.stiffness, share, n);
-        mix_blocks(&mut self.damping, &other.damping, share, n);
+        mix_blocks(&mut self.stiffness, &other.stiffness, fraction, n);
+        mix_blocks(&mut self.damping, &other.damping, fraction, n);
     }
 }
 
@@ -363,6 +395,14 @@ fn used_blocks(blocks: &PairBlocks, n: usize) -> impl Iterator<Item = &Mat6> {
         .flat_map(move |row| row.iter().take(n))
 }
 
+fn copy_used_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, n: usize) {
+    for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
+        for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
+            *mine = *theirs;
+        }
+    }
+}
+
 /// Whether every number of a block is finite. It looks at all of them: that takes the same time whatever
 /// they are, and less than stopping at the first that is not.
 fn is_finite(block: &Mat6) -> bool {
@@ -370,10 +410,10 @@ fn is_finite(block: &Mat6) -> bool {
     numbers.fold(true, |finite, x| finite & x.is_finite())
 }
 
-fn mix_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, share: f64, n: usize) {
+fn mix_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, fraction: f64, n: usize) {
     for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
         for (a, b) in mine.iter_mut().zip(theirs).take(n) {
-            *a = *a * (1.0 - share) + b * share;
+            *a = *a * (1.0 - fraction) + b * fraction;
         }
     }
 }

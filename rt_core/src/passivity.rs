@@ -9,7 +9,7 @@
 //! `passivity/classic.rs`.
 //!
 //! **Weight** is a potential and not the cap's business: it gives back exactly what lifting it took. It is left out of
-//! `F_s`, `V` and `H` and accounted for apart. Where the held share `s` of a weight `g` changes (a host that was late, a
+//! `F_s`, `V` and `H` and accounted for apart. Where the held fraction `s` of a weight `g` changes (a host that was late, a
 //! device that was silent) at a place `p`, its potential changes by `R = -ds g . (p - p_0)`. The sum of these changes
 //! has its sign: a weight that is taken away up there and comes back up there costs nothing. As long as the sum is
 //! above zero, hands have been spared so much work, and the cap has so much less to spend.
@@ -25,6 +25,7 @@ pub(crate) use hand::Motion;
 
 use crate::MAX_DEVICES;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
+use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_SPEED};
 
 /// Most ticks by which a device renders a wrench late.
 pub const MAX_DELAY: usize = 4;
@@ -33,10 +34,6 @@ pub const MAX_DELAY: usize = 4;
 const MOST_FORCE: f64 = 1e6;
 /// How long (s) it is remembered how far a hand got in a tick.
 const MEMORY: f64 = 0.02;
-
-/// Faster than this (m/s, rad/s) no hand moves a device: such a step is a reading gone wrong, and no work was done on
-/// the way. Without this one bad reading would leave a debt that no hand could ever repay.
-const FASTEST: [f64; 2] = [20.0, 200.0];
 
 /// A device as the account sees it, all of it at the handle and in the scene's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -89,7 +86,7 @@ pub struct PassivityConfig {
     /// What may be spent without having been put in (J): the start of the account, its slack above twice what is
     /// stored, and the debt at which damping ends.
     pub allowance: f64,
-    /// Share of the devices' own damping and friction that is relied on.
+    /// Fraction of the devices' own damping and friction that is relied on.
     pub credit: f64,
     /// Ticks between a wrench's command and when the device renders it.
     pub delay: usize,
@@ -165,7 +162,7 @@ pub struct Passivity {
     /// Work that hands were spared by weights that went and came (J), with its sign.
     spared: f64,
     withheld: Withheld,
-    /// Share of the devices' damping that takes out what is missing.
+    /// Fraction of the devices' damping that takes out what is missing.
     damped: f64,
     /// Whether a first local model has come.
     began: bool,
@@ -220,8 +217,8 @@ impl Passivity {
             };
             hand.crept = Vec3::zeros();
             hand.pace = 1.0;
-            for way in &mut hand.ways {
-                way.since = way.since.saturating_add(1);
+            for last in &mut hand.last_steps {
+                last.since = last.since.saturating_add(1);
             }
             let moved = pose.displacement_from(&before);
             if !possible(&moved, self.config.period) {
@@ -231,36 +228,50 @@ impl Passivity {
             for (reach, length) in hand.reach.iter_mut().zip(norms(&moved)) {
                 *reach = length.max(*reach * self.fade);
             }
-            let way = Vec3::new(step.x, step.y, step.z);
+            let translation = Vec3::new(step.x, step.y, step.z);
             let held = hand.held.get(self.config.delay);
             let work = held.map_or(0.0, |wrench| wrench.stacked().dot(step)) * port.force_scale;
             let weight = hand.weights.get(self.config.delay);
-            let fallen = weight.map_or(0.0, |weight| weight.dot(&way)) * port.force_scale;
+            let fallen = weight.map_or(0.0, |weight| weight.dot(&translation)) * port.force_scale;
             let turn = Vec3::new(step.w, step.a, step.b);
-            let [ways, turns] = &mut hand.ways;
-            if way != Vec3::zeros() {
-                if ways.since > 1 && way.norm() < 1.5 * port.count {
-                    hand.crept = way;
-                    hand.pace = f64::from(ways.since);
+            let [last, last_turn] = &mut hand.last_steps;
+            if translation != Vec3::zeros() {
+                if last.since > 1 && translation.norm() < 1.5 * port.count {
+                    hand.crept = translation;
+                    hand.pace = f64::from(last.since);
                 }
-                hand.heading = hand
-                    .heading
-                    .zip_map(&way, |last, now| if now == 0.0 { last } else { now });
+                note_turns(&mut hand.onward, &translation, &hand.heading, port.count);
+                hand.heading =
+                    hand.heading.zip_map(
+                        &translation,
+                        |last, now| if now == 0.0 { last } else { now },
+                    );
             }
             let period = self.config.period;
-            let share = self.config.credit;
-            let onwards = ways.dissipated(&way, period, [port.damping, port.friction], share);
-            if way != Vec3::zeros() {
+            let fraction = self.config.credit;
+            let onwards = last.dissipated(
+                &translation,
+                period,
+                [port.damping, port.friction],
+                fraction,
+            );
+            if translation != Vec3::zeros() {
                 let held = held.map_or(Vec3::zeros(), |wrench| wrench.force);
                 let spring = (held - weight.copied().unwrap_or_default()) * port.force_scale;
-                note_edges(&mut hand.edges, &way, &spring, onwards > 0.0, port.count);
+                note_edges(
+                    &mut hand.edges,
+                    &translation,
+                    &spring,
+                    onwards > 0.0,
+                    port.count,
+                );
             }
             let credit = onwards
-                + turns.dissipated(
+                + last_turn.dissipated(
                     &turn,
                     period,
                     [port.turning_damping, port.turning_friction],
-                    share,
+                    fraction,
                 );
             self.account.supplied -= work;
             self.account.credited += credit;
@@ -300,6 +311,14 @@ impl Passivity {
         self.got = 0.0;
     }
 
+    /// One along each axis of a device; zero where its last step was a single count back, as a tremor on the edge of a
+    /// count makes it.
+    pub(crate) fn onward(&self, device: usize) -> Vec3 {
+        self.hands
+            .get(device)
+            .map_or(Vec3::repeat(1.0), |hand| hand.onward)
+    }
+
     /// In how many ticks a device has made the translation of this tick: one, or more where it is a count after a rest.
     pub(crate) fn pace(&self, device: usize) -> f64 {
         self.hands.get(device).map_or(1.0, |hand| hand.pace)
@@ -315,7 +334,7 @@ impl Passivity {
     pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
         for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
-            // No device holds more than this, so a number that says otherwise was held back on the way.
+            // No device holds more than this, so a number that says otherwise was held back before it left.
             let held = |force: &Vec3| force.norm() <= MOST_FORCE;
             let zero = (Wrench::zero(), Vec3::zeros());
             let sound = wrench.is_finite() && held(&wrench.force) && held(weight);
@@ -329,11 +348,21 @@ impl Passivity {
     }
 }
 
-/// Tells the edges of each axis of a step by `way` (m) under `force` (N).
-fn note_edges(edges: &mut [Edge; 3], way: &Vec3, force: &Vec3, credited: bool, count: f64) {
-    let [x, y, z] = [way.x, way.y, way.z].map(|by| by != 0.0);
+/// Notes along which axes a step by `translation` (m) is a single count back.
+fn note_turns(onward: &mut Vec3, translation: &Vec3, heading: &Vec3, count: f64) {
+    for ((onward, by), last) in onward.iter_mut().zip(translation).zip(heading) {
+        if *by != 0.0 {
+            let turns = by * last < 0.0 && by.abs() < 1.5 * count;
+            *onward = if turns { 0.0 } else { 1.0 };
+        }
+    }
+}
+
+/// Tells the edges of each axis of a step by `translation` (m) under `force` (N).
+fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited: bool, count: f64) {
+    let [x, y, z] = [translation.x, translation.y, translation.z].map(|by| by != 0.0);
     let others = [y || z, x || z, x || y];
-    let axes = way.iter().zip(force).zip(edges).zip(others);
+    let axes = translation.iter().zip(force).zip(edges).zip(others);
     for (((&by, force), edge), others) in axes {
         if by != 0.0 {
             edge.step(by, -force * by, credited, count);
@@ -344,9 +373,10 @@ fn note_edges(edges: &mut [Edge; 3], way: &Vec3, force: &Vec3, credited: bool, c
     }
 }
 
-/// Whether a device can have moved so far in a tick. What is not a number it cannot.
+/// Whether a device can have moved so far in a tick; not where the step is not a number. A step that is not possible is a
+/// reading gone wrong, and no work was done on it: one bad reading would leave a debt that no hand could ever repay.
 fn possible(step: &Vec6, period: f64) -> bool {
-    let [linear, angular] = FASTEST.map(|speed| speed * period);
+    let [linear, angular] = [LARGEST_SPEED, LARGEST_ANGULAR_RATE].map(|speed| speed * period);
     let translation = Vec3::new(step.x, step.y, step.z);
     let rotation = Vec3::new(step.w, step.a, step.b);
     translation.norm() <= linear && rotation.norm() <= angular

@@ -36,17 +36,17 @@ impl Proxy {
         }
     }
 
-    /// Leaves `share` of a device's way and turn from `left` to `now` behind: with one, the proxy stays where it is.
-    pub fn slip(&mut self, share: f64, left: &DeviceState, now: &DeviceState) {
-        let way = left.pose.position - now.pose.position;
-        self.origin += self.rotation * way * (self.motion_scale * share);
+    /// Leaves `fraction` of a device's displacement and turn from `left` to `now` behind: with one, the proxy stays where it is.
+    pub fn slip(&mut self, fraction: f64, left: &DeviceState, now: &DeviceState) {
+        let displacement = left.pose.position - now.pose.position;
+        self.origin += self.rotation * displacement * (self.motion_scale * fraction);
         // A device that senses no rotation hands the same on for ever.
         if left.pose.rotation != now.pose.rotation {
             let [from, to] = [left, now].map(|state| self.on_axes(state));
             // A part of the turn by blending: a hand turns so little in a tick that it is the same, and no angle is needed.
             let turn = (to * from.inverse()).coords;
             let turn = if turn.w < 0.0 { -turn } else { turn };
-            let part = turn * (1.0 - share) + Quaternion::identity().coords * share;
+            let part = turn * (1.0 - fraction) + Quaternion::identity().coords * fraction;
             let part = UnitQuaternion::new_normalize(Quaternion::from(part));
             let turned = to.inverse() * part * from * self.turned;
             // A report's few bits leave a quaternion a little off its length: many of them must not add up.
@@ -81,7 +81,7 @@ impl Proxy {
         }
     }
 
-    /// The other way: the wrench on the proxy (world axes) that a device's wrench (its own axes) renders. Zero where the
+    /// The inverse: the wrench on the proxy (world axes) that a device's wrench (its own axes) renders. Zero where the
     /// scales leave nothing to render.
     pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
         let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
@@ -105,7 +105,7 @@ mod tests {
         #[test]
         fn a_clutch_leaves_its_share_behind(
             frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
-            scale in 0.1..10.0, share in 0.0..1.0,
+            scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {
             let mut proxy = Proxy {
                 rotation: UnitQuaternion::from_scaled_axis(frame),
@@ -126,10 +126,10 @@ mod tests {
             // As far as a hand turns in a tick.
             let turn = turn * 0.01;
             now.pose.rotation = UnitQuaternion::from_scaled_axis(turn) * now.pose.rotation;
-            proxy.slip(share, &left, &now);
+            proxy.slip(fraction, &left, &now);
             let (after, _) = proxy.to_scene(&now);
             let moved = after.displacement_from(&before);
-            let rest = 1.0 - share;
+            let rest = 1.0 - fraction;
             let translation = proxy.rotation * way * (scale * rest);
             let rotation = proxy.rotation * turn * rest;
             // Rounding of numbers of order ten.

@@ -16,7 +16,7 @@ use crate::count_one;
 use crate::device::{DeviceState, Freedom};
 use crate::geometry::{Vec3, Wrench, smooth_step};
 
-/// Share of a limit below which what it took away comes back.
+/// Fraction of a limit below which what it took away comes back.
 const BACK: f64 = 0.9;
 
 /// Limits of what may leave for a device. Infinite limits never act.
@@ -144,8 +144,8 @@ impl Limiter {
         self.misses > self.config.patience
     }
 
-    /// Share of the force that passes as faults go: one where nothing has tripped for a while.
-    pub fn share(&self) -> f64 {
+    /// Fraction of the force that passes as faults go: one where nothing has tripped for a while.
+    pub fn fraction(&self) -> f64 {
         smooth_step(self.authority)
     }
 
@@ -209,7 +209,7 @@ impl Limiter {
             } else {
                 SafetyState::Recovering
             };
-            passed = passed.scaled(self.share());
+            passed = passed.scaled(self.fraction());
         }
         let force = shorten(&mut passed.force, config.max_force);
         let moment = shorten(&mut passed.moment, config.max_moment);

@@ -15,7 +15,7 @@ use kalman::Filter;
 pub use adaptive::LONGEST;
 pub use kalman::Gains;
 
-/// Share of `mass / (period / 2 + late)` that [`most_damping`] allows.
+/// Fraction of `mass / (period / 2 + late)` that [`most_damping`] allows.
 const SHARE: f64 = 0.25;
 
 /// Damping (N s/m) that may be rendered on a device's moving mass (kg) with ticks of `period` and a

@@ -1,6 +1,6 @@
 //! The host's side of the firmware protocol: from a device's report to a state, from a wrench to a report.
 //!
-//! Device units end here. The HID backend and the simulated wire share it, so what is simulated is what a
+//! Device units end here. The HID backend and the simulated wire use it both, so what is simulated is what a
 //! real device goes through.
 
 use crate::device::{DeviceState, Freedom};

@@ -427,3 +427,55 @@ fn a_wall_of_counts_stays_stiff_in_a_trembling_hand() {
     let soft = held_by_a_trembling_hand(false, 30);
     assert!(soft < 0.9, "{soft}");
 }
+
+#[test]
+fn a_single_count_back_is_no_velocity() {
+    let (k, b, count) = (5000.0, 5.0, 4e-5);
+    let mut passivity = PassivityConfig::new(PERIOD);
+    passivity.ports[0] = Port {
+        friction: 0.4,
+        count,
+        ..Port::UNKNOWN
+    };
+    let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
+    let mut model = wall(k, 1, 1);
+    model.damping[0][0][(0, 0)] = b;
+    coupling.accept(&model).expect("a sound model");
+    // What the estimate of a velocity makes of counts is late: it may have any sign.
+    let speed = 0.01;
+    // What acts beside the spring when so many counts deep.
+    let mut beside = |deep: f64| {
+        let twist = Twist {
+            linear: Vec3::x() * speed,
+            ..Twist::zero()
+        };
+        let shown = Pose::at(Vec3::new(-deep * count, 0.0, 0.0));
+        let wrenches = coupling.tick(1, &[(shown, twist)]);
+        let mut held = [Wrench::zero(); MAX_DEVICES];
+        held[0] = wrenches[0];
+        coupling.hold(&held, &[1.0; MAX_DEVICES]);
+        wrenches[0].force.x - k * deep * count
+    };
+    // The first model comes in by and by; then the hand gets in, count by count: no step turns back.
+    for _ in 0..2000 {
+        beside(0.0);
+    }
+    for deep in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] {
+        beside(deep);
+    }
+    let damper = -b * speed;
+    // Half a step is led by the stiffness: all of a count that follows another.
+    let lead = 0.5 * k * count;
+    // Differences of forces of some newtons.
+    let is = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
+    is(beside(7.0), damper + lead);
+    is(beside(7.0), damper);
+    // A tremor on the edge of a count: neither damper nor lead, nor while it rests.
+    for deep in [6.0, 6.0, 7.0, 6.0, 6.0, 7.0] {
+        is(beside(deep), 0.0);
+    }
+    // On from there, and two counts back at once: so a hand goes.
+    is(beside(8.0), damper + lead);
+    is(beside(6.0), damper - 2.0 * lead);
+    is(beside(6.0), damper);
+}

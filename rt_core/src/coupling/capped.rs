@@ -1,26 +1,31 @@
 //! The coupling under `capped`: what of a model the devices can render, its wrenches in parts, and the cap over them.
 //!
-//! A held force lags by half a tick, and by the ticks by which a device is late: a share of each step (`lead`) is rendered
+//! A held force lags by half a tick, and by the ticks by which a device is late: a fraction of each step (`lead`) is rendered
 //! by the stiffness as a damper would.
+//!
+//! **A single count back** says nothing of a velocity: a tremor on the edge of a count makes it, too. An estimate of the
+//! velocity is late by some ticks, so a damper's answer to that count would meet the next and push it along: a light
+//! device on a stiff body would never come to rest. As long as such a count is the last step along an axis, neither
+//! dampers nor the lead act along it.
 
 use super::Coupling;
 use crate::geometry::{Pose, Twist, Vec6, Wrench};
-use crate::local_model::{LocalModel, Parts};
+use crate::local_model::Parts;
 use crate::passivity::{Motion, Port};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
 impl Coupling {
-    /// What of a model the devices can render: its damping bounded, and how much of the stiffness acts as one.
-    pub(super) fn bound(&mut self, model: &mut LocalModel) {
+    /// Bounds the pending model by what the devices can render: its damping, and how much of the stiffness acts as one.
+    pub(super) fn bound(&mut self) {
         let config = self.passivity.config();
         let port = |device: u8| config.ports.get(usize::from(device));
         let most = |device| port(device).map_or([f64::INFINITY; 2], Port::most);
-        model.bound_damping(most);
+        self.pending.bound_damping(most);
         // A held force lags by half a tick, and by what the device is late.
         let late = 0.5 + config.delay as f64;
-        let found = model.own_stiffness();
+        let found = self.pending.own_stiffness();
         let mut lead = [[0.0; 2]; MAX_HANDLES];
-        for ((lead, found), handle) in lead.iter_mut().zip(&found).zip(model.handles()) {
+        for ((lead, found), handle) in lead.iter_mut().zip(&found).zip(self.pending.handles()) {
             for ((lead, found), most) in lead.iter_mut().zip(found).zip(most(handle.device)) {
                 *lead = late.min(most / (found * config.period).max(f64::MIN_POSITIVE));
             }
@@ -28,13 +33,22 @@ impl Coupling {
         self.lead = lead;
     }
 
-    /// The model's wrenches in parts, blended as the whole is.
-    pub(super) fn parts(&self, devices: &[(Pose, Twist)], lead: &[Vec6; MAX_HANDLES]) -> Parts {
-        let deviations = self.to.deviations(devices);
+    /// The model's wrenches in parts, blended as the whole is; dampers act along axes of which `onward` is one, and not
+    /// where it is zero.
+    pub(super) fn parts(
+        &self,
+        devices: &[(Pose, Twist)],
+        lead: &[Vec6; MAX_HANDLES],
+        onward: &[Vec6; MAX_HANDLES],
+    ) -> Parts {
+        let mut deviations = self.to.deviations(devices);
+        for (deviation, onward) in deviations.iter_mut().zip(onward) {
+            deviation.velocity.component_mul_assign(onward);
+        }
         let mut parts = self.to.parts(&deviations, lead, self.ahead);
-        if self.share < 1.0 {
+        if self.blend < 1.0 {
             let mut from = self.from.parts(&deviations, lead, self.ahead);
-            from.mix(&parts, self.share);
+            from.mix(&parts, self.blend);
             parts = from;
         }
         parts
@@ -48,8 +62,10 @@ impl Coupling {
     ) -> [Wrench; MAX_HANDLES] {
         let mut motions = [Motion::none(); MAX_HANDLES];
         let mut lead = [Vec6::zeros(); MAX_HANDLES];
-        let each = motions.iter_mut().zip(&mut lead).zip(&self.lead);
-        for (((motion, lead), share), handle) in each.zip(self.to.handles()) {
+        let mut onward = [Vec6::repeat(1.0); MAX_HANDLES];
+        let each = motions.iter_mut().zip(&mut lead).zip(&mut onward);
+        let each = each.zip(&self.lead).zip(self.to.handles());
+        for ((((motion, lead), onward), fraction), handle) in each {
             let device = usize::from(handle.device);
             let (Some(step), Some((_, twist))) = (steps.get(device), devices.get(device)) else {
                 continue;
@@ -59,14 +75,17 @@ impl Coupling {
                 heading: self.passivity.heading(device),
                 velocity: twist.stacked(),
             };
-            let [linear, angular] = *share;
+            let [linear, angular] = *fraction;
             // A hand that made one count in many ticks went on slowly: what the spring lags by is that much less.
             let linear = linear / self.passivity.pace(device);
             *lead = step.component_mul(&Vec6::new(
                 linear, linear, linear, angular, angular, angular,
             ));
+            let sure = self.passivity.onward(device);
+            *onward = Vec6::new(sure.x, sure.y, sure.z, 1.0, 1.0, 1.0);
+            lead.component_mul_assign(onward);
         }
-        let mut parts = self.parts(devices, &lead);
+        let mut parts = self.parts(devices, &lead, &onward);
         if !parts.stored.is_finite() {
             // An energy that overflowed is more than anyone has put in.
             parts.stored = f64::MAX;

@@ -12,7 +12,7 @@ pub struct Parts {
     pub elastic: [Vec6; MAX_HANDLES],
     /// What dampers do: less the damping times the velocity.
     pub viscous: [Vec6; MAX_HANDLES],
-    /// Energy that hands at rest could get back (J): that of the reference, less the work of the springs on the way.
+    /// Energy that hands at rest could get back (J): that of the reference, less the work of the springs from there.
     pub stored: f64,
 }
 
@@ -26,22 +26,22 @@ impl Parts {
         }
     }
 
-    /// A mixture: this one's share falls to `1 - share`. Its energy is no less than that of the mixed model, for
+    /// A mixture: this one's fraction falls to `1 - fraction`. Its energy is no less than that of the mixed model, for
     /// `w^T K^-1 w` is convex in both (S. Boyd and L. Vandenberghe, "Convex optimization", 2004, example 3.4).
-    pub(crate) fn mix(&mut self, other: &Self, share: f64) {
+    pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
         for (mine, theirs) in self.elastic.iter_mut().zip(&other.elastic) {
-            *mine = *mine * (1.0 - share) + theirs * share;
+            *mine = *mine * (1.0 - fraction) + theirs * fraction;
         }
         for (mine, theirs) in self.viscous.iter_mut().zip(&other.viscous) {
-            *mine = *mine * (1.0 - share) + theirs * share;
+            *mine = *mine * (1.0 - fraction) + theirs * fraction;
         }
-        self.stored = self.stored * (1.0 - share) + other.stored * share;
+        self.stored = self.stored * (1.0 - fraction) + other.stored * fraction;
     }
 }
 
 impl LocalModel {
     /// The same wrenches, what springs hold and what dampers do told apart, where the drift has gone on for `ahead` (s).
-    /// `lead` is a displacement of each handle that the stiffness resists as a damper would: a share of its last step.
+    /// `lead` is a displacement of each handle that the stiffness resists as a damper would: a fraction of its last step.
     pub fn parts(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -65,7 +65,7 @@ impl LocalModel {
                 *viscous -= b * deviation.velocity + k * lead;
             }
             *elastic = begin - fall;
-            // The force is linear on the way, so its mean counts.
+            // The force is linear along the displacement, so its mean counts.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
         parts.stored = (self.energy - work).max(0.0);

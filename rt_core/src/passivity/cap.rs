@@ -18,12 +18,12 @@
 //! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
 //! ```
 //!
-//! There `D` is how far the hand may get in a tick, whichever way: the longest of its last steps, forgotten by and by.
+//! There `D` is how far the hand may get in a tick, in any direction: the longest of its last steps, forgotten by and by.
 //! When a hand turns back within a tick, the previous tick's damper pushes it along; only the first quick step is a
 //! surprise.
 //!
 //! **The certificate** is the bound on what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`,
-//! `K` and `w0` a model claims: what came out is at most what was stored at the start, twice `E`, and the share of the
+//! `K` and `w0` a model claims: what came out is at most what was stored at the start, twice `E`, and the fraction of the
 //! devices' own dissipation that is relied on. `V` decides only how early the force bows out. A model that claims too
 //! much energy must not soften a hold that was paid for, so the force stays whole down to three tenths of `V`. From
 //! there, on the way out, `d ln H / d ln V = 1 / 0.3`: force and account come to nothing together with `V`, without a
@@ -50,7 +50,7 @@ use crate::velocity::VelocityEstimator;
 /// of where it goes.
 const CREEP: f64 = 1e-3;
 
-/// Share of the energy that a model claims below which the force bows out. A device that is late by a tick renders
+/// Fraction of the energy that a model claims below which the force bows out. A device that is late by a tick renders
 /// another tick's force on a hand that grows faster meanwhile: twice as much must be backed, and at most all. Where a
 /// force falls no faster than a limit of slew, all must.
 const BACKED: f64 = 0.3;
@@ -59,8 +59,21 @@ const BACKED: f64 = 0.3;
 /// through zero for some ticks, and what was paid for the spring would be lost.
 const FORGET: f64 = 0.5;
 
+/// More damping than this (N s/m, N m s/rad) is not rendered where nothing is known of a device.
+const MOST_DAMPING: f64 = 1e3;
+
 /// Time (s) in which the damper that takes out what is missing grows to all that a device can render.
 const EASE: f64 = 0.02;
+
+/// The devices on a body's handles, in the handles' order.
+struct Holders {
+    devices: [usize; MAX_HANDLES],
+    ports: [Port; MAX_HANDLES],
+    /// How far each handle may get in a tick: translation (m) and rotation (rad).
+    reaches: [[f64; 2]; MAX_HANDLES],
+    /// Work that wrenches commanded before may still do (J).
+    under_way: f64,
+}
 
 impl Passivity {
     /// Caps the elastic and viscous wrenches on the handles whose devices are `devices`, of which `stored` (J)
@@ -73,13 +86,34 @@ impl Passivity {
         elastic: &mut [Vec6; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) {
-        let period = self.config.period;
-        let mut ports = [Port::UNKNOWN; MAX_HANDLES];
-        let mut reaches = [[0.0; 2]; MAX_HANDLES];
-        let mut under_way = 0.0;
-        let mut holders = [usize::MAX; MAX_HANDLES];
-        let each = ports.iter_mut().zip(&mut reaches).zip(devices).zip(motions);
-        for ((((port, reach), device), motion), holder) in each.zip(&mut holders) {
+        let holders = self.holders(devices, motions);
+        let spared = self.spared.max(0.0);
+        self.forget(spared, stored);
+        // Wrenches under way will be rendered whatever is decided now.
+        let left = self.credit - spared - holders.under_way;
+        let budget = left.max(0.0);
+        let bowed = self.bowed_out(budget, stored, &holders.ports);
+        self.damp_missing(stored - budget, &holders.ports, motions, viscous);
+        let [kept, solvent] = self.certified(left, bowed, &holders.reaches, elastic, viscous);
+        self.withhold([kept, solvent], elastic, viscous);
+        self.settle_counts(&holders, elastic);
+    }
+
+    /// What is known of the devices on a body's handles.
+    fn holders(
+        &self,
+        devices: impl Iterator<Item = u8>,
+        motions: &[Motion; MAX_HANDLES],
+    ) -> Holders {
+        let mut holders = Holders {
+            devices: [usize::MAX; MAX_HANDLES],
+            ports: [Port::UNKNOWN; MAX_HANDLES],
+            reaches: [[0.0; 2]; MAX_HANDLES],
+            under_way: 0.0,
+        };
+        let each = holders.ports.iter_mut().zip(&mut holders.reaches);
+        let each = each.zip(devices).zip(motions).zip(&mut holders.devices);
+        for ((((port, reach), device), motion), holder) in each {
             let device = usize::from(device);
             *holder = device;
             let known = self.config.ports.get(device).zip(self.hands.get(device));
@@ -87,20 +121,24 @@ impl Passivity {
                 *port = *known;
                 *reach = hand.reach;
                 let coming = hand.held.iter().take(self.config.delay);
-                under_way += coming
+                holders.under_way += coming
                     .map(|wrench| most_work(&wrench.stacked(), reach))
                     .sum::<f64>()
                     + hand.lingering(&motion.velocity, known.max_slew);
             }
         }
-        let spared = self.spared.max(0.0);
+        holders
+    }
+
+    /// Lets credit fade that is not backed by what is `stored` (J); work that hands were `spared` (J) is no credit.
+    fn forget(&mut self, spared: f64, stored: f64) {
         let backed = 2.0 * stored + self.config.allowance;
-        self.credit -= (self.credit - spared - backed).max(0.0) * (period / FORGET);
-        // Wrenches under way will be rendered whatever is decided now.
-        let left = self.credit - spared - under_way;
-        let budget = left.max(0.0);
-        let missing = stored - budget;
-        let mut kept = 1.0;
+        self.credit -= (self.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
+    }
+
+    /// The fraction of the elastic wrenches that is left where the `budget` (J) falls below the part of the `stored`
+    /// energy (J) that must be backed.
+    fn bowed_out(&self, budget: f64, stored: f64, ports: &[Port; MAX_HANDLES]) -> f64 {
         let slow = ports.iter().any(|port| port.max_slew.is_finite());
         let backed = if slow {
             1.0
@@ -108,31 +146,66 @@ impl Passivity {
             (BACKED * (1.0 + self.config.delay as f64)).min(1.0)
         };
         if budget < backed * stored {
-            kept = budget / (backed * stored);
+            budget / (backed * stored)
+        } else {
+            1.0
         }
-        // The damper comes and goes without a jump.
+    }
+
+    /// Adds the damper that takes out the energy that is `missing` (J). It comes and goes without a jump.
+    fn damp_missing(
+        &mut self,
+        missing: f64,
+        ports: &[Port; MAX_HANDLES],
+        motions: &[Motion; MAX_HANDLES],
+        viscous: &mut [Vec6; MAX_HANDLES],
+    ) {
+        let period = self.config.period;
         let (eased, step) = (self.damped, period / EASE);
         let bounds = [(eased - step).max(0.0), (eased + step).min(1.0)];
         self.damped = 0.0;
         if missing > 0.0 || eased > step {
             let mut clear = *motions;
-            for (motion, port) in clear.iter_mut().zip(&ports) {
+            for (motion, port) in clear.iter_mut().zip(ports) {
                 quieten(&mut motion.velocity, port.count);
             }
-            self.damped = damp(missing, period, bounds, &ports, &clear, viscous);
+            self.damped = damp(missing, period, bounds, ports, &clear, viscous);
         }
+    }
+
+    /// The certificate: the fractions of the elastic and of the viscous wrenches that are left. Whichever way the hands
+    /// turn, springs spend no more than there is `left` (J), and dampers no more than the allowance on top.
+    fn certified(
+        &self,
+        left: f64,
+        bowed: f64,
+        reaches: &[[f64; 2]; MAX_HANDLES],
+        elastic: &[Vec6; MAX_HANDLES],
+        viscous: &[Vec6; MAX_HANDLES],
+    ) -> [f64; 2] {
         let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
-            let each = wrenches.iter().zip(&reaches);
+            let each = wrenches.iter().zip(reaches);
             each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
         };
-        // Whichever way the hands turn, springs spend no more than there is, and dampers no more than the allowance on
-        // top.
         let (springs, dampers) = (most(elastic), most(viscous));
-        if springs * kept > budget {
-            kept = budget / springs;
-        }
+        let budget = left.max(0.0);
+        let kept = if springs * bowed > budget {
+            budget / springs
+        } else {
+            bowed
+        };
         let room = (left + self.config.allowance - springs * kept).max(0.0);
         let solvent = if dampers > room { room / dampers } else { 1.0 };
+        [kept, solvent]
+    }
+
+    /// Leaves the fractions `kept` of the elastic and `solvent` of the viscous wrenches, and notes what is withheld.
+    fn withhold(
+        &mut self,
+        [kept, solvent]: [f64; 2],
+        elastic: &mut [Vec6; MAX_HANDLES],
+        viscous: &mut [Vec6; MAX_HANDLES],
+    ) {
         self.withheld = Withheld::default();
         if kept < 1.0 {
             for elastic in elastic.iter_mut() {
@@ -150,25 +223,29 @@ impl Passivity {
         if kept < 1.0 || solvent < 1.0 {
             crate::count_one(&mut self.account.capped);
         }
-        // A count that came after a rest was reached slowly, and left again where it was reached: the springs' force
-        // changes on the way, not after it. What a hand can make of that is less than the friction not relied on.
-        let share = self.config.credit;
-        let each = holders.iter().zip(elastic.iter()).zip(&ports);
+    }
+
+    /// Corrects the account for counts that came after a rest. Such a count was reached slowly, and left again where it
+    /// was reached: the springs' force changes during the count, not after it. A hand can make less of that than the friction
+    /// that is not relied on.
+    fn settle_counts(&mut self, holders: &Holders, elastic: &[Vec6; MAX_HANDLES]) {
+        let each = holders.devices.iter().zip(elastic).zip(&holders.ports);
         for ((holder, elastic), port) in each {
-            if let Some(hand) = self.hands.get_mut(*holder) {
-                let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
-                // What no device holds was held back on the way.
-                hand.spring = if spring.norm() <= MOST_FORCE {
-                    let corrections = (hand.spring - spring).component_mul(&hand.crept) * 0.5;
-                    self.credit += corrections.sum();
-                    for (edge, correction) in hand.edges.iter_mut().zip(&corrections) {
-                        self.credit += edge.settle(*correction, port.friction, share);
-                    }
-                    spring
-                } else {
-                    Vec3::zeros()
-                };
-            }
+            let Some(hand) = self.hands.get_mut(*holder) else {
+                continue;
+            };
+            let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
+            // A force that no device holds was held back before it left.
+            hand.spring = if spring.norm() <= MOST_FORCE {
+                let corrections = (hand.spring - spring).component_mul(&hand.crept) * 0.5;
+                self.credit += corrections.sum();
+                for (edge, correction) in hand.edges.iter_mut().zip(&corrections) {
+                    self.credit += edge.settle(*correction, port.friction, self.config.credit);
+                }
+                spring
+            } else {
+                Vec3::zeros()
+            };
         }
     }
 }
@@ -178,12 +255,12 @@ impl Passivity {
 fn quieten(velocity: &mut Vec6, count: f64) {
     let quiet = count / VelocityEstimator::SPAN;
     let [speed, _] = norms(velocity);
-    let share = if speed > quiet {
+    let fraction = if speed > quiet {
         1.0 - quiet / speed
     } else {
         0.0
     };
-    *velocity = velocity.component_mul(&Vec6::new(share, share, share, 1.0, 1.0, 1.0));
+    *velocity = velocity.component_mul(&Vec6::new(fraction, fraction, fraction, 1.0, 1.0, 1.0));
 }
 
 /// Work that a wrench can do on a hand that gets so far in a tick at most.
@@ -193,7 +270,7 @@ fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
 }
 
 /// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each
-/// device can render: a share of it within `bounds`, which is returned.
+/// device can render: a fraction of it within `bounds`, which is returned.
 pub(super) fn damp(
     missing: f64,
     period: f64,
@@ -204,15 +281,15 @@ pub(super) fn damp(
 ) -> f64 {
     // Counts come every few ticks: between them the last one says where the hand goes, or damping would come and go.
     let agree = |motion: &Motion| {
-        let (v, way, step) = (&motion.velocity, &motion.heading, &motion.step);
-        let along = way.x * v.x + way.y * v.y + way.z * v.z;
+        let (v, heading, step) = (&motion.velocity, &motion.heading, &motion.step);
+        let along = heading.x * v.x + heading.y * v.y + heading.z * v.z;
         let about = step.w * v.w + step.a * v.a + step.b * v.b;
         along + about > 0.0 && v.x * v.x + v.y * v.y + v.z * v.z > CREEP * CREEP
     };
     let mut whole = [Vec6::zeros(); MAX_HANDLES];
     let mut power = 0.0;
     for ((whole, port), motion) in whole.iter_mut().zip(ports).zip(motions) {
-        let [linear, angular] = port.most().map(|limit| limit.min(1e3));
+        let [linear, angular] = port.most().map(|limit| limit.min(MOST_DAMPING));
         if agree(motion) {
             let scale = Vec6::new(linear, linear, linear, angular, angular, angular);
             *whole = motion.velocity.component_mul(&scale);
@@ -225,9 +302,9 @@ pub(super) fn damp(
         0.0
     };
     // Not `clamp`, which may panic: the bounds are in order, but nothing here proves it.
-    let share = wanted.min(most).max(least);
+    let fraction = wanted.min(most).max(least);
     for (viscous, whole) in viscous.iter_mut().zip(&whole) {
-        *viscous -= whole * share;
+        *viscous -= whole * fraction;
     }
-    share
+    fraction
 }

@@ -5,12 +5,12 @@
 //! motor has done `(w_1 - w_2) a`, and the account has been charged `(w_1 - w_2) D`: a tremor would empty the account of
 //! a hold that was paid for.
 //!
-//! The mechanism's Coulomb friction `f_c` took `2 f_c a` on the same way; `f` stands for the part of it that has not been
+//! The mechanism's Coulomb friction `f_c` took `2 f_c a` on the same path; `f` stands for the part of it that has not been
 //! credited already. So what is truly lost is at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge the same with `D`
 //! for `a`. The rest is given back when the pair is closed. A closed pair never gains. Where counts came along another
-//! axis meanwhile, a slanting way may have to serve both, and each has one over the square root of three of it.
+//! axis meanwhile, a slanting path may have to serve both, and each has one over the square root of three of it.
 
-/// Share of the friction on a slanting way that each of three axes may rely on.
+/// Fraction of the friction on a slanting path that each of three axes may rely on.
 const SLANTING: f64 = 0.577_350_269_189_625_8;
 
 /// The last count along an axis, and what the account was told of it.
@@ -20,7 +20,7 @@ pub(super) struct Edge {
     by: f64,
     /// What the account gained by it (J), by the force that was held.
     gained: f64,
-    /// What was added for a spring that changes on the way (J).
+    /// What was added for a spring that changes during a count (J).
     corrected: f64,
     /// How many of its counts friction was credited for.
     credited: f64,
@@ -57,14 +57,14 @@ impl Edge {
     }
 
     /// The account has got `correction` (J) more for this tick's step. Returns what else it is to get (J) as the pair is
-    /// closed, where the mechanism's friction is `friction` (N) and a `share` of it is credited.
-    pub(super) fn settle(&mut self, correction: f64, friction: f64, share: f64) -> f64 {
+    /// closed, where the mechanism's friction is `friction` (N) and a `fraction` of it is credited.
+    pub(super) fn settle(&mut self, correction: f64, friction: f64, fraction: f64) -> f64 {
         self.corrected += correction;
         if !self.closed {
             return 0.0;
         }
         let slant = if self.slanting { SLANTING } else { 1.0 };
-        let covered = (2.0 - share * self.credited) * slant * friction * self.by.abs();
+        let covered = (2.0 - fraction * self.credited) * slant * friction * self.by.abs();
         let lost = (-self.gained - covered).max(0.0);
         let told = self.gained + self.corrected;
         *self = Self::default();
@@ -98,12 +98,12 @@ mod tests {
         /// However far the hand went, the account says no more than motor and friction together did.
         #[test]
         fn a_closed_pair_never_gains_and_charges_what_friction_does_not_cover(
-            out in -5.0..5.0, back in -5.0..5.0, share in 0.0..1.0, slanting: bool,
+            out in -5.0..5.0, back in -5.0..5.0, fraction in 0.0..1.0, slanting: bool,
         ) {
             let got = pair(out, back, [0.0; 2], slanting);
             let friction: f64 = FRICTION * if slanting { SLANTING } else { 1.0 };
-            // Of motor and friction, for a hand that went this share of the count.
-            let truly: f64 = ((back - out) + 2.0 * friction) * share * COUNT;
+            // Of motor and friction, for a hand that went this fraction of the count.
+            let truly: f64 = ((back - out) + 2.0 * friction) * fraction * COUNT;
             // Rounding of sums of order 1e-4 J.
             if back <= out {
                 prop_assert!(got <= 1e-18, "{got:e}");

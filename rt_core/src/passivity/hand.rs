@@ -27,13 +27,13 @@ impl Motion {
 
 /// The last translation that was one, or the last rotation.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Way {
+pub(super) struct LastStep {
     pub(super) by: Vec3,
     /// Ticks since then.
     pub(super) since: u32,
 }
 
-impl Way {
+impl LastStep {
     pub(super) fn none() -> Self {
         Self {
             by: Vec3::zeros(),
@@ -41,7 +41,7 @@ impl Way {
         }
     }
 
-    /// A `share` of the least (J) that a mechanism of this damping and friction can have dissipated on the way of this
+    /// A `fraction` of the least (J) that a mechanism of this damping and friction can have dissipated in the motion of this
     /// tick. A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a device
     /// was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
     pub(super) fn dissipated(
@@ -49,7 +49,7 @@ impl Way {
         by: &Vec3,
         period: f64,
         [damping, friction]: [f64; 2],
-        share: f64,
+        fraction: f64,
     ) -> f64 {
         if *by == Vec3::zeros() {
             return 0.0;
@@ -59,7 +59,7 @@ impl Way {
         *self = Self { by: *by, since: 0 };
         let length = by.norm();
         if onwards {
-            share * length * (damping * (length / time) + friction)
+            fraction * length * (damping * (length / time) + friction)
         } else {
             0.0
         }
@@ -77,18 +77,20 @@ pub(super) struct Hand {
     /// Where it was when it first bore weight.
     pub(super) lifted_from: Option<Vec3>,
     /// The last translation that was one, and the last rotation.
-    pub(super) ways: [Way; 2],
-    /// The last translation along each axis: a count across the way does not say that the hand has turned.
+    pub(super) last_steps: [LastStep; 2],
+    /// The last translation along each axis: a count across its path does not say that the hand has turned.
     pub(super) heading: Vec3,
     /// The step of this tick, if it was one count after a rest.
     pub(super) crept: Vec3,
     /// Ticks that the translation of this tick was made in: more than one for a count after a rest.
     pub(super) pace: f64,
+    /// One along each axis, zero where the last step was a single count back: that says nothing of a velocity.
+    pub(super) onward: Vec3,
     /// The last count along each axis.
     pub(super) edges: [Edge; 3],
     /// Force of the springs held last.
     pub(super) spring: Vec3,
-    /// How far it may get in a tick, either way: the longest of its last steps, forgotten by and by.
+    /// How far it may get in a tick, in any direction: the longest of its last steps, forgotten by and by.
     pub(super) reach: [f64; 2],
 }
 
@@ -99,10 +101,11 @@ impl Hand {
             held: [Wrench::zero(); MAX_DELAY + 1],
             weights: [Vec3::zeros(); MAX_DELAY + 1],
             lifted_from: None,
-            ways: [Way::none(); 2],
+            last_steps: [LastStep::none(); 2],
             heading: Vec3::zeros(),
             crept: Vec3::zeros(),
             pace: 1.0,
+            onward: Vec3::repeat(1.0),
             edges: [Edge::default(); 3],
             spring: Vec3::zeros(),
             reach: [0.0; 2],

@@ -43,7 +43,7 @@ fn a_wrench_that_is_not_a_number_becomes_zero_and_the_force_comes_back_smoothly(
     // Ten tenths round to just below one: the eleventh tick completes the way back.
     for _ in 0..11 {
         let now = limiter.pass(&push(2.0), Some(&here())).force.x;
-        // Ten steps of a smooth step: none larger than 1.5 times the even share.
+        // Ten steps of a smooth step: none larger than 1.5 times the even step.
         assert!(now >= last && now - last <= 2.0 * 0.15 + 1e-12);
         last = now;
     }
@@ -100,7 +100,7 @@ fn the_force_fades_while_the_device_is_too_fast_and_comes_back_without_a_jump() 
         }
     }
     assert_eq!((forces[30], forces[60]), (0.0, 2.0));
-    // Ten steps of a smooth step each way: none larger than 1.5 times the even share.
+    // Ten steps of a smooth step each way: none larger than 1.5 times the even step.
     assert!(largest_step(&forces) <= 2.0 * 0.15 + 1e-12);
     assert_eq!(limiter.counters().too_fast, 1);
     assert_eq!(
