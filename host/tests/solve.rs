@@ -281,7 +281,7 @@ fn frames_come_evenly_and_hold_the_state() {
         .map(|(number, at, _)| (*number, *at))
         .collect();
     assert_eq!(times, [(0, 0.0), (1, 0.5), (2, 1.0), (3, 1.5), (4, 2.0)]);
-    let names = |s: &physics::mesh::write_vtu::Snapshot| {
+    let names = |s: &meshio::write_vtu::Snapshot| {
         let all = s.at_vertices.iter().chain(&s.in_cells);
         all.map(|(name, _)| name.clone()).collect::<Vec<_>>()
     };
@@ -294,9 +294,8 @@ fn frames_come_evenly_and_hold_the_state() {
         "poisson",
     ];
     assert_eq!(names(&frames[4].2), expected);
-    let top = |s: &physics::mesh::write_vtu::Snapshot| {
-        s.positions.iter().map(|p| p.z).fold(-1.0, f64::max)
-    };
+    let top =
+        |s: &meshio::write_vtu::Snapshot| s.positions.iter().map(|p| p.z).fold(-1.0, f64::max);
     assert!((top(&frames[0].2) - 0.05).abs() < 1e-15);
     assert!(
         (top(&frames[1].2) - 0.10).abs() < 1e-15,

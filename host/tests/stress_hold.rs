@@ -63,7 +63,7 @@ fn a_scheme_that_is_not_the_body_is_found() {
 }
 
 /// The quick part: the cases, and each specimen on each device. A strip that swings faster than its host publishes is
-/// beyond every scheme: there `linear` is beyond the same limits.
+/// beyond every scheme: there `linear` is beyond the same limits, and is no measure for what is within them.
 #[test]
 fn capped_is_the_body_for_every_specimen_on_every_device() {
     let failing: Vec<_> = (FIRST..FIRST + 54)
@@ -71,7 +71,10 @@ fn capped_is_the_body_for_every_specimen_on_every_device() {
         .filter_map(|(cell, found)| {
             let without = failures(&found, "linear");
             let mut beyond = failures(&found, "capped");
-            beyond.retain(|failure| !without.contains(failure));
+            beyond.retain(|failure| {
+                let unmeasured = *failure == Failure::Worse && !without.is_empty();
+                !without.contains(failure) && !unmeasured
+            });
             (!beyond.is_empty()).then_some((cell, found.draw.map(|draw| draw.kind), beyond))
         })
         .collect();

@@ -4,12 +4,12 @@ use super::result::{BodySolution, Extreme, Reaction, Row};
 use crate::bodies::{Built, Carrier};
 use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
+use meshio::write_vtu::{Snapshot, Values};
 use nalgebra::UnitQuaternion;
 use physics::fem::{
     BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
     IntegratorOptions, NewtonOptions, Scheme, StepError,
 };
-use physics::mesh::write_vtu::{Snapshot, Values};
 use physics::mesh::{Cells, Mesh};
 use physics::{Mat3, Vec3};
 

@@ -11,8 +11,8 @@ mod result;
 use crate::bodies;
 use crate::scene::spec::Analysis;
 use crate::scene::{LoadedScene, SceneError};
+use meshio::write_vtu::Snapshot;
 use physics::fem::CondenseError;
-use physics::mesh::write_vtu::Snapshot;
 
 pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
 

@@ -242,7 +242,9 @@ fn race(
         absolute_tolerance: 1e-10,
         max_iterations: 10_000,
     })?;
-    let mut condenser = Condenser::new(&sheet)?;
+    // One each: a model's drift needs the one before.
+    let condensers: Result<Vec<_>, _> = rates.iter().map(|_| Condenser::new(&sheet)).collect();
+    let mut condensers = condensers?;
     let steps = (duration / STEP).round() as u64;
     let mut published = vec![0_u64; rates.len()];
     let mut race = Race {
@@ -278,7 +280,7 @@ fn race(
                 continue;
             }
             published[index] = due;
-            let condensed = condenser.condense(&sheet, 1.0 / rate)?;
+            let condensed = condensers[index].condense(&sheet, 1.0 / rate)?;
             race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.share);
             let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
             race.rigid_stiffness[index] = row.sum::<f64>().abs();

@@ -54,6 +54,8 @@ pub(super) struct Shapes {
     /// The linearization for which they are found, and how many of them.
     state: u64,
     current: usize,
+    /// What the tangent misses, by node (N/s).
+    missed: Vec<Vec3>,
 }
 
 /// A turn makes forces of at least this share of what a translation by the handles' length makes: a handle whose
@@ -107,13 +109,43 @@ impl<T: Real> Stepper<T> {
                     next: 0,
                     state: 0,
                     current: 0,
+                    missed: vec![Vec3::zeros(); body.x.len()],
                 })
             }
         };
+        self.see_missed(body, &mut shapes.missed);
         let report = self.renew(body, &mut shapes, options);
         let shapes = self.shapes.insert(shapes);
-        let condensed = shapes.reduction.reduce(body, factors.0 / factors.1);
+        let condensed =
+            shapes
+                .reduction
+                .reduce(body, factors.0 / factors.1, period, &shapes.missed);
         Ok((condensed, report))
+    }
+
+    /// Finds by how much elastic forces at the end of the last step are not those that its linearization promised; nothing
+    /// where shapes have been renewed since. The step's own equation tells what `K u` was: no product is needed.
+    fn see_missed(&mut self, body: &Body, missed: &mut [Vec3]) {
+        let Some(step) = self.stepped.take() else {
+            return;
+        };
+        if !step.whole {
+            missed.fill(Vec3::zeros());
+            return;
+        }
+        let h = step.length;
+        let drag = body.config.mass_damping;
+        let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        for (place, &node) in self.node.iter().enumerate() {
+            let node = node as usize;
+            let (old, new) = (to_vec(&self.history[place][0]), body.v[node]);
+            let inertia = (old - new) / h - new * drag;
+            let external = body.external[node] * body.load_factor;
+            let before = to_vec(&self.began[place]);
+            let acting = before + external + inertia * self.mass[place];
+            let fallen = (acting - to_vec(&self.residual[place])) / stiffness_factor;
+            missed[node] = (to_vec(&self.force[place]) - before + fallen) / h;
+        }
     }
 
     fn renew(&mut self, body: &Body, shapes: &mut Shapes, options: &ShapeOptions) -> ShapeReport {

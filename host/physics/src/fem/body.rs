@@ -117,6 +117,15 @@ pub struct Body {
     pub(crate) pcg: Pcg,
     /// Force of the hand on each handle node less the node's inertia, in the last step (N).
     pub(crate) grip: Vec<Vec3>,
+    /// By node, the elastic force that the last step's linearization promised for its end (N); how long that step was
+    /// (s), where it was a whole one.
+    pub(crate) promised: Vec<Vec3>,
+    pub(crate) promised_over: Option<f64>,
+    /// By node, the rate at which forces change along the motion beside what the tangent makes of it (N/s), as far as
+    /// is known.
+    pub(crate) missed: Vec<Vec3>,
+    /// How much time steps have taken (s).
+    pub(crate) clock: f64,
     pub(crate) guard: Guard,
     /// Positions after the step, before it is taken.
     pub(crate) ahead: Vec<Vec3>,
@@ -259,6 +268,7 @@ impl Body {
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("positions", positions, self.x.len())?;
         scatter(&self.node_of_vertex, positions, &mut self.x);
+        self.forget_promise();
         self.revision += 1;
         self.fresh = false;
         Ok(())
@@ -272,6 +282,7 @@ impl Body {
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("velocities", velocities, self.x.len())?;
         scatter(&self.node_of_vertex, velocities, &mut self.v);
+        self.forget_promise();
         self.revision += 1;
         Ok(())
     }

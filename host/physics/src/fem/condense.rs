@@ -75,7 +75,7 @@ impl Condenser {
         }
         let mass_factor = 1.0 / (period * period) + body.config.mass_damping / period;
         let stiffness_factor = 1.0 + body.config.stiffness_damping / period;
-        self.reduce(body, mass_factor, stiffness_factor)
+        self.reduce(body, (mass_factor, stiffness_factor), period)
     }
 
     /// Guyan's own, static condensation of the stiffness last assembled: how the body answers once it has
@@ -86,14 +86,14 @@ impl Condenser {
     /// [`CondenseError`]; where nothing but inertia holds a part of the body (a loose piece, a flat
     /// membrane), [`CondenseError::NotPositiveDefinite`].
     pub fn condense_static(&mut self, body: &Body) -> Result<&Condensed, CondenseError> {
-        self.reduce(body, 0.0, 1.0)
+        self.reduce(body, (0.0, 1.0), f64::INFINITY)
     }
 
     fn reduce(
         &mut self,
         body: &Body,
-        mass_factor: f64,
-        stiffness_factor: f64,
+        (mass_factor, stiffness_factor): (f64, f64),
+        period: f64,
     ) -> Result<&Condensed, CondenseError> {
         if !body.assembled {
             return Err(CondenseError::NotAssembled);
@@ -111,7 +111,9 @@ impl Condenser {
         self.solve_shapes(body, stiffness_factor)?;
 
         self.pull(body);
-        Ok(self.reduction.reduce(body, mass_factor / stiffness_factor))
+        Ok(self
+            .reduction
+            .reduce(body, mass_factor / stiffness_factor, period, &body.missed))
     }
 
     /// The arms, and `Psi_f = -A_ff^-1 A_fh S`.

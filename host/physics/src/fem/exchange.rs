@@ -34,6 +34,7 @@ impl Body {
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles) {
             mine.report = theirs.report;
         }
+        self.forget_promise();
         self.revision += 1;
         self.fresh = false;
         Ok(())

@@ -18,6 +18,8 @@ impl Body {
             &self.internal,
             &self.displacement,
             &self.grip,
+            &self.promised,
+            &self.missed,
             &self.ahead,
         ];
         let nodes: usize = by_node.iter().map(|v| size_of_val(v.as_slice())).sum();

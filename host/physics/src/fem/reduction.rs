@@ -61,6 +61,22 @@ impl Column {
     }
 }
 
+/// When the last model was told (s of the body's clock), and for which ratio of mass to stiffness.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    at: f64,
+    ratio: f64,
+}
+
+/// Rates of forces are smoothed over so many periods, for a jolt of one step is no trend,
+const SMOOTHED: f64 = 2.0;
+/// and over this time at most (s).
+const LONGEST_SMOOTHED: f64 = 0.01;
+
+/// What is added to the drift is at most this fraction of the rate at which the stiffness lets the wrench change. In steady
+/// motion it is some hundredths; where a strip snaps a step misses far more than it promised, and that is no trend.
+const MOST_BESIDE: f64 = 0.25;
+
 /// Shapes of one body, and the matrices that follow from them.
 #[derive(Clone, Debug)]
 pub(crate) struct Reduction {
@@ -81,6 +97,10 @@ pub(crate) struct Reduction {
     scale: Vec<f64>,
     /// Velocities of the handles, by columns.
     speeds: Vec<f64>,
+    /// The drift that inertia makes, and what is added to it, in the last model; by columns.
+    inertia: Vec<f64>,
+    trend: Vec<f64>,
+    told: Told,
     pub(crate) condensed: Condensed,
 }
 
@@ -114,6 +134,12 @@ impl Reduction {
                 .map(|slot| if slot % 6 < 3 { 1.0 } else { length })
                 .collect(),
             speeds: vec![0.0; columns.len()],
+            inertia: vec![0.0; columns.len()],
+            trend: vec![0.0; columns.len()],
+            told: Told {
+                at: f64::NAN,
+                ratio: f64::NAN,
+            },
             columns,
             holder,
             range,
@@ -147,11 +173,17 @@ impl Reduction {
     }
 
     /// The matrices, from shapes, pulls and arms; `ratio` is that of mass to stiffness in the matrix for which
-    /// the shapes were found (1/s^2).
-    pub(crate) fn reduce(&mut self, body: &Body, ratio: f64) -> &Condensed {
+    /// the shapes were found (1/s^2); `missed`, by node, is what the tangent misses (N/s).
+    pub(crate) fn reduce(
+        &mut self,
+        body: &Body,
+        ratio: f64,
+        period: f64,
+        missed: &[Vec3],
+    ) -> &Condensed {
         self.products(body, ratio);
         self.publish(body);
-        self.foresee(body, ratio);
+        self.foresee(body, ratio, period, missed);
         &self.condensed
     }
 
@@ -169,7 +201,12 @@ impl Reduction {
     /// element is asked again). The accelerations are left out: they hold the tremor of the hand, and nothing of a
     /// steady motion. What is left beside the stiffness is `p = r Psi_f^T M (v_f - Psi_f v0)`: nothing where the body
     /// moves as its shapes say, and motions quicker than the period count the less the quicker they are.
-    fn foresee(&mut self, body: &Body, ratio: f64) {
+    ///
+    /// Two things are added to it, smoothed over a few periods. What the tangent misses along the motion changes the
+    /// wrench by `Psi^T g`, where `g` is its rate on the nodes: a force on a free node reaches the hands by the shapes.
+    /// And what `p` is to the stiffness, `beta p` is to the damping: it takes all of a change of the hands' velocities
+    /// for news, though the body follows. Its rate is that of `p` since the last model.
+    fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
         let rows = 3 * body.stiffness.free();
         for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
             let report = &body.handles[column.handle].report;
@@ -186,16 +223,49 @@ impl Reduction {
             ..
         } = &mut self.condensed;
         drift.fill(0.0);
+        let since = body.clock - self.told.at;
+        let goes_on = self.told.ratio == ratio && since >= 0.0;
+        self.told = Told {
+            at: body.clock,
+            ratio,
+        };
+        // Without a model before, what is missed now is all there is.
+        let share = if goes_on {
+            since / (since + (SMOOTHED * period).min(LONGEST_SMOOTHED))
+        } else {
+            1.0
+        };
+        let damped = if goes_on && since > 0.0 {
+            body.config.stiffness_damping / since
+        } else {
+            0.0
+        };
         for (c, column) in self.columns.iter().enumerate() {
             let shape = &self.shapes[c * rows..(c + 1) * rows];
             let mut sum = momentum(shape, &body.v, &body.mass);
-            let mut clipped = 0.0;
+            let (mut clipped, mut rate) = (0.0, 0.0);
             for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
                 let at = (column.slot(), other.slot());
                 sum -= self.inner[(c, r)] * speed;
                 clipped += (stiffness[at] - raw_stiffness[at]) * speed;
+                rate += (stiffness[at] * speed).abs();
             }
-            drift[column.slot()] = ratio * sum + clipped;
+            let inertia = ratio * sum;
+            let mut beside = along(shape, missed) + damped * (inertia - self.inertia[c]);
+            for ((&holder, arm), missed) in
+                self.holder.iter().zip(&self.arms).zip(&missed[rows / 3..])
+            {
+                if holder as usize == column.handle {
+                    beside += column.at(arm).dot(missed);
+                }
+            }
+            let most = MOST_BESIDE * rate;
+            let beside = beside.max(-most).min(most);
+            let trend = self.trend[c] + share * (beside - self.trend[c]);
+            // A number that overflowed must not live on in all that follow.
+            self.trend[c] = if trend.is_finite() { trend } else { 0.0 };
+            self.inertia[c] = inertia;
+            drift[column.slot()] = inertia + clipped + self.trend[c];
         }
     }
 
@@ -297,6 +367,15 @@ fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
         }
     }
     sum[0] + sum[1] + sum[2]
+}
+
+/// `sum a_i . f_i` over the free nodes.
+fn along(shape: &[f64], force: &[Vec3]) -> f64 {
+    let mut sum = Vec3::zeros();
+    for (a, f) in shape.chunks_exact(3).zip(force) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(f);
+    }
+    sum.sum()
 }
 
 /// `sum m_i a_i . v_i` over the free nodes.

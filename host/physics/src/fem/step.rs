@@ -44,6 +44,7 @@ impl Body {
         let free = self.stiffness.free();
         let mass_factor = 1.0 / (h * h) + self.config.mass_damping / h;
         let stiffness_factor = 1.0 + self.config.stiffness_damping / h;
+        self.see_missed();
 
         for (u, v) in self.displacement[..free].iter_mut().zip(&self.v) {
             *u = v * h;
@@ -90,12 +91,52 @@ impl Body {
         let mut supports = core::mem::take(&mut self.supports);
         supports.collect_reactions(|node| self.imbalance(node, h, mass_factor, stiffness_factor));
         self.supports = supports;
+        if report.held_back == 0.0 {
+            self.promise(h, mass_factor, stiffness_factor);
+        }
         for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
             *x += u;
             *v = u / h;
         }
         self.fresh = false;
         Ok(report)
+    }
+
+    /// Keeps by how much the step's linearization lets the elastic forces fall, and from where. The step's own equation
+    /// tells what `K u` was: no product is needed.
+    fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
+        let free = self.stiffness.free();
+        for node in 0..self.x.len() {
+            let left = match node.checked_sub(free) {
+                None => self.pcg.residual[node],
+                Some(held) => -self.grip[held] - self.inertia(node, h),
+            };
+            let momentum = self.v[node] / h - self.displacement[node] * mass_factor;
+            let acting = self.internal[node]
+                + self.external[node] * self.load_factor
+                + momentum * self.mass[node];
+            self.promised[node] = self.internal[node] - (acting - left) / stiffness_factor;
+        }
+        self.promised_over = Some(h);
+    }
+
+    /// Finds by how much elastic forces at the end of the last step, where the elements have just been assembled, are not
+    /// those that its linearization promised.
+    fn see_missed(&mut self) {
+        let Some(h) = self.promised_over.take() else {
+            self.missed.fill(Vec3::zeros());
+            return;
+        };
+        let ends = self.internal.iter().zip(&self.promised);
+        for (missed, (force, promised)) in self.missed.iter_mut().zip(ends) {
+            *missed = (force - promised) / h;
+        }
+    }
+
+    /// What the last step promised says nothing of the state any more.
+    pub(crate) fn forget_promise(&mut self) {
+        self.promised_over = None;
+        self.missed.fill(Vec3::zeros());
     }
 
     /// Sets the displacements that handles and supports prescribe.
@@ -179,6 +220,7 @@ impl Body {
     }
 
     fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
+        self.clock += h;
         let mut handles = core::mem::take(&mut self.handles);
         for (handle, target) in handles.iter_mut().zip(targets) {
             self.report_handle(handle, h, target, |node| {
@@ -195,6 +237,7 @@ impl Body {
     /// velocities `before`; forces are those just assembled. An infinite `h` is equilibrium.
     pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
         let free = self.stiffness.free();
+        self.forget_promise();
         let (alpha, beta) = (self.config.mass_damping, self.config.stiffness_damping);
         let pull = |node: usize| {
             let damping = if beta > 0.0 {

@@ -10,7 +10,8 @@
 //!
 //! A body in steady motion carries on without the hand's doing, which stiffness and damping cannot know: they
 //! take all of the hand's displacement for news. The drift knows. So the errors of a model without drift stand beside
-//! those of the published one.
+//! those of the published one. The models come from a body that is stepped as the host does: its drift tells what its
+//! steps missed.
 //!
 //! One linearized step of implicit Euler as long as the period is foretold exactly, once the inertia is added
 //! that is published but not extrapolated: that is what the condensation is made for, and checks it.
@@ -35,6 +36,8 @@ const GELATINE: SolidMaterial = SolidMaterial {
 const VELOCITY: Vec3 = Vec3::new(0.01, 0.0, -0.02);
 /// Time in which the steady hand comes to its velocity (s).
 const APPROACH: f64 = 0.2;
+/// Length of the host's steps (s).
+const STEP: f64 = 1e-3;
 /// Periods (ms).
 const PERIODS: [u32; 6] = [1, 2, 5, 10, 20, 50];
 
@@ -53,8 +56,8 @@ pub struct Prediction {
     pub error: f64,
     /// The same without the drift.
     pub error_without_drift: f64,
-    /// The same with drift, condensed from the exact tangent. Steps need one without negative parts and condense that;
-    /// the difference is what pressed cells lack of it.
+    /// The same with drift, condensed from the exact tangent of a body that no step has moved. Steps need one without
+    /// negative parts and condense that; their drift tells what it lacks in pressed cells.
     pub error_exact_tangent: f64,
 }
 
@@ -101,10 +104,14 @@ pub(super) fn run(
 /// The cube, pressed, with a fixed plate (handle 0) and the hand (handle 1).
 struct Scene {
     body: Body,
+    /// The same body, stepped as the host does.
+    stepped: Body,
     poses: [HandlePose; 2],
     /// Velocity of the hand before it is foretold (m/s).
     velocity: Vec3,
     integrator: Integrator,
+    /// One for each period, kept up by the stepped body.
+    condensers: Vec<Condenser>,
     steps_a_ms: u32,
 }
 
@@ -133,11 +140,14 @@ impl Scene {
             ..IntegratorOptions::default()
         };
         let integrator = Integrator::new(&body, options)?;
+        let condensers: Result<_, _> = PERIODS.iter().map(|_| Condenser::new(&body)).collect();
         Ok(Self {
+            stepped: body.clone(),
             body,
             poses,
             velocity: Vec3::zeros(),
             integrator,
+            condensers: condensers?,
             steps_a_ms,
         })
     }
@@ -159,6 +169,14 @@ impl Scene {
             let s = t / APPROACH;
             self.poses[1].position = start + VELOCITY * (APPROACH * s * s * s * (1.0 - 0.5 * s));
             self.integrator.step(&mut self.body, h, &self.poses)?;
+            if step % self.steps_a_ms == 0 {
+                self.stepped.step(STEP, &self.poses)?;
+                let ms = step / self.steps_a_ms;
+                let due = self.condensers.iter_mut().zip(PERIODS);
+                for (condenser, period) in due.filter(|(_, period)| is_told(ms, *period)) {
+                    condenser.condense(&self.stepped, f64::from(period) * 1e-3)?;
+                }
+            }
         }
         self.velocity = VELOCITY;
         Ok(())
@@ -170,26 +188,29 @@ impl Scene {
         motion: &'static str,
         damping: f64,
     ) -> Result<Vec<Prediction>, AccuracyError> {
-        let mut condenser = Condenser::new(&self.body)?;
+        let mut exact = Condenser::new(&self.body)?;
         let (start, before) = (self.force(), self.poses[1].position);
         let h = 1e-3 / f64::from(self.steps_a_ms);
+        if self.velocity == Vec3::zeros() {
+            self.stepped.assemble();
+        }
         let mut predictions = Vec::new();
         let mut models = Vec::new();
-        for ms in PERIODS {
+        self.body.assemble_with(Tangent::Exact);
+        for (ms, condenser) in PERIODS.into_iter().zip(&mut self.condensers) {
             let t = f64::from(ms) * 1e-3;
-            let mut foretold = |tangent| -> Result<[Vec3; 2], AccuracyError> {
-                self.body.assemble_with(tangent);
-                let condensed = condenser.condense(&self.body, t)?;
+            let foretold = |body: &Body, condenser: &mut Condenser| {
+                let condensed = condenser.condense(body, t)?;
                 // As the tick does: displacement, and velocity less that published.
                 let jump = VELOCITY - self.velocity;
                 let stiffness = hand(condensed, |m| &m.stiffness);
                 let damper = hand(condensed, |m| &m.damping) * jump;
                 let plain = -(stiffness * (VELOCITY * t) + damper);
                 let drift = Vec3::from_column_slice(&condensed.drift[6..9]) * t;
-                Ok([plain, plain + drift])
+                Ok::<_, AccuracyError>([plain, plain + drift])
             };
-            let [plain, whole] = foretold(Tangent::Clipped)?;
-            let [_, exact] = foretold(Tangent::Exact)?;
+            let [plain, whole] = foretold(&self.stepped, condenser)?;
+            let [_, exact] = foretold(&self.body, &mut exact)?;
             models.push((ms, t, [whole, plain, exact]));
         }
         let mut done = 0;
@@ -241,6 +262,11 @@ impl Scene {
         }
         Ok(worst)
     }
+}
+
+/// Whether a model is published `ms` after the hand set out, every `period` (ms): only the last ones matter.
+fn is_told(ms: u32, period: u32) -> bool {
+    ms.is_multiple_of(period) && ms + 10 * period >= (APPROACH * 1e3) as u32
 }
 
 /// What the hand's own motion does to its force, in one of the matrices.

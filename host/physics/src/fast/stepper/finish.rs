@@ -1,7 +1,7 @@
 //! The end of a step: what it says of hands and supports, and how much of it energy allows.
 
 use super::super::{Real, to_node, to_vec};
-use super::{Stepper, StepperReport};
+use super::{Stepped, Stepper, StepperReport};
 use crate::Vec3;
 use crate::fem::guard::Energy;
 use crate::fem::{Body, HandlePose, StepError};
@@ -24,7 +24,8 @@ impl<T: Real> Stepper<T> {
             .then(|| self.promise(body, h, factors))
             .flatten();
         let mut after = self.energy_ahead(body, h);
-        if promised.is_some_and(|promised| self.breaks(body, promised)) {
+        let breaks = promised.is_some_and(|promised| self.breaks(body, promised));
+        if breaks {
             (work, after) = self.correct(body, h, factors, report, out_of_time)?;
         }
         report.held_back = self.end_where_energy_allows(body, h, (before, after), work);
@@ -32,6 +33,10 @@ impl<T: Real> Stepper<T> {
             self.pull_at_the_end(body, h);
             body.take_grip_from(h, |node| self.pull(node));
         }
+        self.stepped = Some(Stepped {
+            length: h,
+            whole: !breaks && report.held_back == 0.0,
+        });
         body.report_step(h, targets, |node| self.pull(node));
         body.x.copy_from_slice(&self.at);
         for (v, u) in body.v.iter_mut().zip(&body.displacement) {

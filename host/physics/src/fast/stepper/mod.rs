@@ -38,6 +38,15 @@ use crate::fem::{BlockMatrix, Body, CondenseError, HandlePose, StepError};
 /// the guess is of no use, an old one takes twice as many as a fresh one.
 const SLOW: f64 = 0.03;
 
+/// How the last step went.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::fast) struct Stepped {
+    /// How long it was (s).
+    pub(in crate::fast) length: f64,
+    /// Whether it went as its linearization says: neither corrected nor held back.
+    pub(in crate::fast) whole: bool,
+}
+
 /// Steps one body again and again without allocating.
 #[derive(Debug)]
 pub struct Stepper<T> {
@@ -79,6 +88,10 @@ pub struct Stepper<T> {
     pub(super) history: Vec<guess::Differences<T>>,
     /// Whether the last step ended before it converged.
     unfinished: bool,
+    /// The last step, as long as `residual` is that of its end.
+    pub(super) stepped: Option<Stepped>,
+    /// Elastic forces at its start, by place (N).
+    pub(super) began: Vec<Node<T>>,
     pub(super) residual: Vec<Node<T>>,
     pub(super) z: Vec<Node<f32>>,
     pub(super) p: Vec<Node<T>>,
@@ -198,6 +211,8 @@ impl<T: Real> Stepper<T> {
             u: zeros.clone(),
             history: vec![guess::Differences::default(); count],
             unfinished: false,
+            stepped: None,
+            began: zeros.clone(),
             residual: zeros.clone(),
             z: vec![[0.0; 4]; free],
             p: zeros.clone(),
@@ -269,6 +284,7 @@ impl<T: Real> Stepper<T> {
         if self.factors != Some(factors) || (self.stale && self.options.refresh) {
             self.refresh(factors).map_err(StepError::Matrix)?;
         }
+        self.stepped = None;
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, mass_factor, stiffness_factor);
         let goal = self.options.tolerance * reference;
@@ -378,6 +394,7 @@ impl<T: Real> Stepper<T> {
     /// the residual; where no hand moves it is inertia, and a bad guess is no excuse.
     fn start(&mut self, body: &Body, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
         let (mut acting, mut momentum) = (0.0, 0.0);
+        self.began.copy_from_slice(&self.force);
         for (place, r) in self.residual.iter_mut().enumerate() {
             let node = self.node[place] as usize;
             let mass = self.mass[place];
