@@ -42,10 +42,10 @@ fn under(scheme: SchemeName, clock: Clock, faults: &[&str]) -> (RunSummary, Log)
 const LARGEST_STEP: f64 = 0.26;
 /// The same without the cap's damper.
 const LARGEST_UNCAPPED: f64 = 0.12;
-/// The same where the machine decides when a tick comes: counts of all three axes may fall into one. Each moves the model
-/// by 0.07 N and the damper by 0.114 N (a count of 0.038 mm is 7.6 mm/s in a best fit over 4 ms, times 15 N s/m); fading
-/// adds 0.026 N to any.
-const LARGEST_REAL: f64 = 0.35;
+/// The same where the machine decides when a tick comes: counts of all three axes may fall into one, and a late tick may
+/// have two counts and the next none. No line fits those, so the velocity's window shrinks to a tick, in which a count (of
+/// 0.038 mm) is 38 mm/s: times 15 N s/m the damper changes by 0.57 N. The model adds 0.07 N an axis, fading 0.026 N.
+const LARGEST_REAL: f64 = 0.72;
 
 fn check_forces(log: &Log) {
     check_steps(log, LARGEST_STEP);

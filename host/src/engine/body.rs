@@ -1,5 +1,6 @@
 //! One body in the host loop: its handles' paths, its step, and the local model it publishes.
 
+use super::clock::BodyClock;
 use super::path::HandlePath;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
@@ -28,6 +29,7 @@ pub struct HostBody {
     targets: Vec<HandlePose>,
     /// Length of a step (s).
     step: f64,
+    clock: BodyClock,
     /// How far ahead models are to be good for (s).
     horizon: f64,
     model: LocalModel,
@@ -91,6 +93,7 @@ impl HostBody {
             paths: parts.paths,
             devices: parts.devices,
             step: parts.step,
+            clock: BodyClock::new(parts.step),
             horizon: parts.horizon,
             model,
         }
@@ -140,16 +143,18 @@ impl HostBody {
         watch: &impl Stopwatch,
         stats: &mut EngineStats,
     ) -> Result<Option<&LocalModel>, StepFault> {
-        let behind = self.aim();
+        let newest = self.paths.iter().filter_map(HandlePath::time_ns).max();
+        let time_ns = newest.map(|newest| self.clock.step(newest));
+        let behind = self.aim(time_ns.unwrap_or(0));
         self.solver
             .step(&mut self.body, self.step, &self.targets, watch, stats)?;
         let solved = watch.now_ns();
 
         // Before the first record there is no time at which the state could be said to hold.
-        let Some(time_ns) = self.paths.iter().filter_map(HandlePath::time_ns).max() else {
+        let Some(time_ns) = time_ns else {
             return Ok(None);
         };
-        // A late host may step twice on one record: a second model of the same time would be refused.
+        // Where no record comes for long, time stands: a second model of the same time would be refused.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
         if !publishes || told || behind {
             return Ok(None);
@@ -185,14 +190,15 @@ impl HostBody {
         Ok(Some(model))
     }
 
-    /// Sets where the handles go in the next step: to where the hands are, but no faster than they move and
-    /// [`CATCH_UP`] on top; they turn no faster than the hands do and [`TURN_AFTER`] on top. Returns whether one stays behind. After a stall a hand may be anywhere, and a handle that
-    /// went there at once would publish the blow instead of the body.
-    fn aim(&mut self) -> bool {
+    /// Sets where the handles go in the next step: to where the hands are at `time_ns`, but no faster than they move and
+    /// [`CATCH_UP`] on top; they turn no faster than the hands do and [`TURN_AFTER`] on top. Returns whether one stays
+    /// behind. After a stall a hand may be anywhere, and a handle that went there at once would publish the blow instead of
+    /// the body.
+    fn aim(&mut self, time_ns: u64) -> bool {
         let mut behind = false;
         self.targets.clear();
         for (index, path) in self.paths.iter().enumerate() {
-            let pose = path.pose();
+            let pose = path.pose_at(time_ns);
             let mut target = HandlePose {
                 position: pose.position,
                 rotation: pose.rotation,

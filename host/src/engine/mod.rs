@@ -9,6 +9,7 @@ pub mod beside;
 pub mod body;
 pub mod build;
 pub mod choice;
+mod clock;
 pub mod faults;
 pub mod pacer;
 pub mod path;

@@ -70,9 +70,23 @@ impl HandlePath {
         self.time_ns
     }
 
-    /// The smoothed pose.
+    /// The smoothed pose at the newest record.
     pub fn pose(&self) -> &Pose {
         &self.pose
+    }
+
+    /// Where the path goes on to until `time_ns`, at its velocity. Not back: before the newest record it is that record's.
+    pub fn pose_at(&self, time_ns: u64) -> Pose {
+        let dt = self.time_ns.map_or(0, |last| time_ns.saturating_sub(last)) as f64 * 1e-9;
+        let mut pose = self.pose;
+        if dt > 0.0 {
+            pose.position += self.twist.linear * dt;
+            if self.twist.angular != Vec3::zeros() {
+                let turn = UnitQuaternion::from_scaled_axis(self.twist.angular * dt);
+                pose.rotation = turn * pose.rotation;
+            }
+        }
+        pose
     }
 
     /// The filter's velocity.
