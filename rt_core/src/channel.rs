@@ -7,9 +7,9 @@
 
 use crate::clutch::Clutch;
 use crate::device::DeviceState;
+use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist};
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
-use crate::proxy::Proxy;
 use crate::safety::{Limiter, SafetyConfig};
 
 /// An estimate of a velocity may overshoot the hand's by so much. How fast a hand may be in the end is the last stage's
@@ -18,10 +18,10 @@ const OVERSHOOT: f64 = 10.0;
 /// By how much the length of a rotation's quaternion may differ from one: a report's eight bits do less.
 const SKEW: f64 = 0.01;
 
-/// A device, its proxy and its last stage.
+/// A device, its frame and its last stage.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
-    pub(crate) proxy: Proxy,
+    pub(crate) frame: DeviceFrame,
     pub(crate) limiter: Limiter,
     /// The last state that was believed; at rest before the first.
     pub(crate) state: DeviceState,
@@ -31,9 +31,9 @@ pub(crate) struct Channel {
 }
 
 impl Channel {
-    pub(crate) fn new(proxy: Proxy, safety: SafetyConfig) -> Self {
+    pub(crate) fn new(frame: DeviceFrame, safety: SafetyConfig) -> Self {
         Self {
-            proxy,
+            frame,
             limiter: Limiter::new(safety),
             state: DeviceState::resting(),
             seen_ns: None,
@@ -52,7 +52,7 @@ impl Channel {
                 return false;
             }
             self.clutch
-                .follow(&self.limiter, &mut self.proxy, &self.state, state);
+                .follow(&self.limiter, &mut self.frame, &self.state, state);
         }
         self.state = *state;
         self.seen_ns = Some(now_ns);
@@ -61,7 +61,7 @@ impl Channel {
 
     /// Where the proxy is.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
-        let (pose, mut twist) = self.proxy.to_scene(&self.state);
+        let (pose, mut twist) = self.frame.to_scene(&self.state);
         let fraction = self.clutch.fraction(&self.limiter);
         twist.linear *= fraction;
         twist.angular *= fraction;

@@ -8,7 +8,7 @@
 //! the proxy follows by the same fraction, `s D`, and turns by it: a transformer, which neither makes nor loses energy.
 
 use crate::device::DeviceState;
-use crate::proxy::Proxy;
+use crate::device_frame::DeviceFrame;
 use crate::safety::Limiter;
 
 /// Between one device and its proxy.
@@ -24,18 +24,18 @@ impl Clutch {
     }
 
     /// The device has come from `before` to `now`, and felt meanwhile what `limiter` let pass last; what the clutch
-    /// leaves behind of that, `proxy` takes no part in.
+    /// leaves behind of that is left out of `frame`.
     pub fn follow(
         &mut self,
         limiter: &Limiter,
-        proxy: &mut Proxy,
+        frame: &mut DeviceFrame,
         before: &DeviceState,
         now: &DeviceState,
     ) {
         self.slips |= limiter.is_stale();
         if self.slips {
             let fraction = limiter.fraction();
-            proxy.slip(1.0 - fraction, before, now);
+            frame.slip(1.0 - fraction, before, now);
             self.slips = fraction < 1.0;
         }
     }

@@ -7,10 +7,10 @@
 use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
+use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
-use crate::proxy::Proxy;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
@@ -19,7 +19,7 @@ use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceConfig {
     /// Where it stands in the scene.
-    pub proxy: Proxy,
+    pub frame: DeviceFrame,
     /// What may leave for it.
     pub safety: SafetyConfig,
 }
@@ -50,7 +50,7 @@ impl Controller {
     /// A controller at rest, before its first model.
     pub fn new(config: &ControllerConfig) -> Self {
         let devices = config.devices.iter();
-        let channels = devices.map(|device| Channel::new(device.proxy, device.safety));
+        let channels = devices.map(|device| Channel::new(device.frame, device.safety));
         Self {
             channels: channels.collect(),
             couplings: config
@@ -167,7 +167,7 @@ impl Controller {
         for (((((channel, proxy), fresh), wrench), passed), ((command, record), device)) in
             inputs.zip(outputs.zip(0..MAX_DEVICES))
         {
-            let asked = channel.proxy.to_device(wrench);
+            let asked = channel.frame.to_device(wrench);
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
@@ -177,7 +177,7 @@ impl Controller {
                 force: command.force - asked.force * force,
                 moment: Vec3::zeros(),
             };
-            let mut rest = channel.proxy.on_proxy(&rest);
+            let mut rest = channel.frame.on_proxy(&rest);
             // A proxy that follows its hand by a fraction is pushed by that much more than the hand.
             let lever = channel.lever();
             rest.force *= lever;
@@ -192,8 +192,8 @@ impl Controller {
             record.pose = proxy.0;
             record.twist = proxy.1;
             record.wrench = Wrench {
-                force: channel.proxy.rotation * command.force,
-                moment: channel.proxy.rotation * command.moment,
+                force: channel.frame.rotation * command.force,
+                moment: channel.frame.rotation * command.moment,
             };
             record.buttons = channel.state.buttons;
             record.device_time_ns = channel.state.device_time_ns;

@@ -8,7 +8,7 @@
 //!   histograms live beside it, in the crate `runner`.
 //! - It never panics: no indexing, no unwrapping, no integer arithmetic that can overflow.
 //! - It knows neither scenes nor meshes. What the physics has to say arrives as a [`LocalModel`].
-//! - Units are SI. World axes are the scene's; a device's own axes end in its [`proxy::Proxy`].
+//! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
 //! Read [`controller`] first: it is the order of a tick. Then [`local_model`] (what the host publishes),
 //! [`coupling`] (how it becomes a force) and [`safety`] (what may leave for the device).
@@ -49,11 +49,12 @@ pub mod clutch;
 pub mod controller;
 pub mod coupling;
 pub mod device;
+pub mod device_frame;
 pub mod geometry;
 mod limits;
 pub mod local_model;
 pub mod passivity;
-pub mod proxy;
+
 pub mod record;
 pub mod safety;
 pub mod scheme;

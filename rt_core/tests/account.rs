@@ -10,7 +10,7 @@ use core::f64::consts::TAU;
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
@@ -268,7 +268,7 @@ fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
     };
     let mut all = ControllerConfig::default();
     let device = DeviceConfig {
-        proxy: Proxy::at(Vec3::zeros()),
+        frame: DeviceFrame::at(Vec3::zeros()),
         safety: SafetyConfig {
             actuated: Freedom::Three,
             max_force: 100.0,

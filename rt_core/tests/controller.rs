@@ -5,7 +5,7 @@
 use proptest::prelude::*;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
@@ -20,9 +20,9 @@ const SPRING: f64 = 200.0;
 fn controller(scheme: Scheme) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..2 {
-        let proxy = Proxy {
+        let frame = DeviceFrame {
             motion_scale: 2.0,
-            ..Proxy::at(Vec3::zeros())
+            ..DeviceFrame::at(Vec3::zeros())
         };
         let safety = SafetyConfig {
             actuated: Freedom::Three,
@@ -36,7 +36,7 @@ fn controller(scheme: Scheme) -> Controller {
             recovery: 0.1,
             period: PERIOD,
         };
-        let _ = config.devices.push(DeviceConfig { proxy, safety });
+        let _ = config.devices.push(DeviceConfig { frame, safety });
     }
     let _ = config.bodies.push(CouplingConfig {
         scheme,

@@ -7,7 +7,7 @@
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
@@ -48,7 +48,7 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
     }; MAX_DEVICES];
     let mut config = ControllerConfig::default();
     let _ = config.devices.push(DeviceConfig {
-        proxy: Proxy::at(Vec3::zeros()),
+        frame: DeviceFrame::at(Vec3::zeros()),
         safety: SafetyConfig {
             actuated: Freedom::Three,
             max_force: 20.0,

@@ -6,7 +6,7 @@
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device::DeviceError;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Capabilities, Controller, ControllerConfig, Device, DeviceState, Freedom, HandleReference,
@@ -113,7 +113,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
             period: 1e-3,
         };
         let device = DeviceConfig {
-            proxy: Proxy::at(Vec3::zeros()),
+            frame: DeviceFrame::at(Vec3::zeros()),
             safety,
         };
         assert!(config.devices.push(device).is_ok());

@@ -13,7 +13,7 @@ use input::{Clock, Hands};
 use models::Models;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{CouplingConfig, HostState};
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::{
     Controller, ControllerConfig, EnergyAccount, Freedom, MAX_DEVICES, PassivityConfig, Port,
@@ -188,7 +188,7 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
     for _ in 0..devices {
         // There are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig {
-            proxy: Proxy::at(Vec3::zeros()),
+            frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
                 actuated: if draw.unit(7) < 0.5 {
                     Freedom::Three

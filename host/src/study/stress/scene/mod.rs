@@ -110,7 +110,7 @@ impl Study {
         hands::within(&mut reaches, &stiffness, &limits);
         // What the thesis's spring is best given: the body's own.
         let own = (0..3 * devices.len()).map(|k| {
-            let scale = config.devices[k / 3].proxy.motion_scale;
+            let scale = config.devices[k / 3].frame.motion_scale;
             stiffness[(k, k)] / (scale * scale)
         });
         loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);

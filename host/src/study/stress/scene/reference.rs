@@ -164,10 +164,10 @@ pub(in crate::study::stress) fn run(world: &World) -> Result<Trace, StressError>
         .iter()
         .map(|device| Limiter::new(device.safety))
         .collect();
-    let mut proxies: Vec<_> = config.devices.iter().map(|d| d.proxy).collect();
-    let mut left = vec![DeviceState::resting(); proxies.len()];
-    let mut clutches = vec![Clutch::new(); proxies.len()];
-    let mut seen = vec![false; proxies.len()];
+    let mut frames: Vec<_> = config.devices.iter().map(|d| d.frame).collect();
+    let mut left = vec![DeviceState::resting(); frames.len()];
+    let mut clutches = vec![Clutch::new(); frames.len()];
+    let mut seen = vec![false; frames.len()];
     for k in 0..world.ticks() {
         let now = k * world.period_ns();
         let mut readings = [None; MAX_DEVICES];
@@ -176,22 +176,22 @@ pub(in crate::study::stress) fn run(world: &World) -> Result<Trace, StressError>
             readings[device] = state;
             if let Some(state) = state {
                 if std::mem::replace(&mut seen[device], true) {
-                    let proxy = &mut proxies[device];
-                    clutches[device].follow(&limiters[device], proxy, &left[device], &state);
+                    let frame = &mut frames[device];
+                    clutches[device].follow(&limiters[device], frame, &left[device], &state);
                 }
                 left[device] = state;
             }
         });
         copy.step(now, |device| {
-            handle(&proxies[device].to_scene(&left[device]).0)
+            handle(&frames[device].to_scene(&left[device]).0)
         })?;
         let (wrenches, weight) = devices.exerted_by(copy.all());
 
         let mut commands = [Wrench::zero(); MAX_DEVICES];
         let mut states = [SafetyState::Normal; MAX_DEVICES];
-        let each = limiters.iter_mut().zip(&proxies).enumerate();
-        for (device, (limiter, proxy)) in each {
-            let asked = proxy.to_device(&wrenches[device]);
+        let each = limiters.iter_mut().zip(&frames).enumerate();
+        for (device, (limiter, frame)) in each {
+            let asked = frame.to_device(&wrenches[device]);
             commands[device] = limiter.pass(&asked, readings[device].as_ref());
             states[device] = limiter.state();
         }

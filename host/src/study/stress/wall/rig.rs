@@ -3,7 +3,7 @@
 use crate::engine::virtual_coupling::Link;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
@@ -79,7 +79,7 @@ impl Wall {
         };
         let mut config = ControllerConfig::default();
         let _ = config.devices.push(DeviceConfig {
-            proxy: Proxy::at(Vec3::zeros()),
+            frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
                 actuated: Freedom::Three,
                 max_force: self.model.max_force,

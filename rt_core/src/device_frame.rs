@@ -1,4 +1,4 @@
-//! The proxy: where a device stands in the scene.
+//! The device frame: where a device stands in the scene, and with it where its proxy is.
 //!
 //! "The proxy position is directly coupled to the device position, at haptic rate, as an affine function
 //! of the device position" (thesis, chapter 4, section 5). The same map, transposed, brings the wrench
@@ -10,7 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 
 /// An affine map from a device's axes to the scene's.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Proxy {
+pub struct DeviceFrame {
     /// Where the device's origin lies in the scene (m).
     pub origin: Vec3,
     /// From device axes to world axes.
@@ -24,7 +24,7 @@ pub struct Proxy {
     pub force_scale: f64,
 }
 
-impl Proxy {
+impl DeviceFrame {
     /// Device axes parallel to the world's, unscaled, the device's origin at `origin` (m).
     pub fn at(origin: Vec3) -> Self {
         Self {
@@ -103,14 +103,14 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_clutch_leaves_its_share_behind(
-            frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
+        fn a_clutch_leaves_its_fraction_behind(
+            axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
             scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {
-            let mut proxy = Proxy {
-                rotation: UnitQuaternion::from_scaled_axis(frame),
+            let mut frame = DeviceFrame {
+                rotation: UnitQuaternion::from_scaled_axis(axes),
                 motion_scale: scale,
-                ..Proxy::at(Vec3::zeros())
+                ..DeviceFrame::at(Vec3::zeros())
             };
             let at = |position, rotation| DeviceState {
                 pose: Pose { position, rotation: UnitQuaternion::from_scaled_axis(rotation) },
@@ -118,20 +118,20 @@ mod tests {
             };
             let (first, left) = (at(Vec3::zeros(), Vec3::zeros()), at(place, turned));
             // It was away before.
-            proxy.slip(1.0, &first, &left);
-            let (before, _) = proxy.to_scene(&left);
+            frame.slip(1.0, &first, &left);
+            let (before, _) = frame.to_scene(&left);
             prop_assert!(before.displacement_from(&Pose::identity()).norm() < 1e-13);
             let mut now = left;
-            now.pose.position += way;
+            now.pose.position += displacement;
             // As far as a hand turns in a tick.
             let turn = turn * 0.01;
             now.pose.rotation = UnitQuaternion::from_scaled_axis(turn) * now.pose.rotation;
-            proxy.slip(fraction, &left, &now);
-            let (after, _) = proxy.to_scene(&now);
+            frame.slip(fraction, &left, &now);
+            let (after, _) = frame.to_scene(&now);
             let moved = after.displacement_from(&before);
             let rest = 1.0 - fraction;
-            let translation = proxy.rotation * way * (scale * rest);
-            let rotation = proxy.rotation * turn * rest;
+            let translation = frame.rotation * displacement * (scale * rest);
+            let rotation = frame.rotation * turn * rest;
             // Rounding of numbers of order ten.
             prop_assert!((Vec3::new(moved.x, moved.y, moved.z) - translation).norm() < 1e-13);
             // Blending errs by less than the cube of half the angle.
@@ -143,18 +143,18 @@ mod tests {
             turn in vector(), v in vector(), w in vector(), f in vector(), m in vector(),
             scale in 0.1..10.0,
         ) {
-            let proxy = Proxy {
+            let frame = DeviceFrame {
                 rotation: UnitQuaternion::from_scaled_axis(turn),
                 motion_scale: scale,
-                ..Proxy::at(Vec3::zeros())
+                ..DeviceFrame::at(Vec3::zeros())
             };
             let state = DeviceState {
                 twist: Twist { linear: v, angular: w },
                 ..DeviceState::resting()
             };
             let wrench = Wrench { force: f, moment: m };
-            let (_, scene) = proxy.to_scene(&state);
-            let device = proxy.to_device(&wrench);
+            let (_, scene) = frame.to_scene(&state);
+            let device = frame.to_device(&wrench);
             let in_scene = f.dot(&scene.linear) + m.dot(&scene.angular);
             let at_hand = device.force.dot(&v) + device.moment.dot(&w);
             // Rounding of numbers of order ten.
