@@ -104,7 +104,11 @@ mod tests {
     proptest! {
         #[test]
         fn a_clutch_leaves_its_fraction_behind(
+<<<<<<< HEAD:rt_core/src/device_frame.rs
             axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
+=======
+            frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
+>>>>>>> english_book:rt_core/src/proxy.rs
             scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {
             let mut frame = DeviceFrame {

@@ -16,7 +16,7 @@ pub use adaptive::LONGEST;
 pub use kalman::Gains;
 
 /// Fraction of `mass / (period / 2 + late)` that [`most_damping`] allows.
-const SHARE: f64 = 0.25;
+const DAMPING_FRACTION: f64 = 0.25;
 
 /// Damping (N s/m) that may be rendered on a device's moving mass (kg) with ticks of `period` and a
 /// velocity that is `late` (s), its estimate's delay and the device's own together.
@@ -28,7 +28,7 @@ const SHARE: f64 = 0.25;
 /// leaves 76 of 90 degrees, and more than a fivefold gain for what a wall's stiffness, encoder
 /// counts and a mass that is not well known take.
 pub fn most_damping(mass: f64, period: f64, late: f64) -> f64 {
-    SHARE * mass / (0.5 * period + late)
+    DAMPING_FRACTION * mass / (0.5 * period + late)
 }
 
 /// How velocity is estimated.

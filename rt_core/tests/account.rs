@@ -182,7 +182,7 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         model.handles[0].wrench.force.z = -weight;
         model.handles[0].weight.z = -weight;
         coupling.accept(&model).expect("a sound model");
-        // `passed`: the share of the weight that the device was in the end told to hold.
+        // `passed`: the fraction of the weight that the device was in the end told to hold.
         let mut at = |height: f64, passed: f64| {
             let hand = [(Pose::at(Vec3::z() * height), Twist::zero())];
             let [wrench, ..] = coupling.tick(2, &hand);

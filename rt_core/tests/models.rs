@@ -174,9 +174,9 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
         let (mut faded, mut seen) = (0, [false; 2]);
         for step in 1..=200 {
             let height = 1e-4 * f64::from(step);
-            let share = tick(&mut coupling, height) / -weight;
+            let fraction = tick(&mut coupling, height) / -weight;
             let raised = coupling.energy().raised;
-            let expected = share * weight * height;
+            let expected = fraction * weight * height;
             // Sums of two hundred terms, each of some hundredths of a joule, in double precision.
             assert!(
                 (raised - expected).abs() < 1e-12,
@@ -184,16 +184,16 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
             );
             match coupling.state() {
                 HostState::Live => {
-                    assert!((share - 1.0).abs() < 1e-12, "{scheme:?}");
+                    assert!((fraction - 1.0).abs() < 1e-12, "{scheme:?}");
                     seen[0] = true;
                 }
                 HostState::Fading => {
-                    assert!(share < 1.0 && share > 0.0, "{scheme:?} {share}");
+                    assert!(fraction < 1.0 && fraction > 0.0, "{scheme:?} {fraction}");
                     faded += 1;
                 }
                 HostState::Held => {
                     // Nothing is held up any more; `raised` has been checked above.
-                    assert_eq!(share, 0.0, "{scheme:?}");
+                    assert_eq!(fraction, 0.0, "{scheme:?}");
                     seen[1] = true;
                 }
                 HostState::Waiting => panic!("a model is in use"),

@@ -235,7 +235,7 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
     }
     let (far, silent) = (5e-3, 100.0 * PERIOD);
     let found = at(2.0 * count + far) - before;
-    // Friction over the way, and the damper's `b D^2 / t`: a share of them. Taken for one tick's it would be 5 mJ.
+    // Friction over the way, and the damper's `b D^2 / t`: a fraction of them. Taken for one tick's it would be 5 mJ.
     let expected = passivity.credit * far * (friction + damping * far / silent);
     assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
 }
@@ -379,7 +379,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     assert!(coupling.energy().supplied < -4.0 * speed * speed * PERIOD);
 }
 
-/// Share of a wall's stiffness that a device shows a trembling hand in the last of so many seconds, with counts known or
+/// Fraction of a wall's stiffness that a device shows a trembling hand in the last of so many seconds, with counts known or
 /// not.
 fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
     let (k, count) = (10.0 * BOUND, 4e-5);

@@ -66,21 +66,21 @@ impl Arm {
         stiffness: 0.0,
     };
 
-    /// The grip at `share` of the way from relaxed (0) to rigid (1). Each number goes evenly in its
+    /// The grip between relaxed (`fraction` 0) and rigid (1). Each number is interpolated in its
     /// logarithm, so that equal steps are equal ratios; beyond the ends it stays at them.
-    pub fn between(share: f64) -> Self {
+    pub fn between(fraction: f64) -> Self {
         // The ends themselves, not their logarithms' rounding. What is not a number counts as relaxed.
-        if share.is_nan() || share <= 0.0 {
+        if fraction.is_nan() || fraction <= 0.0 {
             return Self::RELAXED;
         }
-        if share >= 1.0 {
+        if fraction >= 1.0 {
             return Self::RIGID;
         }
-        let way = |from: f64, to: f64| from * libm::exp(share * libm::log(to / from));
+        let grade = |from: f64, to: f64| from * libm::exp(fraction * libm::log(to / from));
         Self {
-            mass: way(Self::RELAXED.mass, Self::RIGID.mass),
-            damping: way(Self::RELAXED.damping, Self::RIGID.damping),
-            stiffness: way(Self::RELAXED.stiffness, Self::RIGID.stiffness),
+            mass: grade(Self::RELAXED.mass, Self::RIGID.mass),
+            damping: grade(Self::RELAXED.damping, Self::RIGID.damping),
+            stiffness: grade(Self::RELAXED.stiffness, Self::RIGID.stiffness),
         }
     }
 
@@ -162,10 +162,10 @@ mod tests {
         for pair in Arm::GRIPS.windows(2) {
             assert!(tighter(&pair[0].1, &pair[1].1), "{pair:?}");
         }
-        let shares: Vec<_> = (0..=20)
+        let fractions: Vec<_> = (0..=20)
             .map(|k| Arm::between(f64::from(k) / 20.0))
             .collect();
-        for pair in shares.windows(2) {
+        for pair in fractions.windows(2) {
             assert!(tighter(&pair[0], &pair[1]), "{pair:?}");
         }
     }
@@ -186,14 +186,14 @@ mod tests {
 
     #[test]
     fn the_way_between_has_the_ends_and_the_geometric_mean_in_the_middle() {
-        for (share, end) in [
+        for (fraction, end) in [
             (0.0, Arm::RELAXED),
             (-1.0, Arm::RELAXED),
             (f64::NAN, Arm::RELAXED),
             (1.0, Arm::RIGID),
             (7.0, Arm::RIGID),
         ] {
-            assert_eq!(Arm::between(share), end);
+            assert_eq!(Arm::between(fraction), end);
         }
         let middle = Arm::between(0.5);
         // A few roundings.

@@ -16,7 +16,7 @@ pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
 /// One end of a Hermite segment: position (m) and velocity (m/s).
 pub(crate) type Knot = (Vec3, Vec3);
 
-/// The cubic that meets both ends' positions and velocities, `duration` (s) apart, at share `s` of the
+/// The cubic that meets both ends' positions and velocities, `duration` (s) apart, at fraction `s` of the
 /// way: position and velocity.
 pub(crate) fn hermite(from: &Knot, to: &Knot, duration: f64, s: f64) -> Knot {
     let rest = 1.0 - s;

@@ -37,7 +37,7 @@ pub(crate) struct Dynamics {
     /// Of device and arm together (kg).
     mass: f64,
     /// The device's part of it.
-    share: f64,
+    fraction: f64,
     damping: f64,
     friction: f64,
     arm: Arm,
@@ -53,7 +53,7 @@ impl Dynamics {
     pub(crate) fn new(mass: f64, damping: f64, friction: f64, arm: Arm, position: Vec3) -> Self {
         Self {
             mass: mass + arm.mass,
-            share: mass / (mass + arm.mass),
+            fraction: mass / (mass + arm.mass),
             damping,
             friction,
             arm,
@@ -235,7 +235,7 @@ impl Dynamics {
         energy.arm_loss += arm_damping * slip.norm_squared() / h;
         energy.spring = 0.5 * stiffness * (self.aim - self.position).norm_squared();
         self.energy.kinetic = self.kinetic();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
     }
 
     fn kinetic(&self) -> f64 {
@@ -247,7 +247,7 @@ impl Dynamics {
     pub(crate) fn push(&mut self, velocity: Vec3) {
         self.velocity = velocity;
         self.energy.kinetic = self.kinetic();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
         self.energy.initial = self.energy.stored();
         self.energy.device_initial = self.energy.device_kinetic;
     }

@@ -109,8 +109,8 @@ impl Aim {
             self.to = next(ms + 1);
             self.at_ms = ms;
         }
-        let share = (time_ns % MS_NS) as f64 / MS_NS as f64;
-        hermite(&self.from, &self.to, 1e-3, share).0
+        let fraction = (time_ns % MS_NS) as f64 / MS_NS as f64;
+        hermite(&self.from, &self.to, 1e-3, fraction).0
     }
 }
 

@@ -1,7 +1,7 @@
 //! What hands are asked to do, as trajectories: tap, press and hold, rub, pull apart, move together, shake.
 //!
 //! A task is a few numbers (direction, depth, speed and so on) and a seed. No person does the same thing
-//! twice, so depths, speeds and pauses vary by a share of themselves, drawn from the seed once; after
+//! twice, so depths, speeds and pauses vary by a fraction of themselves, drawn from the seed once; after
 //! [`CYCLE`] repetitions they come again. Reaches are minimum-jerk ([`crate::trajectory::waypoints`]),
 //! rhythms are sinusoids up to [`BAND_HZ`], so a task has what a hand's purpose has, and no more.
 
@@ -95,7 +95,7 @@ pub struct Task {
     pub width: f64,
     /// Frequency of the rhythm (Hz).
     pub frequency: f64,
-    /// Share by which depths, speeds, pauses and frequencies vary, to both sides; from 0 to 0.5.
+    /// Fraction by which depths, speeds, pauses and frequencies vary, to both sides; from 0 to 0.5.
     pub variation: f64,
 }
 
@@ -165,7 +165,7 @@ impl Task {
         self.check()?;
         let mut vary = Variation {
             random: Pcg64::new(u128::from(seed), STREAM),
-            share: self.variation,
+            fraction: self.variation,
         };
         let along = self.direction.normalize();
         let side = vary.side(&along);
@@ -343,13 +343,13 @@ impl Path {
 /// How a person varies.
 struct Variation {
     random: Pcg64,
-    share: f64,
+    fraction: f64,
 }
 
 impl Variation {
-    /// The number, up to the share larger or smaller.
+    /// The number, up to the fraction larger or smaller.
     fn of(&mut self, number: f64) -> f64 {
-        number * (1.0 + self.share * (2.0 * unit(&mut self.random) - 1.0))
+        number * (1.0 + self.fraction * (2.0 * unit(&mut self.random) - 1.0))
     }
 
     /// A direction at right angles to `along`.
@@ -357,7 +357,7 @@ impl Variation {
         // From the axis that it leans to least; then turned about it at random where anything varies.
         let axis = Vec3::ith(along.iamin(), 1.0);
         let first = along.cross(&axis).normalize();
-        if self.share <= 0.0 {
+        if self.fraction <= 0.0 {
             return first;
         }
         let (sin, cos) = libm::sincos(TAU * unit(&mut self.random));

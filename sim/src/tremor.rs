@@ -93,8 +93,8 @@ impl Tremor {
             sum.0 += wave.sine * sin + wave.cosine * cos;
             sum.1 += (wave.sine * cos - wave.cosine * sin) * wave.speed;
         }
-        let (share, slope) = minimum_jerk(time / FADE);
-        (sum.0 * share, sum.1 * share + sum.0 * (slope / FADE))
+        let (weight, slope) = minimum_jerk(time / FADE);
+        (sum.0 * weight, sum.1 * weight + sum.0 * (slope / FADE))
     }
 }
 

@@ -8,7 +8,7 @@ use rt_core::{Device, Vec3, Wrench};
 use sim::{DeviceModel, SimDevice};
 
 /// Whether the swing about the spring's rest grows over 20 s.
-fn grows(share_of_limit: f64) -> bool {
+fn grows(fraction_of_limit: f64) -> bool {
     let model = DeviceModel {
         friction: 0.0,
         position_step: 1e-12,
@@ -16,7 +16,7 @@ fn grows(share_of_limit: f64) -> bool {
         ..DeviceModel::named("falcon").unwrap()
     };
     let period = 1e-3;
-    let stiffness = share_of_limit * 2.0 * model.damping / period;
+    let stiffness = fraction_of_limit * 2.0 * model.damping / period;
     let start = Vec3::new(0.01, 0.0, 0.0);
     let mut device = SimDevice::new(model, None, period)
         .unwrap()
@@ -50,13 +50,13 @@ fn a_sampled_spring_is_active_beyond_twice_the_damping_over_the_period() {
 
 #[test]
 fn what_a_sampled_spring_makes_shows_at_the_port() {
-    let work = |share: f64| {
+    let work = |fraction: f64| {
         let model = DeviceModel {
             friction: 0.0,
             position_step: 1e-12,
             ..DeviceModel::named("falcon").unwrap()
         };
-        let stiffness = share * 2.0 * model.damping / 1e-3;
+        let stiffness = fraction * 2.0 * model.damping / 1e-3;
         let start = Vec3::new(1e-3, 0.0, 0.0);
         let mut device = SimDevice::new(model, None, 1e-3)
             .unwrap()

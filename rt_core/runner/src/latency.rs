@@ -104,7 +104,7 @@ impl LatencyHistogram {
         self.bound
     }
 
-    /// The value at or below which a share `quantile` (from zero to one) of all values lies (ns). Where
+    /// The value at or below which a fraction `quantile` (from zero to one) of all values lies (ns). Where
     /// that falls among the values beyond the bound, the largest value. Zero where nothing was recorded.
     pub fn value_at(&self, quantile: f64) -> u64 {
         let count = self.count();

@@ -30,9 +30,9 @@ pub struct Outcome {
     pub energy: f64,
     /// When that was: the number of samples up to it.
     pub at: usize,
-    /// The largest over time of the work done on the hand, as a share of what the mechanism dissipated till then:
+    /// The largest over time of the work done on the hand, as a fraction of what the mechanism dissipated till then:
     /// from -1, where the controller does nothing, to 0, where it makes up for all losses, and beyond.
-    pub share: f64,
+    pub fraction: f64,
 }
 
 impl Port {
@@ -54,7 +54,7 @@ impl Port {
         rendering.reset();
         commands[0] = rendering.tick(0.0);
         let mut outcome = Outcome {
-            share: -1.0,
+            fraction: -1.0,
             ..Outcome::default()
         };
         let (mut energy, mut lost, mut last) = (0.0, 0.0, 0.0);
@@ -70,8 +70,8 @@ impl Port {
             if energy > outcome.energy {
                 (outcome.energy, outcome.at) = (energy, k);
             }
-            if energy > outcome.share * lost {
-                outcome.share = energy / lost;
+            if energy > outcome.fraction * lost {
+                outcome.fraction = energy / lost;
             }
             commands[k % (delay + 1)] = rendering.tick(position);
             last = position;

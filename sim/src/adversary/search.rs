@@ -203,7 +203,7 @@ impl<R: Rendering> Run<'_, R> {
         // Energy counts once there is some; before, how near it is.
         let score = match self.goal {
             Goal::Most if outcome.energy > FLOOR => 1e3 + outcome.energy,
-            _ => outcome.share,
+            _ => outcome.fraction,
         };
         let at = self.elite.partition_point(|other| other.score >= score);
         let family = start.family();

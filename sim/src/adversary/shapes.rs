@@ -123,14 +123,14 @@ impl Shape {
             let k = 7 * k % FREQUENCIES + 1;
             // Evenly in frequency up to half the rate: the period as a gene, see `waves`.
             let period = 2.0 * f64::from(FREQUENCIES) / f64::from(k);
-            let share = libm::log(period / 2.0) / libm::log(longest / 2.0);
+            let fraction = libm::log(period / 2.0) / libm::log(longest / 2.0);
             amplitudes.into_iter().map(move |amplitude| {
                 let mut genes = [0.25; GENES];
                 // Long ones, with long ways in and out where they are deep.
                 genes[0] = 0.4;
                 genes[1] = if amplitude < 1.0 { 0.9 } else { 0.2 };
                 (genes[2], genes[4]) = (1.0, amplitude);
-                genes[3] = libm::sqrt(share.clamp(0.0, 1.0));
+                genes[3] = libm::sqrt(fraction.clamp(0.0, 1.0));
                 Self {
                     family: Family::Sines,
                     genes,
@@ -166,17 +166,17 @@ impl Shape {
     fn about(&self, limits: &Limits, most: f64, inner: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let deepest = between(0.02, 1.0, self.genes[2]) * limits.deepest;
         // At most half of the depth, so that it goes all the way to the surface.
-        let share = between(0.005, 1.0, self.genes[4]);
-        let amplitude = most.min(deepest * share / (1.0 + share));
-        let depth = amplitude / share;
+        let fraction = between(0.005, 1.0, self.genes[4]);
+        let amplitude = most.min(deepest * fraction / (1.0 + fraction));
+        let depth = amplitude / fraction;
         let length = self.length(limits);
         let ramp = (between(0.01, 0.33, self.genes[1]) * length as f64) as usize;
         let run = length - 2 * ramp;
-        let share = |k: usize| 0.5 * (1.0 - libm::cos(PI * (k + 1) as f64 / ramp as f64));
-        let way_in = (0..ramp).map(|k| depth * share(k));
+        let rise = |k: usize| 0.5 * (1.0 - libm::cos(PI * (k + 1) as f64 / ramp as f64));
+        let path_in = (0..ramp).map(|k| depth * rise(k));
         let inside = (0..run).map(|k| depth + amplitude * inner(k, run));
-        let way_out = (0..ramp).map(|k| depth * (1.0 - share(k)));
-        way_in.chain(inside).chain(way_out).map(|x| -x).collect()
+        let path_out = (0..ramp).map(|k| depth * (1.0 - rise(k)));
+        path_in.chain(inside).chain(path_out).map(|x| -x).collect()
     }
 
     fn waves(&self, limits: &Limits) -> Vec<f64> {
@@ -219,8 +219,8 @@ impl Shape {
             part if part < 0.7 => 0.0,
             part => -0.03 * (part - 0.7),
         } * depth;
-        let (way_in, inside) = (ticks(self.genes[3]), dwell(self.genes[4] * 0.9));
-        let (way_out, outside) = (ticks(self.genes[5]), dwell(self.genes[6] * 0.9));
+        let (path_in, inside) = (ticks(self.genes[3]), dwell(self.genes[4] * 0.9));
+        let (path_out, outside) = (ticks(self.genes[5]), dwell(self.genes[6] * 0.9));
         let mut motion = Vec::with_capacity(length);
         let mut last = 0.0;
         while motion.len() < length {
@@ -231,9 +231,9 @@ impl Shape {
                     motion.push(*last);
                 }
             };
-            lead(&mut motion, &mut last, -depth, way_in);
+            lead(&mut motion, &mut last, -depth, path_in);
             lead(&mut motion, &mut last, -depth, inside);
-            lead(&mut motion, &mut last, -back, way_out);
+            lead(&mut motion, &mut last, -back, path_out);
             lead(&mut motion, &mut last, -back, outside);
         }
         motion

@@ -82,11 +82,11 @@ fn exact(damping: f64, delay: usize) -> f64 {
 #[test]
 fn a_violation_two_percent_outside_is_found_within_the_budget() {
     for delay in [0, 1, 3] {
-        for share in [0.0, 0.3, 0.5, 0.7] {
-            let stiffness = 1.02 * exact(share * DAMPING, delay);
-            let mut wall = Wall::new(stiffness, share * DAMPING);
+        for fraction in [0.0, 0.3, 0.5, 0.7] {
+            let stiffness = 1.02 * exact(fraction * DAMPING, delay);
+            let mut wall = Wall::new(stiffness, fraction * DAMPING);
             let found = adversary(delay).search(&mut wall, Goal::MoreThan(0.0), &[]);
-            assert!(found.outcome.energy > 0.0, "{delay} {share} {found:?}");
+            assert!(found.outcome.energy > 0.0, "{delay} {fraction} {found:?}");
             // The last motion may run over by its own length.
             assert!(found.spent <= BUDGET + 2001, "{}", found.spent);
             // What is handed back gets it out again.
@@ -100,14 +100,14 @@ fn a_violation_two_percent_outside_is_found_within_the_budget() {
 #[test]
 fn nothing_is_found_two_percent_inside() {
     for delay in [0, 1, 3] {
-        for share in [0.0, 0.5] {
-            let stiffness = 0.98 * exact(share * DAMPING, delay);
-            let mut wall = Wall::new(stiffness, share * DAMPING);
+        for fraction in [0.0, 0.5] {
+            let stiffness = 0.98 * exact(fraction * DAMPING, delay);
+            let mut wall = Wall::new(stiffness, fraction * DAMPING);
             let found = adversary(delay).search(&mut wall, Goal::Most, &[]);
             // Rounding of sums over thousands of steps of a few millijoules.
-            assert!(found.outcome.energy < 1e-15, "{delay} {share} {found:?}");
+            assert!(found.outcome.energy < 1e-15, "{delay} {fraction} {found:?}");
             // But it came near: the boundary is what stopped it.
-            assert!(found.outcome.share > -0.1, "{}", found.outcome.share);
+            assert!(found.outcome.fraction > -0.1, "{}", found.outcome.fraction);
             assert!(found.spent >= BUDGET);
         }
     }

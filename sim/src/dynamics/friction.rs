@@ -9,7 +9,7 @@ use rt_core::Vec3;
 /// Most pieces that one step is split into. A handle that slides to a stop and leaves again takes three; the
 /// rest is for a direction that turns within the step. What is left after the last is taken in one.
 pub(super) const PIECES: u32 = 8;
-/// Speed left where a step was to end at rest, as a share of the speed before, that is rounding.
+/// Speed left where a step was to end at rest, as a fraction of the speed before, that is rounding.
 pub(super) const ROUNDING: f64 = 1e-9;
 /// The same, that is a small enough part for friction to take where the other forces do not move it.
 pub(super) const SMALL: f64 = 0.125;

@@ -37,8 +37,8 @@ fn oscillator_error(steps_per_ms: u32) -> f64 {
         let t = h * f64::from(n);
         let (sin, cos) = libm::sincos(damped * t);
         let decay = libm::exp(-ratio * natural * t);
-        let share = 1.0 - decay * (cos + ratio * natural / damped * sin);
-        worst = worst.max((body.position() - force * (share / k)).norm());
+        let fraction = 1.0 - decay * (cos + ratio * natural / damped * sin);
+        worst = worst.max((body.position() - force * (fraction / k)).norm());
     }
     worst
 }
@@ -101,8 +101,8 @@ fn the_work_on_the_hand_is_what_the_arm_gained_and_lost() {
         // Both ways are the same identity: rounding of the sums, as for the residual.
         assert!((energy.on_hand() - arm_side).abs() < 5e-13 * throughput);
         if n % 1000 == 0 {
-            let share = mass / (mass + arm.mass);
-            assert!((energy.device_kinetic - share * energy.kinetic).abs() <= 1e-16);
+            let fraction = mass / (mass + arm.mass);
+            assert!((energy.device_kinetic - fraction * energy.kinetic).abs() <= 1e-16);
         }
     }
     let work = force * force / arm.stiffness;

@@ -26,7 +26,7 @@ use rt_core::Vec3;
 /// Most rounds in which the mean orientation of a step is found. Each gains a factor of about
 /// `4 J / (h^2 k)`, some hundred thousand; they end where only rounding changes.
 const ROUNDS: u32 = 12;
-/// Square of the share of the velocity that is rounding.
+/// Square of the fraction of the velocity that is rounding.
 const SETTLED: f64 = 1e-30;
 
 /// Handle and wrist as one turning body.
@@ -35,7 +35,7 @@ pub(crate) struct Turning {
     /// Of device and wrist together (kg m^2).
     inertia: f64,
     /// The device's part of it.
-    share: f64,
+    fraction: f64,
     damping: f64,
     friction: f64,
     wrist: Wrist,
@@ -56,7 +56,7 @@ impl Turning {
         let inertia = model.inertia + wrist.inertia;
         Self {
             inertia,
-            share: model.inertia / inertia,
+            fraction: model.inertia / inertia,
             damping: model.damping,
             friction: model.friction,
             wrist,
@@ -187,7 +187,7 @@ impl Turning {
         energy.arm_loss += self.wrist.damping * turned.norm_squared() / h;
         energy.spring = 4.0 * self.wrist.stiffness * versine(&self.orientation);
         energy.kinetic = 0.5 * self.inertia * self.velocity.norm_squared();
-        energy.device_kinetic = self.share * energy.kinetic;
+        energy.device_kinetic = self.fraction * energy.kinetic;
     }
 
     /// Gives it an angular velocity (rad/s) to start with.
@@ -195,7 +195,7 @@ impl Turning {
     pub(crate) fn push(&mut self, velocity: Vec3) {
         self.velocity = velocity;
         self.energy.kinetic = 0.5 * self.inertia * velocity.norm_squared();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
         self.energy.initial = self.energy.stored();
         self.energy.device_initial = self.energy.device_kinetic;
     }

@@ -68,7 +68,7 @@ fn each_task_does_what_it_says() {
 }
 
 #[test]
-fn seeds_vary_within_the_share_and_repeat() {
+fn seeds_vary_within_the_fraction_and_repeat() {
     for (name, kind) in TaskKind::ALL {
         let task = Task::new(kind, Vec3::new(1.0, 2.0, 0.5));
         let places = |seed| {
@@ -82,8 +82,8 @@ fn seeds_vary_within_the_share_and_repeat() {
         let along = task.direction.normalize();
         let deepest = places(1).iter().map(|p| p.dot(&along)).fold(0.0, f64::max);
         // The depth varies by a tenth.
-        let share = deepest / task.depth;
-        assert!((0.89..1.101).contains(&share), "{name} {share}");
+        let fraction = deepest / task.depth;
+        assert!((0.89..1.101).contains(&fraction), "{name} {fraction}");
     }
 }
 

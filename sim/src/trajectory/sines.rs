@@ -56,10 +56,10 @@ impl Sines {
             position += sine.amplitude * sin;
             velocity += sine.amplitude * (speed * cos);
         }
-        let (share, slope) = minimum_jerk(time / self.fade);
+        let (weight, slope) = minimum_jerk(time / self.fade);
         (
-            position * share,
-            velocity * share + position * (slope / self.fade),
+            position * weight,
+            velocity * weight + position * (slope / self.fade),
         )
     }
 }

@@ -118,7 +118,7 @@ mod tests {
         #[test]
         fn each_point_is_met_at_rest_and_velocity_is_the_slope(
             steps in proptest::collection::vec((0.1..2.0_f64, -0.1..0.1_f64, -0.1..0.1_f64), 1..8),
-            share in 0.05..0.95_f64,
+            fraction in 0.05..0.95_f64,
         ) {
             let mut time = 0.0;
             let mut points = vec![(0.0, Vec3::zeros())];
@@ -130,7 +130,7 @@ mod tests {
             for (t, p) in &points {
                 prop_assert_eq!(path.at(*t), (*p, Vec3::zeros()));
             }
-            let t = share * time;
+            let t = fraction * time;
             let h = 1e-5;
             let slope = (path.at(t + h).0 - path.at(t - h).0) / (2.0 * h);
             // Central difference: h^2 / 6 times the largest jerk (60 d / T^3 = 12,000 m/s^3) is 2e-7; across
