@@ -1,7 +1,7 @@
 //! The coupling: from the newest local model of a body to a wrench on each hand that never jumps.
 //!
 //! **Change of model.** The old model is re-expressed at the reference of the new one. Its reference wrench is chosen
-//! such that at the present poses and velocities it renders exactly what was rendered before. Then wrench, stiffness
+//! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
 //! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
 //! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
 //! a blend starts from the blended model.
@@ -55,7 +55,7 @@ pub enum HostState {
     Held,
 }
 
-/// Counts of what a coupling met. The counts only grow.
+/// Counts of the events in a coupling. The counts only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CouplingCounters {
     /// Models taken into use.

@@ -65,7 +65,7 @@ pub enum SafetyState {
     NotANumber,
 }
 
-/// Counts of what the last stage did. The counts only grow.
+/// Counts of the events in the last stage. The counts only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SafetyCounters {
     /// Ticks with the wrench scaled down.

@@ -78,7 +78,7 @@ fn tick(
 }
 
 #[test]
-fn a_device_that_comes_back_elsewhere_goes_on_from_where_it_was_left() {
+fn a_device_that_comes_back_elsewhere_continues_from_where_it_was_left() {
     let mut controller = controller(Scheme::Linear);
     let apart = [Some(0.0), Some(2e-3)];
     for _ in 0..10 {
@@ -166,7 +166,7 @@ fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
 
 proptest! {
     #[test]
-    fn the_body_gets_what_the_hands_give_while_a_device_comes_back(
+    fn the_body_gets_the_energy_of_the_hands_while_a_device_comes_back(
         steps in prop::collection::vec((-2e-4..2e-4, -2e-4..2e-4), 150), elsewhere in -0.05..0.05,
     ) {
         let mut controller = controller(Scheme::Linear);

@@ -170,7 +170,7 @@ fn models_that_make_no_sense_are_refused_and_counted() {
 }
 
 #[test]
-fn a_model_of_a_time_to_come_is_refused_and_a_clock_set_back_is_survived() {
+fn a_model_of_the_future_is_refused_and_a_clock_set_back_is_survived() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
     coupling.tick(1000 * MS, &at);
@@ -319,7 +319,7 @@ proptest! {
         prop_assert!((begin.stored - end.stored - work).abs() < 1e-9);
     }
 
-    /// At the tick that takes a new model, even during a blend, the force on resting hands stays what was rendered
+    /// At the tick that takes a new model, even during a blend, the force on resting hands stays as rendered
     /// before. After the blend, it is the force of the new model.
     #[test]
     fn a_change_of_model_never_makes_the_force_jump(

@@ -204,7 +204,7 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
 }
 
 #[test]
-fn a_drift_goes_on_to_the_horizon_and_levels_off_within_another() {
+fn a_drift_acts_up_to_the_horizon_and_levels_off_within_another() {
     let mut model = LocalModel::empty();
     model.time_ns = 5 * MS;
     model.horizon = 0.02;

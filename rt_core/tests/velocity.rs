@@ -81,7 +81,7 @@ fn stops(method: Method, period: f64, delay: usize, times: f64) -> bool {
 }
 
 #[test]
-fn a_damper_is_stable_up_to_nearly_six_times_what_is_allowed() {
+fn a_damper_is_stable_up_to_nearly_six_times_the_allowed_damping() {
     let mut methods = vec![Method::LowPass { cutoff: 80.0 }];
     for window in [1, 2, 4, 8, 16] {
         methods.push(Method::EndFit { window });
@@ -116,7 +116,7 @@ fn left_by_counts(count: f64, mass: f64, period: f64, times: f64) -> f64 {
 }
 
 #[test]
-fn counts_leave_less_than_one_gives_up_to_four_times_what_is_allowed() {
+fn counts_leave_less_speed_than_a_single_count_gives_up_to_four_times_the_allowed_damping() {
     // Encoder counts (m) and moving masses (kg) of common devices, without the friction that would stop them
     // altogether.
     for (count, mass) in [(38e-6, 0.15), (55e-6, 0.045), (30e-6, 0.075), (10e-6, 0.2)] {

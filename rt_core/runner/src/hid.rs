@@ -246,7 +246,7 @@ mod tests {
     use rt_core::Freedom;
 
     #[test]
-    fn a_device_that_is_not_there_is_named_with_what_to_check() {
+    fn a_missing_device_is_named_with_a_remedy() {
         // Vendor 0 is not assigned.
         let selector = HidSelector {
             vid: 0,

@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_locked_is_counted_and_what_is_refused_says_why() {
+    fn locked_bytes_are_counted_and_a_refusal_gives_its_reason() {
         let data = vec![7_u8; 10_000];
         let mut locked = LockedMemory::new();
         match locked.lock(MemoryRange::of(data.as_slice())) {

@@ -20,7 +20,7 @@ enum Mutation {
     Lock,
     /// Panics, once.
     Panic,
-    /// Makes a system call behind the back of the C library.
+    /// Makes a system call without the C library.
     Syscall,
     /// Works for 50 us more.
     Spin,

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_reserved_changes_nothing() {
+    fn a_choice_that_cannot_be_reserved_changes_nothing() {
         for choice in [CoreChoice::Anywhere, CoreChoice::Id(usize::MAX)] {
             apart(move || {
                 let all = cores();

@@ -174,7 +174,7 @@ fn a_loop_without_end_ends_when_asked_or_dropped() {
 }
 
 #[test]
-fn what_cannot_run_says_so() {
+fn an_impossible_configuration_is_refused() {
     let stop = Arc::new(Stop::new());
     let config = RunnerConfig {
         period_ns: 0,
@@ -205,7 +205,7 @@ fn what_cannot_run_says_so() {
 }
 
 #[test]
-fn what_the_system_refuses_is_named_once_and_the_run_goes_on() {
+fn each_refusal_of_the_system_is_named_once_and_the_run_continues() {
     let (tick, _host, _log) = ends();
     let config = RunnerConfig {
         ticks: Some(20),

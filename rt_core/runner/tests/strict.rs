@@ -101,7 +101,7 @@ fn a_panic_is_still_told() {
 }
 
 #[test]
-fn a_loop_that_insists_does_not_tick_without_what_it_was_refused() {
+fn a_loop_that_insists_does_not_tick_after_a_refusal() {
     let (tick, _host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
     let puppet = Puppet::new(Trick::None);
     let last = Arc::clone(&puppet.last);

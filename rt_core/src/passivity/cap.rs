@@ -9,11 +9,11 @@
 //! `R` the work that the hands were spared by weights that were removed and restored. Each tick does:
 //!
 //! ```text
-//! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
+//! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  eta: the fraction of the dissipation that counts
 //! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
 //! G  = (H - R+)+                                        what this tick may spend
-//! F_s <- F_s min(1, G / (b V))                          the force is reduced; b = 0.3, more for late devices
-//! F_d <- F_d - c v                                      where V > G; c takes out what is missing
+//! F_s <- F_s min(1, G / (beta V))                       the force is reduced; beta = 0.3, more for late devices
+//! F_d <- F_d - c v                                      where V > G; c takes out the missing energy
 //! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
 //! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
 //! ```

@@ -6,8 +6,8 @@
 //!
 //! ```text
 //! E   = E_0 + supplied - raised
-//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most what its device
-//!                 can render
+//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most the damping
+//!                 that its device can render
 //! ```
 //!
 //! The controller acts after the fact: energy comes out first, and is taken back in the ticks that follow, as long as

@@ -98,7 +98,7 @@ mod tests {
     proptest! {
         /// For any path of the hand, the account gains no more than motor and friction together did.
         #[test]
-        fn a_closed_pair_never_gains_and_charges_what_friction_does_not_cover(
+        fn a_closed_pair_never_gains_and_charges_the_loss_beyond_friction(
             out in -5.0..5.0, back in -5.0..5.0, fraction in 0.0..1.0, slanting: bool,
         ) {
             let got = pair(out, back, [0.0; 2], slanting);

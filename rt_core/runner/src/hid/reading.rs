@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_goes_away_is_told_after_its_last_report() {
+    fn a_disconnection_is_told_after_the_last_report() {
         let mut reads = [Ok(()), Err(DeviceError::Disconnected(19))]
             .into_iter()
             .cycle();
