@@ -45,8 +45,8 @@ impl Pose {
         }
     }
 
-    /// The displacement that leads from `reference` to this pose: translation (m), then the rotation vector `log(R
-    /// R0^T)` (rad), both in world axes.
+    /// The displacement that leads from `reference` to this pose: translation (m), then the rotation vector
+    /// `log(R R0^T)` (rad), both in world axes.
     pub fn displacement_from(&self, reference: &Self) -> Vec6 {
         let translation = self.position - reference.position;
         // Devices that sense no rotation report the same quaternion in every tick: skip the logarithm.

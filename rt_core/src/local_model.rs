@@ -13,8 +13,9 @@
 //!
 //! **Drift.** A hand that moves steadily meets a body that already moves, but stiffness alone takes the whole
 //! displacement of the hand as new. Let `w0'` be the rate of the wrench along the path `d = v0 s` of the handles. The
-//! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It equals the extrapolation above with `p = w0' +
-//! K v0`: the part of the wrench's rate that the stiffness does not predict. A body that answers at once has no drift.
+//! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It equals the extrapolation above with
+//! `p = w0' + K v0`: the part of the wrench's rate that the stiffness does not predict. A body that answers at once has
+//! no drift.
 
 mod parts;
 
@@ -328,9 +329,9 @@ impl LocalModel {
         }
     }
 
-    /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device. The blocks become `a_i a_j
-    /// B_ij`, with the largest `a` up to one that meet the bound. A positive semidefinite matrix stays positive
-    /// semidefinite.
+    /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device. The blocks become
+    /// `a_i a_j B_ij`, with the largest `a` up to one that meet the bound. A positive semidefinite matrix stays
+    /// positive semidefinite.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
         let mut scales = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -393,8 +394,8 @@ impl LocalModel {
         found
     }
 
-    /// Mixes stiffness, damping and drift of two models with the same handles: `fraction` of `other`, and `1 -
-    /// fraction` of this model. The reference wrenches stay as they are, because the reference changes next.
+    /// Mixes stiffness, damping and drift of two models with the same handles: `fraction` of `other`, and
+    /// `1 - fraction` of this model. The reference wrenches stay as they are, because the reference changes next.
     pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
         let n = usize::from(self.handle_count);
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles).take(n) {

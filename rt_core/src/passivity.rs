@@ -95,9 +95,9 @@ pub struct PassivityConfig {
 }
 
 impl PassivityConfig {
-    /// An allowance of 0.4 mJ (with the same debt again, less than a millijoule comes out), a credit of two fifths of
-    /// the devices' own dissipation, no delay, and devices of unknown properties. With half the allowance, walls
-    /// withstand somewhat better the hands that leave at once, but a hand at rest on a light force feels the cap.
+    /// An allowance of 0.4 mJ, a credit of two fifths of the devices' own dissipation, no delay, and devices of unknown
+    /// properties. With a debt of the allowance on top, less than a millijoule comes out. With half the allowance,
+    /// walls withstand hands that leave at once somewhat better, but a hand at rest on a light force feels the cap.
     pub fn new(period: f64) -> Self {
         Self {
             period,

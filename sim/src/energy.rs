@@ -1,10 +1,10 @@
 //! The energy account of a simulated device, and the certificate that judges a controller.
 //!
-//! A coupling is judged by its effect on the person, and so by the energy at the port between device and hand: the work
-//! of the motors, minus the losses of the mechanism, minus the energy of the mechanism's own mass
-//! ([`EnergyAccount::on_hand`]). The energy is integrated between ticks from the true motion. The controller's own
-//! account, which relies on encoder counts, has no part in it. [`NetEnergy`] keeps the maximum of the energy over time,
-//! summed over all devices on one body. Above zero, the body gave back energy that nobody had supplied.
+//! A coupling is judged by its effect on the person, and so by the energy at the port between device and hand. That
+//! energy is the work of the motors, minus the losses of the mechanism, minus the energy of the mechanism's own mass
+//! ([`EnergyAccount::on_hand`]). It is integrated between ticks from the true motion. The controller's own account,
+//! which relies on encoder counts, has no part in it. [`NetEnergy`] keeps the maximum of the energy over time, summed
+//! over all devices on one body. Above zero, the body gave back energy that nobody had supplied.
 
 /// Sources and sinks of the energy since the start (J). Works and losses are sums over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,9 +53,9 @@ impl EnergyAccount {
         self.supplied() - self.lost() - self.stored()
     }
 
-    /// Work that the device did on the hand so far (J), at the port between the two: the work of the motors, minus the
-    /// losses to the mechanism's damping and friction, minus the gain of its own moving mass. Negative where the hand
-    /// worked on the device.
+    /// Work that the device did on the hand so far (J), at the port between the two. It is the work of the motors,
+    /// minus the losses to the mechanism's damping and friction, minus the gain of the mechanism's own mass. Negative
+    /// where the hand worked on the device.
     pub fn on_hand(&self) -> f64 {
         self.motor_work - self.damping_loss - self.friction_loss - self.device_kinetic
             + self.device_initial

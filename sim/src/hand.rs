@@ -81,9 +81,9 @@ impl Hand {
 
 /// The aim between whole milliseconds, by the cubic Hermite segment through both ends.
 ///
-/// Substeps ask for the aim every few tens of microseconds, and a hand has no motion above 12 Hz. The cubic errs by `(2
-/// pi f dt)^4 / 384`: 1e-7 of the amplitude at 12 Hz. The milliseconds are those of the hand itself, so the aim does
-/// not depend on anybody's steps.
+/// Substeps ask for the aim every few tens of microseconds, and a hand has no motion above 12 Hz. The cubic errs by
+/// `(2 pi f dt)^4 / 384`: 1e-7 of the amplitude at 12 Hz. The milliseconds are those of the hand itself, so the aim
+/// does not depend on anybody's steps.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
     hand: Hand,

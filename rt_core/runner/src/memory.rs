@@ -84,8 +84,8 @@ impl LockedMemory {
             return Ok(());
         }
         let address = std::ptr::without_provenance_mut::<c_void>(range.address);
-        // SAFETY: locking changes neither content nor access of the pages, whosever they are, and the
-        // kernel refuses addresses that are not mapped. Nothing is read or written through the pointer.
+        // SAFETY: locking changes neither the content nor the access of the pages, whoever owns them. The kernel
+        // refuses addresses that are not mapped. Nothing is read or written through the pointer.
         let locked = unsafe { rustix::mm::mlock(address, range.bytes) };
         match locked {
             Ok(()) => {
@@ -117,8 +117,8 @@ impl Drop for LockedMemory {
     fn drop(&mut self) {
         for range in &self.ranges {
             let address = std::ptr::without_provenance_mut::<c_void>(range.address);
-            // SAFETY: as for locking. Where the memory has been freed meanwhile the call fails or unlocks
-            // pages that someone else uses, who at worst may wait for them again.
+            // SAFETY: as for locking. If the memory has been freed meanwhile, the call fails or unlocks pages of
+            // another owner, who at worst waits for these pages again.
             let _ = unsafe { rustix::mm::munlock(address, range.bytes) };
         }
     }

@@ -90,8 +90,8 @@ mod handler {
         let mut action = unsafe { MaybeUninit::<libc::sigaction>::zeroed().assume_init() };
         action.sa_flags = libc::SA_SIGINFO;
         action.sa_sigaction = on_trap as extern "C" fn(_, _, _) as usize;
-        // SAFETY: the action lives through the call and its handler for ever; the handler is safe to run
-        // at any moment (it touches the thread's own atomics, errno, and what the kernel hands it).
+        // SAFETY: the action lives through the call, and its handler for ever. The handler is safe to run at any
+        // moment: it touches only the thread's own atomics, errno, and the arguments from the kernel.
         let result = unsafe { libc::sigaction(libc::SIGSYS, &raw const action, null_mut()) };
         if result == 0 {
             Ok(())
@@ -121,9 +121,9 @@ mod handler {
         if !passes {
             return REFUSED;
         }
-        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument
-        // that the call does not read differs. errno is this thread's own and always there; it is put
-        // back, as the interrupted code knows nothing of this.
+        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument that the call
+        // does not read differs. errno belongs to this thread and always exists. It is restored, because the
+        // interrupted code does not expect a change.
         unsafe {
             let errno = libc::__errno_location();
             let before = *errno;

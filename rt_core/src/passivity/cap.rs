@@ -4,9 +4,10 @@
 //! got, even if the local models are late, wrong or contradictory. The cap is the passivity controller of B. Hannaford
 //! and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with an upper bound on the energy as
 //! well (a tank, as in M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011).
-//! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later. Let
-//! `F_s` and `F_d` be the elastic and the viscous wrench on all handles, `V` the energy that hands could get back, and
-//! `R` the work that the hands were spared by weights that were removed and restored. Each tick does:
+//! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later.
+//!
+//! Let `F_s` and `F_d` be the elastic and the viscous wrench on all handles, and `V` the energy that hands could get
+//! back. Let `R` be the work that the hands were spared by weights that were removed and restored. Each tick does:
 //!
 //! ```text
 //! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  eta: the fraction of the dissipation that counts

@@ -1,10 +1,10 @@
 //! Kalman filters of position in their steady state: constant velocity and constant acceleration.
 //!
 //! The constant-velocity filter takes the acceleration to be white noise. The constant-acceleration filter takes the
-//! change of the acceleration in a tick to be white noise. Both take encoder counts to be white noise of `step /
-//! sqrt(12)`. The gains then depend on one number, the tracking index (P. R. Kalata, "The tracking index: a generalized
-//! parameter for alpha-beta and alpha-beta-gamma target trackers", 1984). The gains settle, so that a tick takes a few
-//! operations:
+//! change of the acceleration in a tick to be white noise. Both take encoder counts to be white noise of
+//! `step / sqrt(12)`. The gains then depend on one number, the tracking index (P. R. Kalata, "The tracking index: a
+//! generalized parameter for alpha-beta and alpha-beta-gamma target trackers", 1984). The gains settle, so that a tick
+//! takes a few operations:
 //!
 //! ```text
 //! x+ = x + v T + a T^2 / 2, v+ = v + a T        predicted

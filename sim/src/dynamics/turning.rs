@@ -7,12 +7,12 @@
 //! J w' = m - (b + b_w) w - 2 k q_v - t_c w / |w|,     q' = w q / 2
 //! ```
 //!
-//! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential `4 k
-//! (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees, 5 %
-//! at 63. The potential needs no angle, and the implicit midpoint rule on `q` conserves it. From `q_1 - q_0 = h u q_m /
-//! 2` with `q_m = (q_0 + q_1) / 2` follows that the potential changes by exactly `2 k q_m,v . u h`, the work of the
-//! mean moment, and that `q` keeps its length. This [`EnergyAccount`] therefore closes up to rounding at any step, as
-//! that of the translation does.
+//! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential
+//! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
+//! 5 % The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1 - q_0 = h u q_m / 2`
+//! with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly `2 k q_m,v . u h`, the
+//! work of the mean moment. This [`EnergyAccount`] therefore closes up to rounding at any step, as that of the
+//! translation does.
 //!
 //! Stops and starts are events, as in the translation.
 
