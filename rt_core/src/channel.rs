@@ -1,8 +1,8 @@
 //! One device as the controller follows it: which readings the controller believes, and where the proxy continues after
-//! the device was lost.
+//! the device was away.
 //!
 //! A reading that no hand can have led to since the last one is rejected like a missing reading: a count that jumps, or
-//! a coordinate at the end of its range. If such readings persist, the device counts as lost. Beyond the limiter's
+//! a coordinate at the end of its range. If such readings persist, the device counts as away. Beyond the limiter's
 //! patience it gets no force. The next sound reading is then believed, and the proxy continues from where the device
 //! left it ([`crate::clutch`]).
 
@@ -16,7 +16,8 @@ use crate::safety::{Limiter, SafetyConfig};
 /// Factor by which an estimated velocity may exceed the largest velocity of a hand. The last stage limits the speed of
 /// the hand itself.
 const OVERSHOOT: f64 = 10.0;
-/// Largest difference between one and the length of a rotation's quaternion. The eight bits of a report stay below it.
+/// Largest difference between one and the length of a rotation's quaternion. The 16-bit numbers of a report err by
+/// less.
 const SKEW: f64 = 0.01;
 
 /// A device, its proxy and its last stage.

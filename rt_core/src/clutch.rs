@@ -1,6 +1,6 @@
-//! The clutch between a device and its proxy. It opens when the device is lost, and closes as the force comes back.
+//! The clutch between a device and its proxy. It opens when the device goes away, and closes as the force comes back.
 //!
-//! While a device is lost, its hand moves without the scene. If the proxy followed at once when the device came back,
+//! While a device is away, its hand moves without the scene. If the proxy followed at once when the device came back,
 //! the body would store energy that no hand supplied, and the other hands would feel a blow. The proxy therefore
 //! continues from where the device left it.
 //!

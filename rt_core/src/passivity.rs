@@ -46,7 +46,7 @@ pub struct Port {
     pub turning_damping: f64,
     /// Coulomb friction of the mechanism's rotation (N m).
     pub turning_friction: f64,
-    /// Largest damping that is rendered (N s/m), by [`crate::velocity::most_damping`].
+    /// Largest damping that is rendered (N s/m), as [`crate::velocity::most_damping`] allows.
     pub most_damping: f64,
     /// Largest rotational damping that is rendered (N m s/rad).
     pub most_turning_damping: f64,

@@ -120,7 +120,7 @@ mod tests {
                 ..DeviceState::resting()
             };
             let (first, left) = (at(Vec3::zeros(), Vec3::zeros()), at(place, turned));
-            // The device was lost before.
+            // The device was away before.
             proxy.slip(1.0, &first, &left);
             let (before, _) = proxy.to_scene(&left);
             prop_assert!(before.displacement_from(&Pose::identity()).norm() < 1e-13);

@@ -1,4 +1,4 @@
-//! The controller over its devices: a device that was lost comes back without a blow to the others.
+//! The controller over its devices: a device that was away comes back without a blow to the others.
 // The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
@@ -129,7 +129,7 @@ fn a_device_that_was_never_there_begins_where_it_is() {
 #[test]
 fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
     let mut controller = controller(Scheme::Capped);
-    // The device is pulled at 5 cm/s (a tenth of a millimetre in the scene per tick) and is lost. It comes back 20 mm
+    // The device is pulled at 5 cm/s (a tenth of a millimetre in the scene per tick) and goes away. It comes back 20 mm
     // farther away, and is pulled on while its force comes back.
     let mut x = 0.0;
     let pull = |controller: &mut Controller, x: &mut f64, ticks: u32| {
@@ -174,7 +174,7 @@ proptest! {
         let mut given = 0.0;
         let mut telemetry = None;
         for (k, (one, other)) in steps.into_iter().enumerate() {
-            // The device rests when it is lost, and is elsewhere when it comes back: no force is felt between.
+            // The device rests when it goes away, and is elsewhere when it comes back: no force is felt between.
             let away = (30..30 + 2 * PATIENCE as usize).contains(&k);
             let moved = [one, if away { 0.0 } else { other }];
             if k == 30 + 2 * PATIENCE as usize {
