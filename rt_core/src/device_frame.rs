@@ -15,12 +15,12 @@ pub struct DeviceFrame {
     pub origin: Vec3,
     /// From device axes to world axes.
     pub rotation: UnitQuaternion<f64>,
-    /// What of the device's orientation a clutch left behind, before its turn in the scene.
+    /// The part of the device's rotation that a clutch left out. It multiplies the device's rotation from the right.
     pub turned: UnitQuaternion<f64>,
     /// Scene metres per device metre.
     pub motion_scale: f64,
-    /// Newtons at the hand per newton in the scene, on top of what the motion scale asks for; anything but
-    /// one gives up the balance of power.
+    /// Newtons at the hand per newton in the scene, beside the factor that the motion scale implies. With any value but
+    /// one, the power at the hand differs from the power in the scene.
     pub force_scale: f64,
 }
 
@@ -36,25 +36,28 @@ impl DeviceFrame {
         }
     }
 
-    /// Leaves `fraction` of a device's displacement and turn from `left` to `now` behind: with one, the proxy stays where it is.
+    /// Leaves a `fraction` of the device's displacement and rotation from `left` to `now` out of the proxy's motion.
+    /// With a fraction of one, the proxy stays where it is.
     pub fn slip(&mut self, fraction: f64, left: &DeviceState, now: &DeviceState) {
         let displacement = left.pose.position - now.pose.position;
         self.origin += self.rotation * displacement * (self.motion_scale * fraction);
-        // A device that senses no rotation hands the same on for ever.
+        // A device that senses no rotation reports the same rotation in every tick.
         if left.pose.rotation != now.pose.rotation {
             let [from, to] = [left, now].map(|state| self.on_axes(state));
-            // A part of the turn by blending: a hand turns so little in a tick that it is the same, and no angle is needed.
+            // Blends quaternions to get a part of the rotation. A hand turns so little in a tick that the blend equals
+            // the exact part, and no angle is needed.
             let turn = (to * from.inverse()).coords;
             let turn = if turn.w < 0.0 { -turn } else { turn };
             let part = turn * (1.0 - fraction) + Quaternion::identity().coords * fraction;
             let part = UnitQuaternion::new_normalize(Quaternion::from(part));
             let turned = to.inverse() * part * from * self.turned;
-            // A report's few bits leave a quaternion a little off its length: many of them must not add up.
+            // The few bits of a report leave the length of a quaternion slightly off one. These errors must not
+            // accumulate.
             self.turned = UnitQuaternion::new_normalize(turned.into_inner());
         }
     }
 
-    /// A device's orientation about the world's axes.
+    /// The orientation of a device, in world axes.
     fn on_axes(&self, state: &DeviceState) -> UnitQuaternion<f64> {
         self.rotation * state.pose.rotation * self.rotation.inverse()
     }
@@ -72,7 +75,7 @@ impl DeviceFrame {
         (pose, twist)
     }
 
-    /// A wrench on the proxy (world axes) as the device is to render it (device axes).
+    /// The wrench on the device (its own axes) that renders a wrench on the proxy (world axes).
     pub fn to_device(&self, wrench: &Wrench) -> Wrench {
         let back = self.rotation.inverse();
         Wrench {
@@ -81,8 +84,8 @@ impl DeviceFrame {
         }
     }
 
-    /// The inverse: the wrench on the proxy (world axes) that a device's wrench (its own axes) renders. Zero where the
-    /// scales leave nothing to render.
+    /// The inverse of [`Self::to_device`]: the wrench on the proxy (world axes) that a device's wrench (its own axes)
+    /// renders. Zero where a scale is zero.
     pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
         let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
         Wrench {
@@ -104,11 +107,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_clutch_leaves_its_fraction_behind(
-<<<<<<< HEAD:rt_core/src/device_frame.rs
-            axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
-=======
             frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
->>>>>>> english_book:rt_core/src/proxy.rs
             scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {
             let mut frame = DeviceFrame {
@@ -121,13 +120,13 @@ mod tests {
                 ..DeviceState::resting()
             };
             let (first, left) = (at(Vec3::zeros(), Vec3::zeros()), at(place, turned));
-            // It was away before.
+            // The device was away before.
             frame.slip(1.0, &first, &left);
             let (before, _) = frame.to_scene(&left);
             prop_assert!(before.displacement_from(&Pose::identity()).norm() < 1e-13);
             let mut now = left;
             now.pose.position += displacement;
-            // As far as a hand turns in a tick.
+            // No hand turns much farther in a tick.
             let turn = turn * 0.01;
             now.pose.rotation = UnitQuaternion::from_scaled_axis(turn) * now.pose.rotation;
             frame.slip(fraction, &left, &now);
