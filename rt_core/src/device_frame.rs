@@ -107,7 +107,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_clutch_leaves_its_fraction_behind(
-            frame in vector(), place in vector(), turned in vector(), way in vector(), turn in vector(),
+            axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
             scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {
             let mut frame = DeviceFrame {
