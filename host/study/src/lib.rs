@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod elsewhere;
 pub mod extrapolation;
 pub mod speed;
 pub mod stability;

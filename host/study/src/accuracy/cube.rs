@@ -4,6 +4,7 @@
 
 use super::solve::{settle, settle_linear, vertices, weightless};
 use super::{AccuracyError, Level, Series};
+use crate::elsewhere::ACCURACY;
 use physics::Vec3;
 use physics::fem::{Body, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
@@ -15,43 +16,34 @@ const GELATINE: SolidMaterial = SolidMaterial {
     density: 1000.0,
 };
 
-/// Meshes of linear elements, each with the independent program's forces: linear, corotational.
-const LINEAR: [(u32, f64, f64); 4] = [
-    (6, 21.818_252, 21.660_407),
-    (8, 21.648_950, 21.479_908),
-    (10, 21.555_060, 21.377_565),
-    (24, 21.366_145, 21.162_905),
-];
-
 pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
     let source = "an independent program: quadratic elements, extrapolated";
     let title = |law: &str, elements: &str| {
         format!("bonded cube pressed by a tenth, {law}, {elements} tetrahedra: force")
     };
+    let others = &ACCURACY.cube;
     let mut all = Vec::new();
-    for (name, quadratic_name, law, law_name, reference) in [
+    for (name, quadratic_name, law, law_name, forces, reference) in [
         (
             "cube_linear",
             "cube_quadratic",
             SolidLaw::Linear,
             "linear law",
-            21.278,
+            &others.linear,
+            others.converged_linear,
         ),
         (
             "cube_corotational",
             "cube_corotational_quadratic",
             SolidLaw::Corotational,
             "corotational law",
-            21.049,
+            &others.corotational,
+            others.converged_corotational,
         ),
     ] {
         let title = |elements| title(law_name, elements);
         let mut linear = Series::new(name, title("linear"), "N", Some(reference), source);
-        for &(n, of_linear, of_corotational) in level.take(&LINEAR, 2) {
-            let independent = match law {
-                SolidLaw::Linear => of_linear,
-                _ => of_corotational,
-            };
+        for (&n, &independent) in level.take(&others.cells, 2).iter().zip(forces) {
             let found = pressed(n, false, law)?;
             linear.push(
                 format!("{n}^3"),

@@ -3,6 +3,7 @@
 
 use super::solve::{settle, vertices, weightless};
 use super::{AccuracyError, Level, Series};
+use crate::elsewhere::ACCURACY;
 use physics::Vec3;
 use physics::fem::weave::Weave;
 use physics::fem::{Body, Material, SheetLawName};
@@ -39,7 +40,7 @@ pub(super) fn run(_: Level) -> Result<Vec<Series>, AccuracyError> {
         "strip_clamped",
         "strip with clamped ends, corotational: force",
         "N",
-        Some(8.138_05),
+        Some(ACCURACY.strip.clamped),
         "an independent program on this mesh, to six digits",
     );
     let mesh = sheet(LENGTH, WIDTH, 10, 4, Pattern::Regular)?;

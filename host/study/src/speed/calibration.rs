@@ -7,9 +7,6 @@
 use super::clock::cpu_time;
 use std::hint::black_box;
 
-/// What the C program printed on the machine on which the figures in [`sofa`](super::sofa) were taken (s).
-pub(super) const ELSEWHERE: f64 = 29.45e-6;
-
 /// The C program's time over this translation's, both taken in the same minute on one machine (26.2 and 22.0
 /// microseconds, AMD EPYC with AVX-512): Rust knows that the vectors do not overlap, and gcc's wide gathers
 /// do not pay.

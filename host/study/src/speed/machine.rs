@@ -1,6 +1,7 @@
 //! The machine on which times were taken.
 
 use super::calibration;
+use crate::elsewhere::SPEED;
 use serde::Serialize;
 use std::thread::available_parallelism;
 
@@ -30,7 +31,7 @@ impl Machine {
             built_for: built_for(),
             found: found(),
             calibration: calibration::measure(),
-            calibration_elsewhere: calibration::ELSEWHERE,
+            calibration_elsewhere: SPEED.calibration,
         }
     }
 

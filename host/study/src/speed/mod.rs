@@ -20,7 +20,6 @@ mod scaling;
 mod set_up;
 mod sheets;
 mod skips;
-pub mod sofa;
 mod trial;
 
 use physics::fem::{BodyError, CondenseError, StepError};

@@ -5,6 +5,7 @@ use super::motion::{Motion, Path};
 use super::path::{self, Method};
 use super::trial::{Course, drive};
 use super::{Level, SpeedError};
+use crate::elsewhere::ACCURACY;
 use physics::Vec3;
 use physics::fem::Scheme;
 use serde::Serialize;
@@ -121,10 +122,8 @@ fn solvers(level: Level) -> Result<Vec<Curve>, SpeedError> {
     Ok(curves)
 }
 
-/// Force (N) of the cube pressed by a tenth, of an independent program's quadratic elements, extrapolated.
-const CONVERGED: f64 = 21.049;
-
 fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
+    let converged = ACCURACY.cube.converged_corotational;
     let mut curves = Vec::new();
     for (name, quadratic, meshes) in [
         (
@@ -146,7 +145,7 @@ fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
             settings.push(Setting {
                 name: format!("{n}^3"),
                 cpu: course.median(),
-                error: (course.last().z.abs() / CONVERGED - 1.0).abs(),
+                error: (course.last().z.abs() / converged - 1.0).abs(),
             });
         }
         curves.push(Curve {

@@ -1,7 +1,7 @@
 //! What is printed: the machine, and a table for each part of the study.
 
 use super::{kernels, parts};
-use study::speed::sofa::{self, Elsewhere};
+use study::elsewhere::{SPEED, Steps};
 use study::speed::{Machine, Row, Speed, Varied};
 
 pub(super) fn print(found: &Speed) {
@@ -37,11 +37,11 @@ fn print_scenes(found: &Speed) {
 fn print_elsewhere_all(found: &Speed) {
     if !found.cube.is_empty() {
         println!("\nOther programs, the cube pressed with steps of 10 ms:\n");
-        print_elsewhere(&found.machine, &sofa::CUBE, &found.cube, "press");
+        print_elsewhere(&found.machine, &SPEED.cube, &found.cube, "press");
     }
     if !found.sheets.is_empty() {
         println!("\nOther programs, sheets:\n");
-        print_elsewhere(&found.machine, &sofa::SHEETS, &found.sheets, "sheet_pull");
+        print_elsewhere(&found.machine, &SPEED.sheets, &found.sheets, "sheet_pull");
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
         println!(
@@ -94,7 +94,7 @@ fn print_rows(rows: &[Row]) {
 }
 
 /// What the others take, beside the ratio of each path that was run on as many elements.
-fn print_elsewhere(machine: &Machine, figures: &[Elsewhere], rows: &[Row], scene: &str) {
+fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &str) {
     let mut paths: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.scene == scene) {
         if !paths.contains(&row.path) {
@@ -106,12 +106,14 @@ fn print_elsewhere(machine: &Machine, figures: &[Elsewhere], rows: &[Row], scene
         paths.join(" | ")
     );
     println!("|---|---|---|---|{}", "---|".repeat(paths.len()));
-    for figure in figures {
-        let scaled = figure.scalable.then(|| machine.scaled(figure.step));
+    let each = figures
+        .iter()
+        .flat_map(|figure| figure.times().map(move |time| (figure, time)));
+    for (figure, (elements, step)) in each {
+        let scaled = figure.scalable.then(|| machine.scaled(step));
         let ratio = |path: &&str| {
-            let same = |row: &&Row| {
-                row.scene == scene && row.elements == figure.elements && row.path == *path
-            };
+            let same =
+                |row: &&Row| row.scene == scene && row.elements == elements && row.path == *path;
             let ours = rows.iter().find(same).map(|row| {
                 if figure.p99 {
                     row.times.p99
@@ -127,8 +129,8 @@ fn print_elsewhere(machine: &Machine, figures: &[Elsewhere], rows: &[Row], scene
         println!(
             "| {} | {} | {:.2} | {} | {} |",
             figure.setting,
-            figure.elements,
-            1e3 * figure.step,
+            elements,
+            1e3 * step,
             scaled.map_or(String::new(), |scaled| format!("{:.2}", 1e3 * scaled)),
             ratios.join(" | ")
         );
