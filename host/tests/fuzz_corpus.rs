@@ -1,28 +1,14 @@
 //! What the fuzzers found worth keeping is read again, without fuzzing tools: no panic, one-line errors.
 
+use corpus::inputs;
 use host::log::read_log;
 use host::scene::{Scene, recording};
-use std::path::Path;
-use std::{fs, io};
-
-const FUZZ: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz");
-
-/// All files of a target.
-fn files(target: &str) -> io::Result<Vec<Vec<u8>>> {
-    let mut files = Vec::new();
-    for folder in ["seeds", "corpus"] {
-        for entry in fs::read_dir(Path::new(FUZZ).join(folder).join(target))? {
-            files.push(fs::read(entry?.path())?);
-        }
-    }
-    assert!(!files.is_empty(), "{target}: no files");
-    Ok(files)
-}
+use std::io;
 
 #[test]
 fn scenes() -> io::Result<()> {
-    for bytes in files("scene")? {
-        let text = String::from_utf8_lossy(&bytes);
+    for input in inputs("scene")? {
+        let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = Scene::parse(&text, "scene.toml") {
             assert!(!error.to_string().contains('\n'), "{error}");
         }
@@ -32,8 +18,8 @@ fn scenes() -> io::Result<()> {
 
 #[test]
 fn devices() -> io::Result<()> {
-    for bytes in files("device")? {
-        let text = String::from_utf8_lossy(&bytes);
+    for input in inputs("device")? {
+        let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = sim::DeviceFile::parse(&text) {
             assert!(!error.to_string().contains('\n'), "{error}");
         }
@@ -43,8 +29,8 @@ fn devices() -> io::Result<()> {
 
 #[test]
 fn recordings() -> io::Result<()> {
-    for bytes in files("recording")? {
-        let text = String::from_utf8_lossy(&bytes);
+    for input in inputs("recording")? {
+        let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = recording::parse(&text, "hand.csv") {
             assert!(!error.to_string().contains('\n'), "{error}");
         }
@@ -54,15 +40,20 @@ fn recordings() -> io::Result<()> {
 
 #[test]
 fn logs() -> io::Result<()> {
-    for bytes in files("log")? {
-        let _ = read_log(&bytes);
+    for input in inputs("log")? {
+        let _ = read_log(&input.bytes);
     }
     Ok(())
 }
 
 #[test]
 fn a_log_that_is_cut_anywhere_gives_the_ticks_before_its_end() -> io::Result<()> {
-    let whole = fs::read(Path::new(FUZZ).join("seeds/log/short_log"))?;
+    let seeds = corpus::seeds("log")?;
+    let whole = &seeds
+        .iter()
+        .find(|seed| seed.name == "short_log")
+        .expect("a seed of that name")
+        .bytes;
     let mut last = 0;
     for end in (0..whole.len()).step_by(7) {
         let rows = read_log(&whole[..end]).map_or(0, |rows| rows.len());
@@ -75,8 +66,8 @@ fn a_log_that_is_cut_anywhere_gives_the_ticks_before_its_end() -> io::Result<()>
 
 #[test]
 fn a_record_that_reaches_beyond_its_chunk_is_an_error() -> io::Result<()> {
-    let bytes = fs::read(Path::new(FUZZ).join("corpus/log/record_beyond_its_chunk"))?;
-    let error = read_log(&bytes).expect_err("the file is damaged");
+    let input = corpus::named("log", "record_beyond_its_chunk")?;
+    let error = read_log(&input.bytes).expect_err("the file is damaged");
     let text = error.to_string();
     assert!(
         text.starts_with("not an MCAP file, or a damaged one"),

@@ -4,12 +4,8 @@ use meshio::{read, read_mesh};
 use physics::mesh::Mesh;
 use proptest::prelude::*;
 use proptest::sample::Index;
-use std::path::Path;
-use std::{fs, io};
 
-/// Valid files, and what the fuzzers found worth keeping: one folder a target.
-const FUZZ: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../fuzz");
-/// Targets that are meshes, with a name that picks the format.
+/// Fuzz targets that are meshes, with a name that picks the format.
 const TARGETS: [(&str, &str); 5] = [
     ("gmsh", "x.msh"),
     ("obj", "x.obj"),
@@ -18,16 +14,6 @@ const TARGETS: [(&str, &str); 5] = [
     // Solids of every format, which follows from how a file begins.
     ("solid", "x"),
 ];
-
-/// All files of a target in one of the folders, sorted by name.
-fn files(folder: &str, target: &str) -> io::Result<Vec<Vec<u8>>> {
-    let mut paths = Vec::new();
-    for entry in fs::read_dir(Path::new(FUZZ).join(folder).join(target))? {
-        paths.push(entry?.path());
-    }
-    paths.sort();
-    paths.iter().map(fs::read).collect()
-}
 
 fn read_and_check(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
     let sheet = read(name, bytes);
@@ -53,26 +39,21 @@ fn read_and_check(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
 #[test]
 fn the_corpus_of_the_fuzzers_breaks_no_reader() {
     for (target, name) in TARGETS {
-        let mut count = 0;
-        for folder in ["seeds", "corpus"] {
-            for bytes in files(folder, target).expect("the corpus is in the repository") {
-                // Each reader meets the files of all formats, too.
-                for name in ["x.msh", "x.obj", "x.vtk", "x.vtp", "x", name] {
-                    read_and_check(name, &bytes).expect("one line, or a valid mesh");
-                }
-                count += 1;
+        for input in corpus::inputs(target).expect("the corpus is in the repository") {
+            // Each reader meets the files of all formats, too.
+            for name in ["x.msh", "x.obj", "x.vtk", "x.vtp", "x", name] {
+                read_and_check(name, &input.bytes).expect("one line, or a valid mesh");
             }
         }
-        assert!(count > 0, "{target}: no files");
     }
 }
 
 #[test]
 fn a_file_that_is_cut_anywhere_is_refused_or_whole() {
     for (target, name) in TARGETS {
-        for bytes in files("seeds", target).expect("the seeds are in the repository") {
-            for end in 0..bytes.len() {
-                read_and_check(name, &bytes[..end]).expect("one line, or a valid mesh");
+        for seed in corpus::seeds(target).expect("the seeds are in the repository") {
+            for end in 0..seed.bytes.len() {
+                read_and_check(name, &seed.bytes[..end]).expect("one line, or a valid mesh");
             }
         }
     }
@@ -172,8 +153,8 @@ proptest! {
         damages in prop::collection::vec(damage(), 1..4),
     ) {
         let (target, name) = TARGETS[target];
-        let mut files = files("seeds", target).expect("the seeds are in the repository");
-        let mut bytes = files.swap_remove(file.index(files.len()));
+        let mut seeds = corpus::seeds(target).expect("the seeds are in the repository");
+        let mut bytes = seeds.swap_remove(file.index(seeds.len())).bytes;
         for damage in &damages {
             apply(damage, &mut bytes);
         }
