@@ -23,9 +23,9 @@ mod skips;
 pub mod sofa;
 mod trial;
 
-use physics::fem::{BodyError, CondenseError, StepError};
 use physics::mesh::generate::SheetError;
 use physics::mesh::generate_box::BoxError;
+use physics::{BodyError, CondenseError, StepError};
 use serde::Serialize;
 
 pub use clock::Times;

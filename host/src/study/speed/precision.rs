@@ -5,8 +5,7 @@ use super::motion::{Motion, Path};
 use super::path::{self, Method};
 use super::trial::{Course, drive};
 use super::{Level, SpeedError};
-use physics::Vec3;
-use physics::fem::Scheme;
+use physics::{Scheme, Vec3};
 use serde::Serialize;
 
 /// What is varied.
