@@ -88,7 +88,7 @@ enum CommandError {
     #[error("the system gave no signals: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
-    Solve(physics::fem::CondenseError),
+    Solve(physics::CondenseError),
     #[error("{}: a mesh is written as .msh, .vtk or .vtu; give the file one of these endings", .0.display())]
     MeshFormat(PathBuf),
     #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]

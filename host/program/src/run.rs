@@ -3,7 +3,7 @@
 use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
-use physics::fem::cholesky::Kernels;
+use physics::Kernels;
 use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;

@@ -11,8 +11,7 @@
 use host::bodies::{self, Built};
 use host::engine::body::{fill_blocks, reference_of};
 use host::scene::{LoadedScene, Scene, SceneError};
-use physics::fem::pcg::Budget;
-use physics::fem::{BodyError, CondenseError, Condenser, HandlePose, StepError};
+use physics::{BodyError, Budget, CondenseError, Condenser, HandlePose, StepError};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
@@ -255,7 +254,7 @@ fn race(
     };
     for step in 1..=steps {
         let t = step as f64 * STEP;
-        let target = |(i, handle): (usize, &physics::fem::HandleSpec)| {
+        let target = |(i, handle): (usize, &physics::HandleSpec)| {
             let side = if i == 0 { -1.0 } else { 1.0 };
             HandlePose::at(handle.origin + motion.displacement(side, t))
         };

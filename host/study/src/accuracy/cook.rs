@@ -7,11 +7,10 @@
 
 use super::solve::{displacement_at, settle, sheet_material, solid_material, vertices, weightless};
 use super::{AccuracyError, Level, Series};
-use physics::Vec3;
-use physics::fem::load::{edge_traction, traction};
-use physics::fem::{Body, SolidLaw};
+use physics::body::load::{edge_traction, traction};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, SolidLaw, Vec3};
 
 /// Sheets are nonlinear: they get this force, and err by about as much. Slabs are linear and get 1.
 const LOAD: f64 = 1e-6;

@@ -5,9 +5,8 @@
 use super::solve::{settle, settle_linear, vertices, weightless};
 use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
-use physics::Vec3;
-use physics::fem::{Body, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, SolidLaw, SolidMaterial, Vec3};
 
 const EDGE: f64 = 0.1;
 const GELATINE: SolidMaterial = SolidMaterial {

@@ -18,12 +18,11 @@
 
 use super::solve::{vertices, weightless};
 use super::{AccuracyError, Level};
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, Scheme, SolidLaw, SolidMaterial, Tangent,
-};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
+    HandleSpec, Integrator, IntegratorOptions, Scheme, SolidLaw, SolidMaterial, Tangent, Vec3,
+};
 use serde::Serialize;
 
 const EDGE: f64 = 0.1;
@@ -272,7 +271,7 @@ fn is_told(ms: u32, period: u32) -> bool {
 /// What the hand's own motion does to its force, in one of the matrices.
 fn hand(
     condensed: &Condensed,
-    matrix: impl Fn(&Condensed) -> &physics::fem::dense::Square,
+    matrix: impl Fn(&Condensed) -> &physics::linear::dense::Square,
 ) -> physics::Mat3 {
     physics::Mat3::from_fn(|i, j| matrix(condensed)[(6 + i, 6 + j)])
 }

@@ -4,10 +4,9 @@
 
 use super::solve::{displacements, settle, solid_material, vertices, weightless};
 use super::{AccuracyError, Level, Series};
-use physics::Vec3;
-use physics::fem::load::traction;
-use physics::fem::{Body, SolidLaw};
+use physics::body::load::traction;
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, SolidLaw, Vec3};
 
 const THICK: f64 = 0.1;
 const CELLS: [u32; 3] = [20, 2, 2];

@@ -6,11 +6,10 @@
 use super::solve::{displacements, settle_linear, solid_material, vertices, weightless};
 use super::{AccuracyError, Level, Series};
 use core::f64::consts::PI;
-use physics::fem::law::Lame;
-use physics::fem::shape::{Shape, Tet4, Tet10};
-use physics::fem::{Body, SolidLaw};
+use physics::element::tet::shape::{Shape, Tet4, Tet10};
+use physics::material::law::Lame;
 use physics::mesh::generate_box::solid_box;
-use physics::{Mat3, Vec3};
+use physics::{Body, Mat3, SolidLaw, Vec3};
 
 /// The displacement is `DIRECTION sin(pi x) sin(pi y) sin(pi z)`, zero on the cube's surface; small, so that
 /// no cell turns over.

@@ -16,11 +16,11 @@ mod solve;
 mod strip;
 mod time;
 
-use physics::fem::{BodyError, CondenseError, StepError};
 use physics::mesh::MeshError;
 use physics::mesh::generate::SheetError;
 use physics::mesh::generate_box::BoxError;
 use physics::mesh::generate_plate::PlateError;
+use physics::{BodyError, CondenseError, StepError};
 use serde::Serialize;
 
 pub use local_model::{LocalModels, Prediction};

@@ -15,12 +15,11 @@ use super::solve::{
     displacement_at, displacements, settle, sheet_material, solid_material, vertices, weightless,
 };
 use super::{AccuracyError, Level, Series};
-use physics::Vec3;
-use physics::fem::load::{edge_traction, traction};
-use physics::fem::{Body, BodyConfig, SolidLaw};
+use physics::body::load::{edge_traction, traction};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, BodyConfig, SolidLaw, Vec3};
 
 /// Of a strip 1 long and of a square 1 wide: the model is that of a thin plate whatever the thickness.
 const THICKNESS: f64 = 0.1;

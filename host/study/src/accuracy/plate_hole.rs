@@ -9,10 +9,9 @@
 use super::solve::{settle, sheet_material, vertices, weightless};
 use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
-use physics::fem::Body;
-use physics::fem::load::edge_traction;
+use physics::body::load::edge_traction;
 use physics::mesh::generate_plate::{HoledPlate, Rays, quarter_plate_with_hole};
-use physics::{Mat3, Vec3};
+use physics::{Body, Mat3, Vec3};
 
 /// Remote stress over Young's modulus: sheets are nonlinear, and err by about as much.
 const STRAIN: f64 = 1e-7;

@@ -1,8 +1,7 @@
 //! What all benchmarks do: choose vertices, hold a body, bring it to rest.
 
 use super::AccuracyError;
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, SolidMaterial};
+use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, SolidMaterial, Vec3};
 
 /// No gravity; the linear solver as tight as double precision gives.
 pub(super) fn weightless() -> BodyConfig {

@@ -4,11 +4,9 @@
 use super::solve::{settle, vertices, weightless};
 use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
-use physics::Vec3;
-use physics::fem::weave::Weave;
-use physics::fem::{Body, Material, SheetLawName};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
+use physics::{Body, Material, SheetLawName, Vec3, Weave};
 
 const LENGTH: f64 = 0.1;
 const WIDTH: f64 = 0.04;

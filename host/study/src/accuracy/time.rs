@@ -3,11 +3,11 @@
 
 use super::solve::{vertices, weightless};
 use super::{AccuracyError, Level, Series};
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw, SolidMaterial,
-};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw,
+    SolidMaterial, Vec3,
+};
 
 const DURATION: f64 = 0.1;
 const RUBBER: SolidMaterial = SolidMaterial {

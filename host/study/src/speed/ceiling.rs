@@ -3,7 +3,7 @@
 use super::clock::{Times, cpu_time};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
-use physics::fast::Real;
+use physics::Real;
 use std::hint::black_box;
 
 /// Numbers read side by side: sixteen of the widest registers of `f64`, enough to hide what a sum waits.

@@ -7,10 +7,9 @@ use super::motion::{self, Motion};
 use super::path::{self, Method, Path};
 use super::trial::{Course, Scene};
 use super::{Level, Row, SpeedError};
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::TetMesh;
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial, Vec3};
 
 pub(super) const EDGE: f64 = 0.1;
 const YOUNG: f64 = 2e4;

@@ -11,9 +11,7 @@ use super::motion::Motion;
 use super::path::{NEWTON, frozen, to};
 use super::trial::drive;
 use super::{Level, SpeedError, sheets};
-use physics::Vec3;
-use physics::fast::{Part, Stepper, StepperOptions};
-use physics::fem::{Body, HandlePose, SheetLawName, SolidLaw};
+use physics::{Body, HandlePose, Part, SheetLawName, SolidLaw, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
 /// One kind of element under one law. Times are processor times for each element (s).

@@ -22,9 +22,9 @@ mod sheets;
 mod skips;
 mod trial;
 
-use physics::fem::{BodyError, CondenseError, StepError};
 use physics::mesh::generate::SheetError;
 use physics::mesh::generate_box::BoxError;
+use physics::{BodyError, CondenseError, StepError};
 use serde::Serialize;
 
 pub use clock::Times;

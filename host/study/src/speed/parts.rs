@@ -11,9 +11,7 @@ use super::clock::{Times, cpu_time};
 use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
 use super::{Level, SpeedError, sheets};
-use physics::Vec3;
-use physics::fast::{Cost, Part, Real, Stepper, StepperOptions};
-use physics::fem::{Body, HandlePose};
+use physics::{Body, Cost, HandlePose, Part, Real, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
 /// The parts, with their names.

@@ -3,9 +3,9 @@
 //! A new one is a variant of [`Method`], its stepper and its tight version, and an entry in [`ALL`].
 
 use super::SpeedError;
-use physics::fast::{self, Preconditioner, Real, Refresher, StepperOptions};
-use physics::fem::{
-    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Scheme,
+use physics::{
+    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Preconditioner, Real,
+    Refresher, Scheme, StepperOptions,
 };
 use std::thread;
 
@@ -14,7 +14,7 @@ use std::thread;
 pub(super) enum Method {
     /// [`Body::step`]: one linearization, its matrix assembled, conjugate gradients with block Jacobi.
     Assembled(Budget),
-    /// [`fast::Stepper`](Stepper): one linearization, nothing assembled, conjugate gradients on a frozen factor.
+    /// [`physics::Stepper`]: one linearization, nothing assembled, conjugate gradients on a frozen factor.
     Frozen {
         /// Which factor.
         preconditioner: Preconditioner,
@@ -165,7 +165,7 @@ fn frozen_stepper<T: Real>(
     h: f64,
     options: StepperOptions,
 ) -> Result<Stepper, SpeedError> {
-    let mut stepper = fast::Stepper::<T>::new(body, options)?;
+    let mut stepper = physics::Stepper::<T>::new(body, options)?;
     stepper.prepare(body, h)?;
     let mut lent: Option<(u32, Box<Refresher<T>>)> = None;
     Ok(Box::new(move |body, h, targets| {

@@ -6,8 +6,7 @@ use super::path::{self, Method};
 use super::trial::{Course, drive};
 use super::{Level, SpeedError};
 use crate::elsewhere::ACCURACY;
-use physics::Vec3;
-use physics::fem::Scheme;
+use physics::{Scheme, Vec3};
 use serde::Serialize;
 
 /// What is varied.

@@ -3,8 +3,7 @@
 use super::SpeedError;
 use super::clock::cpu_time;
 use super::path::Method;
-use physics::fast::{Part, Real, Stepper, StepperOptions};
-use physics::fem::Body;
+use physics::{Body, Part, Real, Stepper, StepperOptions};
 use serde::Serialize;
 
 /// What one stepper takes.

@@ -9,10 +9,9 @@ use super::motion::Motion;
 use super::path;
 use super::trial::Scene;
 use super::{Level, Row, SpeedError};
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material, SheetLawName, Weave};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
+use physics::{Body, BodyConfig, Freedom, HandleSpec, Material, SheetLawName, Vec3, Weave};
 
 pub(super) const SIDE: f64 = 0.2;
 /// Cells along and across.

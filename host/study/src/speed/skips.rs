@@ -5,10 +5,8 @@ use super::clock::{Times, cpu_time};
 use super::cube::{Stiffness, TOP, cube};
 use super::motion::{Motion, Path};
 use super::{Level, SpeedError};
-use physics::Vec3;
-use physics::fast::{ShapeOptions, Stepper, StepperOptions};
-use physics::fem::dense::Square;
-use physics::fem::{Body, Condenser, HandlePose};
+use physics::linear::dense::Square;
+use physics::{Body, Condenser, HandlePose, ShapeOptions, Shapes, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
 /// One thing left undone.
@@ -76,6 +74,7 @@ fn shapes(n: u32, at_a_time: usize) -> Result<Skip, SpeedError> {
         ..ShapeOptions::default()
     };
     let mut exact = Stepper::<f64>::new(&body, StepperOptions::default())?;
+    let (mut shapes, mut exact_shapes) = (Shapes::default(), Shapes::default());
     let mut twin = body.clone();
     let mut targets = poses(&body);
     let start = targets[TOP].position;
@@ -85,9 +84,9 @@ fn shapes(n: u32, at_a_time: usize) -> Result<Skip, SpeedError> {
         stepper.step(&mut body, STEP, &targets, || false)?;
         exact.step(&mut twin, STEP, &targets, || false)?;
         let before = cpu_time();
-        let (found, _) = stepper.condense(&body, STEP, &few)?;
+        let (found, _) = shapes.condense(&mut stepper, &body, STEP, &few)?;
         times.push(cpu_time() - before);
-        let (right, _) = exact.condense(&twin, STEP, &all)?;
+        let (right, _) = exact_shapes.condense(&mut exact, &twin, STEP, &all)?;
         error = error.max(distance(&found.stiffness, &right.stiffness));
         if step % 20 == 0 {
             let before = cpu_time();

@@ -4,8 +4,7 @@ use super::clock::{Times, cpu_time};
 use super::motion::Motion;
 use super::path::Method;
 use super::{Row, SpeedError};
-use physics::Vec3;
-use physics::fem::{Body, HandlePose};
+use physics::{Body, HandlePose, Vec3};
 
 /// A body to be moved, and how.
 pub(super) struct Scene {

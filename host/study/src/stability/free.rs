@@ -3,8 +3,7 @@
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
-use physics::Vec3;
-use physics::fem::{BodyConfig, Freedom, HandleSpec};
+use physics::{BodyConfig, Freedom, HandleSpec, Vec3};
 
 /// Free fall of a vibrating body: momentum is exact under both schemes.
 pub(super) fn fall(level: Level) -> Plan {

@@ -3,8 +3,7 @@
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
-use physics::Vec3;
-use physics::fem::BodyConfig;
+use physics::{BodyConfig, Vec3};
 
 /// Ten body lengths along `(7, 3, -6)`, all but.
 const JERK: Vec3 = Vec3::new(7.0, 3.0, -6.5);

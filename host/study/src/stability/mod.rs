@@ -24,7 +24,7 @@ mod starts;
 mod tests;
 mod trial;
 
-use physics::fem::{BodyError, CondenseError, StepError};
+use physics::{BodyError, CondenseError, StepError};
 use serde::Serialize;
 use specimen::Kind;
 pub use trial::Account;

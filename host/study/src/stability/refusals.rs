@@ -3,9 +3,8 @@
 use super::specimen::{Kind, Stuff, rest_poses};
 use super::trial::{Method, Trial};
 use super::{CaseError, Job, Outcome, Plan};
-use physics::Vec3;
-use physics::fem::{
-    BodyConfig, Equilibrium, EquilibriumOptions, HandlePose, IntegratorOptions, NewtonOptions,
+use physics::{
+    BodyConfig, Equilibrium, EquilibriumOptions, HandlePose, IntegratorOptions, NewtonOptions, Vec3,
 };
 
 /// The step (s).

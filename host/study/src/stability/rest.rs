@@ -4,8 +4,7 @@ use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
 use nalgebra::Rotation3;
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Equilibrium, EquilibriumOptions};
+use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Vec3};
 
 /// The largest drift that passes (m, of a body of 1 m): what is left when an equilibrium is found to 1e-9 of
 /// the forces, and the rounding of positions of 1 m.
@@ -80,7 +79,7 @@ fn watch(
     body: Body,
     method: Method,
     steps: usize,
-    targets: &[physics::fem::HandlePose],
+    targets: &[physics::HandlePose],
 ) -> Result<Outcome, CaseError> {
     let start: Vec<Vec3> = body.positions().collect();
     let scale = body.total_mass() * 9.81;

@@ -1,14 +1,13 @@
 //! The bodies of the suite: about one metre long, of every element and law.
 
 use super::{CaseError, Level, Method};
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SheetLawName, SolidLaw,
-    SolidMaterial, Weave,
-};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::{TetMesh, TriMesh};
+use physics::{
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SheetLawName, SolidLaw,
+    SolidMaterial, Vec3, Weave,
+};
 
 /// Elements and law of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -181,7 +180,7 @@ impl Kind {
                 Body::sheet(mesh, &materials, config, handles)
             }
             // Shapes come from `mesh` of the same kind.
-            (_, Shape::Solid(_)) => Err(physics::fem::BodyError::Empty),
+            (_, Shape::Solid(_)) => Err(physics::BodyError::Empty),
         };
         Ok(body?)
     }

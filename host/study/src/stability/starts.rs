@@ -3,8 +3,7 @@
 use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{CaseError, Job, Level, Outcome, Plan};
-use physics::Vec3;
-use physics::fem::{BodyConfig, SolidLaw};
+use physics::{BodyConfig, SolidLaw, Vec3};
 
 /// The step (s).
 const STEP: f64 = 0.02;

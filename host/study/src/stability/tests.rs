@@ -3,8 +3,7 @@
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Account, Method, Trial};
 use super::{Case, Job, Outcome, Verdict};
-use physics::Vec3;
-use physics::fem::SolidLaw;
+use physics::{SolidLaw, Vec3};
 
 const KIND: Kind = Kind::Linear(SolidLaw::Corotational);
 const METHOD: Method = Method::ImplicitEuler;

@@ -1,9 +1,9 @@
 //! A body that is stepped and watched.
 
 use super::{CaseError, Kind};
-use physics::Vec3;
-use physics::fast::{Stepper, StepperOptions};
-use physics::fem::{Body, HandlePose, Integrator, IntegratorOptions, Scheme};
+use physics::{
+    Body, HandlePose, Integrator, IntegratorOptions, Scheme, Stepper, StepperOptions, Vec3,
+};
 use serde::Serialize;
 use std::fmt::Display;
 

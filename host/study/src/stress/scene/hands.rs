@@ -8,7 +8,7 @@ use super::draw::{ARRIVED, BEGIN, Draw, Task};
 use crate::stress::chance::Chance;
 use host::scene::LoadedScene;
 use physics::Vec3;
-use physics::fem::dense::Square;
+use physics::linear::dense::Square;
 
 /// The body answers with at most this share of what a device can render.
 const MOST_FORCE: f64 = 0.7;

@@ -5,7 +5,7 @@ use super::measure::{DeviceTrace, Trace};
 use host::run::AnyDevice;
 use host::run::setup;
 use host::scene::{LoadedScene, SceneError};
-use physics::fem::{Body, HandlePose};
+use physics::{Body, HandlePose};
 use rt_core::{ControllerConfig, Device, DeviceState, MAX_DEVICES, Pose, Wrench};
 
 /// A cell's scene.
