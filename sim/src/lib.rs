@@ -1,4 +1,4 @@
-//! What stands in for the world: simulated devices, the hands that hold them, and clocks.
+//! What stands in for the world: simulated devices and the hands that hold them.
 //!
 //! Everything here is pure computation: no threads, files, wall clocks or printing, and two runs from the
 //! same inputs give the same bits on every platform (sine, exponential and tangent come from `libm`; what
@@ -8,13 +8,12 @@
 //! Read [`device`] first: a hand ([`hand`], [`arm`]) that wants to be somewhere ([`tasks`], [`trajectory`], [`tremor`])
 //! holds a device ([`models`]); their motion is integrated between ticks (`dynamics`), and where its energy
 //! goes is accounted for ([`energy`]). [`firmware`] puts a device behind the bytes of its real wire; [`replay`]
-//! gives recorded readings again; [`clock`] says when periodic events are due; [`adversary`] searches for the
-//! motion of a hand that gets most energy out of a controller.
+//! gives recorded readings again; [`vanishing`] takes a device away for a while; [`adversary`] searches for the motion
+//! of a hand that gets most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;
 pub mod arm;
-pub mod clock;
 mod curve;
 pub mod device;
 mod dynamics;
@@ -27,9 +26,9 @@ pub mod replay;
 pub mod tasks;
 pub mod trajectory;
 pub mod tremor;
+pub mod vanishing;
 
 pub use arm::{Arm, Wrist};
-pub use clock::{Periodic, Ticks};
 pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;
@@ -39,3 +38,4 @@ pub use replay::ReplayDevice;
 pub use tasks::{Task, TaskError, TaskKind};
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};
+pub use vanishing::Vanishing;

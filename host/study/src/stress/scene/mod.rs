@@ -21,6 +21,8 @@ pub mod measure;
 pub(super) mod reference;
 pub(super) mod run;
 pub mod summary;
+mod traced;
+mod troubled;
 pub(super) mod world;
 
 use super::chance::Chance;

@@ -12,14 +12,15 @@ use super::draw::Softening;
 use super::measure::Trace;
 use super::world::{World, exerted, handle};
 use host::bodies;
+use host::run::timeline::Host;
 use host::scene::LoadedScene;
 use nalgebra::Matrix3;
 use physics::fast::{Stepper, StepperOptions};
 use physics::fem::dense::Square;
 use physics::fem::{Body, Condenser, HandlePose};
 use rt_core::clutch::Clutch;
-use rt_core::safety::{Limiter, SafetyState};
-use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
+use rt_core::safety::Limiter;
+use rt_core::{Device, DeviceState, MAX_DEVICES, Wrench};
 
 /// The bodies with what steps them.
 pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
@@ -64,7 +65,7 @@ impl<'a> Copy<'a> {
     }
 
     /// The tick's step, with the handles where `place` has their devices.
-    fn step(
+    fn place(
         &mut self,
         now_ns: u64,
         place: impl Fn(usize) -> HandlePose,
@@ -92,6 +93,21 @@ impl<'a> Copy<'a> {
     fn all(&self) -> impl Iterator<Item = &Body> {
         self.bodies.0.iter().map(|(body, _)| body)
     }
+}
+
+/// Nothing goes on beside the ticks.
+impl Host for Copy<'_> {
+    type Error = StressError;
+
+    fn next_ns(&self) -> Option<u64> {
+        None
+    }
+
+    fn step(&mut self) -> Result<(), StressError> {
+        Ok(())
+    }
+
+    fn deliver(&mut self, _: u64) {}
 }
 
 impl Bodies {
@@ -135,7 +151,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         device.own.reserve(device.proxy.len());
     }
     for tick in 0..run.out.len() {
-        copy.step(tick as u64 * world.period_ns(), |device| {
+        copy.place(tick as u64 * world.period_ns(), |device| {
             handle(&run.devices[device].proxy[tick])
         })?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
@@ -155,7 +171,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.all().map(Body::total_energy).sum();
-    let (config, mut devices) = world.devices(stored)?;
+    let (config, mut devices, mut kept) = world.devices(stored)?;
     let mut limiters: Vec<_> = config
         .devices
         .iter()
@@ -165,37 +181,36 @@ pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
     let mut left = vec![DeviceState::resting(); proxies.len()];
     let mut clutches = vec![Clutch::new(); proxies.len()];
     let mut seen = vec![false; proxies.len()];
-    for k in 0..world.ticks() {
-        let now = k * world.period_ns();
+    world.timeline().drive(&mut copy, |copy, now| {
         let mut readings = [None; MAX_DEVICES];
-        devices.read(now, |device, state, pose: Pose| {
+        for (index, device) in devices.iter_mut().enumerate() {
+            let state = device.read(now).ok();
+            let pose = device.truly();
             let state = state.map(|state| DeviceState { pose, ..state });
-            readings[device] = state;
+            readings[index] = state;
             if let Some(state) = state {
-                if std::mem::replace(&mut seen[device], true) {
-                    let proxy = &mut proxies[device];
-                    clutches[device].follow(&limiters[device], proxy, &left[device], &state);
+                if std::mem::replace(&mut seen[index], true) {
+                    let proxy = &mut proxies[index];
+                    clutches[index].follow(&limiters[index], proxy, &left[index], &state);
                 }
-                left[device] = state;
+                left[index] = state;
             }
-        });
-        copy.step(now, |device| {
+        }
+        copy.place(now, |device| {
             handle(&proxies[device].to_scene(&left[device]).0)
         })?;
-        let (wrenches, weight) = devices.exerted_by(copy.all());
+        let (wrenches, weight) = kept.exerted_by(copy.all());
 
-        let mut commands = [Wrench::zero(); MAX_DEVICES];
-        let mut states = [SafetyState::Normal; MAX_DEVICES];
-        let each = limiters.iter_mut().zip(&proxies).enumerate();
-        for (device, (limiter, proxy)) in each {
-            let asked = proxy.to_device(&wrenches[device]);
-            commands[device] = limiter.pass(&asked, readings[device].as_ref());
-            states[device] = limiter.state();
+        let each = devices.iter_mut().zip(&mut limiters).zip(&proxies);
+        for (index, ((device, limiter), proxy)) in each.enumerate() {
+            let asked = proxy.to_device(&wrenches[index]);
+            let command = limiter.pass(&asked, readings[index].as_ref());
+            // A simulated device takes every wrench.
+            let _ = device.write(now, &command);
         }
-        devices.write(now, &commands, |device| {
-            states[device] == SafetyState::Limited
-        });
-        devices.keep(&wrenches, weight, [0.0; 2]);
-    }
-    Ok(devices.finish(0))
+        let states = limiters.iter().map(Limiter::state);
+        kept.keep(&mut devices, states, &wrenches, weight, [0.0; 2]);
+        Ok(())
+    })?;
+    Ok(kept.finish(devices, 0))
 }
