@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::Vec3;
 use physics::fem::{BodyConfig, Freedom, HandleSpec};
 
@@ -29,7 +30,7 @@ pub(super) fn fall(level: Level) -> Plan {
     }
 }
 
-fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let stuff = Stuff::new(1e5, 0.45);
     let mut body = kind.build(&shape, |_| stuff, BodyConfig::default(), &[])?;
@@ -82,7 +83,7 @@ pub(super) fn pendulum(level: Level) -> Plan {
     }
 }
 
-fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = [HandleSpec {
         vertices: vec![0],

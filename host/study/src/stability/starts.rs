@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::Vec3;
 use physics::fem::{BodyConfig, SolidLaw};
 
@@ -122,7 +123,7 @@ fn recover(
     held: bool,
     poisson: f64,
     steps: usize,
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = if held {
         vec![shape.end(-1.0)]
@@ -213,7 +214,7 @@ fn crumple(
     start: Start,
     held: bool,
     steps: usize,
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let shape: Shape = kind.mesh(2)?;
     let handles = if held {
         vec![shape.end(-1.0)]

@@ -7,10 +7,10 @@
 //! [`follow`] leads the same bodies along the path of a run instead: what the body itself exerts at the pose of that
 //! run, whatever led the hand there.
 
-use super::StressError;
 use super::draw::Softening;
 use super::measure::Trace;
 use super::world::{World, exerted, handle};
+use crate::StudyError;
 use host::bodies;
 use host::run::timeline::Host;
 use host::scene::LoadedScene;
@@ -26,7 +26,7 @@ use rt_core::{Device, DeviceState, MAX_DEVICES, Wrench};
 pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
 
 impl Bodies {
-    pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
+    pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StudyError> {
         let host = &loaded.scene.host;
         let options = StepperOptions {
             tolerance: host.tolerance,
@@ -38,7 +38,7 @@ impl Bodies {
             let stepper = Stepper::new(&body, options)?;
             Ok((body, stepper))
         });
-        Ok(Self(each.collect::<Result<_, StressError>>()?))
+        Ok(Self(each.collect::<Result<_, StudyError>>()?))
     }
 }
 
@@ -54,7 +54,7 @@ struct Copy<'a> {
 }
 
 impl<'a> Copy<'a> {
-    fn new(world: &'a World) -> Result<Self, StressError> {
+    fn new(world: &'a World) -> Result<Self, StudyError> {
         Ok(Self {
             bodies: Bodies::new(&world.loaded)?,
             held: world.held(),
@@ -69,7 +69,7 @@ impl<'a> Copy<'a> {
         &mut self,
         now_ns: u64,
         place: impl Fn(usize) -> HandlePose,
-    ) -> Result<(), StressError> {
+    ) -> Result<(), StudyError> {
         if let (Some(change), Some(soft)) = (self.softening, &self.world.soft)
             && now_ns as f64 * 1e-9 >= change.at
         {
@@ -97,13 +97,13 @@ impl<'a> Copy<'a> {
 
 /// Nothing goes on beside the ticks.
 impl Host for Copy<'_> {
-    type Error = StressError;
+    type Error = StudyError;
 
     fn next_ns(&self) -> Option<u64> {
         None
     }
 
-    fn step(&mut self) -> Result<(), StressError> {
+    fn step(&mut self) -> Result<(), StudyError> {
         Ok(())
     }
 
@@ -117,7 +117,7 @@ impl Bodies {
         &mut self,
         world: &World,
         period: f64,
-    ) -> Result<Vec<[f64; 2]>, StressError> {
+    ) -> Result<Vec<[f64; 2]>, StudyError> {
         let held = world.held();
         let devices = &world.loaded.scene.devices;
         let mut most = vec![[0.0; 2]; devices.len()];
@@ -144,7 +144,7 @@ pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
 }
 
 /// Leads the bodies along the path that `run` keeps, and keeps what they exert there; gives the bodies at its end.
-pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StressError> {
+pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
     let mut copy = Copy::new(world)?;
     for device in &mut run.devices {
         device.own.clear();
@@ -168,7 +168,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 }
 
 /// Runs the reference of the cell of `world`.
-pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
+pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.all().map(Body::total_energy).sum();
     let (config, mut devices, mut kept) = world.devices(stored)?;

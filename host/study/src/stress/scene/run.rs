@@ -4,11 +4,11 @@
 //! The physics takes its steps whatever the publication rate: what differs from the reference is the multirate scheme
 //! alone.
 
-use super::StressError;
 use super::draw::Span;
 use super::measure::Trace;
 use super::troubled::{Lossy, Steady, Troubled};
 use super::world::World;
+use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
 use host::engine::body::HostBody;
@@ -67,7 +67,7 @@ pub(in crate::stress) fn run(
     world: &World,
     scheme: SchemeName,
     chance: Chance,
-) -> Result<Trace, StressError> {
+) -> Result<Trace, StudyError> {
     let mut world = world.clone();
     let draw = world.draw.clone();
     for loaded in [Some(&mut world.loaded), world.soft.as_mut()]

@@ -1,7 +1,7 @@
 //! What goes wrong in a run, around its link and its host.
 
-use super::StressError;
 use super::world::World;
+use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
 use host::engine::build::{self, How};
@@ -142,13 +142,13 @@ impl<'a> Troubled<'a> {
 }
 
 impl Host for Troubled<'_> {
-    type Error = StressError;
+    type Error = StudyError;
 
     fn next_ns(&self) -> Option<u64> {
         Some(self.host.time_ns())
     }
 
-    fn step(&mut self) -> Result<(), StressError> {
+    fn step(&mut self) -> Result<(), StudyError> {
         let draw = &self.world.draw;
         let time_ns = self.host.time_ns();
         let time = time_ns as f64 * 1e-9;
