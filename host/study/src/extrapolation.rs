@@ -8,10 +8,11 @@
 //! Hands that **pull apart** stretch the sheet; hands that **move together** hold it stretched and carry it
 //! around. Contents reach up to 5 Hz, what a hand can do on purpose.
 
+use crate::StudyError;
 use host::bodies::{self, Built};
 use host::engine::body::{fill_blocks, reference_of};
-use host::scene::{LoadedScene, Scene, SceneError};
-use physics::{BodyError, Budget, CondenseError, Condenser, HandlePose, StepError};
+use host::scene::{LoadedScene, Scene};
+use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
@@ -22,23 +23,6 @@ const STEP: f64 = 1e-3;
 const SETTLE: f64 = 1.0;
 /// Publication rates that are compared (Hz).
 pub const RATES: [f64; 5] = [30.0, 60.0, 125.0, 250.0, 500.0];
-
-/// Why the study could not be done.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The scene cannot be built.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The solver's tolerance was refused.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A condensation failed.
-    #[error(transparent)]
-    Condense(#[from] CondenseError),
-}
 
 /// What the hands do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
