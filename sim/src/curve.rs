@@ -4,7 +4,7 @@ use rt_core::Vec3;
 
 /// The minimum-jerk step (Flash & Hogan 1985) at `s` from zero to one: its value and its slope.
 /// Value, slope and curvature are those of a constant at both ends; the largest slope is 1.875.
-pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
+pub fn minimum_jerk(s: f64) -> (f64, f64) {
     let s = s.clamp(0.0, 1.0);
     let rest = 1.0 - s;
     (
