@@ -28,6 +28,7 @@ pub mod tremor;
 pub mod vanishing;
 
 pub use arm::{Arm, Wrist};
+pub use curve::minimum_jerk;
 pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;

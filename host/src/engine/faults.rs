@@ -115,7 +115,7 @@ impl Faults {
     }
 
     /// Until when (ns) the host does nothing, if a stall begins at `now_ns`. Each stall begins once.
-    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
+    pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
         let begins = |f: &HostFault| f.kind == FaultKind::Stall && f.at * 1e9 <= now_ns as f64;
         let index = self.pending.iter().position(begins)?;
         let fault = self.pending.swap_remove(index);
@@ -124,13 +124,13 @@ impl Faults {
 
     /// # Panics
     /// If it is time to.
-    pub fn panic_if_due(&self, now_ns: u64) {
+    fn panic_if_due(&self, now_ns: u64) {
         let due = |f: &HostFault| f.kind == FaultKind::Panic && f.at * 1e9 <= now_ns as f64;
         assert!(!self.pending.iter().any(due), "a fault on purpose");
     }
 
     /// Spoils a model that is published at `now_ns`, if it is time to.
-    pub fn spoil(&self, now_ns: u64, model: &mut LocalModel) {
+    fn spoil(&self, now_ns: u64, model: &mut LocalModel) {
         for fault in self.pending.iter().filter(|fault| fault.lasts_at(now_ns)) {
             match fault.kind {
                 FaultKind::NotANumber => {
@@ -151,24 +151,24 @@ impl Faults {
 }
 
 /// An engine that fails when it is told to.
-pub struct Failing {
+pub(crate) struct Failing {
     engine: Engine,
     faults: Faults,
 }
 
 impl Failing {
     /// `engine`, with `faults`.
-    pub fn new(engine: Engine, faults: Faults) -> Self {
+    pub(crate) fn new(engine: Engine, faults: Faults) -> Self {
         Self { engine, faults }
     }
 
     /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
-    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
+    pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
         self.faults.stall(now_ns)
     }
 
     /// As [`Engine::follow`].
-    pub fn follow(&mut self, record: &TickRecord) {
+    pub(crate) fn follow(&mut self, record: &TickRecord) {
         self.engine.follow(record);
     }
 
@@ -176,7 +176,7 @@ impl Failing {
     ///
     /// # Panics
     /// If it is time to.
-    pub fn step(
+    pub(crate) fn step(
         &mut self,
         due: Due,
         watch: &impl Stopwatch,
@@ -196,7 +196,7 @@ impl Failing {
     }
 
     /// The engine alone.
-    pub fn into_engine(self) -> Engine {
+    pub(crate) fn into_engine(self) -> Engine {
         self.engine
     }
 }

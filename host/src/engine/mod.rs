@@ -5,16 +5,16 @@
 //! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
 //! hands in; nothing in the state depends on it.
 
-pub mod beside;
+mod beside;
 pub mod body;
 pub mod build;
 pub mod choice;
 mod clock;
 pub mod faults;
 pub mod pacer;
-pub mod path;
+mod path;
 pub mod plan;
-pub mod solver;
+mod solver;
 pub mod stats;
 mod stored;
 pub mod virtual_coupling;

@@ -45,7 +45,7 @@ impl LateLink {
     }
 
     /// The host's end alone; what is under way is lost.
-    pub fn into_end(self) -> HostEnd {
+    pub(crate) fn into_end(self) -> HostEnd {
         self.end
     }
 }

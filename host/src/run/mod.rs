@@ -1,6 +1,6 @@
 //! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
 
-pub mod collect;
+mod collect;
 mod device;
 mod hand;
 pub mod late;

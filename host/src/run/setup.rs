@@ -84,7 +84,7 @@ pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, Sc
 ///
 /// # Errors
 /// As [`setup`].
-pub fn setup_with(
+pub(crate) fn setup_with(
     loaded: &LoadedScene,
     duration: f64,
     seed: u64,

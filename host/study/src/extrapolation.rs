@@ -16,6 +16,7 @@ use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
+use sim::minimum_jerk;
 
 /// Length of a physics step, which is also the tick (s).
 const STEP: f64 = 1e-3;
@@ -37,7 +38,7 @@ pub enum Motion {
 impl Motion {
     /// Displacement of a hand (m): `side` is -1 for the left, +1 for the right.
     fn displacement(self, side: f64, t: f64) -> Vec3 {
-        let ramp = min_jerk(t / SETTLE);
+        let (ramp, _) = minimum_jerk(t / SETTLE);
         let sine = |f: f64, phase: f64| libm::sin(std::f64::consts::TAU * f * t + phase);
         match self {
             // 4 to 12 mm of stretch a hand, most of it slow, a little at 4.7 Hz.
@@ -56,12 +57,6 @@ impl Motion {
             }
         }
     }
-}
-
-/// `10 s^3 - 15 s^4 + 6 s^5`, the minimum-jerk step.
-fn min_jerk(s: f64) -> f64 {
-    let s = s.clamp(0.0, 1.0);
-    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 }
 
 /// One cell of the table.
