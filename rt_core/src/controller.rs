@@ -14,6 +14,7 @@ use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
+use core::ops::DerefMut;
 
 /// One device as the controller knows it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -280,9 +281,11 @@ fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
 
 /// One whole tick with its devices: read all, compute, write all. Returns the record of it and how many
 /// devices did not take their wrench.
-pub fn cycle<D: Device>(
+///
+/// `devices` are boxes or references, of one kind of device or of several behind `dyn Device`.
+pub fn cycle<D: Device + ?Sized>(
     controller: &mut Controller,
-    devices: &mut [D],
+    devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];

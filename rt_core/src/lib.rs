@@ -7,7 +7,7 @@
 //! - It never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
 //!   histograms live beside it, in the crate `runner`.
 //! - It never panics: no indexing, no unwrapping, no integer arithmetic that can overflow.
-//! - It knows neither scenes nor meshes. What the physics has to say arrives as a [`LocalModel`].
+//! - It knows neither scenes nor meshes nor wire formats. What the physics has to say arrives as a [`LocalModel`].
 //! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
 //! Read [`controller`] first: it is the order of a tick. Then [`local_model`] (what the host publishes),
@@ -59,10 +59,9 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 pub mod velocity;
-pub mod wire;
 
 pub use controller::{Controller, ControllerConfig, cycle};
-pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};
+pub use device::{Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe};
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use local_model::{HandleReference, LocalModel};
 pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};

@@ -1,7 +1,7 @@
 //! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
 
 pub mod collect;
-mod device;
+mod devices;
 mod hand;
 mod real_clock;
 pub mod replay;
@@ -11,8 +11,6 @@ mod sink;
 pub mod summary;
 pub mod virtual_clock;
 mod withheld;
-
-pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::engine::body::HostBody;
@@ -28,7 +26,7 @@ use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
-use runner::{CoreChoice, Cores, Reserved};
+use runner::{AnyDevice, CoreChoice, Cores, Reserved};
 use setup::HostSide;
 use sink::Sink;
 use std::any::Any;

@@ -6,7 +6,7 @@
 
 use super::setup::{HostSide, Setup};
 use super::sink::Sink;
-use super::{AnyDevice, RunError, host_panicked, message};
+use super::{RunError, host_panicked, message};
 use crate::engine::stats::WallStopwatch;
 use crate::engine::{Engine, pacer::Pacer};
 use runner::link::{HostEnd, LogEnd};
@@ -26,7 +26,7 @@ const HOST_NAP: Duration = Duration::from_millis(20);
 /// there is none.
 pub(super) struct RealRun {
     /// The tick's report.
-    pub(super) report: TickReport<AnyDevice>,
+    pub(super) report: TickReport,
     /// The host's side; `None` where the host's thread panicked.
     pub(super) host: Option<HostSide>,
     /// Where telemetry went; `None` where the log's thread panicked.

@@ -5,7 +5,7 @@
 //! - The loop sleeps to **absolute deadlines**, measures how late it woke, and skips and counts the
 //!   deadlines it missed ([`pace`], [`clock`]).
 //! - It **never waits** for anybody: everything enters and leaves through wait-free rings ([`mod@link`]), and
-//!   a device that writes slowly is written by a thread of its own ([`hid`]).
+//!   a device that writes slowly is written by a thread of its own (`devices::hid`).
 //! - It allocates, locks and formats **nothing**; its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]), its histograms have fixed bounds ([`latency`]).
 //! - What the system does not give (a core, a priority, locked memory) is **named with its cost**, and the
@@ -21,7 +21,6 @@
 pub mod clock;
 pub mod cores;
 pub mod degradation;
-pub mod hid;
 pub mod latency;
 pub mod link;
 pub mod memory;
@@ -44,4 +43,4 @@ pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use reserve::Reserved;
 pub use seccomp::{CallPolicy, ForbiddenCall};
 pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
-pub use tick_loop::TickLoop;
+pub use tick_loop::{AnyDevice, TickLoop};

@@ -6,7 +6,7 @@
 //!
 //! - **inside a tick**: the clock, the sleep to an absolute deadline, one wake-up of a sleeping writer
 //!   thread, and under [`CallPolicy::Hid`] what reads a device. No write: a thread of the device's own does
-//!   that ([`crate::hid`]);
+//!   that (`devices::hid`);
 //! - **to leave**: the return from a signal, and what the C library does when a thread ends. These are few,
 //!   harmless, and cannot be told apart from the same calls inside a tick;
 //! - **noted, then made all the same**: memory for the heap, and text on the standard error. Refusing

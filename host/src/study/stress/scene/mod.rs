@@ -102,7 +102,7 @@ impl Study {
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
         let (config, devices) = crate::run::setup::controls(&loaded, seed)?;
-        let friction = devices.iter().map(|d| d.simulated().model().friction);
+        let friction = loaded.models.iter().map(|model| model.friction).collect();
         let stiffness = stiffness(&loaded)?;
         let mut reaches = hands::reaches(&loaded);
         let limits = config.devices.iter();
@@ -115,11 +115,11 @@ impl Study {
         });
         loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
         Ok(Self {
+            loaded,
             seed,
             reaches,
-            friction: friction.collect(),
+            friction,
             stiffness,
-            loaded,
         })
     }
 

@@ -2,11 +2,11 @@
 
 use super::draw::Draw;
 use super::measure::{DeviceTrace, Trace};
-use crate::run::AnyDevice;
 use crate::run::setup;
 use crate::scene::{LoadedScene, SceneError};
 use physics::fem::{Body, HandlePose};
-use rt_core::{ControllerConfig, Device, DeviceState, MAX_DEVICES, Pose, Wrench};
+use rt_core::{ControllerConfig, DeviceState, MAX_DEVICES, Pose, Probe, Wrench};
+use runner::AnyDevice;
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
@@ -111,11 +111,7 @@ impl Devices {
             let device = &mut self.all[index];
             // A simulated device never fails by itself. One that is gone moves on all the same.
             let state = device.read(now_ns).ok().filter(|_| !gone);
-            let simulated = device.simulated();
-            let truly = Pose {
-                position: simulated.position(),
-                rotation: simulated.orientation(),
-            };
+            let truly = probe(device).pose;
             take(index, state, truly);
         }
     }
@@ -133,11 +129,11 @@ impl Devices {
             let command = if gone { &Wrench::zero() } else { command };
             // A simulated device takes every wrench.
             let _ = device.write(now_ns, command);
-            let simulated = device.simulated();
+            let truly = probe(device);
             let trace = &mut self.trace.devices[index];
-            trace.force.push(simulated.force());
-            trace.moment.push(simulated.moment());
-            trace.position.push(simulated.position());
+            trace.force.push(truly.held.force);
+            trace.moment.push(truly.held.moment);
+            trace.position.push(truly.pose.position);
             trace.limited.push(limited(index));
         }
     }
@@ -157,7 +153,7 @@ impl Devices {
         for ((trace, scale), wrench) in traces.zip(bodies) {
             trace.body.push(wrench.force * *scale);
         }
-        let on_hands: f64 = self.all.iter().map(|d| d.energy().on_hand()).sum();
+        let on_hands: f64 = self.all.iter().map(|d| probe(d).on_hand).sum();
         self.trace.out.push(on_hands + weight - self.stored);
         self.trace.account.push(account);
     }
@@ -174,6 +170,12 @@ impl Devices {
             ..self.trace
         }
     }
+}
+
+/// What the simulation knows of a device.
+fn probe(device: &AnyDevice) -> Probe {
+    // `setup::controls` opens simulated devices only, and these know.
+    device.probe().expect("a simulated device")
 }
 
 /// What `bodies`, whose handles `held` gives to devices, exert on these (scene axes), and the potential of their weight

@@ -7,21 +7,26 @@
 //! - The two use a file each, since one handle cannot be in two threads. The kernel queues reports for the
 //!   writer's as well, up to 64, which nobody reads.
 //!
+//! The bytes come and go through two functions ([`HidDevice::over`]), so that anything that speaks the reports can stand
+//! in for hidraw.
+//!
 //! On the hot path: `poll` and `read` until empty, one copy into a ring, one wake-up. No allocation, but
 //! for one in the tick in which the device disappears (hidapi's errors are text).
 
+mod driver;
 mod reading;
 mod writer;
 
-use hidapi::{HidApi, HidDevice as RawDevice};
-use reading::{Command, command, let_go};
+use hidapi::HidApi;
+use reading::{command, let_go};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::fmt;
 use writer::Writer;
 
-pub use reading::{QUEUE, Reports};
+pub use driver::Hid;
+pub use reading::{Command, QUEUE, Reports};
 
 /// Error number for a device that went away without one (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -101,11 +106,14 @@ pub enum HidError {
     },
 }
 
+/// Fills a buffer with the next report that waits and tells its length, zero where none waits; or the system's error
+/// number. Never waits.
+pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
+
 /// An open device. Dropping it tells the device to let go and waits until that is written, five seconds at
 /// worst.
-#[derive(Debug)]
 pub struct HidDevice {
-    reader: RawDevice,
+    read: Box<ReadReport>,
     writer: Writer<Command>,
     reports: Reports,
     capabilities: Capabilities,
@@ -129,20 +137,34 @@ impl HidDevice {
                 source,
             })
         };
-        let (reader, output) = (open()?, open()?);
+        let (input, output) = (open()?, open()?);
+        let read =
+            move |buffer: &mut [u8]| input.read_timeout(buffer, 0).map_err(|error| errno(&error));
         let write = move |report: &Command| {
             output
                 .write(report)
                 .map(drop)
                 .map_err(|error| errno(&error))
         };
-        let writer = Writer::start(write, let_go()).map_err(|source| HidError::Thread {
+        Self::over(read, write, capabilities).map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
-        })?;
+        })
+    }
+
+    /// A device whose reports come from `read` and whose commands `write` sends, from a thread of its own and as slowly
+    /// as it likes. Either gives the system's error number where the device is gone.
+    ///
+    /// # Errors
+    /// The system's, where it gave no thread to write from.
+    pub fn over(
+        read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
+        write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        capabilities: Capabilities,
+    ) -> std::io::Result<Self> {
         Ok(Self {
-            reader,
-            writer,
+            read: Box::new(read),
+            writer: Writer::start(write, let_go())?,
             reports: Reports::new(),
             capabilities,
             gone: None,
@@ -165,11 +187,9 @@ impl Device for HidDevice {
         if let Some(number) = self.gone {
             return Err(DeviceError::Disconnected(number));
         }
-        let reader = &self.reader;
+        let read = &mut self.read;
         let result = self.reports.newest(self.capabilities.sensed, |buffer| {
-            reader
-                .read_timeout(buffer, 0)
-                .map_err(|error| DeviceError::Disconnected(errno(&error)))
+            read(buffer).map_err(DeviceError::Disconnected)
         });
         if let Err(DeviceError::Disconnected(number)) = result {
             // Asking again would fail again, and each failure allocates.
