@@ -80,7 +80,7 @@ fn what_the_hands_put_in_is_what_the_motors_took() -> Result<(), Box<dyn Error>>
         let named = format!("scheme = \"{scheme}\"");
         let scene = with(STRETCH, &[("scheme = \"capped\"", &named)])?;
         let found = summary(&scene, 6.0)?;
-        let motors: f64 = found.devices.iter().map(|device| device.port_work).sum();
+        let motors: f64 = found.devices.iter().filter_map(|d| d.port_work).sum();
         let supplied: f64 = found.energy.iter().map(|body| body.supplied).sum();
         // Encoders are off by half a count at most, so every change of force by so much work; and the last tick, of some
         // newtons at some centimetres a second, is not accounted for yet.

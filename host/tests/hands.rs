@@ -2,7 +2,7 @@
 
 use host::run::setup::controls;
 use host::scene::{LoadedScene, Scene};
-use rt_core::{Device, DeviceState, Freedom, Vec3};
+use rt_core::{DeviceState, Freedom, Vec3};
 use sim::{Arm, Wrist};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -42,7 +42,7 @@ fn grips_give_the_numbers_that_are_not_given() -> Outcome {
         "grip = \"firm\"",
         "grip = \"rigid\", damping = 10, tremor = 0",
     )?;
-    let hand = |index: usize| &loaded.scene.devices[index].hand;
+    let hand = |index: usize| loaded.scene.devices[index].hand.as_ref().expect("held");
     assert_eq!(hand(0).arm(), Arm::FIRM);
     assert_eq!(Some(hand(0).wrist()), Wrist::named("firm"));
     let expected = Arm {
@@ -51,7 +51,7 @@ fn grips_give_the_numbers_that_are_not_given() -> Outcome {
     };
     assert_eq!(hand(1).arm(), expected);
     let loaded = scene("falcon", "mass = 0.2", "grip = \"relaxed\"")?;
-    let hand = |index: usize| &loaded.scene.devices[index].hand;
+    let hand = |index: usize| loaded.scene.devices[index].hand.as_ref().expect("held");
     let expected = Arm {
         mass: 0.2,
         ..Arm::TYPICAL
@@ -120,5 +120,51 @@ fn a_device_of_six_degrees_of_freedom_can_be_named() -> Outcome {
     // Held still it stays unturned.
     let states = shown(&loaded, 1)?;
     assert_eq!(states[399][0].pose.rotation.scaled_axis(), Vec3::zeros());
+    Ok(())
+}
+
+/// The error of a scene whose first device has these fields instead of its hand.
+fn refused(fields: &str) -> Result<String, Box<dyn Error>> {
+    let text = format!(
+        "name = \"drivers\"\n\n[[body]]\nname = \"sheet\"\n\
+         mesh.sheet = {{ length = 0.2, width = 0.1, cells = [4, 2] }}\n\
+         material = {{ young = 1e6, poisson = 0.3, thickness = 0.001, density = 1000 }}\n\n\
+         [[device]]\nname = \"left\"\nmodel = \"falcon\"\n{fields}\n"
+    );
+    let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new());
+    let opened = loaded.and_then(|loaded| controls(&loaded, 1));
+    Ok(opened.err().ok_or("no error")?.to_string())
+}
+
+#[test]
+fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
+    for (fields, expected) in [
+        (
+            "",
+            "x.toml:8: device[0].hand: found none, allowed: the hand that holds this simulated device \
+             (`hand = {}` will do)",
+        ),
+        (
+            "driver = \"hid\"\nhand = {}",
+            "x.toml:12: device[0].hand: found the driver \"hid\", allowed: nothing here: a hand is for \
+             simulated devices",
+        ),
+        (
+            "driver = \"hdi\"",
+            "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid",
+        ),
+        (
+            "driver = \"hid\"\nsettings = { vendor = 0x1209, product = 1 }",
+            "x.toml:11: device[0].driver: found hid, allowed: simulated devices, or a run under the real \
+             clock (`--clock real`)",
+        ),
+        (
+            "hand = {}\nsettings = { vendor = 1 }",
+            "x.toml:12: device[0].settings.vendor: found an unknown setting, allowed: no settings for this \
+             driver",
+        ),
+    ] {
+        assert_eq!(refused(fields)?, expected, "{fields}");
+    }
     Ok(())
 }

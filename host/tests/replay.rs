@@ -1,17 +1,19 @@
 //! A logged run comes back bit for bit, and what changed since is named with its tick and field.
 
-use firmware_proto::report::ReportError;
 use host::log::{Log, LogHeader, LogWriter};
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
 use host::run::setup::setup;
-use host::run::{AnyDevice, Clock, RunOptions, run};
+use host::run::{Clock, RunOptions, run};
 use host::scene::{LoadedScene, Scene};
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use rt_core::Corruption;
+use runner::AnyDevice;
 use runner::link::LogRecord;
 use runner::tick_loop::TickLoop;
+use sim::{Fault, Faulty};
 use std::error::Error;
 use std::fs;
 use std::io::Cursor;
+use std::ops::Range;
 use std::path::Path;
 
 type Outcome = Result<(), Box<dyn Error>>;
@@ -81,38 +83,24 @@ fn a_log_needs_no_other_file() -> Outcome {
     Ok(())
 }
 
-/// A device that falls silent, sends damaged reports and once a state that is not a number.
-struct Flaky(AnyDevice);
-
-impl Device for Flaky {
-    fn capabilities(&self) -> Capabilities {
-        self.0.capabilities()
-    }
-    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let state = self.0.read(now_ns)?;
-        match now_ns / 1_000_000 {
-            100..130 => Err(DeviceError::NoReport),
-            150..155 => Err(DeviceError::Corrupt(ReportError::Length { found: 3 })),
-            160 => {
-                let mut state = state;
-                state.pose.position.y = f64::NAN;
-                Ok(state)
-            }
-            170 => Err(DeviceError::Disconnected(19)),
-            _ => Ok(state),
-        }
-    }
-    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        self.0.write(now_ns, wrench)
-    }
-}
+/// In ms: it falls silent, sends damaged reports and once a state that is not a number, and is gone for a moment.
+const FAULTS: [(Range<u64>, Fault); 4] = [
+    (100..130, Fault::Silent),
+    (150..155, Fault::Corrupt(Corruption::Length)),
+    (160..161, Fault::NotANumber),
+    (170..171, Fault::Gone),
+];
 
 #[test]
 fn a_device_that_fails_fails_again_in_the_same_ticks() -> Outcome {
     let loaded = Scene::embedded_default()?;
     let setup = setup(&loaded, 0.4, 1)?;
-    let devices = setup.tick.devices.into_iter().map(Flaky).collect();
-    let mut tick = TickLoop::new(setup.tick.controller, devices, setup.tick.end);
+    let faults = FAULTS.map(|(span, fault)| (span.start * 1_000_000..span.end * 1_000_000, fault));
+    let devices = setup.tick.devices.into_iter().map(|device| {
+        let device: AnyDevice = Box::new(Faulty::new(device, faults.to_vec()));
+        device
+    });
+    let mut tick = TickLoop::new(setup.tick.controller, devices.collect(), setup.tick.end);
     let mut ends = setup.log;
     let header = LogHeader {
         scene: loaded.source.text.clone(),

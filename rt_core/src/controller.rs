@@ -14,6 +14,7 @@ use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
+use core::ops::DerefMut;
 
 /// Configuration of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -349,9 +350,11 @@ fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
 
 /// One whole tick with its devices: reads all, computes, writes all. Returns the record of the tick and the number of
 /// devices that did not take their command.
-pub fn cycle<D: Device>(
+///
+/// `devices` are boxes or references, of one kind of device or of several behind `dyn Device`.
+pub fn cycle<D: Device + ?Sized>(
     controller: &mut Controller,
-    devices: &mut [D],
+    devices: &mut [impl DerefMut<Target = D>],
     now_ns: u64,
 ) -> (Telemetry, u32) {
     let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];

@@ -4,7 +4,6 @@
 //! fault injector, a tracer) implements the same [`Device`], so no part of the loop special-cases them.
 
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use firmware_proto::report::ReportError;
 
 /// What one read of a device gives, in the device's own axes, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +61,41 @@ pub struct Capabilities {
     pub position_step: f64,
 }
 
+/// What only a simulation knows of its device. For summaries and certificates: the law never asks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Probe {
+    /// Where the end effector truly is (device axes), as no encoder sees it.
+    pub pose: Pose,
+    /// How fast it truly moves.
+    pub twist: Twist,
+    /// The wrench that the motors hold (device axes): the last one written, shortened to the device's largest.
+    pub held: Wrench,
+    /// Work of the motors so far (J), integrated between ticks.
+    pub motor_work: f64,
+    /// Work that the device did on the hand so far (J), at the port between the two, integrated between ticks.
+    pub on_hand: f64,
+}
+
+/// Why a report cannot be used, whatever the protocol that it is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Corruption {
+    /// It is too short or too long.
+    #[error("its length is wrong")]
+    Length,
+    /// Its bytes were changed on their path.
+    #[error("its check sum is wrong")]
+    CheckSum,
+    /// It is of another version of the protocol.
+    #[error("it is of another version of the protocol")]
+    Version,
+    /// It is of another kind than was due.
+    #[error("it is of another kind")]
+    Kind,
+    /// One of its fields holds what no sender should send.
+    #[error("one of its fields is out of range")]
+    Range,
+}
+
 /// Why a device gave no state or took no wrench.
 ///
 /// `Copy` and without text, so that it may be made inside the tick; its `Display` is for afterwards.
@@ -75,7 +109,7 @@ pub enum DeviceError {
     Disconnected(i32),
     /// A report came that cannot be trusted.
     #[error("the device sent a report that cannot be used: {0}")]
-    Corrupt(ReportError),
+    Corrupt(Corruption),
     /// The wrench could not be handed on, because earlier ones still wait.
     #[error("the device did not take the last wrench yet")]
     Busy,
@@ -100,6 +134,12 @@ pub trait Device {
     /// # Errors
     /// [`DeviceError`] where the device cannot take it.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError>;
+
+    /// What only a simulation knows of it; `None` for a real device and for a recorded one. A wrapper hands on what
+    /// the device inside tells.
+    fn probe(&self) -> Option<Probe> {
+        None
+    }
 }
 
 impl<D: Device + ?Sized> Device for &mut D {
@@ -111,6 +151,9 @@ impl<D: Device + ?Sized> Device for &mut D {
     }
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         (**self).write(now_ns, wrench)
+    }
+    fn probe(&self) -> Option<Probe> {
+        (**self).probe()
     }
 }
 

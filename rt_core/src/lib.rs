@@ -7,7 +7,7 @@
 //! - A tick never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
 //!   histograms are in the crate `runner`.
 //! - A tick never panics: the law has no indexing, no unwrapping and no integer arithmetic that can overflow.
-//! - The crate knows neither scenes nor meshes. The physics publishes its results as a [`LocalModel`].
+//! - The crate knows neither scenes, meshes nor wire formats. The physics publishes its results as a [`LocalModel`].
 //! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
 //! Read [`controller`] first: it gives the order of a tick. Then read [`local_model`] (what the host publishes),
@@ -59,10 +59,9 @@ pub mod record;
 pub mod safety;
 pub mod scheme;
 pub mod velocity;
-pub mod wire;
 
 pub use controller::{Controller, ControllerConfig, cycle};
-pub use device::{Capabilities, Device, DeviceError, DeviceState, Freedom};
+pub use device::{Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe};
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use local_model::{HandleReference, LocalModel};
 pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};

@@ -15,9 +15,9 @@ use crate::dynamics::{Dynamics, Turning};
 use crate::encoder::{Encoder, TurnEncoder};
 use crate::energy::EnergyAccount;
 use crate::hand::{Aim, Hand};
-use crate::models::DeviceModel;
+use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist, Vec3, Wrench};
 
 /// Length of a substep unless told otherwise (ns): 20 in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
@@ -313,16 +313,7 @@ fn shortened(vector: Vec3, most: f64) -> Option<Vec3> {
 
 impl Device for SimDevice {
     fn capabilities(&self) -> Capabilities {
-        let rotation = self.model.rotation.as_ref();
-        let freedom = rotation.map_or(Freedom::Three, |_| Freedom::Six);
-        Capabilities {
-            sensed: freedom,
-            actuated: freedom,
-            max_force: self.model.max_force,
-            max_moment: rotation.map_or(0.0, |rotation| rotation.max_moment),
-            workspace_radius: self.model.workspace_radius,
-            position_step: self.model.position_step,
-        }
+        self.model.capabilities()
     }
 
     /// Never fails. The device's clock starts at the first call.
@@ -365,6 +356,26 @@ impl Device for SimDevice {
         }
         self.refused_wrenches += u64::from(refused);
         Ok(())
+    }
+
+    fn probe(&self) -> Option<Probe> {
+        let energy = self.energy();
+        Some(Probe {
+            pose: Pose {
+                position: self.position(),
+                rotation: self.orientation(),
+            },
+            twist: Twist {
+                linear: self.velocity(),
+                angular: self.angular_velocity(),
+            },
+            held: Wrench {
+                force: self.force,
+                moment: self.moment(),
+            },
+            motor_work: energy.motor_work,
+            on_hand: energy.on_hand(),
+        })
     }
 }
 

@@ -5,11 +5,11 @@
 //! 0.5 mrad/s for an angular velocity. The error of a rotation is at most 0.07 mrad. The device's clock counts whole
 //! microseconds, and there are sixteen buttons.
 
+use devices::wire::{DeviceClock, corrupt, report_of, state_of};
 use firmware_proto::report::{
     LENGTH, ReportError, StateReport, StateSi, WrenchReport, flags, status,
 };
-use rt_core::wire::{DeviceClock, report_of, state_of};
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Vec3, Wrench};
+use rt_core::{Capabilities, Device, DeviceError, DeviceState, Probe, Vec3, Wrench};
 
 /// A device behind the bytes of its reports.
 ///
@@ -63,7 +63,7 @@ impl<D: Device> Device for Wired<D> {
         let state = self.device.read(now_ns)?;
         let bytes = state_bytes(&state, self.states);
         self.states = self.states.wrapping_add(1);
-        let report = StateReport::decode(&bytes).map_err(DeviceError::Corrupt)?;
+        let report = StateReport::decode(&bytes).map_err(corrupt)?;
         let time_ns = self.clock.advance(report.time_us);
         Ok(state_of(&report, self.capabilities().sensed, time_ns))
     }
@@ -71,8 +71,12 @@ impl<D: Device> Device for Wired<D> {
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         let bytes = report_of(wrench, self.wrenches).encode();
         self.wrenches = self.wrenches.wrapping_add(1);
-        let wrench = wrench_from_bytes(&bytes).map_err(DeviceError::Corrupt)?;
+        let wrench = wrench_from_bytes(&bytes).map_err(corrupt)?;
         self.device.write(now_ns, &wrench)
+    }
+
+    fn probe(&self) -> Option<Probe> {
+        self.device.probe()
     }
 }
 
@@ -111,51 +115,35 @@ pub fn wrench_from_bytes(bytes: &[u8]) -> Result<Wrench, ReportError> {
 mod tests {
     use super::*;
     use crate::{DeviceModel, Hand, SimDevice, Trajectory, Tremor};
+    use devices::scripted::{Scripted, small};
     use firmware_proto::report::WrenchSi;
     use nalgebra::UnitQuaternion;
     use proptest::prelude::*;
     use rt_core::{Freedom, Pose, Twist};
+    use std::cell::Cell;
+    use std::rc::Rc;
 
-    /// A device that returns a given state and keeps the last wrench.
-    #[derive(Debug)]
-    struct Told {
-        state: DeviceState,
-        written: Wrench,
-    }
-
-    impl Device for Told {
-        fn capabilities(&self) -> Capabilities {
-            Capabilities {
-                sensed: Freedom::Six,
-                actuated: Freedom::Six,
-                max_force: 10.0,
-                max_moment: 1.0,
-                workspace_radius: 0.1,
-                position_step: 1e-5,
-            }
-        }
-        fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
+    /// A device that returns a given state, behind its wire, and the last wrench that it received.
+    fn wired(state: DeviceState) -> (Wired<impl Device>, Rc<Cell<Wrench>>) {
+        let written = Rc::new(Cell::new(Wrench::zero()));
+        let keep = Rc::clone(&written);
+        let read = move |device_time_ns| {
             Ok(DeviceState {
-                device_time_ns: now_ns,
-                ..self.state
+                device_time_ns,
+                ..state
             })
-        }
-        fn write(&mut self, _: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-            self.written = *wrench;
+        };
+        let write = move |_, wrench: &Wrench| {
+            keep.set(*wrench);
             Ok(())
-        }
-    }
-
-    fn wired(state: DeviceState) -> Wired<Told> {
-        Wired::new(Told {
-            state,
-            written: Wrench::zero(),
-        })
+        };
+        let device = Scripted::new(small(Freedom::Six), read, write);
+        (Wired::new(device), written)
     }
 
     #[test]
     fn the_clock_counts_on_where_the_counter_wraps() {
-        let mut device = wired(DeviceState::resting());
+        let (mut device, _) = wired(DeviceState::resting());
         let turn_ns = (1_u64 << 32) * 1000;
         for now in (0..20).map(|k| k * turn_ns / 3 + 123_456) {
             let time = device.read(now).unwrap().device_time_ns;
@@ -169,7 +157,7 @@ mod tests {
 
     #[test]
     fn an_unrotated_device_stays_exactly_unrotated() {
-        let state = wired(DeviceState::resting()).read(0).unwrap();
+        let state = wired(DeviceState::resting()).0.read(0).unwrap();
         assert_eq!(state, DeviceState::resting());
     }
 
@@ -227,7 +215,7 @@ mod tests {
                 buttons,
                 device_time_ns: 0,
             };
-            let mut device = wired(state);
+            let (mut device, written) = wired(state);
             let seen = device.read(0).unwrap();
             // Half of 0.1 µm, 1 µm/s, 1 mrad/s and 1 µN, and a margin for rounding at 1e8 units.
             let within = |a: &Vec3, b: &Vec3, unit: f64| (a - b).amax() <= 0.5 * unit * (1.0 + 1e-6);
@@ -239,7 +227,7 @@ mod tests {
             prop_assert!(seen.pose.rotation.angle_to(&state.pose.rotation) <= 2.0 / 32767.0 * 1.01);
             prop_assert_eq!(seen.buttons, buttons);
             device.write(0, &Wrench { force, moment }).unwrap();
-            let felt = device.device().written;
+            let felt = written.get();
             prop_assert!(within(&felt.force, &force, 1e-6));
             prop_assert!(within(&felt.moment, &moment, 1e-6));
         }

@@ -6,36 +6,36 @@
 //! real-time tick.
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
-//! ([`models`]). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
-//! puts a device behind the bytes of its real wire. [`replay`] repeats recorded readings. [`vanishing`] takes a device
-//! away for a while. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
+//! (its model is of `devices::models`). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
+//! puts a device behind the bytes of its real wire. [`faulty`] lets a device fail at
+//! given times. [`driver`] opens the devices of a scene. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;
 pub mod arm;
 mod curve;
 pub mod device;
+pub mod driver;
 mod dynamics;
 mod encoder;
 pub mod energy;
+pub mod faulty;
 pub mod firmware;
 pub mod hand;
-pub mod models;
-pub mod replay;
 pub mod tasks;
 pub mod trajectory;
 pub mod tremor;
-pub mod vanishing;
+
+pub use devices::models::{self, DeviceFile, DeviceModel, RotationModel};
 
 pub use arm::{Arm, Wrist};
 pub use curve::minimum_jerk;
 pub use device::{SimDevice, SimError};
+pub use driver::{Held, Simulated};
 pub use energy::{EnergyAccount, NetEnergy};
+pub use faulty::{Fault, Faulty};
 pub use firmware::Wired;
 pub use hand::Hand;
-pub use models::{DeviceFile, DeviceModel, RotationModel};
-pub use replay::ReplayDevice;
 pub use tasks::{Task, TaskError, TaskKind};
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};
-pub use vanishing::Vanishing;

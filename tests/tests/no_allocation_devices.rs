@@ -1,7 +1,11 @@
-//! A simulated device runs inside the real-time tick: once built, reading and writing never allocate.
+//! A simulated device runs inside the real-time tick: once built, reading and writing never allocate, whatever comes.
+use devices::ReplayDevice;
+use devices::conformance::Suite;
 use palpate_tests::counting::{Counting, count};
-use rt_core::{Device, Vec3, Wrench};
-use sim::{DeviceModel, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired};
+use rt_core::{Device, Vec3};
+use sim::{
+    DeviceModel, Fault, Faulty, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired,
+};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -31,25 +35,17 @@ fn reads_and_writes_never_allocate() {
     ]);
     let hand = Hand::new(trajectory).with_tremor(Tremor::new(1e-4, 1).unwrap());
     assert_eq!(count(|| drop(std::hint::black_box(Box::new(7)))), 2);
+    let watch = |call: &mut dyn FnMut()| assert_eq!(count(call), 0, "allocations in a call");
     // One of three degrees of freedom and one of six.
     for model in ["falcon", "virtuose6d"] {
         let model = DeviceModel::named(model).unwrap();
-        let hand = Some(hand.clone());
-        let mut device = Wired::new(SimDevice::new(model, hand, 1e-3).unwrap());
-        let mut refused = 0;
-        let calls = count(|| {
-            for tick in 0..2000 {
-                let now = tick * 1_000_000;
-                let state = device.read(now);
-                refused += u32::from(state.is_err());
-                let force = state.map_or(Vec3::zeros(), |state| state.pose.position * -500.0);
-                let wrench = Wrench {
-                    force,
-                    moment: force * 0.05,
-                };
-                refused += u32::from(device.write(now, &wrench).is_err());
-            }
-        });
-        assert_eq!((calls, refused), (0, 0));
+        let make = || Wired::new(SimDevice::new(model, Some(hand.clone()), 1e-3).unwrap());
+        let suite = Suite::new("wired").watched(&watch);
+        suite.check(|| Box::new(make()));
+        let fault = [(0..50_000_000, Fault::Silent)];
+        let suite = suite.states(450);
+        suite.check(|| Box::new(Faulty::new(Box::new(make()), fault.to_vec())));
+        let readings: Vec<_> = (0..500).map(|k| make().read(k * 1_000_000)).collect();
+        suite.check(|| Box::new(ReplayDevice::new(model.capabilities(), readings.clone())));
     }
 }

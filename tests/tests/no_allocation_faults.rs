@@ -1,18 +1,18 @@
 //! The tick allocates nothing when things go wrong, either: every scheme and number of handles, through
 //! every fault that the tick knows. Each stretch ends with a look at whether the fault was met.
 
-use firmware_proto::report::ReportError;
+use devices::scripted::{Scripted, small};
 use palpate_tests::counting::{Counting, count};
 use palpate_tests::law::{HANDLES, Limits, PATIENCE, SCHEMES, law, model, reading, scheme};
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use rt_core::safety::SafetyState::{
     self, DeviceStale, Limited, Normal, NotANumber, OutOfReach, Recovering, TooFast,
 };
-use rt_core::{
-    Capabilities, Device, DeviceError, DeviceState, Freedom, LocalModel, Telemetry, Vec3, Wrench,
-};
+use rt_core::{Corruption, DeviceError, Freedom, LocalModel, Telemetry, Vec3, Wrench};
+use runner::AnyDevice;
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::tick_loop::TickLoop;
+use std::sync::{Arc, Mutex, MutexGuard};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -34,26 +34,12 @@ enum Script {
     RefuseWrenches,
 }
 
-/// A device that does as it is told.
-struct Scripted {
-    index: usize,
-    script: Script,
-}
-
-impl Device for Scripted {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            sensed: Freedom::Six,
-            actuated: Freedom::Six,
-            max_force: 1.0,
-            max_moment: 1.0,
-            workspace_radius: 1.0,
-            position_step: 0.0,
-        }
-    }
-    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        let mut state = reading(now_ns as f64 * 1e-8)[self.index]?;
-        match self.script {
+/// A device that does as the script says.
+fn scripted(index: usize, script: &Arc<Mutex<Script>>) -> AnyDevice {
+    let (by_read, by_write) = (Arc::clone(script), Arc::clone(script));
+    let read = move |now_ns| {
+        let mut state = reading(now_ns as f64 * 1e-8)[index]?;
+        match *lock(&by_read) {
             Script::Move | Script::RefuseWrenches => {}
             Script::Fail(error) => return Err(error),
             Script::SayNotANumber => state.pose.position.y = f64::NAN,
@@ -61,19 +47,23 @@ impl Device for Scripted {
             Script::Stray(distance) => state.pose.position = Vec3::new(distance, 0.0, 0.0),
         }
         Ok(state)
-    }
-    fn write(&mut self, _: u64, _: &Wrench) -> Result<(), DeviceError> {
-        match self.script {
-            Script::RefuseWrenches => Err(DeviceError::Busy),
-            _ => Ok(()),
-        }
-    }
+    };
+    let write = move |_, _: &Wrench| match *lock(&by_write) {
+        Script::RefuseWrenches => Err(DeviceError::Busy),
+        _ => Ok(()),
+    };
+    Box::new(Scripted::new(small(Freedom::Six), read, write))
+}
+
+fn lock(script: &Mutex<Script>) -> MutexGuard<'_, Script> {
+    script.lock().expect("nothing panics while it is held")
 }
 
 /// A loop whose every tick is watched.
 struct Watched {
     name: String,
-    tick: TickLoop<Scripted>,
+    tick: TickLoop,
+    script: Arc<Mutex<Script>>,
     now_ns: u64,
     model: LocalModel,
     last: Telemetry,
@@ -99,9 +89,7 @@ impl Watched {
     }
 
     fn script(&mut self, script: Script) {
-        for device in &mut self.tick.devices {
-            device.script = script;
-        }
+        *lock(&self.script) = script;
     }
 
     /// The next model, as of now.
@@ -155,14 +143,13 @@ fn go_through_every_fault(name: &str, handles: usize) {
         stall: STALL as f64 * 1e-3,
         ..LinkConfig::new(1000.0, 250.0)
     });
-    let devices = (0..handles).map(|index| Scripted {
-        index,
-        script: Script::Move,
-    });
+    let script = Arc::new(Mutex::new(Script::Move));
+    let devices = (0..handles).map(|index| scripted(index, &script));
     let controller = law(scheme(name), handles, Limits::WIDE);
     let mut run = Watched {
         name: format!("{name}, {handles}"),
         tick: TickLoop::new(controller, devices.collect(), end),
+        script,
         now_ns: 0,
         // A period that keeps a blend going over ten ticks.
         model: model(handles, 0.02),
@@ -223,7 +210,7 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
     let errors = [
         DeviceError::NoReport,
         DeviceError::Disconnected(19),
-        DeviceError::Corrupt(ReportError::Length { found: 0 }),
+        DeviceError::Corrupt(Corruption::Length),
         DeviceError::Busy,
     ];
     for error in errors {

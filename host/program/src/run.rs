@@ -3,6 +3,8 @@
 use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
+use host::scene::Scene;
+use host::scene::spec::SIMULATED;
 use physics::Kernels;
 use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
@@ -125,6 +127,16 @@ fn priority(text: &str) -> Result<u8, String> {
     allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
 }
 
+/// The system calls that a scene's devices need in the tick.
+fn needed_calls(scene: &Scene) -> CallPolicy {
+    let mut devices = scene.devices.iter();
+    if devices.all(|device| device.driver == SIMULATED) {
+        CallPolicy::Simulated
+    } else {
+        CallPolicy::Hid
+    }
+}
+
 /// Refuses what is about the tick's own thread where there is none.
 fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
     let given = [
@@ -166,9 +178,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         })
     };
     options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
-    // Scenes have simulated devices only.
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
-    options.runner.calls = watched.then_some(CallPolicy::Simulated);
+    options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
     options.runner.core = core;
     options.runner.priority = arguments.priority.or(options.runner.priority);
     // Virtual time commands no device: there a signal may end the program as it always does.

@@ -2,9 +2,8 @@
 
 use std::fmt;
 
-use firmware_proto::report::ReportError;
 use rt_core::controller::Reading;
-use rt_core::{DeviceError, DeviceState};
+use rt_core::{Corruption, DeviceError, DeviceState};
 
 use super::cdr::{CdrReader, CdrWriter};
 
@@ -52,11 +51,11 @@ impl From<DeviceError> for ReadFault {
             DeviceError::Disconnected(number) => Self::Disconnected(number),
             DeviceError::Busy => Self::Busy,
             DeviceError::Corrupt(report) => match report {
-                ReportError::Length { .. } => Self::BadLength,
-                ReportError::Crc { .. } => Self::BadCheckSum,
-                ReportError::Version { .. } => Self::BadVersion,
-                ReportError::Kind { .. } => Self::BadKind,
-                ReportError::OutOfRange { .. } => Self::OutOfRange,
+                Corruption::Length => Self::BadLength,
+                Corruption::CheckSum => Self::BadCheckSum,
+                Corruption::Version => Self::BadVersion,
+                Corruption::Kind => Self::BadKind,
+                Corruption::Range => Self::OutOfRange,
             },
         }
     }

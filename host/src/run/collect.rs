@@ -3,10 +3,12 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
+use super::observer::{Observed, Observer};
 use super::withheld::{Stretch, Watch};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
+use runner::link::LogRecord;
 
 /// What one device met in a run. Forces act on the hand, scene axes.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -158,6 +160,18 @@ impl Collector {
             samples: self.samples.unwrap_or_default(),
             records: self.ticks,
         }
+    }
+}
+
+impl Observer for Collector {
+    fn take(&mut self, record: LogRecord<'_>) {
+        if let LogRecord::Tick(telemetry) = record {
+            Self::take(self, telemetry);
+        }
+    }
+
+    fn finish(self: Box<Self>, observed: &mut Observed) {
+        observed.collected = Self::finish(*self);
     }
 }
 

@@ -10,12 +10,18 @@ use std::fmt::Display;
 /// Time over which a hand's sinusoids fade in (s).
 const FADE_IN: f64 = 0.5;
 
-/// The hand that holds a device.
+/// The hand that holds a device, if a simulated one does.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that no hand can follow.
-pub(super) fn build(loaded: &LoadedScene, index: usize, seed: u64) -> Result<Hand, SceneError> {
-    let spec = &loaded.scene.devices[index].hand;
+pub(super) fn build(
+    loaded: &LoadedScene,
+    index: usize,
+    seed: u64,
+) -> Result<Option<Hand>, SceneError> {
+    let Some(spec) = &loaded.scene.devices[index].hand else {
+        return Ok(None);
+    };
     let refuse = |part: &str, e: &dyn Display| {
         let field = format!("device[{index}].hand.{part}");
         loaded
@@ -63,9 +69,9 @@ pub(super) fn build(loaded: &LoadedScene, index: usize, seed: u64) -> Result<Han
         .with_wrist(spec.wrist());
     if spec.tremor > 0.0 {
         let tremor = Tremor::new(spec.tremor, own).map_err(|e| refuse("tremor", &e))?;
-        return Ok(hand.with_tremor(tremor));
+        return Ok(Some(hand.with_tremor(tremor)));
     }
-    Ok(hand)
+    Ok(Some(hand))
 }
 
 /// The task with the numbers that the scene gives in place of the usual ones.

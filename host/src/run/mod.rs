@@ -1,20 +1,19 @@
 //! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
 
 mod collect;
-mod device;
+mod devices;
 mod hand;
 pub mod late;
+mod log_observer;
+pub mod observer;
 mod real_clock;
 pub mod replay;
 mod report;
 pub mod setup;
-mod sink;
 pub mod summary;
 pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
-
-pub use device::AnyDevice;
 
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::engine::body::HostBody;
@@ -24,14 +23,15 @@ use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
+use log_observer::LogObserver;
+use observer::Observers;
 use physics::{Body, Kernels};
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
-use runner::{CoreChoice, Cores, Reserved};
+use runner::{AnyDevice, CoreChoice, Cores, Reserved};
 use setup::HostSide;
-use sink::Sink;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -139,6 +139,19 @@ impl Progress {
 pub fn run(
     loaded: &LoadedScene,
     options: &RunOptions,
+    progress: impl FnMut(Progress),
+) -> Result<RunSummary, RunError> {
+    run_watched(loaded, options, Observers::new(), progress)
+}
+
+/// The same with others who watch, beside the summary and the log.
+///
+/// # Errors
+/// [`RunError`].
+pub fn run_watched(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    others: Observers,
     mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     let scene = &loaded.scene;
@@ -169,15 +182,13 @@ pub fn run(
         names(&mut scene.bodies.iter().map(|b| &b.name)),
         options.plot.is_some(),
     );
-    let log = match &options.log {
-        Some(path) => Some(LogWriter::create_file(
-            path,
-            &header(loaded, options, seed),
-        )?),
-        None => None,
-    };
-    let mut sink = Sink::new(collector, log, scene.realtime.rate);
-    let logged = sink.logged();
+    let logged = Arc::default();
+    let mut observers = others.with(collector);
+    if let Some(path) = &options.log {
+        let log = LogWriter::create_file(path, &header(loaded, options, seed))?;
+        let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(&logged));
+        observers = observers.with(log);
+    }
     let of = prepared.timing.ticks;
     let progress = |ticks| {
         let logged = logged.load(Ordering::Relaxed);
@@ -186,8 +197,8 @@ pub fn run(
 
     let mut parts = match options.clock {
         Clock::Virtual => {
-            let done = virtual_clock::run(prepared, |record| sink.take(record), progress);
-            let (collected, failure) = sink.finish();
+            let done = virtual_clock::run(prepared, |record| observers.take(record), progress);
+            let observed = observers.finish();
             Parts {
                 tick: TickSide {
                     missed: 0,
@@ -204,16 +215,16 @@ pub fn run(
                     devices: done.tick.devices,
                 },
                 host: done.host,
-                collected,
+                collected: observed.collected,
                 degradations: Vec::new(),
-                failures: failure
-                    .iter()
-                    .map(log_ended)
+                failures: observed
+                    .failures
+                    .into_iter()
                     .chain(done.panicked.as_deref().map(host_panicked))
                     .collect(),
             }
         }
-        Clock::Real => real(prepared, options, &reserved, sink, progress)?,
+        Clock::Real => real(prepared, options, &reserved, observers, progress)?,
     };
     if let Some(HostSide { engine, .. }) = &parts.host
         && let Some(fault) = &engine.stats().first_fault
@@ -318,10 +329,6 @@ pub fn message(panic: &(dyn Any + Send)) -> &str {
         .unwrap_or("no message")
 }
 
-fn log_ended(error: &LogError) -> String {
-    format!("the log ended early: {error}")
-}
-
 /// What a log lacks that a replay needs.
 fn not_replayable(parts: &Parts) -> Option<String> {
     let ticks = parts.tick.counters.refused_telemetry;
@@ -348,7 +355,7 @@ fn real(
     prepared: setup::Setup,
     options: &RunOptions,
     reserved: &Reserved,
-    sink: Sink,
+    observers: Observers,
     progress: impl FnMut(u64),
 ) -> Result<Parts, RunError> {
     let planned = prepared.timing.ticks;
@@ -357,13 +364,10 @@ fn real(
         core: reserved.core(),
         ..options.runner
     };
-    let done = real_clock::run(prepared, runner, stop, sink, progress)?;
+    let done = real_clock::run(prepared, runner, stop, observers, progress)?;
     let mut failures = done.failures;
-    let collected = done.sink.map_or_else(Collected::default, |sink| {
-        let (collected, failure) = sink.finish();
-        failures.extend(failure.iter().map(log_ended));
-        collected
-    });
+    let observed = done.observers.map(Observers::finish).unwrap_or_default();
+    failures.extend(observed.failures);
     let report = done.report;
     if let Some(call) = report.forbidden_call {
         failures.push(format!(
@@ -391,7 +395,7 @@ fn real(
             devices: report.devices,
         },
         host: done.host,
-        collected,
+        collected: observed.collected,
         degradations: report
             .degradations
             .iter()

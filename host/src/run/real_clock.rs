@@ -4,9 +4,9 @@
 //! log's empties its ring fifty times a second. A host that panics leaves the tick running: its force
 //! fades, and the summary says what happened.
 
+use super::observer::Observers;
 use super::setup::{HostSide, Setup};
-use super::sink::Sink;
-use super::{AnyDevice, RunError, host_panicked, message};
+use super::{RunError, host_panicked, message};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
@@ -27,16 +27,16 @@ const HOST_NAP: Duration = Duration::from_millis(20);
 /// there is none.
 pub(super) struct RealRun {
     /// The tick's report.
-    pub(super) report: TickReport<AnyDevice>,
+    pub(super) report: TickReport,
     /// The host's side; `None` where the host's thread panicked.
     pub(super) host: Option<HostSide>,
-    /// Where telemetry went; `None` where the log's thread panicked.
-    pub(super) sink: Option<Sink>,
+    /// Who watched; `None` where the log's thread panicked.
+    pub(super) observers: Option<Observers>,
     /// What ended a part of the run before its time.
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length, or until `stop` asks. `sink` is given every tick's telemetry in
+/// Runs `setup` for its whole length, or until `stop` asks. Each of `observers` is given every tick's telemetry in
 /// order, and each model before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
 ///
 /// # Errors
@@ -45,7 +45,7 @@ pub(super) fn run(
     setup: Setup,
     config: RunnerConfig,
     stop: Arc<Stop>,
-    sink: Sink,
+    observers: Observers,
     mut progress: impl FnMut(u64),
 ) -> Result<RealRun, RunError> {
     let Setup {
@@ -72,7 +72,7 @@ pub(super) fn run(
         host_loop(host, engine, pacer, &host_over)
     })?;
     let log_over = Arc::clone(&over);
-    let log = named("palpate-log", move || log_loop(log, sink, &log_over))?;
+    let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
 
     while !thread.is_finished() {
         progress(thread.ticks());
@@ -81,8 +81,8 @@ pub(super) fn run(
     let report = thread.join();
     over.request();
     let mut failures = Vec::new();
-    let sink = match log.join() {
-        Ok(sink) => Some(sink),
+    let observers = match log.join() {
+        Ok(observers) => Some(observers),
         Err(panic) => {
             failures.push(format!("the log's thread panicked: {}", message(&*panic)));
             None
@@ -94,7 +94,7 @@ pub(super) fn run(
     Ok(RealRun {
         report: report?,
         host: host.ok(),
-        sink,
+        observers,
         failures,
     })
 }
@@ -137,13 +137,13 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
     }
 }
 
-fn log_loop(mut log: LogEnd, mut sink: Sink, over: &Stop) -> Sink {
+fn log_loop(mut log: LogEnd, mut observers: Observers, over: &Stop) -> Observers {
     loop {
         // Looked at before draining: what was pushed before the end is still drained after it.
         let last = over.is_requested();
-        log.records(|record| sink.take(record));
+        log.records(|record| observers.take(record));
         if last {
-            return sink;
+            return observers;
         }
         std::thread::sleep(LOG_PERIOD);
     }

@@ -67,7 +67,7 @@ pub(super) fn summarize(
             peak_force: totals.peak_force,
             peak_time: totals.peak_time,
             work: totals.work,
-            port_work: device.energy().motor_work,
+            port_work: device.probe().map(|probe| probe.motor_work),
             reach: totals.reach,
             limited_ticks: safety.limited,
             not_a_number_ticks: safety.not_a_number,

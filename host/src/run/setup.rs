@@ -1,6 +1,6 @@
 //! From a scene to everything that a run needs, before anything runs.
 
-use super::{AnyDevice, hand};
+use super::devices;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
@@ -13,10 +13,10 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
-use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
+use rt_core::{Capabilities, Controller, ControllerConfig, PassivityConfig, Port, Scheme, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
-use runner::tick_loop::TickLoop;
-use sim::{DeviceModel, SimDevice, Wired};
+use runner::{AnyDevice, TickLoop};
+use sim::DeviceModel;
 
 /// Ticks in a row that a device may stay silent before its force is taken away.
 const PATIENCE: u32 = 10;
@@ -35,7 +35,7 @@ pub struct Timing {
 /// Everything that a run needs.
 pub struct Setup {
     /// The tick with its devices.
-    pub tick: TickLoop<AnyDevice>,
+    pub tick: TickLoop,
     /// The host's end of the link.
     pub host: HostEnd,
     /// The log's end.
@@ -63,7 +63,7 @@ pub struct HostSide {
 /// What is left of a [`Setup`] after its run.
 pub struct Running {
     /// The tick with its devices.
-    pub tick: TickLoop<AnyDevice>,
+    pub tick: TickLoop,
     /// The log's end.
     pub log: LogEnd,
     /// The host's side; `None` where it panicked.
@@ -92,7 +92,8 @@ pub(crate) fn setup_with(
 ) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
     let held = build::bodies(loaded, how)?;
-    let (config, devices) = controls(loaded, seed)?;
+    let devices = devices::open(loaded, seed, how.real)?;
+    let config = controller(loaded, &devices)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
         ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
@@ -113,7 +114,7 @@ pub(crate) fn setup_with(
     })
 }
 
-/// The tick's side of a scene alone: what its controller is made of, and its devices.
+/// The tick's side of a scene alone: what its controller is made of, and its simulated devices.
 ///
 /// # Errors
 /// As [`setup`].
@@ -121,29 +122,37 @@ pub fn controls(
     loaded: &LoadedScene,
     seed: u64,
 ) -> Result<(ControllerConfig, Vec<AnyDevice>), SceneError> {
+    let devices = devices::open(loaded, seed, false)?;
+    Ok((controller(loaded, &devices)?, devices))
+}
+
+/// What the controller of a scene is made of, for its open `devices`.
+///
+/// # Errors
+/// As [`setup`].
+pub(super) fn controller(
+    loaded: &LoadedScene,
+    devices: &[AnyDevice],
+) -> Result<ControllerConfig, SceneError> {
     let scene = &loaded.scene;
     let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
-    let mut devices = Vec::new();
     let mut passivity = PassivityConfig::new(period);
-    for index in 0..scene.devices.len() {
-        let origin = handle_origin(loaded, index)?;
-        let device = device(loaded, index, period, seed)?;
+    for (index, device) in devices.iter().enumerate() {
         let frame = DeviceFrame {
             motion_scale: scene.devices[index].motion_scale,
-            ..DeviceFrame::at(origin)
+            ..DeviceFrame::at(handle_origin(loaded, index)?)
         };
-        let safety = safety(&scene.devices[index], &device, scene, period);
+        let capabilities = device.capabilities();
+        let safety = safety(&scene.devices[index], &capabilities, scene, period);
         passivity.ports[index] = port(&loaded.models[index], &safety, &frame, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
-        devices.push(device);
     }
     for _ in &scene.bodies {
         let _ = config.bodies.push(coupling(scene, period, &passivity));
     }
-
-    Ok((config, devices))
+    Ok(config)
 }
 
 /// The force scheme that a scene names.
@@ -195,8 +204,12 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period:
     }
 }
 
-fn safety(spec: &spec::Device, device: &AnyDevice, scene: &Scene, period: f64) -> SafetyConfig {
-    let capabilities = device.capabilities();
+fn safety(
+    spec: &spec::Device,
+    capabilities: &Capabilities,
+    scene: &Scene,
+    period: f64,
+) -> SafetyConfig {
     SafetyConfig {
         actuated: capabilities.actuated,
         max_force: spec
@@ -227,24 +240,4 @@ fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Vec3, SceneError
         }
     }
     Ok(Vec3::zeros())
-}
-
-fn device(
-    loaded: &LoadedScene,
-    index: usize,
-    period: f64,
-    seed: u64,
-) -> Result<AnyDevice, SceneError> {
-    let spec = &loaded.scene.devices[index];
-    let field = format!("device[{index}]");
-    let refuse =
-        |e: &dyn std::fmt::Display| loaded.source.error(&field, e.to_string(), "a sound device");
-    let hand = hand::build(loaded, index, seed)?;
-    let device =
-        SimDevice::new(loaded.models[index], Some(hand), period).map_err(|e| refuse(&e))?;
-    Ok(if spec.wire {
-        AnyDevice::Wired(Box::new(Wired::new(device)))
-    } else {
-        AnyDevice::Bare(Box::new(device))
-    })
 }

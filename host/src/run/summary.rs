@@ -170,7 +170,7 @@ pub struct DeviceSummary {
     /// Work done on the hand (J), from telemetry: held force times motion.
     pub work: f64,
     /// The same at the motor port of a simulated device, integrated between ticks (J).
-    pub port_work: f64,
+    pub port_work: Option<f64>,
     /// Largest distance from its start (m).
     pub reach: f64,
     /// Ticks with the force limited.

@@ -1,6 +1,6 @@
 //! What no single field can tell: whether the parts of a scene fit together.
 
-use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, Scene, TaskName};
+use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
 
@@ -51,7 +51,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     }
     check_holding(scene)?;
     for (index, device) in scene.devices.iter().enumerate() {
-        check_hand(&format!("device[{index}].hand"), &device.hand)?;
+        check_held(&format!("device[{index}]"), device)?;
     }
     Ok(())
 }
@@ -256,6 +256,26 @@ fn device_names(devices: &[Device]) -> String {
         .map(|device| format!("{:?}", device.name))
         .collect();
     names.join(", ")
+}
+
+/// A simulated device is in a hand; any other is not, and has no wire of ours.
+fn check_held(at: &str, device: &Device) -> Check {
+    let simulated = device.driver == SIMULATED;
+    let Some(hand) = &device.hand else {
+        let allowed = "the hand that holds this simulated device (`hand = {}` will do)";
+        return require(!simulated, &format!("{at}.hand"), "none", allowed);
+    };
+    let none = |what: &str| format!("nothing here: {what} is for simulated devices");
+    let driver = format!("the driver {:?}", device.driver);
+    let field = |name: &str| format!("{at}.{name}");
+    require(simulated, &field("hand"), driver.as_str(), none("a hand"))?;
+    require(
+        simulated || device.wire.is_none(),
+        &field("wire"),
+        driver,
+        none("`wire`"),
+    )?;
+    check_hand(&field("hand"), hand)
 }
 
 fn check_hand(at: &str, hand: &Hand) -> Check {

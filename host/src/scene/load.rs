@@ -178,7 +178,8 @@ fn load(
 
     let mut recordings = Vec::new();
     for (index, device) in scene.devices.iter().enumerate() {
-        recordings.push(match &device.hand.recording {
+        let hand = device.hand.as_ref();
+        recordings.push(match hand.and_then(|hand| hand.recording.as_ref()) {
             None => None,
             Some(file) => {
                 let field = format!("device[{index}].hand.recording");

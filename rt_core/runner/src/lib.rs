@@ -5,7 +5,7 @@
 //! - The loop sleeps to **absolute deadlines**, measures its lateness on waking, and skips and counts the deadlines
 //!   that it missed ([`pace`], [`clock`]).
 //! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]), and a thread of
-//!   its own writes to a device that takes reports slowly ([`hid`]).
+//!   its own writes to a device that takes reports slowly (`devices::hid`).
 //! - The loop allocates, locks and formats **nothing**. Its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
 //! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run
@@ -21,7 +21,6 @@
 pub mod clock;
 pub mod cores;
 pub mod degradation;
-pub mod hid;
 pub mod latency;
 pub mod link;
 pub mod memory;
@@ -44,4 +43,4 @@ pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use reserve::Reserved;
 pub use seccomp::{CallPolicy, ForbiddenCall};
 pub use thread::{RunnerConfig, Stop, TickReport, TickThread, spawn};
-pub use tick_loop::TickLoop;
+pub use tick_loop::{AnyDevice, TickLoop};

@@ -24,7 +24,7 @@ pub fn slots_for(rate: f64, stall: f64) -> usize {
 }
 
 /// A ring of `slots` records, every slot written once with `filler`; with the memory that it occupies.
-pub(crate) fn prefaulted<T: Copy>(
+pub fn prefaulted<T: Copy>(
     slots: usize,
     filler: T,
 ) -> (Producer<T>, Consumer<T>, [MemoryRange; 2]) {
@@ -74,7 +74,7 @@ pub(crate) fn drain_up_to<T>(
 
 /// The newest of a ring's records and how many came with it, all of them let go; `None` where none waits.
 /// Takes the same time however many there are.
-pub(crate) fn take_newest<T: Copy, R>(
+pub fn take_newest<T: Copy, R>(
     ring: &mut Consumer<T>,
     see: impl FnOnce(&T, u64) -> R,
 ) -> Option<R> {

@@ -6,7 +6,7 @@
 //!
 //! - **inside a tick**: the clock, the sleep until an absolute deadline, one wake-up of a sleeping writer thread, and
 //!   under [`CallPolicy::Hid`] the calls that read a device. No write: a thread of the device's own writes
-//!   ([`crate::hid`]);
+//!   (`devices::hid`);
 //! - **at the end**: the return from a signal, and the calls of the C library when a thread ends. These are few and
 //!   harmless, and cannot be told apart from the same calls inside a tick;
 //! - **noted, then made all the same**: memory for the heap, and text on the standard error. To refuse memory would end

@@ -21,9 +21,9 @@ pub(crate) struct Setup {
 
 /// Makes all the requests of `config`, from the thread that will tick. The returned request and the locked memory must
 /// be held until the last tick.
-pub(crate) fn set_up<D>(
+pub(crate) fn set_up(
     config: &RunnerConfig,
-    tick_loop: &TickLoop<D>,
+    tick_loop: &TickLoop,
     locked: &mut LockedMemory,
 ) -> (Setup, Option<KeepAwake>) {
     let mut setup = Setup::default();
@@ -60,18 +60,21 @@ pub(crate) fn set_up<D>(
 }
 
 /// Locks the memory that the tick uses, the most important ranges first.
-fn lock_all<D>(tick_loop: &TickLoop<D>, locked: &mut LockedMemory) -> Option<Degradation> {
+fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradation> {
     let mut refusal = locked.lock_stack().err();
     let own = [
         MemoryRange::of(tick_loop),
         MemoryRange::of(tick_loop.devices.as_slice()),
     ];
-    let ranges = own.iter().chain(tick_loop.end.memory());
+    let devices = tick_loop.devices.iter();
+    let devices = devices.map(|device| MemoryRange::of(&**device));
+    let own = own.into_iter().chain(devices);
+    let ranges = own.chain(tick_loop.end.memory().iter().copied());
     let mut wanted = STACK_AHEAD;
     for range in ranges {
         wanted += range.bytes();
         // A range that is refused leaves room for smaller ranges.
-        let refused = locked.lock(*range).err();
+        let refused = locked.lock(range).err();
         refusal = refusal.or(refused);
     }
     refusal.map(|error| Degradation {

@@ -19,10 +19,11 @@ use crate::memory::LockedMemory;
 use crate::schedule::{DEFAULT_PRIORITY, KeepAwake, WAKE_LATENCY};
 use crate::seccomp::{CallPolicy, FilterError, ForbiddenCall};
 use crate::setup::Setup;
-use crate::tick_loop::TickLoop;
+use crate::tick_loop::{AnyDevice, TickLoop};
 use body::{body, message};
-use rt_core::{Controller, Device};
+use rt_core::Controller;
 use std::any::Any;
+use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
@@ -139,10 +140,9 @@ pub struct TickPanic {
 }
 
 /// What a run leaves.
-#[derive(Debug)]
-pub struct TickReport<D> {
+pub struct TickReport {
     /// The devices, back.
-    pub devices: Vec<D>,
+    pub devices: Vec<AnyDevice>,
     /// The controller, with its counters.
     pub controller: Controller,
     /// How late, how long, how old.
@@ -173,7 +173,18 @@ pub struct TickReport<D> {
     pub forbidden_call: Option<ForbiddenCall>,
 }
 
-type Outcome<D> = Result<Box<TickReport<D>>, TickPanic>;
+impl fmt::Debug for TickReport {
+    /// Without the devices, which need not tell of themselves.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("TickReport")
+            .field("ticks", &self.ticks)
+            .field("missed_deadlines", &self.missed_deadlines)
+            .field("forbidden_call", &self.forbidden_call)
+            .finish_non_exhaustive()
+    }
+}
+
+type Outcome = Result<Box<TickReport>, TickPanic>;
 
 /// What the system granted for as long as it is held. Whoever joins the thread lets it go: that takes
 /// system calls which the thread itself may not make.
@@ -185,8 +196,8 @@ struct Held {
 
 /// A running loop. Dropping it ends the loop and waits for that.
 #[derive(Debug)]
-pub struct TickThread<D> {
-    handle: Option<JoinHandle<(Outcome<D>, Held)>>,
+pub struct TickThread {
+    handle: Option<JoinHandle<(Outcome, Held)>>,
     stop: Arc<Stop>,
     ticks: Arc<AtomicU64>,
     setup: Setup,
@@ -198,13 +209,13 @@ pub struct TickThread<D> {
 /// # Errors
 /// [`SpawnError`] where it cannot run. What it merely has to do without is in
 /// [`TickThread::degradations`].
-pub fn spawn<D: Device + Send + 'static>(
+pub fn spawn(
     config: RunnerConfig,
     controller: Controller,
-    devices: Vec<D>,
+    devices: Vec<AnyDevice>,
     end: TickEnd,
     stop: Arc<Stop>,
-) -> Result<TickThread<D>, SpawnError> {
+) -> Result<TickThread, SpawnError> {
     if config.period_ns == 0 {
         return Err(SpawnError::NoPeriod);
     }
@@ -240,7 +251,7 @@ pub fn spawn<D: Device + Send + 'static>(
     })
 }
 
-impl<D> TickThread<D> {
+impl TickThread {
     /// Ticks done so far. Cheap enough to ask at any rate; the loop does not notice.
     pub fn ticks(&self) -> u64 {
         self.ticks.load(Ordering::Relaxed)
@@ -275,7 +286,7 @@ impl<D> TickThread<D> {
     ///
     /// # Errors
     /// [`TickPanic`] where the loop ended by a panic (a device's, say).
-    pub fn join(mut self) -> Result<TickReport<D>, TickPanic> {
+    pub fn join(mut self) -> Result<TickReport, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {
             Some(Ok((outcome, _held))) => outcome.map(|report| *report),
@@ -292,7 +303,7 @@ impl<D> TickThread<D> {
     }
 }
 
-impl<D> Drop for TickThread<D> {
+impl Drop for TickThread {
     fn drop(&mut self) {
         if let Some(handle) = self.handle.take() {
             self.stop.request();

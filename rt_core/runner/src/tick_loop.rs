@@ -9,13 +9,15 @@ use crate::latency::Latencies;
 use crate::link::TickEnd;
 use rt_core::{Controller, Device, Telemetry, Wrench, cycle};
 
+/// A device of any kind, as the loop holds it.
+pub type AnyDevice = Box<dyn Device + Send>;
+
 /// A controller, its devices, its end of the link and its histograms.
-#[derive(Debug)]
-pub struct TickLoop<D> {
+pub struct TickLoop {
     /// The law.
     pub controller: Controller,
     /// The devices, in the controller's order.
-    pub devices: Vec<D>,
+    pub devices: Vec<AnyDevice>,
     /// The tick's end of the link.
     pub end: TickEnd,
     /// How late, how long, how old.
@@ -26,9 +28,9 @@ pub struct TickLoop<D> {
     pub refused_wrenches: u64,
 }
 
-impl<D: Device> TickLoop<D> {
+impl TickLoop {
     /// Before the first tick. Allocates the histograms.
-    pub fn new(controller: Controller, devices: Vec<D>, end: TickEnd) -> Self {
+    pub fn new(controller: Controller, devices: Vec<AnyDevice>, end: TickEnd) -> Self {
         #[cfg(feature = "mutations")]
         crate::mutation::arm();
         let bodies = controller.coupling_counters().count();

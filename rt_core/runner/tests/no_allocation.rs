@@ -5,7 +5,7 @@
 
 mod common;
 
-use common::{Puppet, Trick, controller, pushing};
+use common::{Trick, controller, puppet, pushing};
 use runner::link::{LinkConfig, link};
 use runner::{LatencyHistogram, TickLoop};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -54,7 +54,7 @@ fn no_tick_allocates_whatever_the_rings_hold() {
         ..LinkConfig::new(1000.0, 100.0)
     };
     let (tick, mut host, _log) = link(&config);
-    let mut tick_loop = TickLoop::new(controller(1), vec![Puppet::new(Trick::None)], tick);
+    let mut tick_loop = TickLoop::new(controller(1), vec![puppet(Trick::None).0], tick);
     let mut sequence = 0;
     // The log is never read, so its ring is full from tick 52 on. The host reads every 70 ticks.
     for k in 0..1000_u64 {

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{Puppet, Trick, controller, pushing};
+use common::{Trick, controller, lock, puppet, pushing};
 use rt_core::Wrench;
 use runner::link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 use runner::thread::SpawnError;
@@ -29,8 +29,7 @@ fn modest(ticks: u64) -> RunnerConfig {
 fn a_run_adds_up_and_ends_without_force() {
     let (tick, mut host, mut log) = ends();
     host.publish(0, &pushing(1, 0)).expect("the ring is empty");
-    let puppet = Puppet::new(Trick::None);
-    let last = Arc::clone(&puppet.last);
+    let (puppet, seen) = puppet(Trick::None);
     let run = spawn(
         modest(300),
         controller(1),
@@ -58,9 +57,9 @@ fn a_run_adds_up_and_ends_without_force() {
     );
 
     // The force has been rendered, and is zero at the end.
-    let puppet = &report.devices[0];
-    assert_eq!((puppet.reads, puppet.writes), (300, 302));
-    assert_eq!(*last.lock().expect("nothing panics"), Some(Wrench::zero()));
+    let seen = lock(&seen);
+    assert_eq!((seen.reads, seen.writes), (300, 302));
+    assert_eq!(seen.last, Some(Wrench::zero()));
     let mut pushed = false;
     let mut times_ns = Vec::new();
     log.drain(|record| {
@@ -70,7 +69,7 @@ fn a_run_adds_up_and_ends_without_force() {
     });
     assert!(pushed);
     // Nominal times are on the grid, in order, and equal to the times that the device was given.
-    assert_eq!(times_ns, puppet.times_ns);
+    assert_eq!(times_ns, seen.times_ns);
     assert_eq!(times_ns[0], 0);
     assert!(times_ns.windows(2).all(|pair| pair[1] > pair[0]));
     assert!(times_ns.iter().all(|time| time % 1_000_000 == 0));
@@ -81,7 +80,7 @@ fn a_run_adds_up_and_ends_without_force() {
 #[test]
 fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
     let (tick, _host, _log) = ends();
-    let puppet = Puppet::new(Trick::Spin(20, 5_500_000));
+    let (puppet, seen) = puppet(Trick::Spin(20, 5_500_000));
     let run = spawn(
         modest(60),
         controller(1),
@@ -98,7 +97,7 @@ fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
     assert_eq!(report.ticks + report.missed_deadlines, report.slots);
     assert!(report.latencies.tick_time.summary().max >= 5_500_000);
     // The devices' time has advanced by the skipped deadlines.
-    let times = &report.devices[0].times_ns;
+    let times = &lock(&seen).times_ns;
     assert!(times[20] - times[19] >= 6_000_000);
     // The deadlines that the last tick missed come after it.
     assert!(times[59] <= (report.slots - 1) * 1_000_000);
@@ -107,9 +106,8 @@ fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
 #[test]
 fn a_panic_in_a_device_comes_back_as_an_error_and_leaves_no_force() {
     let (tick, host, _log) = ends();
-    let broken = Puppet::new(Trick::Panic(10));
-    let whole = Puppet::new(Trick::None);
-    let last = [Arc::clone(&broken.last), Arc::clone(&whole.last)];
+    let (broken, seen_by_broken) = puppet(Trick::Panic(10));
+    let (whole, seen_by_whole) = puppet(Trick::None);
     let run = spawn(
         modest(1000),
         controller(2),
@@ -124,11 +122,8 @@ fn a_panic_in_a_device_comes_back_as_an_error_and_leaves_no_force() {
         ("the cable was cut", 9)
     );
     assert!(panic.to_string().contains("after 9 ticks"));
-    for last in last {
-        assert_eq!(
-            *last.lock().expect("not while writing"),
-            Some(Wrench::zero())
-        );
+    for seen in [seen_by_broken, seen_by_whole] {
+        assert_eq!(lock(&seen).last, Some(Wrench::zero()));
     }
     assert!(host.tick_is_gone());
 }
@@ -146,7 +141,7 @@ fn a_loop_without_end_ends_when_asked_or_dropped() {
     let run = spawn(
         endless,
         controller(1),
-        vec![Puppet::new(Trick::None)],
+        vec![puppet(Trick::None).0],
         tick,
         Arc::clone(&stop),
     )
@@ -164,7 +159,7 @@ fn a_loop_without_end_ends_when_asked_or_dropped() {
     let run = spawn(
         endless,
         controller(0),
-        Vec::<Puppet>::new(),
+        Vec::new(),
         tick,
         Arc::new(Stop::new()),
     )
@@ -183,7 +178,7 @@ fn an_impossible_configuration_is_refused() {
     let refused = spawn(
         config,
         controller(0),
-        Vec::<Puppet>::new(),
+        Vec::new(),
         ends().0,
         Arc::clone(&stop),
     );
@@ -191,7 +186,7 @@ fn an_impossible_configuration_is_refused() {
     let refused = spawn(
         modest(1),
         controller(2),
-        vec![Puppet::new(Trick::None)],
+        vec![puppet(Trick::None).0],
         ends().0,
         stop,
     );
@@ -214,7 +209,7 @@ fn each_refusal_of_the_system_is_named_once_and_the_run_continues() {
     let run = spawn(
         config,
         controller(1),
-        vec![Puppet::new(Trick::None)],
+        vec![puppet(Trick::None).0],
         tick,
         Arc::new(Stop::new()),
     )

@@ -4,14 +4,14 @@
 
 mod common;
 
-use common::{Puppet, Trick, controller, pushing};
+use common::{Seen, Trick, controller, lock, puppet, pushing};
 use rt_core::Wrench;
 use runner::link::{LinkConfig, link};
 use runner::seccomp::FilterError;
 use runner::thread::{SpawnError, TickPanic};
 use runner::{CallPolicy, CoreChoice, RunnerConfig, Stop, TickReport, spawn};
 use std::io::Write as _;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 fn strict() -> RunnerConfig {
     RunnerConfig {
@@ -25,12 +25,15 @@ fn strict() -> RunnerConfig {
     }
 }
 
-/// A run over one device; `None` where this system cannot watch system calls. In every case, the last wrench is zero.
-fn run(trick: Trick) -> Option<Result<TickReport<Puppet>, TickPanic>> {
+/// The end of a run, and the calls that its device received.
+type Ended = (Result<TickReport, TickPanic>, Arc<Mutex<Seen>>);
+
+/// A run over one device; `None` where this system cannot watch system calls. In every case, the last wrench
+/// is zero.
+fn run(trick: Trick) -> Option<Ended> {
     let (tick, mut host, _log) = link(&LinkConfig::new(1000.0, 60.0));
     host.publish(0, &pushing(1, 0)).expect("the ring is empty");
-    let puppet = Puppet::new(trick);
-    let last = Arc::clone(&puppet.last);
+    let (puppet, seen) = puppet(trick);
     let stop = Arc::new(Stop::new());
     let thread = match spawn(strict(), controller(1), vec![puppet], tick, stop) {
         Ok(thread) => thread,
@@ -42,16 +45,13 @@ fn run(trick: Trick) -> Option<Result<TickReport<Puppet>, TickPanic>> {
         Err(error) => panic!("{error}"),
     };
     let result = thread.join();
-    assert_eq!(
-        *last.lock().expect("not while writing"),
-        Some(Wrench::zero())
-    );
-    Some(result)
+    assert_eq!(lock(&seen).last, Some(Wrench::zero()));
+    Some((result, seen))
 }
 
 #[test]
 fn a_loop_that_keeps_to_its_calls_runs_to_its_end() {
-    let Some(result) = run(Trick::None) else {
+    let Some((result, _)) = run(Trick::None) else {
         return;
     };
     let report = result.expect("nothing panics");
@@ -60,7 +60,7 @@ fn a_loop_that_keeps_to_its_calls_runs_to_its_end() {
 
 #[test]
 fn a_stray_call_is_refused_and_ends_the_loop_after_its_tick() {
-    let Some(result) = run(Trick::Call(10)) else {
+    let Some((result, _)) = run(Trick::Call(10)) else {
         return;
     };
     let report = result.expect("nothing panics");
@@ -72,14 +72,14 @@ fn a_stray_call_is_refused_and_ends_the_loop_after_its_tick() {
 
 #[test]
 fn memory_from_the_system_is_noted_but_given() {
-    let Some(result) = run(Trick::Allocate(10)) else {
+    let Some((result, seen)) = run(Trick::Allocate(10)) else {
         return;
     };
     let report = result.expect("it got its memory");
     let call = report.forbidden_call.expect("it was seen");
     assert_eq!(report.ticks, 10);
     // The 64 MB are available: they were written and read.
-    assert_eq!(report.devices[0].writes, 10 + 2 + 1);
+    assert_eq!(lock(&seen).writes, 10 + 2);
     assert!(
         ["mmap", "brk"]
             .iter()
@@ -90,7 +90,7 @@ fn memory_from_the_system_is_noted_but_given() {
 
 #[test]
 fn a_panic_is_still_told() {
-    let Some(result) = run(Trick::Panic(10)) else {
+    let Some((result, _)) = run(Trick::Panic(10)) else {
         return;
     };
     let panic = result.expect_err("the device panics");
@@ -103,8 +103,7 @@ fn a_panic_is_still_told() {
 #[test]
 fn a_loop_that_insists_does_not_tick_after_a_refusal() {
     let (tick, _host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
-    let puppet = Puppet::new(Trick::None);
-    let last = Arc::clone(&puppet.last);
+    let (puppet, seen) = puppet(Trick::None);
     let config = RunnerConfig {
         // No machine that runs this test has such a core.
         core: CoreChoice::Id(1023),
@@ -117,10 +116,7 @@ fn a_loop_that_insists_does_not_tick_after_a_refusal() {
         Err(SpawnError::NotGranted(missing)) => assert_eq!(missing.len(), 1),
         other => panic!("{other:?}"),
     }
-    assert_eq!(
-        *last.lock().expect("not while writing"),
-        Some(Wrench::zero())
-    );
+    assert_eq!(lock(&seen).last, Some(Wrench::zero()));
     assert_eq!(log.drain(|_| ()), 0);
     assert!(log.tick_is_gone());
 }

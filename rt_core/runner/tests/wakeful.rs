@@ -6,11 +6,13 @@
 mod common;
 
 use common::controller;
-use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Wrench};
+use devices::scripted::{Scripted, small};
+use rt_core::{DeviceState, Freedom, Wrench};
 use runner::link::{LinkConfig, link};
-use runner::{CoreChoice, RunnerConfig, Stop, TickReport, spawn};
+use runner::{AnyDevice, CoreChoice, RunnerConfig, Stop, TickReport, spawn};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Whether this process has `path` open.
 fn is_open(path: &Path) -> bool {
@@ -19,49 +21,48 @@ fn is_open(path: &Path) -> bool {
     targets.any(|target| target == path)
 }
 
-/// A device that checks, in each read and write, whether a file is open.
-#[derive(Debug)]
-struct Watcher {
-    path: PathBuf,
-    open: u64,
-    closed: u64,
+/// The numbers of reads and writes in which the file was open, and closed.
+#[derive(Debug, Default)]
+struct Watch {
+    open: AtomicU64,
+    closed: AtomicU64,
 }
 
-impl Watcher {
-    fn look(&mut self) {
-        if is_open(&self.path) {
-            self.open += 1;
+impl Watch {
+    fn look(&self, path: &Path) {
+        let count = if is_open(path) {
+            &self.open
         } else {
-            self.closed += 1;
-        }
+            &self.closed
+        };
+        count.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn counts(&self) -> (u64, u64) {
+        let [open, closed] = [&self.open, &self.closed].map(|n| n.load(Ordering::Relaxed));
+        (open, closed)
     }
 }
 
-impl Device for Watcher {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            sensed: Freedom::Three,
-            actuated: Freedom::Three,
-            max_force: 8.0,
-            max_moment: 0.0,
-            workspace_radius: 0.1,
-            position_step: 1e-5,
-        }
-    }
-
-    fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
-        self.look();
+/// A device that looks, in each of its reads and writes, whether a file is open.
+fn watcher(path: &Path) -> (AnyDevice, Arc<Watch>) {
+    let watch = Arc::new(Watch::default());
+    let (by_read, by_write) = (Arc::clone(&watch), Arc::clone(&watch));
+    let (read_path, write_path) = (path.to_owned(), path.to_owned());
+    let read = move |_| {
+        by_read.look(&read_path);
         Ok(DeviceState::resting())
-    }
-
-    fn write(&mut self, _now_ns: u64, _wrench: &Wrench) -> Result<(), DeviceError> {
-        self.look();
+    };
+    let write = move |_, _: &Wrench| {
+        by_write.look(&write_path);
         Ok(())
-    }
+    };
+    let device = Scripted::new(small(Freedom::Three), read, write);
+    (Box::new(device), watch)
 }
 
 /// Twenty ticks with the file `path` in place of the kernel's.
-fn run(path: &Path, keep_awake: bool) -> TickReport<Watcher> {
+fn run(path: &Path, keep_awake: bool) -> (TickReport, Arc<Watch>) {
     let (tick, _host, _log) = link(&LinkConfig::new(1000.0, 60.0));
     let name: &'static str = Box::leak(path.display().to_string().into_boxed_str());
     let config = RunnerConfig {
@@ -73,14 +74,10 @@ fn run(path: &Path, keep_awake: bool) -> TickReport<Watcher> {
         wake_latency: name,
         ..RunnerConfig::default()
     };
-    let watcher = Watcher {
-        path: path.to_owned(),
-        open: 0,
-        closed: 0,
-    };
+    let (watcher, watch) = watcher(path);
     let stop = Arc::new(Stop::new());
     let run = spawn(config, controller(1), vec![watcher], tick, stop).expect("it can run");
-    run.join().expect("nothing panics")
+    (run.join().expect("nothing panics"), watch)
 }
 
 /// An empty file, with its canonical path.
@@ -95,10 +92,9 @@ fn file(folder: &tempfile::TempDir) -> PathBuf {
 fn the_request_is_open_in_every_tick_and_closed_after_the_last() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = file(&folder);
-    let report = run(&path, true);
-    let watcher = &report.devices[0];
+    let (report, watch) = run(&path, true);
     // A read and a write in each tick, and two writes that end the run.
-    assert_eq!((watcher.open, watcher.closed), (2 * 20 + 2, 0));
+    assert_eq!(watch.counts(), (2 * 20 + 2, 0));
     assert!(report.degradations.is_empty(), "{:?}", report.degradations);
     // The kernel takes a latency in us, as 32 bits: here zero.
     let written = std::fs::read(&path).expect("it can be read");
@@ -110,8 +106,8 @@ fn the_request_is_open_in_every_tick_and_closed_after_the_last() {
 fn nothing_is_opened_that_nobody_asked_for() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = file(&folder);
-    let report = run(&path, false);
-    assert_eq!((report.devices[0].open, report.degradations.len()), (0, 0));
+    let (report, watch) = run(&path, false);
+    assert_eq!((watch.counts().0, report.degradations.len()), (0, 0));
     assert_eq!(std::fs::read(&path).expect("it can be read"), b"");
 }
 
@@ -119,7 +115,7 @@ fn nothing_is_opened_that_nobody_asked_for() {
 fn a_request_that_is_refused_is_named_with_its_file() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("not there");
-    let report = run(&path, true);
+    let (report, _) = run(&path, true);
     let named: Vec<_> = report
         .degradations
         .iter()

@@ -1,60 +1,53 @@
 //! What the built-in scene's devices and host gave in a run, kept so that parts of its ticks can be run
 //! again alone.
 
+use devices::Scripted;
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use palpate_tests::default_setup;
 use rt_core::controller::Reading;
-use rt_core::device::DeviceError;
-use rt_core::{Capabilities, Device, LocalModel, Wrench};
-use runner::tick_loop::TickLoop;
+use rt_core::{LocalModel, Wrench};
+use runner::{AnyDevice, TickLoop};
+use std::mem::take;
+use std::sync::{Arc, Mutex, MutexGuard};
 
 /// Ticks of the built-in scene that are measured: at rest, then pulling, then holding.
 pub(crate) const TICKS: usize = 3000;
 /// The scene's host steps and publishes at 250 Hz; a model arrives one period after its step began.
 pub(crate) const HOST_EVERY: usize = 4;
 
-/// A device that keeps what passes through it.
-struct Recorder<D> {
-    device: D,
+/// A device with what passed through it.
+struct Tape {
+    device: AnyDevice,
     readings: Vec<Reading>,
     wrenches: Vec<Wrench>,
 }
 
-impl<D: Device> Device for Recorder<D> {
-    fn capabilities(&self) -> Capabilities {
-        self.device.capabilities()
-    }
-    fn read(&mut self, now_ns: u64) -> Reading {
-        let reading = self.device.read(now_ns);
-        self.readings.push(reading);
+/// A device that keeps what passes through it on the tape that comes with it.
+fn recorder(device: AnyDevice) -> (AnyDevice, Arc<Mutex<Tape>>) {
+    let capabilities = device.capabilities();
+    let tape = Arc::new(Mutex::new(Tape {
+        device,
+        readings: Vec::with_capacity(TICKS),
+        wrenches: Vec::with_capacity(TICKS),
+    }));
+    let (by_read, by_write) = (Arc::clone(&tape), Arc::clone(&tape));
+    let read = move |now_ns| {
+        let mut tape = lock(&by_read);
+        let reading = tape.device.read(now_ns);
+        tape.readings.push(reading);
         reading
-    }
-    fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        self.wrenches.push(*wrench);
-        self.device.write(now_ns, wrench)
-    }
+    };
+    let write = move |now_ns, wrench: &Wrench| {
+        let mut tape = lock(&by_write);
+        tape.wrenches.push(*wrench);
+        tape.device.write(now_ns, wrench)
+    };
+    (Box::new(Scripted::new(capabilities, read, write)), tape)
 }
 
-/// A device that gives recorded readings again and takes every wrench.
-pub(crate) struct Player<'a> {
-    pub(crate) capabilities: Capabilities,
-    pub(crate) readings: std::slice::Iter<'a, Reading>,
-}
-
-impl Device for Player<'_> {
-    fn capabilities(&self) -> Capabilities {
-        self.capabilities
-    }
-    fn read(&mut self, _: u64) -> Reading {
-        self.readings
-            .next()
-            .copied()
-            .unwrap_or(Err(DeviceError::NoReport))
-    }
-    fn write(&mut self, _: u64, _: &Wrench) -> Result<(), DeviceError> {
-        Ok(())
-    }
+fn lock(tape: &Mutex<Tape>) -> MutexGuard<'_, Tape> {
+    tape.lock().expect("no device panics")
 }
 
 /// What a run of the scene left: readings and wrenches by device, and the models by tick of arrival.
@@ -70,12 +63,9 @@ pub(crate) fn record() -> Recording {
     let setup = default_setup(1.0);
     let (mut host, mut log, mut engine) = (setup.host, setup.log, setup.engine);
     let period_ns = setup.timing.period_ns;
-    let devices = setup.tick.devices.into_iter().map(|device| Recorder {
-        device,
-        readings: Vec::with_capacity(TICKS),
-        wrenches: Vec::with_capacity(TICKS),
-    });
-    let mut tick = TickLoop::new(setup.tick.controller, devices.collect(), setup.tick.end);
+    let recorders = setup.tick.devices.into_iter().map(recorder);
+    let (devices, tapes): (_, Vec<_>) = recorders.unzip();
+    let mut tick = TickLoop::new(setup.tick.controller, devices, setup.tick.end);
     let watch = WallStopwatch::start();
     let mut models = vec![None; TICKS + HOST_EVERY];
     for k in 0..TICKS {
@@ -96,11 +86,11 @@ pub(crate) fn record() -> Recording {
             });
         }
     }
-    let (readings, wrenches) = tick
-        .devices
-        .into_iter()
-        .map(|device| (device.readings, device.wrenches))
-        .unzip();
+    let kept = tapes.iter().map(|tape| {
+        let mut tape = lock(tape);
+        (take(&mut tape.readings), take(&mut tape.wrenches))
+    });
+    let (readings, wrenches) = kept.unzip();
     Recording {
         readings,
         wrenches,

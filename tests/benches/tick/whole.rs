@@ -1,12 +1,14 @@
 //! A whole tick of the built-in scene and its parts, each run over the same recorded ticks.
 
 use crate::common::Spread;
-use crate::recording::{HOST_EVERY, Player, Recording, TICKS, record};
+use crate::recording::{HOST_EVERY, Recording, TICKS, record};
+use devices::ReplayDevice;
 use divan::black_box;
 use host::run::setup::Setup;
 use palpate_tests::default_setup;
+use rt_core::MAX_DEVICES;
 use rt_core::device::DeviceError;
-use rt_core::{Device, MAX_DEVICES};
+use runner::AnyDevice;
 use runner::link::{HostEnd, LogEnd};
 use runner::tick_loop::TickLoop;
 use std::time::Instant;
@@ -18,12 +20,7 @@ type Pass = fn(&Recording) -> Vec<f64>;
 const PASSES: usize = 3;
 
 /// Times (s) of all ticks of `tick`, with the recorded models.
-fn pass<D: Device>(
-    tick: &mut TickLoop<D>,
-    host: &mut HostEnd,
-    log: &mut LogEnd,
-    run: &Recording,
-) -> Vec<f64> {
+fn pass(tick: &mut TickLoop, host: &mut HostEnd, log: &mut LogEnd, run: &Recording) -> Vec<f64> {
     let timed = |k: usize| {
         if let Some(model) = &run.models[k] {
             let _ = host.publish(0, model);
@@ -63,9 +60,10 @@ fn pass_recorded(run: &Recording) -> Vec<f64> {
         .devices
         .iter()
         .zip(&run.readings)
-        .map(|(device, readings)| Player {
-            capabilities: device.capabilities(),
-            readings: readings.iter(),
+        .map(|(device, readings)| {
+            let player = ReplayDevice::new(device.capabilities(), readings.clone());
+            let player: AnyDevice = Box::new(player);
+            player
         });
     let mut tick = TickLoop::new(tick.controller, players.collect(), tick.end);
     pass(&mut tick, &mut host, &mut log, run)

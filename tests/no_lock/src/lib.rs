@@ -5,7 +5,7 @@
 
 use rt_core::{Capabilities, Controller, Device, DeviceError, DeviceState, Wrench};
 use runner::link::TickEnd;
-use runner::{RunnerConfig, Stop, spawn};
+use runner::{AnyDevice, RunnerConfig, Stop, spawn};
 use std::sync::Arc;
 
 unsafe extern "Rust" {
@@ -45,12 +45,18 @@ impl Device for Port {
     }
 }
 
+/// A device as the loop holds it, with the table of its functions.
+#[unsafe(no_mangle)]
+pub fn boxed(port: Port) -> AnyDevice {
+    Box::new(port)
+}
+
 /// Starts a loop: any controller, any devices, any configuration.
 #[unsafe(no_mangle)]
 pub fn start(
     config: RunnerConfig,
     controller: Controller,
-    devices: Vec<Port>,
+    devices: Vec<AnyDevice>,
     end: TickEnd,
     stop: Arc<Stop>,
 ) -> bool {

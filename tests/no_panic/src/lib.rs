@@ -57,7 +57,7 @@ pub fn law_accept(law: &mut Controller, body: usize, model: &LocalModel) -> bool
 #[unsafe(no_mangle)]
 pub fn law_cycle(
     law: &mut Controller,
-    devices: &mut [Port],
+    devices: &mut [&mut Port],
     now_ns: u64,
     telemetry: &mut Telemetry,
 ) -> u32 {

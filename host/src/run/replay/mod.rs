@@ -9,14 +9,13 @@ mod compare;
 
 pub use compare::{Difference, Field, Part, Value};
 
-use super::setup::controls;
+use super::{devices, setup};
 use crate::log::{Log, LoggedReading, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
-use rt_core::{Controller, Device};
+use rt_core::Controller;
 use runner::link::{LinkConfig, link};
 use runner::tick_loop::TickLoop;
 use serde::Serialize;
-use sim::ReplayDevice;
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -108,19 +107,19 @@ pub fn replay(
 ) -> Result<ReplayReport, ReplayError> {
     let scene = &loaded.scene;
     let models = check(log)?;
-    let (config, devices) = controls(loaded, scene.seed)?;
-    let devices = devices.iter().enumerate().map(|(index, device)| {
+    let readings = (0..scene.devices.len()).map(|index| {
         let readings = log.rows.iter().filter_map(|row| row.readings.get(index));
-        let readings = readings.map(LoggedReading::reading).collect();
-        ReplayDevice::new(device.capabilities(), readings)
+        readings.map(LoggedReading::reading).collect()
     });
+    let devices = devices::replayed(loaded, readings.collect())?;
+    let config = setup::controller(loaded, &devices)?;
     // One model a body and one record wait at a time.
     let (end, mut host, _) = link(&LinkConfig {
         bodies: scene.bodies.len(),
         stall: 0.0,
         ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
     });
-    let mut tick = TickLoop::new(Controller::new(&config), devices.collect(), end);
+    let mut tick = TickLoop::new(Controller::new(&config), devices, end);
 
     let mut report = ReplayReport {
         schema: SCHEMA,

@@ -4,19 +4,26 @@ use super::{Hand, one};
 use crate::scene::check;
 use serde::Deserialize;
 
-/// `[[device]]`: a haptic device and its hand.
+/// `[[device]]`: a haptic device, and the hand of a simulated one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Device {
     /// Name, unique among devices.
     pub name: String,
-    /// Which simulated device: the name of one that is carried along, or a file (`.toml`) of one's own with
+    /// Which device it is: the name of one that is carried along, or a file (`.toml`) of one's own with
     /// the same fields.
     #[serde(deserialize_with = "check::model_name")]
     pub model: ModelName,
-    /// Whether its states and wrenches pass through the firmware protocol's 64-byte reports.
-    #[serde(default = "yes")]
-    pub wire: bool,
+    /// By which driver it is opened: `simulated`, or `hid` for a real one.
+    #[serde(default = "simulated")]
+    pub driver: String,
+    /// What the driver alone reads. `hid`: `vendor` and `product`, the numbers of the USB device, and `serial`.
+    #[serde(default)]
+    pub settings: toml::Table,
+    /// Simulated devices: whether states and wrenches pass through the firmware protocol's 64-byte reports; they do if
+    /// not given.
+    #[serde(default)]
+    pub wire: Option<bool>,
     /// Largest force to ask of it (N), if lower than its own.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_force: Option<f64>,
@@ -32,13 +39,16 @@ pub struct Device {
     /// Scene metres per device metre.
     #[serde(default = "one", deserialize_with = "check::positive")]
     pub motion_scale: f64,
-    /// The hand that holds it.
-    #[serde(deserialize_with = "check::table")]
-    pub hand: Hand,
+    /// Simulated devices: the hand that holds it. A person holds a real one.
+    #[serde(default, deserialize_with = "check::optional_table")]
+    pub hand: Option<Hand>,
 }
 
-fn yes() -> bool {
-    true
+/// The driver of simulated devices.
+pub const SIMULATED: &str = "simulated";
+
+fn simulated() -> String {
+    SIMULATED.to_owned()
 }
 
 /// What names a device's model: a device that is carried along, or a file of one's own.

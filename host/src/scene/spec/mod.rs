@@ -13,7 +13,7 @@ use super::check;
 use serde::Deserialize;
 
 pub use body::{Body, Handle, Load, Material, Support};
-pub use device::{Device, ModelName};
+pub use device::{Device, ModelName, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use solve::{Analysis, Solve};

@@ -11,20 +11,20 @@ use crate::seccomp::confine;
 use crate::setup::{Setup, set_up};
 use crate::tick_loop::TickLoop;
 use crate::trap;
-use rt_core::{Device, Wrench};
+use rt_core::Wrench;
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 
 /// The thread from beginning to end.
-pub(super) fn body<D: Device>(
+pub(super) fn body(
     config: RunnerConfig,
-    mut tick_loop: Box<TickLoop<D>>,
+    mut tick_loop: Box<TickLoop>,
     stop: &Stop,
     ticks: &AtomicU64,
     tell: &SyncSender<Result<Setup, SpawnError>>,
-) -> (Outcome<D>, Held) {
+) -> (Outcome, Held) {
     let mut locked = LockedMemory::new();
     let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
     let held = Held {
@@ -86,8 +86,8 @@ fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
 /// The loop itself: the hot path. A function of its own in the program, so that `tests/tests/no_lock.rs` can follow
 /// everything that it calls.
 #[inline(never)]
-fn run<D: Device>(
-    tick_loop: &mut TickLoop<D>,
+fn run(
+    tick_loop: &mut TickLoop,
     pace: &mut Pace,
     length: Option<u64>,
     stop: &Stop,
@@ -110,10 +110,7 @@ fn run<D: Device>(
 
 /// Commands no force on every device, twice. Each by itself: one that panics must not keep the others
 /// from it.
-fn release_each<D: Device>(
-    tick_loop: &mut TickLoop<D>,
-    now_ns: u64,
-) -> Result<(), Box<dyn Any + Send>> {
+fn release_each(tick_loop: &mut TickLoop, now_ns: u64) -> Result<(), Box<dyn Any + Send>> {
     let mut result = Ok(());
     for _ in 0..2 {
         for device in &mut tick_loop.devices {

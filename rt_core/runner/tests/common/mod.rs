@@ -3,17 +3,19 @@
 // Each test file uses a part of this module.
 #![allow(dead_code)]
 
+use devices::scripted::{Scripted, small};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
-use rt_core::device::DeviceError;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
-    Capabilities, Controller, ControllerConfig, Device, DeviceState, Freedom, HandleReference,
-    LocalModel, PassivityConfig, Scheme, Vec3, Wrench,
+    Controller, ControllerConfig, DeviceState, Freedom, HandleReference, LocalModel,
+    PassivityConfig, Scheme, Vec3, Wrench,
 };
+use runner::AnyDevice;
+use std::sync::{Arc, Mutex, MutexGuard};
 
-/// The action of a [`Puppet`] in one of its reads.
+/// The action of a [`puppet`] in one of its reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trick {
     None,
@@ -27,72 +29,66 @@ pub(crate) enum Trick {
     Allocate(u64),
 }
 
-/// A device at rest.
+/// The calls that a puppet received, for the test that watches it.
 #[derive(Debug)]
-pub(crate) struct Puppet {
-    pub(crate) trick: Trick,
+pub(crate) struct Seen {
     pub(crate) reads: u64,
     pub(crate) writes: u64,
-    /// The last command; shared, so that it is visible after a panic.
-    pub(crate) last: std::sync::Arc<std::sync::Mutex<Option<Wrench>>>,
+    pub(crate) last: Option<Wrench>,
     pub(crate) times_ns: Vec<u64>,
 }
 
-impl Puppet {
-    pub(crate) fn new(trick: Trick) -> Self {
-        let times_ns = Vec::with_capacity(10_000);
-        Self {
-            trick,
-            reads: 0,
-            writes: 0,
-            last: std::sync::Arc::default(),
-            times_ns,
-        }
-    }
-}
-
-impl Device for Puppet {
-    fn capabilities(&self) -> Capabilities {
-        Capabilities {
-            sensed: Freedom::Three,
-            actuated: Freedom::Three,
-            max_force: 8.0,
-            max_moment: 0.0,
-            workspace_radius: 0.1,
-            position_step: 1e-5,
-        }
-    }
-
-    fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
-        self.reads += 1;
-        self.times_ns.push(now_ns);
-        match self.trick {
-            Trick::Spin(read, ns) if read == self.reads => {
-                let end = runner::clock::now_ns() + ns;
-                while runner::clock::now_ns() < end {}
-            }
-            Trick::Panic(read) if read == self.reads => panic!("the cable was cut"),
-            Trick::Call(read) if read == self.reads => {
-                std::hint::black_box(rustix::process::getppid());
-            }
-            Trick::Allocate(read) if read == self.reads => {
-                let taken = vec![1_u8; 64 << 20];
-                self.writes += u64::from(std::hint::black_box(&taken)[1 << 20]);
-            }
-            _ => {}
-        }
+/// A device that stands still but for its trick, and what it meets: to be seen after a panic as well.
+pub(crate) fn puppet(trick: Trick) -> (AnyDevice, Arc<Mutex<Seen>>) {
+    let seen = Arc::new(Mutex::new(Seen {
+        reads: 0,
+        writes: 0,
+        last: None,
+        times_ns: Vec::with_capacity(10_000),
+    }));
+    let (by_read, by_write) = (Arc::clone(&seen), Arc::clone(&seen));
+    let read = move |now_ns| {
+        let reads = {
+            let mut seen = lock(&by_read);
+            seen.reads += 1;
+            seen.times_ns.push(now_ns);
+            seen.reads
+        };
+        do_trick(trick, reads);
         Ok(DeviceState {
             device_time_ns: now_ns,
             ..DeviceState::resting()
         })
-    }
-
-    fn write(&mut self, _now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
-        self.writes += 1;
-        if let Ok(mut last) = self.last.lock() {
-            *last = Some(*wrench);
-        }
+    };
+    let write = move |_, wrench: &Wrench| {
+        let mut seen = lock(&by_write);
+        seen.writes += 1;
+        seen.last = Some(*wrench);
         Ok(())
+    };
+    let device = Scripted::new(small(Freedom::Three), read, write);
+    (Box::new(device), seen)
+}
+
+pub(crate) fn lock(seen: &Mutex<Seen>) -> MutexGuard<'_, Seen> {
+    seen.lock().expect("nothing panics while it is held")
+}
+
+fn do_trick(trick: Trick, reads: u64) {
+    match trick {
+        Trick::Spin(read, ns) if read == reads => {
+            let end = runner::clock::now_ns() + ns;
+            while runner::clock::now_ns() < end {}
+        }
+        Trick::Panic(read) if read == reads => panic!("the cable was cut"),
+        Trick::Call(read) if read == reads => {
+            std::hint::black_box(rustix::process::getppid());
+        }
+        Trick::Allocate(read) if read == reads => {
+            let taken = vec![1_u8; 64 << 20];
+            assert_eq!(std::hint::black_box(&taken)[1 << 20], 1);
+        }
+        _ => {}
     }
 }
 

@@ -20,7 +20,9 @@ pub(super) fn reaches(loaded: &LoadedScene) -> Vec<Vec3> {
     let devices = loaded.scene.devices.iter().enumerate();
     devices
         .map(|(index, device)| {
-            let hand = &device.hand;
+            let Some(hand) = &device.hand else {
+                return Vec3::zeros();
+            };
             let rows = hand
                 .waypoints
                 .iter()
@@ -181,7 +183,10 @@ pub(super) fn give(
             1.0
         };
         let across = across * (side * reach.norm());
-        let hand = &mut device.hand;
+        // None but simulated devices are studied.
+        let Some(hand) = &mut device.hand else {
+            continue;
+        };
         hand.mass = Some(grip.mass);
         hand.damping = Some(grip.damping);
         hand.stiffness = Some(grip.stiffness);
@@ -196,7 +201,7 @@ pub(super) fn give(
                 [time, place.x, place.y, place.z]
             })
             .collect();
-        device.wire = false;
+        device.wire = Some(false);
     }
     loaded.recordings.fill(None);
 }

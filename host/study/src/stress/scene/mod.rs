@@ -21,7 +21,6 @@ pub mod measure;
 pub(super) mod reference;
 pub(super) mod run;
 pub mod summary;
-mod traced;
 mod troubled;
 pub(super) mod world;
 
@@ -87,7 +86,7 @@ impl Study {
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
         let (config, devices) = host::run::setup::controls(&loaded, seed)?;
-        let friction = devices.iter().map(|d| d.simulated().model().friction);
+        let friction = loaded.models.iter().map(|model| model.friction).collect();
         let stiffness = stiffness(&loaded)?;
         let mut reaches = hands::reaches(&loaded);
         let limits = config.devices.iter();
@@ -100,11 +99,11 @@ impl Study {
         });
         loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
         Ok(Self {
+            loaded,
             seed,
             reaches,
-            friction: friction.collect(),
+            friction,
             stiffness,
-            loaded,
         })
     }
 

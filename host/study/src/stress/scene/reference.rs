@@ -9,7 +9,7 @@
 
 use super::draw::Softening;
 use super::measure::Trace;
-use super::world::{World, exerted, handle};
+use super::world::{World, exerted, handle, probe};
 use crate::StudyError;
 use host::bodies;
 use host::run::timeline::Host;
@@ -19,7 +19,7 @@ use physics::linear::dense::Square;
 use physics::{Body, Condenser, HandlePose, Stepper, StepperOptions};
 use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
-use rt_core::{Device, DeviceState, MAX_DEVICES, Wrench};
+use rt_core::{DeviceState, MAX_DEVICES, Wrench};
 
 /// The bodies with what steps them.
 pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
@@ -184,7 +184,7 @@ pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
         let mut readings = [None; MAX_DEVICES];
         for (index, device) in devices.iter_mut().enumerate() {
             let state = device.read(now).ok();
-            let pose = device.truly();
+            let pose = probe(device).pose;
             let state = state.map(|state| DeviceState { pose, ..state });
             readings[index] = state;
             if let Some(state) = state {
@@ -208,8 +208,8 @@ pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
             let _ = device.write(now, &command);
         }
         let states = limiters.iter().map(Limiter::state);
-        kept.keep(&mut devices, states, &wrenches, weight, [0.0; 2]);
+        kept.keep(&devices, states, &wrenches, weight, [0.0; 2]);
         Ok(())
     })?;
-    Ok(kept.finish(devices, 0))
+    Ok(kept.finish(0))
 }

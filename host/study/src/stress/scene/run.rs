@@ -7,7 +7,7 @@
 use super::draw::Span;
 use super::measure::Trace;
 use super::troubled::{Lossy, Steady, Troubled};
-use super::world::World;
+use super::world::{World, probe};
 use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
@@ -109,14 +109,14 @@ pub(in crate::stress) fn run(
             };
         }
         let telemetry = tick.tick(now, 0);
-        let devices = tick.devices.iter_mut().zip(&mut wanders).enumerate();
+        let devices = tick.devices.iter().zip(&mut wanders).enumerate();
         for (index, (device, wander)) in devices {
             let shown = telemetry.devices[index].pose;
             let scale = world.loaded.scene.devices[index].motion_scale;
             let reading = telemetry.readings[index].as_ref().ok();
-            let truly = device.truly();
+            let truly = probe(device).pose;
             let pose = wander.pose(&shown, reading.map(|r| (&r.pose, &truly)), scale);
-            device.trace.proxy.push(pose);
+            kept.keep_proxy(index, pose);
         }
         let bodies = host.engine().bodies().iter().map(HostBody::body);
         let (wrenches, weight) = kept.exerted_by(bodies);
@@ -124,12 +124,12 @@ pub(in crate::stress) fn run(
             [sum[0] + account.available, sum[1] + account.stored]
         });
         let states = telemetry.devices.iter().map(|device| device.safety);
-        kept.keep(&mut tick.devices, states, &wrenches, weight, account);
+        kept.keep(&tick.devices, states, &wrenches, weight, account);
         Ok(())
     })?;
     let capped = tick.controller.energy().map(|account| account.capped).sum();
     Ok(Trace {
         unaware,
-        ..kept.finish(tick.devices, capped)
+        ..kept.finish(capped)
     })
 }

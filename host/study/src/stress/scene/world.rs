@@ -1,15 +1,15 @@
 //! What a run and its reference share: the scene with the hands of a cell, its devices, and what is kept of a tick.
 
 use super::draw::Draw;
-use super::measure::Trace;
-use super::traced::Traced;
+use super::measure::{DeviceTrace, Trace};
 use host::run::setup;
 use host::run::timeline::Timeline;
 use host::scene::{LoadedScene, SceneError};
 use physics::{Body, HandlePose};
 use rt_core::safety::SafetyState;
-use rt_core::{ControllerConfig, MAX_DEVICES, Pose, Wrench};
-use sim::Vanishing;
+use rt_core::{ControllerConfig, MAX_DEVICES, Pose, Probe, Wrench};
+use runner::AnyDevice;
+use sim::{Fault, Faulty};
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub(in crate::stress) struct World {
     pub(in crate::stress) draw: Draw,
 }
 
-/// What is kept of a run beside what its devices keep themselves.
+/// The record of a run, and the facts about the scene that each entry needs.
 pub(super) struct Kept {
     /// For each body and handle, the device that holds it.
     held: Vec<Vec<usize>>,
@@ -67,25 +67,32 @@ impl World {
     pub(super) fn devices(
         &self,
         stored: f64,
-    ) -> Result<(ControllerConfig, Vec<Traced>, Kept), SceneError> {
+    ) -> Result<(ControllerConfig, Vec<AnyDevice>, Kept), SceneError> {
         let scene = &self.loaded.scene;
         let (config, devices) = setup::controls(&self.loaded, scene.seed)?;
         let ticks = self.timeline().ticks as usize;
         let devices = devices.into_iter().enumerate().map(|(index, device)| {
             let gone = self.draw.vanishing.filter(|gone| gone.device == index);
-            let gone = gone.map(|gone| gone.span.at..gone.span.at + gone.span.duration);
-            Traced::new(Vanishing::new(device, gone), ticks)
+            let faults = gone.map(|gone| {
+                let span = gone.span.at..gone.span.at + gone.span.duration;
+                // The first nanosecond that is not before the time (s).
+                let ns = |time: f64| (time * 1e9).ceil() as u64;
+                (ns(span.start)..ns(span.end), Fault::Vanished)
+            });
+            Box::new(Faulty::new(device, faults.into_iter().collect())) as AnyDevice
         });
+        let devices: Vec<_> = devices.collect();
         let kept = Kept {
             held: self.held(),
             scales: scene.devices.iter().map(|d| d.motion_scale).collect(),
             trace: Trace {
                 period: self.period(),
+                devices: devices.iter().map(|_| empty_trace(ticks)).collect(),
                 ..Trace::default()
             },
             stored,
         };
-        Ok((config, devices.collect(), kept))
+        Ok((config, devices, kept))
     }
 }
 
@@ -102,26 +109,35 @@ impl Kept {
     /// potential of their weight (J) and the tick's account.
     pub(super) fn keep(
         &mut self,
-        devices: &mut [Traced],
+        devices: &[AnyDevice],
         states: impl Iterator<Item = SafetyState>,
         bodies: &[Wrench],
         weight: f64,
         account: [f64; 2],
     ) {
-        let each = devices.iter_mut().zip(&self.scales);
-        for (((device, scale), wrench), state) in each.zip(bodies).zip(states) {
-            device.trace.limited.push(state == SafetyState::Limited);
-            device.trace.body.push(wrench.force * *scale);
+        let mut on_hands = 0.0;
+        let each = self.trace.devices.iter_mut().zip(devices).zip(&self.scales);
+        for ((((trace, device), scale), wrench), state) in each.zip(bodies).zip(states) {
+            let probe = probe(device);
+            trace.force.push(probe.held.force);
+            trace.moment.push(probe.held.moment);
+            trace.position.push(probe.pose.position);
+            trace.limited.push(state == SafetyState::Limited);
+            trace.body.push(wrench.force * *scale);
+            on_hands += probe.on_hand;
         }
-        let on_hands: f64 = devices.iter().map(Traced::on_hand).sum();
         self.trace.out.push(on_hands + weight - self.stored);
         self.trace.account.push(account);
     }
 
-    /// What was kept, with what the devices kept.
-    pub(super) fn finish(self, devices: Vec<Traced>, capped: u64) -> Trace {
+    /// Keeps the pose of a device's proxy in a tick.
+    pub(super) fn keep_proxy(&mut self, device: usize, pose: Pose) {
+        self.trace.devices[device].proxy.push(pose);
+    }
+
+    /// The whole record. `capped` is the number of ticks in which the cap acted.
+    pub(super) fn finish(self, capped: u64) -> Trace {
         Trace {
-            devices: devices.into_iter().map(|device| device.trace).collect(),
             capped,
             ..self.trace
         }
@@ -147,6 +163,25 @@ pub(super) fn exerted<'a>(
         }
     }
     (wrenches, weight)
+}
+
+/// The true state of a simulated device.
+pub(super) fn probe(device: &AnyDevice) -> Probe {
+    let probe = device.probe();
+    probe.expect("a scene under virtual time has simulated devices only")
+}
+
+/// A record without entries, with room for `ticks`.
+fn empty_trace(ticks: usize) -> DeviceTrace {
+    DeviceTrace {
+        force: Vec::with_capacity(ticks),
+        moment: Vec::with_capacity(ticks),
+        position: Vec::with_capacity(ticks),
+        limited: Vec::with_capacity(ticks),
+        body: Vec::with_capacity(ticks),
+        proxy: Vec::with_capacity(ticks),
+        own: Vec::new(),
+    }
 }
 
 /// A proxy's pose as that of a handle.

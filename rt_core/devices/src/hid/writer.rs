@@ -5,10 +5,10 @@
 //! The tick's part is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that a tick
 //! may make. The tick never waits.
 
-use crate::ring::{prefaulted, take_newest};
-use crate::schedule::realtime;
 use rt_core::DeviceError;
 use rtrb::Producer;
+use runner::ring::{prefaulted, take_newest};
+use runner::schedule::realtime;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::thread::{JoinHandle, park};

@@ -7,21 +7,25 @@
 //! - Reader and writer use a file each, since one handle cannot be in two threads. The kernel also queues up to 64
 //!   reports for the writer's file; nobody reads them.
 //!
+//! The bytes pass through two functions ([`HidDevice::over`]), so that a test can take the place of hidraw.
+//!
 //! On the hot path are `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot path
 //! does not allocate, except once in the tick in which the device disappears (hidapi's errors are text).
 
+mod driver;
 mod reading;
 mod writer;
 
-use hidapi::{HidApi, HidDevice as RawDevice};
-use reading::{Command, command, let_go};
+use hidapi::HidApi;
+use reading::{command, let_go};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::fmt;
 use writer::Writer;
 
-pub use reading::{QUEUE, Reports};
+pub use driver::Hid;
+pub use reading::{Command, QUEUE, Reports};
 
 /// Error number for a device that disappeared without an error number (ENODEV).
 const NO_DEVICE: i32 = 19;
@@ -101,11 +105,14 @@ pub enum HidError {
     },
 }
 
+/// Fills a buffer with the next report that waits and returns the length of the report, or zero where none waits; or
+/// returns the error number of the system. Never waits.
+pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
+
 /// An open device. Dropping it tells the device to let go, and waits until that command is written, for five seconds at
 /// worst.
-#[derive(Debug)]
 pub struct HidDevice {
-    reader: RawDevice,
+    read: Box<ReadReport>,
     writer: Writer<Command>,
     reports: Reports,
     capabilities: Capabilities,
@@ -129,20 +136,34 @@ impl HidDevice {
                 source,
             })
         };
-        let (reader, output) = (open()?, open()?);
+        let (input, output) = (open()?, open()?);
+        let read =
+            move |buffer: &mut [u8]| input.read_timeout(buffer, 0).map_err(|error| errno(&error));
         let write = move |report: &Command| {
             output
                 .write(report)
                 .map(drop)
                 .map_err(|error| errno(&error))
         };
-        let writer = Writer::start(write, let_go()).map_err(|source| HidError::Thread {
+        Self::over(read, write, capabilities).map_err(|source| HidError::Thread {
             selector: selector.clone(),
             source,
-        })?;
+        })
+    }
+
+    /// A device whose reports come from `read` and whose commands `write` sends, from a thread of its own and as slowly
+    /// as it likes. Either gives the system's error number where the device is gone.
+    ///
+    /// # Errors
+    /// The system's, where it gave no thread to write from.
+    pub fn over(
+        read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
+        write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,
+        capabilities: Capabilities,
+    ) -> std::io::Result<Self> {
         Ok(Self {
-            reader,
-            writer,
+            read: Box::new(read),
+            writer: Writer::start(write, let_go())?,
             reports: Reports::new(),
             capabilities,
             gone: None,
@@ -165,11 +186,9 @@ impl Device for HidDevice {
         if let Some(number) = self.gone {
             return Err(DeviceError::Disconnected(number));
         }
-        let reader = &self.reader;
+        let read = &mut self.read;
         let result = self.reports.newest(self.capabilities.sensed, |buffer| {
-            reader
-                .read_timeout(buffer, 0)
-                .map_err(|error| DeviceError::Disconnected(errno(&error)))
+            read(buffer).map_err(DeviceError::Disconnected)
         });
         if let Err(DeviceError::Disconnected(number)) = result {
             // Another read would fail again, and each failure allocates.

@@ -1,7 +1,41 @@
-//! A device that repeats the readings of a recorded run, one a tick.
+//! A device that repeats the readings of a recorded run, one a tick, and its driver, `replay`.
 
+use crate::registry::{Driver, Kind, OpenError, Request};
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
+use runner::AnyDevice;
+
+/// Recorded devices: each gives its readings again. It has no settings.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    readings: Vec<Vec<Reading>>,
+}
+
+impl Replay {
+    /// For devices with these readings, by device; a device beyond them has none.
+    pub fn new(readings: Vec<Vec<Reading>>) -> Self {
+        Self { readings }
+    }
+}
+
+impl Driver for Replay {
+    fn name(&self) -> &'static str {
+        "replay"
+    }
+
+    fn kind(&self) -> Kind {
+        Kind::Recorded
+    }
+
+    fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
+        request.settings.only(&[])?;
+        let readings = self.readings.get(request.index).cloned();
+        Ok(Box::new(ReplayDevice::new(
+            request.model.capabilities(),
+            readings.unwrap_or_default(),
+        )))
+    }
+}
 
 /// A recorded device. Wrenches change nothing, because the motion of the hand is recorded.
 ///

@@ -2,10 +2,19 @@
 //!
 //! A device's own units end here. The HID backend and the simulated wire both use this module, so that a simulated
 //! report passes through the code that a real report passes through.
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::arithmetic_side_effects,
+        clippy::expect_used,
+        clippy::indexing_slicing,
+        clippy::panic,
+        clippy::unwrap_used,
+    )
+)]
 
-use crate::device::{DeviceState, Freedom};
-use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use firmware_proto::report::{StateReport, WrenchReport, WrenchSi, flags};
+use firmware_proto::report::{ReportError, StateReport, WrenchReport, WrenchSi, flags};
+use rt_core::{Corruption, DeviceError, DeviceState, Freedom, Pose, Twist, Vec3, Wrench};
 
 /// A device's own clock, continued beyond the range of its 32-bit counter, which wraps every 71 minutes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,7 +28,7 @@ impl DeviceClock {
     /// and never decreases. After a counter that jumps back (the device was restarted), time continues from there.
     ///
     /// ```
-    /// let mut clock = rt_core::wire::DeviceClock::default();
+    /// let mut clock = devices::wire::DeviceClock::default();
     /// assert_eq!(clock.advance(u32::MAX - 499), (u64::from(u32::MAX) - 499) * 1000);
     /// assert_eq!(clock.advance(500), (u64::from(u32::MAX) + 501) * 1000); // wrapped, 1 ms later
     /// ```
@@ -71,4 +80,15 @@ pub fn report_of(wrench: &Wrench, sequence: u16) -> WrenchReport {
         moment: wrench.moment.into(),
     };
     WrenchReport::from_si(sequence, &si, flags::ENABLE)
+}
+
+/// What a device's caller is told of a report that could not be decoded.
+pub fn corrupt(error: ReportError) -> DeviceError {
+    DeviceError::Corrupt(match error {
+        ReportError::Length { .. } => Corruption::Length,
+        ReportError::Crc { .. } => Corruption::CheckSum,
+        ReportError::Version { .. } => Corruption::Version,
+        ReportError::Kind { .. } => Corruption::Kind,
+        ReportError::OutOfRange { .. } => Corruption::Range,
+    })
 }

@@ -3,8 +3,8 @@
 //! The bytes come from a closure rather than from HID, so that byte arrays can stand in for a device. The module never
 //! allocates. It reads at most [`QUEUE`] reports a tick, so a device that floods cannot stall the tick.
 
+use crate::wire::{DeviceClock, corrupt, report_of, state_of};
 use firmware_proto::report::{self, ReportError, StateReport, WrenchReport, status};
-use rt_core::wire::{DeviceClock, report_of, state_of};
 use rt_core::{DeviceError, DeviceState, Freedom, Wrench};
 
 /// Largest number of reports read in one tick: as many as the kernel queues.
@@ -76,7 +76,7 @@ impl Reports {
                 }
                 Ok(state_of(&report, sensed, device_time_ns))
             }
-            (None, Some(fault)) => Err(DeviceError::Corrupt(fault)),
+            (None, Some(fault)) => Err(corrupt(fault)),
             (None, None) => Err(DeviceError::NoReport),
         }
     }
@@ -96,7 +96,7 @@ impl Reports {
 }
 
 /// A report to write, after the report number 0 of unnumbered reports.
-pub(super) type Command = [u8; report::LENGTH + 1];
+pub type Command = [u8; report::LENGTH + 1];
 
 /// The report that commands `wrench` (device axes).
 pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
@@ -125,7 +125,7 @@ fn numbered(report: &WrenchReport) -> Command {
 mod tests {
     use super::*;
     use firmware_proto::report::flags;
-    use rt_core::{Pose, Vec3};
+    use rt_core::{Corruption, Pose, Vec3};
     use std::collections::VecDeque;
 
     fn sent(sequence: u16, time_us: u32) -> StateReport {
@@ -215,14 +215,11 @@ mod tests {
         let mut reports = Reports::new();
         let result = reports.newest(Freedom::Three, queue([broken.clone()].into()));
         assert!(
-            matches!(result, Err(DeviceError::Corrupt(ReportError::Crc { .. }))),
+            matches!(result, Err(DeviceError::Corrupt(Corruption::CheckSum))),
             "{result:?}"
         );
         let result = reports.newest(Freedom::Three, queue([long].into()));
-        assert_eq!(
-            result,
-            Err(DeviceError::Corrupt(ReportError::Length { found: 65 }))
-        );
+        assert_eq!(result, Err(DeviceError::Corrupt(Corruption::Length)));
         let mixed = [sent(1, 1000).encode().to_vec(), broken].into();
         assert!(reports.newest(Freedom::Three, queue(mixed)).is_ok());
         assert_eq!((reports.good, reports.corrupt), (1, 3));

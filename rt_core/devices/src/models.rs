@@ -1,6 +1,6 @@
 //! Haptic devices as data: one file a device, with the source of every number.
 //!
-//! The devices that are carried along stand in `sim/devices`; a file of one's own has the same fields and is
+//! The devices that are carried along stand in `rt_core/devices/models`; a file of one's own has the same fields and is
 //! read by the same [`DeviceFile::parse`]. Force, workspace, rate and the drivers' limits are the makers'
 //! figures or what drivers report, unless marked. **Moving mass, friction and damping at the handle are
 //! published for few devices**: `estimated` names the numbers that are estimates of ours or figures at
@@ -10,6 +10,8 @@
 mod file;
 
 pub use file::{DeviceFile, ModelError, ModelProblem};
+
+use rt_core::{Capabilities, Freedom};
 
 /// The mechanics, encoder and motors of a device, the same in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,15 +59,15 @@ pub struct RotationModel {
 
 /// The files that are carried along, under the names by which scenes call the devices.
 pub const FILES: [(&str, &str); 6] = [
-    ("falcon", include_str!("../devices/falcon.toml")),
-    ("touch", include_str!("../devices/touch.toml")),
+    ("falcon", include_str!("../models/falcon.toml")),
+    ("touch", include_str!("../models/touch.toml")),
     (
         "phantom_premium",
-        include_str!("../devices/phantom_premium.toml"),
+        include_str!("../models/phantom_premium.toml"),
     ),
-    ("omega3", include_str!("../devices/omega3.toml")),
-    ("delta3", include_str!("../devices/delta3.toml")),
-    ("virtuose6d", include_str!("../devices/virtuose6d.toml")),
+    ("omega3", include_str!("../models/omega3.toml")),
+    ("delta3", include_str!("../models/delta3.toml")),
+    ("virtuose6d", include_str!("../models/virtuose6d.toml")),
 ];
 
 impl DeviceModel {
@@ -74,6 +76,20 @@ impl DeviceModel {
         let (_, text) = FILES.iter().find(|(known, _)| *known == name)?;
         // That each of them parses is tested.
         DeviceFile::parse(text).ok().map(|file| file.model)
+    }
+
+    /// What a device of this model can do.
+    pub fn capabilities(&self) -> Capabilities {
+        let rotation = self.rotation.as_ref();
+        let freedom = rotation.map_or(Freedom::Three, |_| Freedom::Six);
+        Capabilities {
+            sensed: freedom,
+            actuated: freedom,
+            max_force: self.max_force,
+            max_moment: rotation.map_or(0.0, |rotation| rotation.max_moment),
+            workspace_radius: self.workspace_radius,
+            position_step: self.position_step,
+        }
     }
 
     /// All devices among [`FILES`], by name.
@@ -87,7 +103,6 @@ impl DeviceModel {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SimDevice;
 
     #[test]
     fn every_file_that_is_carried_along_is_a_device_with_sources_for_each_number() {
@@ -98,7 +113,6 @@ mod tests {
                 .filter(|number| !file.sources.contains_key(number))
                 .collect();
             assert!(unsourced.is_empty(), "{name}: no source for {unsourced:?}");
-            SimDevice::new(file.model, None, 1e-3).unwrap();
         }
         assert_eq!(DeviceModel::all().count(), FILES.len());
         assert_eq!(DeviceModel::named("tuch"), None);

@@ -1,8 +1,8 @@
-//! Where a run's records go: added up for the summary, and into the log if there is one.
+//! The log as an observer of a run.
 //!
 //! A log that cannot be written on (a full disk) ends; the run and its summary go on without it.
 
-use super::collect::{Collected, Collector};
+use super::observer::{Observed, Observer};
 use crate::log::{LogError, LogWriter};
 use runner::link::LogRecord;
 use std::fs::File;
@@ -13,10 +13,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// How much data may be lost when the process is killed (s).
 const FLUSH_PERIOD: f64 = 0.5;
 
-/// Where records go.
-pub(super) struct Sink {
-    collector: Collector,
-    log: Option<LogWriter<BufWriter<File>>>,
+type Writer = LogWriter<BufWriter<File>>;
+
+/// Writes every record.
+pub(super) struct LogObserver {
+    /// `None` once it has failed.
+    log: Option<Writer>,
     failure: Option<LogError>,
     /// Ticks from one flush to the next.
     flush_every: u64,
@@ -24,34 +26,33 @@ pub(super) struct Sink {
     logged: Arc<AtomicU64>,
 }
 
-impl Sink {
-    /// For a run at `rate` ticks a second.
-    pub(super) fn new(
-        collector: Collector,
-        log: Option<LogWriter<BufWriter<File>>>,
-        rate: f64,
-    ) -> Self {
+impl LogObserver {
+    /// For a run at `rate` ticks a second. `logged` is told the ticks in the log that survive this process.
+    pub(super) fn new(log: Writer, rate: f64, logged: Arc<AtomicU64>) -> Self {
         Self {
-            collector,
-            log,
+            log: Some(log),
             failure: None,
             flush_every: (rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
-            logged: Arc::new(AtomicU64::new(0)),
+            logged,
         }
     }
 
-    /// Ticks in the log that survive this process; it counts on while the sink works elsewhere.
-    pub(super) fn logged(&self) -> Arc<AtomicU64> {
-        Arc::clone(&self.logged)
+    fn write(&mut self, write: impl FnOnce(&mut Writer) -> Result<(), LogError>) {
+        if let Some(log) = &mut self.log
+            && let Err(error) = write(log)
+        {
+            self.failure = Some(error);
+            self.log = None;
+        }
     }
+}
 
-    /// Takes a record.
-    pub(super) fn take(&mut self, record: LogRecord<'_>) {
+impl Observer for LogObserver {
+    fn take(&mut self, record: LogRecord<'_>) {
         match record {
             LogRecord::Model(body, model) => self.write(|log| log.write_model(body, model)),
             LogRecord::Tick(telemetry) => {
-                self.collector.take(telemetry);
                 self.write(|log| log.write(telemetry));
                 self.taken += 1;
                 if self.taken.is_multiple_of(self.flush_every) {
@@ -65,21 +66,12 @@ impl Sink {
         }
     }
 
-    fn write(
-        &mut self,
-        write: impl FnOnce(&mut LogWriter<BufWriter<File>>) -> Result<(), LogError>,
-    ) {
-        if let Some(log) = &mut self.log
-            && let Err(error) = write(log)
-        {
-            self.failure = Some(error);
-            self.log = None;
-        }
-    }
-
-    /// Ends the log. What the run adds up to, and why the log ended early if it did.
-    pub(super) fn finish(self) -> (Collected, Option<LogError>) {
+    /// Ends the log, and says why it ended early if it did.
+    fn finish(self: Box<Self>, observed: &mut Observed) {
         let ended = self.log.map_or(Ok(()), |log| log.finish().map(|_| ()));
-        (self.collector.finish(), self.failure.or(ended.err()))
+        if let Some(error) = self.failure.or(ended.err()) {
+            let what = format!("the log ended early: {error}");
+            observed.failures.push(what);
+        }
     }
 }

@@ -1,0 +1,90 @@
+//! From a scene's devices to open ones, each through the driver that it names.
+
+use super::hand;
+use crate::scene::{LoadedScene, SceneError};
+use devices::{AnyDevice, Hid, Kind, OpenError, Registry, Replay, Request, Settings};
+use rt_core::controller::Reading;
+use sim::{Held, Simulated};
+
+/// Opens a scene's devices for a run with `seed`; real ones only where time is `real`, too.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that cannot be opened.
+pub(super) fn open(
+    loaded: &LoadedScene,
+    seed: u64,
+    real: bool,
+) -> Result<Vec<AnyDevice>, SceneError> {
+    let registry = registry(loaded, seed)?;
+    let opened = loaded.scene.devices.iter().enumerate();
+    let opened = opened.map(|(index, spec)| {
+        let driver = registry.driver(&spec.driver);
+        if !real && driver.is_some_and(|driver| driver.kind() == Kind::Real) {
+            let field = format!("device[{index}].driver");
+            let allowed = "simulated devices, or a run under the real clock (`--clock real`)";
+            return Err(loaded.source.error(&field, spec.driver.as_str(), allowed));
+        }
+        let request = Request {
+            settings: Settings::new(&spec.settings),
+            ..request(loaded, index)
+        };
+        let device = registry.open(&spec.driver, &request);
+        device.map_err(|error| told(loaded, index, error))
+    });
+    opened.collect()
+}
+
+/// The same devices, whatever their drivers, but recorded: each gives `readings` again, by device.
+///
+/// # Errors
+/// As [`open`].
+pub(super) fn replayed(
+    loaded: &LoadedScene,
+    readings: Vec<Vec<Reading>>,
+) -> Result<Vec<AnyDevice>, SceneError> {
+    let registry = Registry::new().with(Replay::new(readings));
+    let opened = (0..loaded.scene.devices.len()).map(|index| {
+        let device = registry.open("replay", &request(loaded, index));
+        device.map_err(|error| told(loaded, index, error))
+    });
+    opened.collect()
+}
+
+/// The program's drivers, with the hands of a scene's simulated devices.
+fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
+    let held = loaded.scene.devices.iter().enumerate();
+    let held = held.map(|(index, spec)| {
+        Ok(Held {
+            hand: hand::build(loaded, index, seed)?,
+            wired: spec.wire.unwrap_or(true),
+        })
+    });
+    let held = held.collect::<Result<_, SceneError>>()?;
+    Ok(Registry::new().with(Simulated::new(held)).with(Hid))
+}
+
+fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
+    Request {
+        index,
+        model: &loaded.models[index],
+        period: 1.0 / loaded.scene.realtime.rate,
+        settings: Settings::none(),
+    }
+}
+
+/// A driver's error with the place in the scene that it is about.
+fn told(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
+    let (field, found, allowed) = match error {
+        OpenError::UnknownDriver { found, known } => (".driver".into(), found, known),
+        OpenError::Setting {
+            field,
+            found,
+            allowed,
+        } => (format!(".settings.{field}"), found, allowed),
+        OpenError::Refused { source, allowed } => {
+            (String::new(), source.to_string(), allowed.to_owned())
+        }
+    };
+    let field = format!("device[{index}]{field}");
+    loaded.source.error(&field, found, allowed)
+}

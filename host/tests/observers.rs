@@ -1,0 +1,66 @@
+//! Whoever watches a run sees all of it, whether it is logged or not.
+
+use host::run::observer::{Observed, Observer, Observers};
+use host::run::{Clock, RunOptions, run_watched};
+use host::scene::Scene;
+use runner::link::LogRecord;
+use std::error::Error;
+use std::sync::{Arc, Mutex};
+
+/// What an observer saw.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Seen {
+    /// The numbers of the ticks.
+    ticks: Vec<u64>,
+    models: u64,
+    /// Ticks that used a model before it was shown.
+    early: u64,
+}
+
+#[derive(Default)]
+struct Watcher(Arc<Mutex<Seen>>);
+
+impl Observer for Watcher {
+    fn take(&mut self, record: LogRecord<'_>) {
+        let mut seen = self.0.lock().expect("nothing panics");
+        match record {
+            LogRecord::Tick(telemetry) => {
+                seen.ticks.push(telemetry.tick);
+                let used = telemetry.bodies().map(|body| body.sequence).max();
+                seen.early += u64::from(used > Some(seen.models));
+            }
+            LogRecord::Model(..) => seen.models += 1,
+        }
+    }
+
+    fn finish(self: Box<Self>, observed: &mut Observed) {
+        observed.failures.push("the watcher fell asleep".to_owned());
+    }
+}
+
+#[test]
+fn an_observer_sees_every_tick_and_its_models_before_it() -> Result<(), Box<dyn Error>> {
+    let loaded = Scene::embedded_default()?;
+    let folder = tempfile::tempdir()?;
+    let mut all = Vec::new();
+    for log in [None, Some(folder.path().join("run.mcap"))] {
+        let options = RunOptions {
+            duration: Some(0.2),
+            log,
+            ..RunOptions::new(Clock::Virtual)
+        };
+        let seen = Arc::new(Mutex::new(Seen::default()));
+        let others = Observers::new().with(Watcher(Arc::clone(&seen)));
+        let summary = run_watched(&loaded, &options, others, |_| {})?;
+        // The summary is there as ever, with what the observer had to say.
+        assert_eq!(summary.tick.records, 200);
+        assert_eq!(summary.failures, ["the watcher fell asleep"]);
+        let seen = seen.lock().expect("nothing panics").clone();
+        assert_eq!(seen.ticks, (0..200).collect::<Vec<_>>());
+        assert!(seen.models >= 49, "{}", seen.models);
+        assert_eq!(seen.early, 0);
+        all.push(seen);
+    }
+    assert_eq!(all[0], all[1]);
+    Ok(())
+}

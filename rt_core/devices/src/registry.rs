@@ -1,0 +1,285 @@
+//! The door: drivers by name, and what is asked of a driver.
+//!
+//! A scene names a driver and a model and holds settings that only the driver reads. Whoever runs the scene registers the
+//! drivers that it has, each with what that driver needs beside (a simulated device its hand, a replay its readings), and
+//! opens every device by its driver's name.
+
+use crate::models::DeviceModel;
+use runner::AnyDevice;
+use std::error::Error;
+use std::fmt;
+use toml::{Table, Value};
+
+/// What stands behind a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// A simulation: a simulated hand holds it, and any clock will do.
+    Simulated,
+    /// A device on a desk: a person holds it, its time is the machine's, and its driver makes system calls.
+    Real,
+    /// A recording.
+    Recorded,
+}
+
+/// What a driver is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct Request<'a> {
+    /// The device's place among the devices of its scene.
+    pub index: usize,
+    /// What the device is and can do.
+    pub model: &'a DeviceModel,
+    /// The tick's period (s).
+    pub period: f64,
+    /// What the scene says for this driver alone.
+    pub settings: Settings<'a>,
+}
+
+/// A kind of device, and how to open one.
+pub trait Driver {
+    /// By which scenes call it.
+    fn name(&self) -> &'static str;
+
+    /// What stands behind its devices.
+    fn kind(&self) -> Kind;
+
+    /// Opens a device.
+    ///
+    /// # Errors
+    /// [`OpenError`], which names the setting or says what the device is lacking.
+    fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
+}
+
+/// Why a device could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenError {
+    /// No driver of that name is registered.
+    #[error("found the driver {found:?}, allowed: {known}")]
+    UnknownDriver {
+        /// The name.
+        found: String,
+        /// The names that are known.
+        known: String,
+    },
+    /// A setting is missing, unknown or wrong.
+    #[error("settings.{field}: found {found}, allowed: {allowed}")]
+    Setting {
+        /// Its name.
+        field: String,
+        /// What the scene says.
+        found: String,
+        /// What it may say.
+        allowed: String,
+    },
+    /// The driver cannot open such a device.
+    #[error("found {source}, allowed: {allowed}")]
+    Refused {
+        /// Why.
+        source: Box<dyn Error + Send + Sync>,
+        /// What it could open.
+        allowed: &'static str,
+    },
+}
+
+/// Drivers by name.
+#[derive(Default)]
+pub struct Registry {
+    drivers: Vec<Box<dyn Driver>>,
+}
+
+impl Registry {
+    /// Without any driver.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// The same with one more driver, in place of one of the same name.
+    pub fn with(mut self, driver: impl Driver + 'static) -> Self {
+        self.drivers.retain(|known| known.name() != driver.name());
+        self.drivers.push(Box::new(driver));
+        self
+    }
+
+    /// The names of all drivers, in the order in which they were registered.
+    pub fn names(&self) -> impl Iterator<Item = &'static str> {
+        self.drivers.iter().map(|driver| driver.name())
+    }
+
+    /// The driver of that name.
+    pub fn driver(&self, name: &str) -> Option<&dyn Driver> {
+        let found = self.drivers.iter().find(|driver| driver.name() == name);
+        found.map(|driver| &**driver)
+    }
+
+    /// Opens a device through the driver of that name.
+    ///
+    /// # Errors
+    /// [`OpenError`].
+    pub fn open(&self, driver: &str, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
+        let Some(found) = self.driver(driver) else {
+            return Err(OpenError::UnknownDriver {
+                found: driver.to_owned(),
+                known: self.names().collect::<Vec<_>>().join(", "),
+            });
+        };
+        found.open(request)
+    }
+}
+
+impl fmt::Debug for Registry {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_list().entries(self.names()).finish()
+    }
+}
+
+/// What a scene says for a driver alone, read field by field.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a>(Option<&'a Table>);
+
+impl<'a> Settings<'a> {
+    /// The settings in a table.
+    pub fn new(table: &'a Table) -> Self {
+        Self(Some(table))
+    }
+
+    /// No settings.
+    pub fn none() -> Self {
+        Self(None)
+    }
+
+    fn get(self, field: &str) -> Option<&'a Value> {
+        self.0.and_then(|table| table.get(field))
+    }
+
+    /// Refuses settings that are not among `known`.
+    ///
+    /// # Errors
+    /// [`OpenError::Setting`] with the first that is not.
+    pub fn only(self, known: &[&str]) -> Result<(), OpenError> {
+        let mut keys = self.0.into_iter().flat_map(Table::keys);
+        let Some(field) = keys.find(|key| !known.contains(&key.as_str())) else {
+            return Ok(());
+        };
+        let allowed = match known {
+            [] => "no settings for this driver".to_owned(),
+            known => known.join(", "),
+        };
+        Err(refused(field, "an unknown setting".into(), &allowed))
+    }
+
+    /// A whole number of 16 bits that has to be there.
+    ///
+    /// # Errors
+    /// [`OpenError::Setting`] where it is missing or something else.
+    pub fn number_u16(self, field: &str) -> Result<u16, OpenError> {
+        let value = self.get(field);
+        let number = value
+            .and_then(Value::as_integer)
+            .and_then(|n| n.try_into().ok());
+        number.ok_or_else(|| {
+            let found = value.map_or("nothing".into(), said);
+            refused(field, found, "a whole number from 0 to 0xffff")
+        })
+    }
+
+    /// A text that may be left out.
+    ///
+    /// # Errors
+    /// [`OpenError::Setting`] where it is something else.
+    pub fn text(self, field: &str) -> Result<Option<String>, OpenError> {
+        match self.get(field) {
+            None => Ok(None),
+            Some(Value::String(text)) => Ok(Some(text.clone())),
+            Some(other) => Err(refused(field, said(other), "a text in quotes")),
+        }
+    }
+}
+
+/// A value in a message: what is short as it is, the rest by its kind.
+fn said(value: &Value) -> String {
+    match value {
+        Value::Integer(number) => number.to_string(),
+        Value::Float(number) => format!("{number:?}"),
+        Value::Boolean(is) => is.to_string(),
+        Value::String(text) => format!("{text:?}"),
+        Value::Datetime(_) => "a date".to_owned(),
+        Value::Array(_) => "a list".to_owned(),
+        Value::Table(_) => "a table".to_owned(),
+    }
+}
+
+fn refused(field: &str, found: String, allowed: &str) -> OpenError {
+    OpenError::Setting {
+        field: field.to_owned(),
+        found,
+        allowed: allowed.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Hid, Replay};
+
+    fn open(driver: &str, settings: &str) -> String {
+        let registry = Registry::new().with(Hid).with(Replay::new(Vec::new()));
+        let model = DeviceModel::named("touch").expect("it is carried along");
+        let table: Table = settings.parse().expect("sound TOML");
+        let request = Request {
+            index: 0,
+            model: &model,
+            period: 1e-3,
+            settings: Settings::new(&table),
+        };
+        match registry.open(driver, &request) {
+            Ok(_) => "open".to_owned(),
+            Err(error) => error.to_string(),
+        }
+    }
+
+    #[test]
+    fn a_device_is_opened_by_the_name_of_its_driver() {
+        assert_eq!(open("replay", ""), "open");
+        assert_eq!(
+            open("hdi", ""),
+            "found the driver \"hdi\", allowed: hid, replay"
+        );
+        assert_eq!(
+            open("replay", "speed = 2"),
+            "settings.speed: found an unknown setting, allowed: no settings for this driver"
+        );
+    }
+
+    #[test]
+    fn settings_are_refused_with_what_was_found() {
+        for (settings, expected) in [
+            (
+                "",
+                "settings.vendor: found nothing, allowed: a whole number from 0 to 0xffff",
+            ),
+            (
+                "vendor = 0x10000",
+                "settings.vendor: found 65536, allowed: a whole number from 0 to 0xffff",
+            ),
+            (
+                "vendor = 1\nproduct = 2\nserial = 3",
+                "settings.serial: found 3, allowed: a text in quotes",
+            ),
+            (
+                "vendor = 1\nport = 2",
+                "settings.port: found an unknown setting, allowed: vendor, product, serial",
+            ),
+        ] {
+            assert_eq!(open("hid", settings), expected);
+        }
+        // Vendor 0 is nobody's; a system without sysfs lists nothing at all.
+        let nobody = open("hid", "vendor = 0\nproduct = 0x0bad");
+        assert!(nobody.contains("HID device"), "{nobody}");
+    }
+
+    #[test]
+    fn a_driver_takes_the_place_of_one_of_its_name() {
+        let registry = Registry::new().with(Hid).with(Hid);
+        assert_eq!(registry.names().collect::<Vec<_>>(), ["hid"]);
+        assert_eq!(registry.driver("hid").map(Driver::kind), Some(Kind::Real));
+    }
+}

@@ -1,0 +1,237 @@
+//! Every device and every wrapper passes the one suite of `devices::conformance`.
+
+use devices::conformance::Suite;
+use devices::hid::{Command, HidDevice};
+use devices::scripted::{Scripted, small};
+use devices::{AnyDevice, DeviceModel, Registry, Replay, Request, Settings};
+use rt_core::{Corruption, Device, DeviceError, DeviceState, Freedom, Vec3, Wrench};
+use sim::firmware::{state_bytes, wrench_from_bytes};
+use sim::{Fault, Faulty, Hand, Held, SimDevice, Simulated, Task, TaskKind, Tremor, Wired};
+use std::sync::{Arc, Mutex};
+
+const MS: u64 = 1_000_000;
+
+fn model(name: &str) -> DeviceModel {
+    DeviceModel::named(name).expect("it is carried along")
+}
+
+/// A hand that is never still.
+fn hand() -> Hand {
+    let task = Task::new(TaskKind::Rub, Vec3::new(0.0, 0.0, -1.0));
+    let path = task.trajectory(7).expect("a hand can follow it");
+    Hand::new(path).with_tremor(Tremor::new(1e-4, 7).expect("a sound tremor"))
+}
+
+fn simulated(name: &str) -> SimDevice {
+    SimDevice::new(model(name), Some(hand()), 1e-3).expect("a sound device")
+}
+
+#[test]
+fn simulated_devices_of_every_model_conform() {
+    for (name, model) in DeviceModel::all() {
+        Suite::new(name).check(|| Box::new(simulated(name)));
+        // In nobody's hand.
+        let free = || SimDevice::new(model, None, 1e-3).expect("a sound device");
+        Suite::new(name).check(|| Box::new(free()));
+    }
+}
+
+#[test]
+fn devices_behind_the_firmware_protocol_conform() {
+    for name in ["omega3", "virtuose6d"] {
+        Suite::new("wired").check(|| Box::new(Wired::new(simulated(name))));
+    }
+}
+
+#[test]
+fn devices_that_fail_on_time_conform() {
+    let faults = [
+        (50 * MS..100 * MS, Fault::Silent),
+        (120 * MS..150 * MS, Fault::Gone),
+        (200 * MS..210 * MS, Fault::Corrupt(Corruption::CheckSum)),
+        (300 * MS..350 * MS, Fault::Deaf),
+    ];
+    for name in ["falcon", "virtuose6d"] {
+        let make = || {
+            Box::new(Faulty::new(
+                Box::new(Wired::new(simulated(name))),
+                faults.to_vec(),
+            ))
+        };
+        Suite::new("faulty").states(500 - 90).check(make);
+    }
+}
+
+#[test]
+fn a_faulty_device_does_what_its_list_says() {
+    let faults = vec![
+        (10 * MS..20 * MS, Fault::Gone),
+        (30 * MS..40 * MS, Fault::NotANumber),
+        (50 * MS..60 * MS, Fault::Deaf),
+    ];
+    let mut device = Faulty::new(Box::new(simulated("touch")), faults);
+    let push = Wrench {
+        force: Vec3::new(0.5, 0.0, 0.0),
+        moment: Vec3::zeros(),
+    };
+    for k in 0..70 {
+        let (now, gone) = (k * MS, (10..20).contains(&k));
+        let state = device.read(now);
+        assert_eq!(state.is_err(), gone, "tick {k}");
+        let finite = state.is_ok_and(|state| state.is_finite());
+        assert_eq!(finite, !gone && !(30..40).contains(&k), "tick {k}");
+        let taken = device.write(now, &push).is_ok();
+        assert_eq!(taken, !gone && !(50..60).contains(&k), "tick {k}");
+        // One that is gone lets go; one that takes nothing holds on.
+        let held = device.probe().expect("a simulation knows").held.force;
+        let expected = if gone { Vec3::zeros() } else { push.force };
+        assert_eq!(held, expected, "tick {k}");
+    }
+}
+
+#[test]
+fn recordings_conform() {
+    let mut hand = simulated("delta3");
+    let readings: Vec<_> = (0..500).map(|k| hand.read(k * MS)).collect();
+    let holes = readings.iter().enumerate().map(|(k, reading)| match k {
+        100..130 => Err(DeviceError::NoReport),
+        _ => *reading,
+    });
+    let registry = Registry::new().with(Replay::new(vec![readings.clone(), holes.collect()]));
+    for (index, states) in [(0, 500), (1, 470), (2, 0)] {
+        let make = || open(&registry, "replay", index);
+        Suite::new("replay").states(states).check(make);
+    }
+}
+
+/// A delta.3 through the door.
+fn open(registry: &Registry, driver: &str, index: usize) -> AnyDevice {
+    let request = Request {
+        index,
+        model: &model("delta3"),
+        period: 1e-3,
+        settings: Settings::none(),
+    };
+    registry.open(driver, &request).expect("it can be opened")
+}
+
+#[test]
+fn simulated_devices_through_the_door_conform() {
+    let held = |wired| Held {
+        hand: Some(hand()),
+        wired,
+    };
+    let registry = Registry::new().with(Simulated::new(vec![held(false), held(true)]));
+    // The third is in nobody's hand.
+    for index in 0..3 {
+        Suite::new("door").check(|| open(&registry, "simulated", index));
+    }
+}
+
+/// The far end of a fake HID: a simulated device that sends a report each time it is asked, and goes away after so many.
+struct FarEnd {
+    device: SimDevice,
+    sent: u16,
+    /// A report was read, and the next has not come yet.
+    read: bool,
+    most: u16,
+}
+
+impl FarEnd {
+    fn send(&mut self, buffer: &mut [u8]) -> Result<usize, i32> {
+        if self.sent >= self.most {
+            return Err(19);
+        }
+        self.read = !self.read;
+        if !self.read {
+            return Ok(0);
+        }
+        let now = u64::from(self.sent) * MS;
+        let state = self.device.read(now).map_err(|_| 5)?;
+        let mut report = state_bytes(&state, self.sent);
+        self.sent += 1;
+        // Now and then one is damaged on its path.
+        if self.sent.is_multiple_of(50) {
+            report[20] ^= 1;
+        }
+        buffer[..report.len()].copy_from_slice(&report);
+        Ok(report.len())
+    }
+
+    fn take(&mut self, command: &Command) -> Result<(), i32> {
+        let wrench = wrench_from_bytes(&command[1..]).map_err(|_| 71)?;
+        let now = u64::from(self.sent) * MS;
+        self.device.write(now, &wrench).map_err(|_| 5)
+    }
+}
+
+#[test]
+fn hid_devices_conform_over_a_fake_transport() {
+    for (most, states) in [(u16::MAX, 490), (300, 294)] {
+        Suite::new("hid").states(states).check(|| {
+            let device = simulated("virtuose6d");
+            let capabilities = device.capabilities();
+            let far = Arc::new(Mutex::new(FarEnd {
+                device,
+                sent: 0,
+                read: false,
+                most,
+            }));
+            let near = Arc::clone(&far);
+            let read = move |buffer: &mut [u8]| near.lock().map_err(|_| 5)?.send(buffer);
+            let write = move |command: &Command| far.lock().map_err(|_| 5)?.take(command);
+            let device = HidDevice::over(read, write, capabilities);
+            Box::new(device.expect("the system gives a thread"))
+        });
+    }
+}
+
+#[test]
+fn a_device_made_of_two_functions_conforms() {
+    for freedom in [Freedom::Three, Freedom::Six] {
+        Suite::new("scripted").check(|| {
+            let read = |device_time_ns| {
+                // Its clock, as that of any device, stands still where the loop's goes back.
+                Ok(DeviceState {
+                    device_time_ns,
+                    ..DeviceState::resting()
+                })
+            };
+            let mut latest = 0;
+            let read = move |now: u64| {
+                latest = latest.max(now);
+                read(latest)
+            };
+            Box::new(Scripted::new(small(freedom), read, |_, _| Ok(())))
+        });
+    }
+}
+
+#[test]
+#[should_panic(expected = "its clock went back")]
+fn the_suite_finds_a_clock_that_goes_back() {
+    let read = |now| {
+        Ok(DeviceState {
+            device_time_ns: now,
+            ..DeviceState::resting()
+        })
+    };
+    let make = || Box::new(Scripted::new(small(Freedom::Three), read, |_, _| Ok(())));
+    Suite::new("broken").check(make);
+}
+
+#[test]
+#[should_panic(expected = "not finite")]
+fn the_suite_finds_a_state_that_is_not_a_number() {
+    let faults = vec![(0..MS, Fault::NotANumber)];
+    Suite::new("broken")
+        .check(|| Box::new(Faulty::new(Box::new(simulated("touch")), faults.clone())));
+}
+
+#[test]
+#[should_panic(expected = "200 states in 500 ticks")]
+fn the_suite_finds_a_device_that_says_too_little() {
+    let faults = vec![(200 * MS..u64::MAX, Fault::Silent)];
+    Suite::new("broken")
+        .check(|| Box::new(Faulty::new(Box::new(simulated("touch")), faults.clone())));
+}
