@@ -5,6 +5,7 @@
 
 use crate::stress::chance::Chance;
 use serde::{Deserialize, Serialize};
+use sim::Arm;
 
 /// Publication rates (Hz).
 pub const RATES: [f64; 7] = [20.0, 30.0, 60.0, 125.0, 250.0, 500.0, 1000.0];
@@ -273,16 +274,17 @@ fn stalls(chance: Chance) -> Vec<Span> {
     (1..=count).map(|n| span(chance, n, 0.05, 2.0)).collect()
 }
 
-/// From relaxed to rigid: 0.1 to 2 kg, 2 to 60 N s/m, 30 to 2,000 N/m, all on logarithmic scales. Firm hands are
-/// heavy as a rule: each number strays from a common firmness.
+/// Between the relaxed and the rigid grip of simulated hands, all on logarithmic scales. Firm hands are heavy as a rule:
+/// each number strays from a common firmness.
 fn grip(chance: Chance, device: u64) -> Grip {
     let firmness = chance.unit(4 * device);
     let stray = |n| (firmness + chance.between(4 * device + n, -0.25, 0.25)).clamp(0.0, 1.0);
     let scale = |low: f64, high: f64, n| low * libm::pow(high / low, stray(n));
+    let (low, high) = (Arm::RELAXED, Arm::RIGID);
     Grip {
-        mass: scale(0.1, 2.0, 1),
-        damping: scale(2.0, 60.0, 2),
-        stiffness: scale(30.0, 2000.0, 3),
+        mass: scale(low.mass, high.mass, 1),
+        damping: scale(low.damping, high.damping, 2),
+        stiffness: scale(low.stiffness, high.stiffness, 3),
     }
 }
 
