@@ -234,6 +234,14 @@ pub enum StepError {
     /// The forces that should act at the end of the step.
     #[error(transparent)]
     Forces(BodyError),
+    /// The calls of a step were not made in their order, or the body was held otherwise in between.
+    #[error("`{call}` was called on a step for which `{first}` has yet to be called")]
+    Stage {
+        /// The call that was made.
+        call: &'static str,
+        /// The one that has to come first.
+        first: &'static str,
+    },
     /// `solve` was called without `assemble` since the state last changed.
     #[error(
         "forces and stiffness are not those of the present state; call `assemble` before `solve`"

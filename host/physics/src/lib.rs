@@ -44,9 +44,9 @@ pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::Kernels;
 pub use material::{Material, SolidMaterial, Tangent, Weave};
 pub use motion::{
-    Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator, IntegratorOptions,
-    NewtonOptions, NewtonReport, Part, Refresher, Scheme, StepReport, Stepper, StepperOptions,
-    StepperReport, complete_bytes,
+    AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
+    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, Scheme, StepReport, Stepper,
+    StepperOptions, StepperReport, complete_bytes,
 };
 
 /// A vector in three dimensions (m, m/s or N, as its name says).

@@ -30,6 +30,12 @@ pub struct HostBody {
     /// Length of a step (s).
     step: f64,
     clock: BodyClock,
+    /// The time of the present step's end (ns), before the first record none.
+    time_ns: Option<u64>,
+    /// Whether a handle stays behind its hand in the present step.
+    behind: bool,
+    /// Whether nothing has failed in the present step.
+    sound: bool,
     /// How far ahead models are to be good for (s).
     horizon: f64,
     model: LocalModel,
@@ -94,6 +100,9 @@ impl HostBody {
             devices: parts.devices,
             step: parts.step,
             clock: BodyClock::new(parts.step),
+            time_ns: None,
+            behind: false,
+            sound: true,
             horizon: parts.horizon,
             model,
         }
@@ -136,27 +145,61 @@ impl HostBody {
         }
     }
 
-    /// One step towards where the hands were last seen; the model to publish, if it is time to.
-    pub(super) fn step(
+    /// Begins a step towards where the hands were last seen.
+    pub(super) fn predict(
+        &mut self,
+        watch: &impl Stopwatch,
+        stats: &mut EngineStats,
+    ) -> Result<(), StepFault> {
+        let newest = self.paths.iter().filter_map(HandlePath::time_ns).max();
+        self.time_ns = newest.map(|newest| self.clock.step(newest));
+        self.behind = self.aim(self.time_ns.unwrap_or(0));
+        self.sound = false;
+        self.solver
+            .predict(&mut self.body, self.step, watch, stats)?;
+        self.sound = true;
+        Ok(())
+    }
+
+    /// Lays out the step's equation; nothing where something failed before.
+    pub(super) fn constrain(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+        if core::mem::take(&mut self.sound) {
+            self.solver
+                .constrain(&mut self.body, &self.targets, watch)?;
+            self.sound = true;
+        }
+        Ok(())
+    }
+
+    /// Solves it; nothing where something failed before.
+    pub(super) fn solve(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+        if core::mem::take(&mut self.sound) {
+            self.solver.solve(&mut self.body, watch)?;
+            self.sound = true;
+        }
+        Ok(())
+    }
+
+    /// Takes the step; the model to publish, if it is time to. Nothing where something failed before.
+    pub(super) fn finish(
         &mut self,
         publishes: bool,
         watch: &impl Stopwatch,
         stats: &mut EngineStats,
     ) -> Result<Option<&LocalModel>, StepFault> {
-        let newest = self.paths.iter().filter_map(HandlePath::time_ns).max();
-        let time_ns = newest.map(|newest| self.clock.step(newest));
-        let behind = self.aim(time_ns.unwrap_or(0));
-        self.solver
-            .step(&mut self.body, self.step, &self.targets, watch, stats)?;
+        if !self.sound {
+            return Ok(None);
+        }
+        self.solver.finish(&mut self.body, watch, stats)?;
         let solved = watch.now_ns();
 
         // Before the first record there is no time at which the state could be said to hold.
-        let Some(time_ns) = time_ns else {
+        let Some(time_ns) = self.time_ns else {
             return Ok(None);
         };
         // Where no record comes for long, time stands: a second model of the same time would be refused.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
-        if !publishes || told || behind {
+        if !publishes || told || self.behind {
             return Ok(None);
         }
         self.condense(stats)?;

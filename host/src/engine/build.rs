@@ -12,7 +12,7 @@ use crate::bodies::{self, Built};
 use crate::scene::spec::{self, Scene, SchemeName, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::{
-    Body, Condenser, Kernels, Preconditioner, Real, ShapeOptions, Shapes, Stepper, StepperOptions,
+    Body, Condenser, Kernels, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions,
 };
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
@@ -164,9 +164,7 @@ fn solver(
         SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, incomplete, how)?),
         SolverName::Assembled => {
             let condenser = condenses.then(|| Condenser::with_kernels(body, how.kernels));
-            Box::new(Assembled {
-                condenser: condenser.transpose()?,
-            })
+            Box::new(Assembled::new(condenser.transpose()?))
         }
     })
 }
@@ -189,25 +187,19 @@ fn frozen<T: Real>(
     let mut stepper = Stepper::new(body, options)?;
     // The first step is no later than the others.
     stepper.prepare(body, h)?;
-    Ok(Frozen {
-        stepper,
-        beside: if how.real {
-            Beside::thread(h)
-        } else {
-            Beside::at_a_step(h)
+    let beside = if how.real {
+        Beside::thread(h)
+    } else {
+        Beside::at_a_step(h)
+    };
+    let shapes = plan::condenses(scene).then(|| ShapeOptions {
+        max_iterations: match preconditioner {
+            Preconditioner::Complete => ShapeOptions::default().max_iterations,
+            Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
         },
-        shapes: Shapes::default(),
-        options: plan::condenses(scene).then(|| ShapeOptions {
-            max_iterations: match preconditioner {
-                Preconditioner::Complete => ShapeOptions::default().max_iterations,
-                Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
-            },
-            ..ShapeOptions::default()
-        }),
-        budget_ns: how
-            .real
-            .then_some(scene.host.budget)
-            .flatten()
-            .map(|budget| (budget * 1e9) as u64),
-    })
+        ..ShapeOptions::default()
+    });
+    let budget = how.real.then_some(scene.host.budget).flatten();
+    let budget_ns = budget.map(|budget| (budget * 1e9) as u64);
+    Ok(Frozen::new(stepper, beside, shapes, budget_ns))
 }

@@ -1,6 +1,6 @@
 //! The host loop's work: stages in their order, ending in a published local model.
 //!
-//! `handles -> assemble -> solve -> condense -> publish`. This is the one place that joins the physics to
+//! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the one place that joins the physics to
 //! the tick. It owns no thread and reads no clock: under the real clock a thread drives it, under virtual
 //! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
 //! hands in; nothing in the state depends on it.
@@ -58,7 +58,8 @@ impl Engine {
         }
     }
 
-    /// One host step of all bodies; gives `publish` a local model of each if the step is one that
+    /// One host step of all bodies, call by call (predict, constrain, solve, finish), so that what joins bodies has its
+    /// place between two calls; gives `publish` a local model of each if the step is one that
     /// publishes. A body whose step fails keeps its last good state and publishes nothing: its model ages,
     /// and the tick fades its force.
     pub fn step(
@@ -68,11 +69,27 @@ impl Engine {
         mut publish: impl FnMut(usize, &LocalModel),
     ) {
         self.stats.steps += 1;
+        let stats = &mut self.stats;
         for (index, body) in self.bodies.iter_mut().enumerate() {
-            match body.step(due.publishes, watch, &mut self.stats) {
+            if let Err(fault) = body.predict(watch, stats) {
+                stats.fault(index, &fault);
+            }
+        }
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            if let Err(fault) = body.constrain(watch) {
+                stats.fault(index, &fault);
+            }
+        }
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            if let Err(fault) = body.solve(watch) {
+                stats.fault(index, &fault);
+            }
+        }
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            match body.finish(due.publishes, watch, stats) {
                 Ok(Some(model)) => publish(index, model),
                 Ok(None) => {}
-                Err(fault) => self.stats.fault(index, &fault),
+                Err(fault) => stats.fault(index, &fault),
             }
         }
     }

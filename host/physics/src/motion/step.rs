@@ -38,12 +38,27 @@ impl Body {
     /// [`StepError`]; the body keeps its state then.
     pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
         self.check_step(h, targets)?;
+        self.lay_out_step(h, targets)?;
+        let report = self.solve_step(h);
+        self.end_step(h, targets, report)
+    }
+
+    /// Factors of mass and stiffness in the matrix of a step of `h` seconds.
+    fn step_factors(&self, h: f64) -> (f64, f64) {
+        let config = &self.model.config;
+        (
+            1.0 / (h * h) + config.mass_damping / h,
+            1.0 + config.stiffness_damping / h,
+        )
+    }
+
+    /// What handles and supports prescribe, where the iterations start, and what they leave over there.
+    pub(crate) fn lay_out_step(&mut self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
         if !self.assembly.fresh {
             return Err(StepError::NotAssembled);
         }
         let free = self.assembly.stiffness.free();
-        let mass_factor = 1.0 / (h * h) + self.model.config.mass_damping / h;
-        let stiffness_factor = 1.0 + self.model.config.stiffness_damping / h;
+        let (mass_factor, stiffness_factor) = self.step_factors(h);
         self.see_missed();
 
         for (u, v) in self.assembly.displacement[..free]
@@ -57,6 +72,13 @@ impl Body {
             self.assembly.pcg.residual[node] =
                 -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
+        Ok(())
+    }
+
+    /// Solves the step that has been laid out.
+    pub(crate) fn solve_step(&mut self, h: f64) -> SolveReport {
+        let free = self.assembly.stiffness.free();
+        let (mass_factor, stiffness_factor) = self.step_factors(h);
         let matrix = StepMatrix {
             stiffness: &self.assembly.stiffness,
             mass: &self.model.mass,
@@ -64,12 +86,21 @@ impl Body {
             mass_factor,
             mask: self.constraints.supports.mask(),
         };
-        let mut report = self.assembly.pcg.solve(
+        self.assembly.pcg.solve(
             &matrix,
             &mut self.assembly.displacement[..free],
             &self.model.config.budget(),
-        );
+        )
+    }
 
+    /// Takes the step that has been solved, as far as energy allows.
+    pub(crate) fn end_step(
+        &mut self,
+        h: f64,
+        targets: &[HandlePose],
+        mut report: SolveReport,
+    ) -> Result<SolveReport, StepError> {
+        let (mass_factor, stiffness_factor) = self.step_factors(h);
         let mut work = self.take_grip(h, mass_factor, stiffness_factor);
         let moves = self.assembly.displacement.iter().flat_map(Vec3::iter);
         let grip = self.assembly.grip.iter().flat_map(Vec3::iter);
@@ -165,9 +196,19 @@ impl Body {
 
     /// Refuses a step length or targets that make no sense.
     pub(crate) fn check_step(&self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
-        if !(h > 0.0 && h.is_finite()) {
-            return Err(StepError::StepLength { found: h });
+        Self::check_length(h)?;
+        self.check_targets(targets)
+    }
+
+    pub(crate) fn check_length(h: f64) -> Result<(), StepError> {
+        if h > 0.0 && h.is_finite() {
+            Ok(())
+        } else {
+            Err(StepError::StepLength { found: h })
         }
+    }
+
+    pub(crate) fn check_targets(&self, targets: &[HandlePose]) -> Result<(), StepError> {
         if targets.len() != self.constraints.handles.len() {
             let (found, expected) = (targets.len(), self.constraints.handles.len());
             return Err(StepError::Targets { found, expected });

@@ -10,7 +10,7 @@ use crate::lanes::{Real, to_node, to_vec};
 
 impl<T: Real> Stepper<T> {
     /// Takes the step into `body`, and linearizes where it ends.
-    pub(crate) fn finish(
+    pub(crate) fn end(
         &mut self,
         body: &mut Body,
         h: f64,

@@ -12,6 +12,8 @@
 //! rest (a frozen factor has long served so, e.g. Courtecuisse et al., "Real-time simulation of contact and
 //! cutting of heterogeneous soft-tissues", 2014).
 //!
+//! A step is one call or four, between which several bodies can be joined: see `stages`.
+//!
 //! Forces and tangent at the end of a step are those with which the next begins, and their energy bounds the
 //! step (`guard`) at no cost.
 
@@ -21,6 +23,7 @@ mod finish;
 mod guess;
 mod iterate;
 mod options;
+mod stages;
 
 pub use cost::Part;
 pub(crate) use iterate::Limits;
@@ -37,6 +40,7 @@ use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, Real, to_node, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{self, Preconditioner, Solves};
+use stages::Underway;
 
 /// A complete factor of which an iteration leaves more than this share of the residual has aged. A fresh one leaves a
 /// thousandth. Good guesses need few iterations of any, so that their number tells too late: where a hand stops, and
@@ -104,6 +108,10 @@ pub struct Stepper<T> {
     pub(crate) p: Vec<Node<T>>,
     pub(crate) q: Vec<Node<T>>,
     sleep: Sleep,
+    /// The step that has begun and not ended.
+    underway: Option<Underway>,
+    /// Where its handles go.
+    targets: Vec<HandlePose>,
     /// Counts linearizations.
     pub(crate) state: u64,
 }
@@ -243,6 +251,8 @@ impl<T: Real> Stepper<T> {
             p: zeros.clone(),
             q: zeros,
             sleep: Sleep::new(body),
+            underway: None,
+            targets: Vec::with_capacity(body.handle_count()),
             state: 0,
         })
     }
@@ -288,72 +298,6 @@ impl<T: Real> Stepper<T> {
             self.linearize();
         }
         self.refresh(factors(body, h)).map_err(StepError::Matrix)
-    }
-
-    /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is asked
-    /// after each iteration; where it says so, the step is taken with what has been found.
-    ///
-    /// A solve that runs out of time or iterations is no error: the report says how far it came.
-    ///
-    /// # Errors
-    ///
-    /// [`StepError`]; the body keeps its state then.
-    pub fn step(
-        &mut self,
-        body: &mut Body,
-        h: f64,
-        targets: &[HandlePose],
-        mut out_of_time: impl FnMut() -> bool,
-    ) -> Result<StepperReport, StepError> {
-        body.check_step(h, targets)?;
-        self.follow(body).map_err(StepError::Matrix)?;
-        let factors = factors(body, h);
-        let (mass_factor, stiffness_factor) = factors;
-        let speed = self.options.sleep_speed;
-        if body.state.x != self.at {
-            self.sleep.wake();
-            self.at.copy_from_slice(&body.state.x);
-            self.linearize();
-            self.begin_history(body);
-        }
-        if speed > 0.0 && self.sleep.goes_on(body, h, targets, speed) {
-            return Ok(StepperReport {
-                converged: true,
-                asleep: true,
-                ..StepperReport::default()
-            });
-        }
-        if self.factors != Some(factors) || (self.stale && self.options.refresh) {
-            self.refresh(factors).map_err(StepError::Matrix)?;
-        }
-        self.stepped = None;
-        self.prescribe(body, h, targets);
-        let reference = self.start(body, h, mass_factor, stiffness_factor);
-        let goal = self.options.tolerance * reference;
-        // A body at rest and in balance but for rounding stays where it is.
-        let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
-            self.unseen / (h * h)
-        } else {
-            0.0
-        };
-        let limits = Limits {
-            goal,
-            // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
-            // hand by a hundred times as much.
-            start: (0.1 * goal).max(unseen),
-            max_iterations: self.options.max_iterations,
-        };
-        let mut report = self.iterate(factors, limits, &mut out_of_time);
-        report.reference = reference;
-        self.unfinished = !report.converged;
-        self.stale |= self.is_slow(&report);
-        self.finish(body, h, targets, factors, &mut report, &mut out_of_time)?;
-        if speed > 0.0 && report.converged {
-            self.sleep.observe(body, h, targets, speed);
-        } else {
-            self.sleep.wake();
-        }
-        Ok(report)
     }
 
     /// Whether a step took so many iterations, or they brought so little each, that a new factor would pay.
