@@ -85,7 +85,7 @@ pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, S
 pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let mesh = mesh::build(loaded, index)?;
+    let mesh = mesh::build(loaded, index)?.into_owned();
     let material = material::build(loaded, index, &mesh)?;
     let mut handles = handles(loaded, index, &mesh)?;
     let parts = supports(loaded, index, &mesh, &mut handles)?;
