@@ -34,7 +34,7 @@ fn every_shipped_scene_loads() -> Outcome {
     names.sort();
     assert_eq!(
         names,
-        ["cloth", "cube", "press", "stretch", "twist"]
+        ["cloth", "cube", "press", "stretch", "thread", "twist"]
     );
     Ok(())
 }

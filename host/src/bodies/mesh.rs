@@ -5,6 +5,7 @@ use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
+use physics::mesh::generate_thread::straight_thread;
 use physics::mesh::{Cells, Mesh};
 use std::borrow::Cow;
 
@@ -19,6 +20,11 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>,
     match &*mesh {
         Mesh::Solid(linear) if spec.quadratic && matches!(linear.cells, Cells::Linear(_)) => {
             Ok(Cow::Owned(Mesh::Solid(linear.quadratic())))
+        }
+        Mesh::Thread(_) if spec.quadratic => {
+            let field = format!("body[{index}].mesh.order");
+            let found = "2 for a mesh of lines";
+            Err(loaded.source.error(&field, found, "1: lines are linear"))
         }
         Mesh::Sheet(_) if spec.quadratic => {
             let field = format!("body[{index}].mesh.order");
@@ -63,6 +69,9 @@ fn generated(loaded: &LoadedScene, index: usize, source: &MeshSource) -> Result<
             made.map(Mesh::Sheet)
                 .map_err(|e| refuse("plate", &e, "a plate around its hole"))?
         }
+        MeshSource::Thread { length, segments } => straight_thread(*length, *segments)
+            .map(Mesh::Thread)
+            .map_err(|e| refuse("thread", &e, "a thread with a length"))?,
         MeshSource::Box { size, cells } => solid_box(*size, *cells)
             .map(Mesh::Solid)
             .map_err(|e| refuse("box", &e, "a box with a volume"))?,

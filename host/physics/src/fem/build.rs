@@ -8,17 +8,18 @@ use super::error::BodyError;
 use super::guard::Guard;
 use super::handle::{Handle, HandleSpec};
 use super::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
-use super::material::{Material, SolidMaterial};
+use super::material::{Material, SolidMaterial, ThreadMaterial};
 use super::membrane::Membrane;
 use super::pcg::Pcg;
 use super::shape::{Tet4, Tet10};
 use super::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
 use super::solid::Solid;
 use super::support::Supports;
+use super::truss::Truss;
 use super::weave::Weave;
 use super::woven::Woven;
 use crate::Vec3;
-use crate::mesh::{Cells, TetMesh, TriMesh};
+use crate::mesh::{Cells, LineMesh, TetMesh, TriMesh};
 
 /// The laws of solids, by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,6 +129,24 @@ impl Body {
             SolidLaw::StableNeoHookean => cells(StableNeoHookean, mesh, materials),
         }?;
         Self::from_elements(&mesh.positions, vec![elements], config, handles)
+    }
+
+    /// A thread at rest in the shape of `mesh`.
+    ///
+    /// `materials` holds one for all lines or one for each. `handles` may be empty: a free thread.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`].
+    pub fn thread(
+        mesh: &LineMesh,
+        materials: &[ThreadMaterial],
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        check_positions(&mesh.positions)?;
+        let truss = Truss::new(mesh, materials)?;
+        Self::from_elements(&mesh.positions, vec![Box::new(truss)], config, handles)
     }
 
     /// A body at rest of any elements over vertices at `positions` (m).
