@@ -1,10 +1,10 @@
-//! What travels between a haptic device's microcontroller and this machine.
+//! The protocol between a haptic device's microcontroller and this machine.
 //!
-//! Both ends compile this crate: it needs no operating system, allocates nothing and has no `unsafe`. Nothing
-//! that arrives is trusted: bytes are checked once, whole, and only then read, and nothing here panics.
+//! Both ends compile this crate: it needs no operating system, allocates nothing and has no `unsafe`. The crate trusts
+//! no received bytes. It checks them once, as a whole, before it reads them, and never panics.
 //!
-//! A device's own units end here. What is sent is integers in units that suit the device; what the rest of
-//! the program sees is SI (see [`report::StateSi`] and [`report::WrenchSi`]).
+//! A device's own units end here. Reports hold integers in units that suit the device. The rest of the program sees SI
+//! (see [`report::StateSi`] and [`report::WrenchSi`]).
 //!
 //! - [`report`]: the 64-byte reports that are exchanged every tick.
 #![no_std]

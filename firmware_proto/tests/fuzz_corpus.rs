@@ -1,4 +1,4 @@
-//! What the fuzzers found worth keeping is read again, without fuzzing tools.
+//! Reads the corpus of the fuzzers again, without fuzzing tools.
 
 use firmware_proto::report::{StateReport, WrenchReport};
 use std::io;

@@ -3,7 +3,7 @@
 use host::log::Log;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
-use physics::fem::cholesky::Kernels;
+use physics::Kernels;
 use std::error::Error;
 use std::fs;
 

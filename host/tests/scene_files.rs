@@ -70,15 +70,15 @@ fn a_mesh_file_is_read_once_for_all_bodies_and_devices() -> Outcome {
     let folder = tempfile::tempdir()?;
     fs::create_dir(folder.path().join("meshes"))?;
     fs::copy(Path::new(SCENES).join(MESH), folder.path().join(MESH))?;
-    let mut text = String::from("name = \"two\"\n");
-    for (body, device) in [("first", "left"), ("second", "right")] {
-        text += &format!(
+    let parts = [("first", "left"), ("second", "right")].map(|(body, device)| {
+        format!(
             "[[body]]\nname = \"{body}\"\nmesh = {{ file = \"{MESH}\" }}\n\
              material = {{ young = 0.4e6, poisson = 0.3, thickness = 0.0008, density = 500.0 }}\n\
              [[body.handle]]\nname = \"edge\"\ngroup = \"left\"\ndevice = \"{device}\"\n\
              [[device]]\nname = \"{device}\"\nmodel = \"falcon\"\nhand = {{ grip = \"firm\" }}\n"
-        );
-    }
+        )
+    });
+    let text = format!("name = \"two\"\n{}", parts.concat());
     let path = folder.path().join("two.toml");
     fs::write(&path, text)?;
     let two = Scene::load(&path)?;

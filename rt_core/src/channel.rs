@@ -1,39 +1,41 @@
-//! One device as the controller follows it: which of its readings are believed, and where its proxy goes on after it
-//! was away.
+//! One device as the controller follows it: which readings the controller believes, and where the proxy continues after
+//! the device was away.
 //!
-//! A reading that no hand can have led to since the last is passed over like a missing one: a count that jumps, a
-//! number at its end. Should the device stay there, it has been away: past the limiter's patience it gets no force, and
-//! the next sound reading is believed, and it goes on from where it was left: [`crate::clutch`].
+//! A reading that no hand can have led to since the last one is rejected like a missing reading: a count that jumps, or
+//! a coordinate at the end of its range. If such readings persist, the device counts as away. Beyond the limiter's
+//! patience it gets no force. The next sound reading is then believed, and the proxy continues from where the device
+//! left it ([`crate::clutch`]).
 
 use crate::clutch::Clutch;
 use crate::device::DeviceState;
+use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist};
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
-use crate::proxy::Proxy;
 use crate::safety::{Limiter, SafetyConfig};
 
-/// An estimate of a velocity may overshoot the hand's by so much. How fast a hand may be in the end is the last stage's
-/// business.
+/// Factor by which an estimated velocity may exceed the largest velocity of a hand. The last stage limits the speed of
+/// the hand itself.
 const OVERSHOOT: f64 = 10.0;
-/// By how much the length of a rotation's quaternion may differ from one: a report's eight bits do less.
+/// Largest difference between one and the length of a rotation's quaternion. The 16-bit numbers of a report err by
+/// less.
 const SKEW: f64 = 0.01;
 
-/// A device, its proxy and its last stage.
+/// A device, its frame and its last stage.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
-    pub(crate) proxy: Proxy,
+    pub(crate) frame: DeviceFrame,
     pub(crate) limiter: Limiter,
     /// The last state that was believed; at rest before the first.
     pub(crate) state: DeviceState,
-    /// When that was (ns).
+    /// Time of that state (ns).
     seen_ns: Option<u64>,
     clutch: Clutch,
 }
 
 impl Channel {
-    pub(crate) fn new(proxy: Proxy, safety: SafetyConfig) -> Self {
+    pub(crate) fn new(frame: DeviceFrame, safety: SafetyConfig) -> Self {
         Self {
-            proxy,
+            frame,
             limiter: Limiter::new(safety),
             state: DeviceState::resting(),
             seen_ns: None,
@@ -41,7 +43,7 @@ impl Channel {
         }
     }
 
-    /// Takes what the device gave; says whether it is believed.
+    /// Takes the state that the device gave. Returns whether the state is believed.
     pub(crate) fn follow(&mut self, now_ns: u64, state: &DeviceState) -> bool {
         if !is_sound(state) {
             return false;
@@ -52,23 +54,24 @@ impl Channel {
                 return false;
             }
             self.clutch
-                .follow(&self.limiter, &mut self.proxy, &self.state, state);
+                .follow(&self.limiter, &mut self.frame, &self.state, state);
         }
         self.state = *state;
         self.seen_ns = Some(now_ns);
         true
     }
 
-    /// Where the proxy is.
+    /// Pose and twist of the proxy in the scene.
     pub(crate) fn on_scene(&self) -> (Pose, Twist) {
-        let (pose, mut twist) = self.proxy.to_scene(&self.state);
+        let (pose, mut twist) = self.frame.to_scene(&self.state);
         let fraction = self.clutch.fraction(&self.limiter);
         twist.linear *= fraction;
         twist.angular *= fraction;
         (pose, twist)
     }
 
-    /// How much more than its hand a proxy is pushed, as the clutch goes: the power is the same on both sides.
+    /// Ratio of the force on the proxy to the force on its hand. The clutch is a transformer, so the power is the same
+    /// on both sides.
     pub(crate) fn lever(&self) -> f64 {
         let fraction = self.clutch.fraction(&self.limiter);
         if fraction > 0.0 { 1.0 / fraction } else { 0.0 }
@@ -81,7 +84,7 @@ impl Channel {
     }
 }
 
-/// Whether a device can be where this says.
+/// Whether a device can be in this state.
 fn is_sound(state: &DeviceState) -> bool {
     let DeviceState { pose, twist, .. } = state;
     let turn = pose.rotation.coords.norm();

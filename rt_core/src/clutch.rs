@@ -1,46 +1,49 @@
-//! The clutch between a device and its proxy: it opens when the device is gone, and closes as its force comes back.
+//! The clutch between a device and its proxy. It opens when the device goes away, and closes as the force comes back.
 //!
-//! A device that was away took its hand along without the scene. Were its proxy to follow at once, the body would store
-//! what no hand has put in, and the other hands would feel the blow: so the proxy goes on from where it was left.
+//! While a device is away, its hand moves without the scene. If the proxy followed at once when the device came back,
+//! the body would store energy that no hand supplied, and the other hands would feel a blow. The proxy therefore
+//! continues from where the device left it.
 //!
-//! Were it then to follow whole while its hand feels a fraction `s` of the force, the hand would store `F . D` for
-//! `s F . D`; a cap on the energy does not give back what nobody paid, and the hold that follows would be too soft. So
-//! the proxy follows by the same fraction, `s D`, and turns by it: a transformer, which neither makes nor loses energy.
+//! While the force comes back, the hand feels a fraction `s` of the force `F`. If the proxy followed the whole
+//! displacement `D` of its device, the body would store `F . D` while the hand supplied `s F . D`. A cap on the energy
+//! does not give back what no hand supplied, so the hold that follows would be too soft. The proxy therefore follows by
+//! the same fraction: its displacement is `s D`, and its rotation is the fraction `s` of the device's. The clutch is
+//! then a transformer: it neither makes nor dissipates energy.
 
 use crate::device::DeviceState;
-use crate::proxy::Proxy;
+use crate::device_frame::DeviceFrame;
 use crate::safety::Limiter;
 
-/// Between one device and its proxy.
+/// The state of the clutch between one device and its proxy.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Clutch {
     slips: bool,
 }
 
 impl Clutch {
-    /// Closed: the proxy follows its device.
+    /// A closed clutch: the proxy follows its device.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The device has come from `before` to `now`, and felt meanwhile what `limiter` let pass last; what the clutch
-    /// leaves behind of that, `proxy` takes no part in.
+    /// Follows the device from its state `before` to its state `now`. `limiter` tells the fraction of the force that
+    /// passed last; `frame` slips by the rest of the displacement.
     pub fn follow(
         &mut self,
         limiter: &Limiter,
-        proxy: &mut Proxy,
+        frame: &mut DeviceFrame,
         before: &DeviceState,
         now: &DeviceState,
     ) {
         self.slips |= limiter.is_stale();
         if self.slips {
             let fraction = limiter.fraction();
-            proxy.slip(1.0 - fraction, before, now);
+            frame.slip(1.0 - fraction, before, now);
             self.slips = fraction < 1.0;
         }
     }
 
-    /// Fraction of the device's motion that its proxy follows now.
+    /// Fraction of the device's motion that its proxy follows at present.
     pub fn fraction(&self, limiter: &Limiter) -> f64 {
         if self.slips { limiter.fraction() } else { 1.0 }
     }

@@ -7,24 +7,24 @@
 use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
+use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::local_model::{LocalModel, ModelFault};
 use crate::passivity::EnergyAccount;
-use crate::proxy::Proxy;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
 
-/// One device as the controller knows it.
+/// Configuration of one device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceConfig {
     /// Where it stands in the scene.
-    pub proxy: Proxy,
-    /// What may leave for it.
+    pub frame: DeviceFrame,
+    /// Limits of the commands to the device.
     pub safety: SafetyConfig,
 }
 
-/// What a controller is made of.
+/// Configuration of a controller.
 #[derive(Clone, Debug, Default)]
 pub struct ControllerConfig {
     /// The devices, in the order in which they are read and written.
@@ -33,12 +33,81 @@ pub struct ControllerConfig {
     pub bodies: heapless::Vec<CouplingConfig, MAX_BODIES>,
 }
 
-/// The controller's whole state.
+/// The controller: the law and its whole state.
+///
+/// ```
+/// use rt_core::controller::DeviceConfig;
+/// use rt_core::coupling::CouplingConfig;
+/// use rt_core::device_frame::DeviceFrame;
+/// use rt_core::safety::SafetyConfig;
+/// use rt_core::{
+///     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
+///     PassivityConfig, Pose, Scheme, Vec3,
+/// };
+///
+/// // One device on one body, ticks of 1 ms.
+/// let period = 1e-3;
+/// let mut config = ControllerConfig::default();
+/// let device = DeviceConfig {
+///     frame: DeviceFrame::at(Vec3::zeros()),
+///     safety: SafetyConfig {
+///         actuated: Freedom::Three,
+///         max_force: 8.0,
+///         max_moment: 0.0,
+///         max_speed: f64::INFINITY,
+///         max_reach: f64::INFINITY,
+///         max_slew: f64::INFINITY,
+///         patience: 10,
+///         decay: 0.1,
+///         recovery: 0.1,
+///         period,
+///     },
+/// };
+/// let body = CouplingConfig {
+///     scheme: Scheme::Linear,
+///     period,
+///     blend: 0.5,
+///     age_limit: 0.1,
+///     decay: 0.1,
+///     recovery: 0.1,
+///     hold_damping: 1.0,
+///     passivity: PassivityConfig::new(period),
+/// };
+/// config.devices.push(device).unwrap();
+/// config.bodies.push(body).unwrap();
+/// let mut controller = Controller::new(&config);
+///
+/// // The host publishes a spring of 200 N/m.
+/// let mut model = LocalModel::empty();
+/// model.sequence = 1;
+/// model.period = 0.01;
+/// model.horizon = 0.01;
+/// model.handle_count = 1;
+/// for axis in 0..3 {
+///     model.stiffness[0][0][(axis, axis)] = 200.0;
+/// }
+/// controller.accept(0, &model).unwrap();
+///
+/// // The hand holds the handle 1 mm away from the reference.
+/// let mut readings = [Err(DeviceError::NoReport); MAX_DEVICES];
+/// readings[0] = Ok(DeviceState {
+///     pose: Pose::at(Vec3::new(1e-3, 0.0, 0.0)),
+///     ..DeviceState::resting()
+/// });
+/// let mut force = 0.0;
+/// for tick in 0..100 {
+///     let (commands, _) = controller.tick(tick * 1_000_000, &readings);
+///     // The force grows smoothly to that of the model.
+///     assert!(commands[0].force.x <= force);
+///     force = commands[0].force.x;
+/// }
+/// assert!((force + 0.2).abs() < 1e-12);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Controller {
     channels: heapless::Vec<Channel, MAX_DEVICES>,
     couplings: heapless::Vec<Coupling, MAX_BODIES>,
-    /// Model sent to a body that does not exist.
+    /// Number of models for bodies that do not exist.
     stray_models: u64,
     tick: u64,
 }
@@ -50,7 +119,7 @@ impl Controller {
     /// A controller at rest, before its first model.
     pub fn new(config: &ControllerConfig) -> Self {
         let devices = config.devices.iter();
-        let channels = devices.map(|device| Channel::new(device.proxy, device.safety));
+        let channels = devices.map(|device| Channel::new(device.frame, device.safety));
         Self {
             channels: channels.collect(),
             couplings: config
@@ -63,10 +132,10 @@ impl Controller {
         }
     }
 
-    /// Hands over the newest local model of a body; the next tick takes it into use.
+    /// Hands over the newest local model of a body. The next tick takes the model into use.
     ///
     /// # Errors
-    /// The [`ModelFault`] for which it was refused; refusals are counted.
+    /// The [`ModelFault`] for which the model was refused. Refusals are counted.
     pub fn accept(&mut self, body: usize, model: &LocalModel) -> Result<(), ModelFault> {
         if let Some(coupling) = self.couplings.get_mut(body) {
             coupling.accept(model)
@@ -76,8 +145,8 @@ impl Controller {
         }
     }
 
-    /// One tick of the law: from the devices' readings to the wrench for each (device axes), by device
-    /// index, and the record of it.
+    /// One tick of the law. Returns the command for each device (device axes), by device index, and the record of the
+    /// tick.
     pub fn tick(
         &mut self,
         now_ns: u64,
@@ -100,7 +169,7 @@ impl Controller {
         (commands, telemetry)
     }
 
-    /// The first phase: where each proxy is. Returns which devices gave a state that is believed.
+    /// The first phase: finds where each proxy is. Returns which devices gave a state that is believed.
     fn read(
         &mut self,
         now_ns: u64,
@@ -123,7 +192,7 @@ impl Controller {
         fresh
     }
 
-    /// The second phase: the wrench of each body on each proxy.
+    /// The second phase: computes the wrench of each body on each proxy.
     fn couple(
         &mut self,
         now_ns: u64,
@@ -150,8 +219,8 @@ impl Controller {
         }
     }
 
-    /// The third phase: the command for each device. What a device does not take of a wrench is taken off the bodies'
-    /// wrenches, too.
+    /// The third phase: limits the command for each device. What a limit takes off a wrench is taken off the wrenches
+    /// of the bodies, too.
     fn limit(
         &mut self,
         proxies: &[(Pose, Twist); MAX_DEVICES],
@@ -163,22 +232,22 @@ impl Controller {
         let inputs = self.channels.iter_mut().zip(proxies).zip(fresh);
         let inputs = inputs.zip(&forces.on_proxies).zip(&mut forces.passed);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
-        // Not `enumerate`: its count could overflow, as far as the compiler knows.
+        // Not `enumerate`: as far as the compiler knows, its count could overflow.
         for (((((channel, proxy), fresh), wrench), passed), ((command, record), device)) in
             inputs.zip(outputs.zip(0..MAX_DEVICES))
         {
-            let asked = channel.proxy.to_device(wrench);
+            let asked = channel.frame.to_device(wrench);
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
             let [force, moment] = fractions_passed(&asked, command);
-            // The force that left in another direction than asked (a slew limit) is put down to the first body.
+            // A slew limit may change the direction of the force. That change is attributed to the first body.
             let rest = Wrench {
                 force: command.force - asked.force * force,
                 moment: Vec3::zeros(),
             };
-            let mut rest = channel.proxy.on_proxy(&rest);
-            // A proxy that follows its hand by a fraction is pushed by that much more than the hand.
+            let mut rest = channel.frame.on_proxy(&rest);
+            // A proxy that follows its hand by a fraction `s` is pushed by `1 / s` times the force on the hand.
             let lever = channel.lever();
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
@@ -192,8 +261,8 @@ impl Controller {
             record.pose = proxy.0;
             record.twist = proxy.1;
             record.wrench = Wrench {
-                force: channel.proxy.rotation * command.force,
-                moment: channel.proxy.rotation * command.moment,
+                force: channel.frame.rotation * command.force,
+                moment: channel.frame.rotation * command.moment,
             };
             record.buttons = channel.state.buttons;
             record.device_time_ns = channel.state.device_time_ns;
@@ -203,7 +272,7 @@ impl Controller {
         commands
     }
 
-    /// The last phase: each body's energy, by the wrenches that its devices were in the end told to hold.
+    /// The last phase: accounts for each body's energy, with the wrenches that its devices were finally commanded.
     fn account(&mut self, forces: &Forces, telemetry: &mut Telemetry) {
         for (coupling, held) in self.couplings.iter_mut().zip(&forces.by_body) {
             coupling.hold(held, &forces.passed);
@@ -213,31 +282,31 @@ impl Controller {
         }
     }
 
-    /// The energy of each body's hands so far.
+    /// The energy account of each body's hands so far.
     pub fn energy(&self) -> impl Iterator<Item = EnergyAccount> {
         self.couplings.iter().map(|coupling| *coupling.energy())
     }
 
-    /// What each body's coupling met so far.
+    /// The counts of each body's coupling so far.
     pub fn coupling_counters(&self) -> impl Iterator<Item = CouplingCounters> {
         self.couplings.iter().map(Coupling::counters)
     }
 
-    /// What each device's last stage met so far.
+    /// The counts of each device's last stage so far.
     pub fn safety_counters(&self) -> impl Iterator<Item = SafetyCounters> {
         self.channels
             .iter()
             .map(|channel| channel.limiter.counters())
     }
 
-    /// What tripped each device's last stage first.
+    /// The first trip of each device's last stage.
     pub fn first_trips(&self) -> impl Iterator<Item = Option<Trip>> {
         self.channels
             .iter()
             .map(|channel| channel.limiter.first_trip())
     }
 
-    /// How many models came for a body that does not exist.
+    /// Number of models that came for a body that does not exist.
     pub fn stray_models(&self) -> u64 {
         self.stray_models
     }
@@ -247,7 +316,7 @@ impl Controller {
 struct Forces {
     /// The sum over all bodies, on each proxy (scene axes).
     on_proxies: [Wrench; MAX_DEVICES],
-    /// Each body's own part of it.
+    /// The part of each body in that sum.
     by_body: [[Wrench; MAX_DEVICES]; MAX_BODIES],
     /// By device, the fraction of the force that the last stage passed, times the clutch's lever.
     passed: [f64; MAX_DEVICES],
@@ -263,7 +332,7 @@ impl Forces {
     }
 }
 
-/// The fractions of the commanded force and moment that passed the last stage.
+/// The fractions of the force and of the moment asked for that are left in the command.
 fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
     let fraction = |asked: f64, left: f64| {
         if asked.is_finite() && asked > 0.0 {
@@ -278,8 +347,8 @@ fn fractions_passed(asked: &Wrench, command: &Wrench) -> [f64; 2] {
     ]
 }
 
-/// One whole tick with its devices: read all, compute, write all. Returns the record of it and how many
-/// devices did not take their wrench.
+/// One whole tick with its devices: reads all, computes, writes all. Returns the record of the tick and the number of
+/// devices that did not take their command.
 pub fn cycle<D: Device>(
     controller: &mut Controller,
     devices: &mut [D],

@@ -1,17 +1,17 @@
 //! The coupling: from the newest local model of a body to a wrench on each hand that never jumps.
 //!
-//! **Change of model.** The old model is re-expressed at the new one's reference, with its reference
-//! wrench chosen so that at the present poses and velocities it renders exactly what it rendered before;
-//! then wrench, stiffness and damping pass linearly to the new ones over half a publication period (the
-//! blend of the multirate study), or half the time since the last model if that was longer, two ticks at
-//! least. A model that arrives during a blend starts from the blended one.
+//! **Change of model.** The old model is re-expressed at the reference of the new one. Its reference wrench is chosen
+//! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
+//! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
+//! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
+//! a blend starts from the blended model.
 //!
-//! **Energy.** Whatever the scheme, the work of the hands is accounted for ([`crate::passivity`]); under `capped` the
-//! wrench is held to it, and under `classic` hands that got more than they gave are damped.
+//! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
+//! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
 //!
-//! **Age.** A model older than the limit is not trusted: the wrench fades along a smooth step to a safe
-//! hold, which is plain damping of the hand's motion. A new model brings it back the same way. Before the
-//! first model the hold is all there is, so a run starts without a jump as well.
+//! **Age.** A model older than the limit is not trusted. Its wrench fades along a smooth step to a safe hold, which is
+//! plain damping of the hand's motion. A new model brings the wrench back in the same manner. Before the first model
+//! there is only the safe hold, so a run also starts without a jump.
 
 mod capped;
 
@@ -21,33 +21,33 @@ use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
 
-/// How a coupling blends and ages. Times in seconds.
+/// Configuration of a coupling: how it blends and ages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CouplingConfig {
-    /// Which force is rendered between publications.
+    /// The scheme that reads a model between publications.
     pub scheme: Scheme,
     /// The tick's period (s).
     pub period: f64,
-    /// Fraction of a publication period over which a new model takes over.
+    /// Fraction of a publication period over which the force passes to a new model.
     pub blend: f64,
     /// Age beyond which a model is no longer trusted (s).
     pub age_limit: f64,
-    /// How long the force takes to fade once the model is too old (s).
+    /// Time in which the force fades once the model is too old (s).
     pub decay: f64,
-    /// How long it takes to come back (s).
+    /// Time in which the force comes back (s).
     pub recovery: f64,
     /// Damping of the safe hold (N s/m).
     pub hold_damping: f64,
-    /// How the energy of its hands is accounted for.
+    /// Configuration of the energy account.
     pub passivity: PassivityConfig,
 }
 
-/// What the coupling is doing.
+/// The state of the coupling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostState {
     /// No model has come yet.
     Waiting,
-    /// The model is young enough; the force is (or is coming back to) the model's.
+    /// The model is young enough; the force is the model's, or is coming back to it.
     Live,
     /// The model is too old and the force is fading.
     Fading,
@@ -55,35 +55,77 @@ pub enum HostState {
     Held,
 }
 
-/// Counts of what a coupling met. They only grow.
+/// Counts of the events in a coupling. The counts only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CouplingCounters {
     /// Models taken into use.
     pub accepted: u64,
     /// Models refused because a number was not finite.
     pub not_finite: u64,
-    /// Models refused because their handles make no sense here.
+    /// Models refused because their handles do not fit.
     pub wrong_handles: u64,
     /// Models refused because they were not newer than the one in use.
     pub outdated: u64,
-    /// Models refused because the time that they speak of has not come.
+    /// Models refused because their time lies in the future.
     pub to_come: u64,
     /// Times that the model grew too old.
     pub faded: u64,
 }
 
-/// The force side of one connected body.
+/// The coupling of one connected body to its devices.
+///
+/// ```
+/// use rt_core::coupling::{Coupling, CouplingConfig, HostState};
+/// use rt_core::geometry::Twist;
+/// use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Vec3, Wrench};
+///
+/// let period = 1e-3;
+/// let mut coupling = Coupling::new(CouplingConfig {
+///     scheme: Scheme::Capped,
+///     period,
+///     blend: 0.5,
+///     age_limit: 1.0,
+///     decay: 0.1,
+///     recovery: 0.01,
+///     hold_damping: 1.0,
+///     passivity: PassivityConfig::new(period),
+/// });
+///
+/// // A spring of 200 N/m along x, on the handle that device 0 holds.
+/// let mut model = LocalModel::empty();
+/// model.sequence = 1;
+/// model.handle_count = 1;
+/// model.stiffness[0][0][(0, 0)] = 200.0;
+/// coupling.accept(&model).unwrap();
+///
+/// // The hand rests for 0.1 s, then presses the spring by 5 mm in another 0.1 s.
+/// let mut force = 0.0;
+/// for tick in 0..200 {
+///     let x = 5e-3 * f64::from(tick - 99).max(0.0) / 100.0;
+///     let device = (Pose::at(Vec3::new(x, 0.0, 0.0)), Twist::zero());
+///     let wrenches = coupling.tick(tick as u64 * 1_000_000, &[device]);
+///     force = wrenches[0].force.x;
+///     // The device renders the whole wrench.
+///     let mut held = [Wrench::zero(); MAX_DEVICES];
+///     held[0] = wrenches[0];
+///     coupling.hold(&held, &[1.0; MAX_DEVICES]);
+/// }
+/// assert_eq!(coupling.state(), HostState::Live);
+/// assert!((force + 1.0).abs() < 0.02);
+/// // The hand has supplied about `K d^2 / 2`.
+/// assert!((coupling.energy().supplied - 2.5e-3).abs() < 1e-4);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Coupling {
     config: CouplingConfig,
-    /// What was rendered before the newest model, re-expressed at its reference.
+    /// The model rendered before the newest one, re-expressed at the reference of the newest.
     from: LocalModel,
     /// The newest model, as the scheme reads it.
     to: LocalModel,
-    /// A model that the next tick takes into use, where there is one.
+    /// The model that the next tick takes into use, if `is_pending`.
     pending: LocalModel,
     is_pending: bool,
-    /// Fraction of `to` in the blend, and by how much it grows a tick.
+    /// Fraction of `to` in the blend, and its growth per tick.
     blend: f64,
     blend_step: f64,
     /// Trust in the model, from zero (safe hold) to one.
@@ -91,11 +133,11 @@ pub struct Coupling {
     state: HostState,
     counters: CouplingCounters,
     passivity: Passivity,
-    /// When the last tick was (ns); none before the first.
+    /// Time of the last tick (ns); `None` before the first.
     ticked_ns: Option<u64>,
-    /// How long the drift of the newest model has gone on (s).
+    /// Time for which the drift of the newest model has acted (s).
     ahead: f64,
-    /// Fraction of a step that the stiffness resists as a damper would, by handle: translation and rotation.
+    /// Fraction of each handle's step that the stiffness resists as a damper would: translation and rotation.
     lead: [[f64; 2]; MAX_HANDLES],
 }
 
@@ -120,10 +162,10 @@ impl Coupling {
         }
     }
 
-    /// Hands over a model, which the next tick takes into use if it is sound.
+    /// Hands over a model. The next tick takes the model into use if it is sound.
     ///
     /// # Errors
-    /// The [`ModelFault`] for which it was refused; refusals are counted.
+    /// The [`ModelFault`] for which the model was refused. Refusals are counted.
     pub fn accept(&mut self, model: &LocalModel) -> Result<(), ModelFault> {
         let current = if self.is_pending {
             &self.pending
@@ -132,7 +174,8 @@ impl Coupling {
         };
         let seen_one = current.handle_count > 0;
         let checked = model.check().and_then(|()| {
-            // A clock that was set back must not leave the model that it made first and last.
+            // After a clock was set back, the current model lies in the future. It must not block the models that
+            // follow.
             let later = model.time_ns > current.time_ns || self.is_to_come(current.time_ns);
             let newer = later && model.epoch >= current.epoch;
             if self.is_to_come(model.time_ns) {
@@ -159,8 +202,8 @@ impl Coupling {
         checked
     }
 
-    /// One tick: the wrench on each of the body's hands, in the model's order of handles.
-    /// `devices` are the proxies' poses and twists, by device index.
+    /// One tick: returns the wrench on each of the body's hands, in the model's order of handles. `devices` are the
+    /// poses and twists of the proxies, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
         let steps = self
@@ -194,8 +237,8 @@ impl Coupling {
         wrenches
     }
 
-    /// What each device, by index, was in the end told to hold for this body (scene axes), and which fraction of the
-    /// force that was asked for this is.
+    /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
+    /// the fraction of the force asked for that passed.
     pub fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], passed: &[f64; MAX_DEVICES]) {
         let mut weights = [Vec3::zeros(); MAX_DEVICES];
         let trust = smooth_step(self.trust);
@@ -208,17 +251,17 @@ impl Coupling {
         self.passivity.hold(wrenches, &weights);
     }
 
-    /// The energy of its hands.
+    /// The energy account of the body's hands.
     pub fn energy(&self) -> &EnergyAccount {
         self.passivity.account()
     }
 
-    /// What the cap withholds of the force in this tick.
+    /// The force that the cap withholds in this tick.
     pub fn withheld(&self) -> Withheld {
         self.passivity.withheld()
     }
 
-    /// The newest model in use, as the scheme reads it; without handles before the first.
+    /// The newest model in use, as the scheme reads it. Before the first model it has no handles.
     pub fn model(&self) -> &LocalModel {
         &self.to
     }
@@ -233,17 +276,17 @@ impl Coupling {
         self.trust
     }
 
-    /// What the coupling is doing.
+    /// The state of the coupling.
     pub fn state(&self) -> HostState {
         self.state
     }
 
-    /// What it met so far.
+    /// The counts so far.
     pub fn counters(&self) -> CouplingCounters {
         self.counters
     }
 
-    /// Whether a time lies further ahead of the last tick than a model may lie behind it.
+    /// Whether a time lies farther ahead of the last tick than a model may lie behind it.
     fn is_to_come(&self, time_ns: u64) -> bool {
         self.ticked_ns.is_some_and(|ticked| {
             let ahead = time_ns.saturating_sub(ticked) as f64 * 1e-9;
@@ -251,7 +294,8 @@ impl Coupling {
         })
     }
 
-    /// Takes the pending model into use: from here on the force passes from the one rendered so far to the new one's.
+    /// Takes the pending model into use. From here on the force passes from the force rendered so far to that of the
+    /// new model.
     fn switch(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) {
         self.config.scheme.shape(&mut self.pending);
         if self.config.scheme == Scheme::Capped {
@@ -261,7 +305,7 @@ impl Coupling {
         let before = self.rendered(devices);
         let ahead = self.pending.ahead(now_ns);
         let ticks = self.blend_ticks();
-        // The models as they were tell it, so it comes first.
+        // The stored energy follows from the models as they were, so it is computed first.
         let stored = self.stored_before(devices);
         self.re_express(ahead, &before, devices);
         if let Some(stored) = stored {
@@ -278,16 +322,17 @@ impl Coupling {
         count_one(&mut self.counters.accepted);
     }
 
-    /// Energy of the model as rendered so far (J), where it is to be the same afterwards: under the cap, and not before
-    /// the first model. What the body stores then is its own, though its force is yet to come.
+    /// Energy of the model as rendered so far (J), which the change of model must preserve. `None` for other schemes
+    /// than `capped`, and before the first model: then the energy that the body stores is its own, though its force is
+    /// yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
         let told = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
         let still = [Vec6::zeros(); MAX_HANDLES];
         told.then(|| self.parts(devices, &still, &still).stored)
     }
 
-    /// Makes `from` what was rendered so far, re-expressed at the references of the pending model, with reference wrenches
-    /// that make the present wrenches those `before`. The drift goes on.
+    /// Makes `from` the model rendered so far, re-expressed at the references of the pending model. The reference
+    /// wrenches are chosen such that the present wrenches equal `before`. The drift continues.
     fn re_express(
         &mut self,
         ahead: f64,
@@ -318,7 +363,7 @@ impl Coupling {
             let force = old.map_or(Wrench::zero(), |(_, wrench)| *wrench);
             let drift = handle.drift.stacked() * ahead;
             let wrench = Wrench::from_stacked(&(force.stacked() + fall - drift));
-            // A force that overflowed must not live on from blend to blend, long after its cause.
+            // A force that overflowed must not persist from blend to blend, long after its cause.
             handle.wrench = if wrench.is_finite() {
                 wrench
             } else {
@@ -327,17 +372,17 @@ impl Coupling {
         }
     }
 
-    /// Over how many ticks the force passes to the pending model.
+    /// The number of ticks in which the force passes to the pending model.
     fn blend_ticks(&self) -> f64 {
         let period = self.pending.period;
-        // After a gap the two models differ by what happened in it: the blend takes its part of that, up to the time
-        // in which a force comes back.
+        // After a gap, the two models differ by what happened in the gap. The blend takes its fraction of the gap, up
+        // to the time in which a force comes back.
         let gap = self.pending.time_ns.saturating_sub(self.to.time_ns) as f64 * 1e-9;
         let interval = gap.min(self.config.age_limit).max(period);
         let longest = self.config.recovery.max(self.config.blend * period);
         let time = (self.config.blend * interval).min(longest);
         let ticks = libm::ceil(time / self.config.period).max(2.0);
-        // A blend that is under way is not cut short by the next model either.
+        // The next model does not shorten a blend that is under way.
         let left = if self.blend < 1.0 {
             (1.0 - self.blend) / self.blend_step
         } else {

@@ -1,18 +1,28 @@
 //! Poses, twists and wrenches: the three quantities that every part of the tick exchanges.
 //!
-//! Conventions: world axes throughout; six-vectors and 6 x 6 matrices put translation first, rotation
-//! second; a moment is about the moving handle's origin.
+//! Conventions: all quantities are in world axes; six-vectors and 6 x 6 matrices stack translation above rotation; a
+//! moment is about the origin of the moving handle.
 
 use nalgebra::UnitQuaternion;
 
-/// A vector in three dimensions (m, m/s or N, as its name says).
+/// A vector in three dimensions. The name of the variable tells the unit (m, m/s or N).
 pub type Vec3 = nalgebra::Vector3<f64>;
 /// Translation and rotation, or force and moment, stacked.
 pub type Vec6 = nalgebra::Vector6<f64>;
 /// A stiffness or damping block between two handles.
 pub type Mat6 = nalgebra::Matrix6<f64>;
 
-/// Where a rigid thing is: position (m) and orientation.
+/// Position (m) and orientation of a rigid thing.
+///
+/// ```
+/// use rt_core::{Pose, Vec3};
+///
+/// let reference = Pose::at(Vec3::new(0.1, 0.0, 0.0));
+/// let moved = Pose::at(Vec3::new(0.1, 0.002, 0.0));
+/// // Translation (m) first, then the rotation vector (rad).
+/// let displacement = moved.displacement_from(&reference);
+/// assert_eq!(displacement.as_slice(), [0.0, 0.002, 0.0, 0.0, 0.0, 0.0]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// Position of the origin (m).
@@ -35,11 +45,11 @@ impl Pose {
         }
     }
 
-    /// The displacement that leads from `reference` to here: translation (m), then the rotation vector
+    /// The displacement that leads from `reference` to this pose: translation (m), then the rotation vector
     /// `log(R R0^T)` (rad), both in world axes.
     pub fn displacement_from(&self, reference: &Self) -> Vec6 {
         let translation = self.position - reference.position;
-        // Devices that sense no rotation hand the same quaternion on for ever: skip the logarithm.
+        // Devices that sense no rotation report the same quaternion in every tick: skip the logarithm.
         let rotation = if self.rotation == reference.rotation {
             Vec3::zeros()
         } else {
@@ -48,7 +58,7 @@ impl Pose {
         stack(&translation, &rotation)
     }
 
-    /// Whether every number in it is finite.
+    /// Whether every number of the pose is finite.
     pub fn is_finite(&self) -> bool {
         self.position
             .iter()
@@ -80,7 +90,7 @@ impl Twist {
         stack(&self.linear, &self.angular)
     }
 
-    /// Whether every number in it is finite.
+    /// Whether every number of the twist is finite.
     pub fn is_finite(&self) -> bool {
         self.linear
             .iter()
@@ -107,7 +117,7 @@ impl Wrench {
         }
     }
 
-    /// From a stacked six-vector, force first.
+    /// The wrench of a stacked six-vector, force first.
     pub fn from_stacked(v: &Vec6) -> Self {
         Self {
             force: Vec3::new(v.x, v.y, v.z),
@@ -115,12 +125,12 @@ impl Wrench {
         }
     }
 
-    /// Force, then moment.
+    /// The stacked six-vector: force, then moment.
     pub fn stacked(&self) -> Vec6 {
         stack(&self.force, &self.moment)
     }
 
-    /// Both parts times `factor`.
+    /// Force and moment times `factor`.
     pub fn scaled(&self, factor: f64) -> Self {
         Self {
             force: self.force * factor,
@@ -136,7 +146,7 @@ impl Wrench {
         }
     }
 
-    /// Whether every number in it is finite.
+    /// Whether every number of the wrench is finite.
     pub fn is_finite(&self) -> bool {
         self.force
             .iter()
@@ -149,7 +159,7 @@ fn stack(first: &Vec3, second: &Vec3) -> Vec6 {
     Vec6::new(first.x, first.y, first.z, second.x, second.y, second.z)
 }
 
-/// `3 s^2 - 2 s^3`: no corner at either end.
+/// `3 s^2 - 2 s^3`: a step from zero to one whose derivative is zero at both ends.
 pub(crate) fn smooth_step(s: f64) -> f64 {
     s * s * (3.0 - 2.0 * s)
 }

@@ -1,21 +1,21 @@
-//! All that runs inside the haptic tick: the control law.
+//! The control law: everything that runs inside the haptic tick.
 //!
-//! Principles, which the tests hold this crate to:
+//! The tests hold this crate to these principles:
 //!
 //! - A tick is a **pure function** of the device states, the newest local models and the controller's own
 //!   state. The same code runs under the real clock and under virtual time.
-//! - It never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
-//!   histograms live beside it, in the crate `runner`.
-//! - It never panics: no indexing, no unwrapping, no integer arithmetic that can overflow.
-//! - It knows neither scenes nor meshes. What the physics has to say arrives as a [`LocalModel`].
-//! - Units are SI. World axes are the scene's; a device's own axes end in its [`proxy::Proxy`].
+//! - A tick never allocates, locks, waits, formats text or makes a system call. Threads, priorities, rings and
+//!   histograms are in the crate `runner`.
+//! - A tick never panics: the law has no indexing, no unwrapping and no integer arithmetic that can overflow.
+//! - The crate knows neither scenes nor meshes. The physics publishes its results as a [`LocalModel`].
+//! - Units are SI. World axes are the scene's; a device's own axes end in its [`device_frame::DeviceFrame`].
 //!
-//! Read [`controller`] first: it is the order of a tick. Then [`local_model`] (what the host publishes),
-//! [`coupling`] (how it becomes a force) and [`safety`] (what may leave for the device).
+//! Read [`controller`] first: it gives the order of a tick. Then read [`local_model`] (what the host publishes),
+//! [`coupling`] (how a model becomes a force) and [`safety`] (what limits a command).
 #![no_std]
 #![forbid(unsafe_code)]
-// The fence, with the lists in `clippy.toml`. It stops what can be seen in the source; that nothing is
-// left in the linked law is proved by `tests/tests/no_panic.rs`. Tests may do all of it.
+// The lints of the control law; `clippy.toml` lists what they forbid. The lints see only the source.
+// `tests/tests/no_panic.rs` proves that no panic is left in the linked law. Tests are exempt from the lints.
 #![cfg_attr(
     not(test),
     deny(
@@ -49,11 +49,12 @@ pub mod clutch;
 pub mod controller;
 pub mod coupling;
 pub mod device;
+pub mod device_frame;
 pub mod geometry;
 mod limits;
 pub mod local_model;
 pub mod passivity;
-pub mod proxy;
+
 pub mod record;
 pub mod safety;
 pub mod scheme;
@@ -68,14 +69,14 @@ pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};
 pub use record::{Telemetry, TickRecord};
 pub use scheme::Scheme;
 
-/// Most devices that one loop serves (two people with two hands each).
+/// Largest number of devices that one loop serves (two people with two hands each).
 pub const MAX_DEVICES: usize = 4;
-/// Most handles on one connected body.
+/// Largest number of handles on one connected body.
 pub const MAX_HANDLES: usize = 4;
-/// Most connected bodies that are felt at the same time.
+/// Largest number of connected bodies that are felt at the same time.
 pub const MAX_BODIES: usize = 4;
 
-/// Counts one more. A counter that has reached its end stays there.
+/// Increments a counter. The counter saturates at its largest value.
 fn count_one(counter: &mut u64) {
     *counter = counter.saturating_add(1);
 }

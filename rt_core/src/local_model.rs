@@ -1,20 +1,20 @@
 //! The local model: the linearized force of one connected body on all its handles together.
 //!
-//! The host publishes, for a state that held at [`LocalModel::time_ns`], each handle's pose, twist and
-//! wrench on the hand, the tangent stiffness and damping between every pair of handles, so that two
-//! hands on one sheet feel each other, and the drift of each wrench. Between publications the tick extrapolates:
+//! For a state at the time [`LocalModel::time_ns`], the host publishes each handle's pose, twist and wrench on the
+//! hand, and the drift of each wrench. It also publishes the tangent stiffness and damping between every pair of
+//! handles, so that two hands on one sheet feel each other. Between publications the tick extrapolates:
 //!
 //! `w_i = w0_i + p_i s - sum_j (K_ij d_j + B_ij e_j)`
 //!
-//! with `d_j` the handle's displacement since the reference (translation; rotation `log(R R0^T)`),
-//! `e_j` its velocity minus the published one, and `s` the age of the model, levelled off ([`LocalModel::ahead`]). How
-//! `K` and `B` come from the finite elements, and why they are not the Schur complement of the step's matrix, stands
-//! with the condensation in `physics`.
+//! Here `d_j` is the handle's displacement since the reference (translation; rotation `log(R R0^T)`), `e_j` its
+//! velocity minus the published one, and `s` the age of the model, levelled off ([`LocalModel::ahead`]). The
+//! condensation in `physics` explains how `K` and `B` follow from the finite elements, and why they are not the Schur
+//! complement of the step's matrix.
 //!
-//! **Drift.** A hand that moves steadily finds a body that moves already, and stiffness alone takes all of the hand's
-//! displacement for news. Where `w0'` is the rate of the wrench along the path `d = v0 s` that the handles are on, the
-//! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It is the same as above with
-//! `p = w0' + K v0`: the part of the wrench's rate that stiffness does not foretell. A body that answers at once has
+//! **Drift.** A hand that moves steadily meets a body that already moves, but stiffness alone takes the whole
+//! displacement of the hand as new. Let `w0'` be the rate of the wrench along the path `d = v0 s` of the handles. The
+//! extrapolation from that path is `w0 + w0' s - K (d - v0 s) - B e`. It equals the extrapolation above with
+//! `p = w0' + K v0`: the part of the wrench's rate that the stiffness does not predict. A body that answers at once has
 //! no drift.
 
 mod parts;
@@ -24,7 +24,7 @@ use crate::{MAX_DEVICES, MAX_HANDLES};
 
 pub use parts::Parts;
 
-/// One handle's place in a [`LocalModel`].
+/// The reference state of one handle in a [`LocalModel`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleReference {
     /// Index of the device that holds it.
@@ -33,19 +33,21 @@ pub struct HandleReference {
     pub pose: Pose,
     /// Twist at the reference state (world axes).
     pub twist: Twist,
-    /// Wrench on the hand at the reference state, the handle's own inertia left out.
+    /// Wrench on the hand at the reference state, without the inertia of the handle itself.
     pub wrench: Wrench,
-    /// Outward normal of a contact that can push the hand but not pull it; zero where the handle is held for good.
+    /// Outward normal of a contact that can push the hand but not pull it; zero where the hand holds the handle
+    /// permanently.
     pub contact: Vec3,
-    /// The part of the wrench's force that is the body's weight and stays the same wherever the handle goes (N): a
-    /// potential, which gives back what it was given. Zero is always safe.
+    /// The body's weight on the handle (N): the part of the wrench's force that stays the same wherever the handle
+    /// goes. The weight is a potential, so it gives back the work that lifting took. Zero is always safe.
     pub weight: Vec3,
-    /// Rate of the wrench beside what the stiffness makes of the twist (N/s, N m/s): `w0' + K v0`. Zero is always safe.
+    /// The part of the wrench's rate that the stiffness does not predict (N/s, N m/s): `w0' + K v0`. Zero is always
+    /// safe.
     pub drift: Wrench,
 }
 
 impl HandleReference {
-    /// At the origin, at rest, no wrench, held by the first device.
+    /// A handle at the origin, at rest and without wrench, held by the first device.
     pub fn zero() -> Self {
         Self {
             device: 0,
@@ -77,34 +79,53 @@ impl HandleReference {
         wrench.stacked()
     }
 
-    /// The wrench at the reference pose and twist after a drift of `ahead` (s).
+    /// The wrench at the reference pose and twist after the drift has acted for `ahead` (s).
     pub fn after(&self, ahead: f64) -> Vec6 {
         self.wrench.stacked() + self.drift.stacked() * ahead
     }
 }
 
-/// Blocks between every pair of handles; rows first.
+/// 6 x 6 blocks between every pair of handles, by row, then by column.
 pub type PairBlocks = [[Mat6; MAX_HANDLES]; MAX_HANDLES];
 
-/// The linearized force of one body on its handles. Plain data of fixed size, made to travel in a ring.
+/// The linearized force of one body on its handles. The model is plain data of fixed size, made to pass through a ring.
+///
+/// ```
+/// use rt_core::geometry::Twist;
+/// use rt_core::{LocalModel, Pose, Vec3};
+///
+/// // One handle, held by device 0, on a spring of 100 N/m along x.
+/// let mut model = LocalModel::empty();
+/// model.sequence = 1;
+/// model.handle_count = 1;
+/// model.stiffness[0][0][(0, 0)] = 100.0;
+/// assert_eq!(model.check(), Ok(()));
+///
+/// // The hand displaces the handle by 2 mm.
+/// let device = (Pose::at(Vec3::new(0.002, 0.0, 0.0)), Twist::zero());
+/// let deviations = model.deviations(&[device]);
+/// let wrenches = model.wrenches(&deviations, model.ahead(0));
+/// assert_eq!(wrenches[0].force.x, -0.2);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalModel {
-    /// Counts the models of this body, from one; a gap tells the reader that some were lost.
+    /// Number of the model among the models of this body, from one. A gap tells the reader that models were lost.
     pub sequence: u64,
-    /// Counts the changes of topology that the model knows of.
+    /// Number of changes of the topology up to this model.
     pub epoch: u32,
-    /// When the linearized state held (ns, the tick's clock).
+    /// Time of the linearized state (ns, the tick's clock).
     pub time_ns: u64,
     /// The publication period (s).
     pub period: f64,
-    /// How far ahead the model is to be good for (s), which it was condensed for: the age at which the next is due.
+    /// The age at which the next model is due (s). The model was condensed for this time ahead.
     pub horizon: f64,
-    /// Energy that hands at rest could get back from the reference state (J), without the weight: what the body itself
-    /// stores, and no more than the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. What bounds the energy of
-    /// a body needs it; zero is always safe.
+    /// Energy that hands at rest could get back from the reference state, without the weight (J). It is the energy that
+    /// the body itself stores, and at most the tangent's `w^T K^-1 w / 2` of the wrenches on all handles. The cap on a
+    /// body's energy needs this value. Zero is always safe.
     pub energy: f64,
-    /// Energy that the body has released of its own beyond what the first model told of (J), since then: a strip that
-    /// sags further gives its weight's potential to the hands. It only grows. Zero is always safe.
+    /// Energy that the body has released of its own since the first model, beyond the energy in that model (J). A strip
+    /// that sags further, for instance, gives the potential of its weight to the hands. The value only grows. Zero is
+    /// always safe.
     pub released: f64,
     /// How many of `handles` are in use.
     pub handle_count: u8,
@@ -112,16 +133,16 @@ pub struct LocalModel {
     pub handles: [HandleReference; MAX_HANDLES],
     /// Tangent stiffness between handles (N/m, N/rad, N m/m, N m/rad).
     pub stiffness: PairBlocks,
-    /// Damping between handles, in the same layout times seconds.
+    /// Damping between handles, in the same layout and in the same units times seconds.
     pub damping: PairBlocks,
 }
 
-/// Where a model's handles are now, relative to its reference: `d` and `e` of the extrapolation.
+/// The deviation of one handle from the reference of its model: `d` and `e` of the extrapolation.
 #[derive(Clone, Copy, Debug)]
 pub struct Deviation {
-    /// Displacement since the reference, translation then rotation.
+    /// Displacement since the reference: translation (m), then rotation (rad).
     pub displacement: Vec6,
-    /// Velocity minus the reference velocity.
+    /// Velocity minus the reference velocity (m/s, then rad/s).
     pub velocity: Vec6,
 }
 
@@ -134,8 +155,7 @@ impl Deviation {
     }
 }
 
-/// The largest sum of absolute entries in a row of the translational block, and of the rotational one: no eigenvalue
-/// is larger.
+/// The largest row sums of absolute entries in the translational and in the rotational block. No eigenvalue is larger.
 fn largest(block: &Mat6) -> [f64; 2] {
     let sums = |first: usize| {
         let part = block.fixed_view::<3, 3>(first, first);
@@ -147,7 +167,7 @@ fn largest(block: &Mat6) -> [f64; 2] {
     [sums(0), sums(3)]
 }
 
-/// Takes from `force` what would pull against `normal`; says whether there was such a part.
+/// Removes from `force` the part that pulls against `normal`. Returns whether there was such a part.
 fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
     let along = force.dot(normal);
     if along < 0.0 {
@@ -159,14 +179,14 @@ fn clip(force: &mut Vec3, normal: &Vec3) -> bool {
 /// Why a local model cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ModelFault {
-    /// A number in it is not finite, or its period or horizon is not positive.
+    /// A number of the model is not finite, or its period or horizon is not positive.
     NotFinite,
-    /// It names more handles than a body can have, none, or a device that does not exist; or handles other
-    /// than those of the model in use, though the topology did not change.
+    /// The model names no handles, more handles than a body can have, or a device that does not exist. The same fault
+    /// tells that the handles differ from those of the model in use, though the topology did not change.
     Handles,
-    /// It is not newer than the one in use, or knows of fewer changes of topology.
+    /// The model is not newer than the one in use, or its topology is older.
     Outdated,
-    /// The time that it speaks of has not come.
+    /// The time of the model lies in the future.
     ToCome,
 }
 
@@ -188,8 +208,8 @@ impl LocalModel {
         }
     }
 
-    /// Copies what is in use of another model: with one handle a tenth of what all would take. What is not in use stays as
-    /// it was.
+    /// Copies the used part of another model. The unused part stays as it was. With one handle, the used part is a
+    /// tenth of the whole.
     pub fn copy_used_from(&mut self, other: &Self) {
         let n = usize::from(other.handle_count);
         let Self {
@@ -225,16 +245,16 @@ impl LocalModel {
         self.handles.iter().take(usize::from(self.handle_count))
     }
 
-    /// How long the drift has gone on at `now_ns` (s): the model's age, levelled off. Up to the horizon it is the age;
-    /// from there it slows down evenly, and at twice the horizon it stays at one and a half. A model that no other
-    /// follows then says nothing more of a motion that nobody has seen.
+    /// The time for which the drift has acted at `now_ns` (s): the age of the model, levelled off. Up to the horizon
+    /// this time is the age. Beyond the horizon it slows down evenly; from twice the horizon on it stays at one and a
+    /// half horizons. A model without a successor therefore predicts no further motion.
     pub fn ahead(&self, now_ns: u64) -> f64 {
         let age = now_ns.saturating_sub(self.time_ns) as f64 * 1e-9;
         let over = (age - self.horizon).max(0.0).min(self.horizon);
         age.min(self.horizon) + over - 0.5 * over * over / self.horizon
     }
 
-    /// Each handle's deviation from the reference, for the poses and twists of the devices that hold them.
+    /// The deviation of each handle from the reference, for the given poses and twists of the devices, by device index.
     pub fn deviations(&self, devices: &[(Pose, Twist)]) -> [Deviation; MAX_HANDLES] {
         let mut deviations = [Deviation::zero(); MAX_HANDLES];
         for (handle, deviation) in self.handles().zip(&mut deviations) {
@@ -246,7 +266,7 @@ impl LocalModel {
         deviations
     }
 
-    /// `K d + B e`: how much the wrench on each hand has fallen since the reference.
+    /// `K d + B e`: the fall of the wrench on each hand since the reference (N, then N m).
     pub fn response(&self, deviations: &[Deviation; MAX_HANDLES]) -> [Vec6; MAX_HANDLES] {
         let mut response = [Vec6::zeros(); MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -264,7 +284,7 @@ impl LocalModel {
         response
     }
 
-    /// The wrench on each hand, extrapolated, where the drift has gone on for `ahead` (s).
+    /// The extrapolated wrench on each hand, where the drift has acted for `ahead` (s).
     pub fn wrenches(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -281,7 +301,7 @@ impl LocalModel {
         wrenches
     }
 
-    /// Whether every number that would be used is finite and every device index exists.
+    /// Checks that every number in use is finite and that every device index exists.
     ///
     /// # Errors
     /// The first [`ModelFault`] found.
@@ -309,8 +329,9 @@ impl LocalModel {
         }
     }
 
-    /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device: `a_i a_j B_ij` with the
-    /// largest `a` up to one that do it, which keeps the matrix positive where it was.
+    /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device. The blocks become
+    /// `a_i a_j B_ij`, with the largest `a` up to one that meet the bound. A positive semidefinite matrix stays
+    /// positive semidefinite.
     pub(crate) fn bound_damping(&mut self, most: impl Fn(u8) -> [f64; 2]) {
         let mut scales = [[1.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -340,12 +361,13 @@ impl LocalModel {
         }
     }
 
-    /// Takes out of the reference wrenches what its dampers do there: they become `w0 + B v0`, and the twists zero. What
-    /// dampers do now is then `-B v` of the whole velocity.
+    /// Takes the dampers' part out of the reference wrenches: they become `w0 + B v0`, and the reference twists become
+    /// zero. The wrench of the dampers is then `-B v`, with the whole velocity.
     ///
-    /// The wrench of the damping at the reference is history: with the next model it is a different one. Where a device
-    /// renders less damping than the body has, and only so much of it were taken out, the rest would act as a part of the
-    /// spring that is a publication late, and a late spring feeds the motion that it answers.
+    /// The dampers' wrench at the reference belongs to the past; the next model has a different one. A device may
+    /// render less damping than the body has. If only the rendered damping were taken out of the reference wrenches,
+    /// the rest would act as a part of the spring that is late by a publication. A late spring feeds the motion that it
+    /// resists.
     pub(crate) fn rest_dampers(&mut self) {
         let n = usize::from(self.handle_count);
         let twists = self.handles.map(|handle| handle.twist.stacked());
@@ -359,8 +381,8 @@ impl LocalModel {
         }
     }
 
-    /// The largest entry sums of each handle's own stiffness (N/m, N m/rad): no motion of one handle alone is resisted
-    /// more.
+    /// The largest row sums of each handle's own stiffness (N/m, N m/rad). The stiffness against any motion of that
+    /// handle alone is no larger.
     pub(crate) fn own_stiffness(&self) -> [[f64; 2]; MAX_HANDLES] {
         let mut found = [[0.0; 2]; MAX_HANDLES];
         let n = usize::from(self.handle_count);
@@ -372,8 +394,8 @@ impl LocalModel {
         found
     }
 
-    /// Mixes stiffness, damping and drift of two models that have the same handles: this one's fraction falls to `1 - fraction`.
-    /// The reference wrenches are left as they are, for the reference changes next.
+    /// Mixes stiffness, damping and drift of two models with the same handles: `fraction` of `other`, and
+    /// `1 - fraction` of this model. The reference wrenches stay as they are, because the reference changes next.
     pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
         let n = usize::from(self.handle_count);
         for (mine, theirs) in self.handles.iter_mut().zip(&other.handles).take(n) {
@@ -403,8 +425,8 @@ fn copy_used_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, n: usize) {
     }
 }
 
-/// Whether every number of a block is finite. It looks at all of them: that takes the same time whatever
-/// they are, and less than stopping at the first that is not.
+/// Whether every number of a block is finite. The function reads all numbers. The time that takes does not depend on
+/// them, and is shorter than with an early exit.
 fn is_finite(block: &Mat6) -> bool {
     let numbers = block.as_slice().iter();
     numbers.fold(true, |finite, x| finite & x.is_finite())

@@ -1,18 +1,18 @@
 //! The energy that passes between hands and a body: an account of it, and a cap on what the body may give back.
 //!
-//! **Account.** A device holds a wrench `w` while it moves by `D`: the hands put `-w . D` in. Summed over the
-//! ticks and over all devices on one body that is the hands' net work, exact for any scheme; below zero by more
-//! than what was stored at the start, energy has been made. Cumulative sums are kept, so that a lost record loses
+//! **Account.** A device holds a wrench `w` while it moves by `D`: the hands supply `-w . D`. The sum over the ticks
+//! and over all devices on one body is the net work of the hands, exact for any scheme. If the sum falls below zero by
+//! more than the energy stored at the start, energy has been made. The sums are cumulative, so a lost record loses
 //! nothing.
 //!
-//! **Cap.** What a body gives back is held to it: `passivity/cap.rs`; or taken back after the fact:
-//! `passivity/classic.rs`.
+//! **Cap.** `passivity/cap.rs` limits the energy that a body gives back to that account. `passivity/classic.rs` takes
+//! energy back after the fact instead.
 //!
-//! **Weight** is a potential and not the cap's business: it gives back exactly what lifting it took. It is left out of
-//! `F_s`, `V` and `H` and accounted for apart. Where the held fraction `s` of a weight `g` changes (a host that was late, a
-//! device that was silent) at a place `p`, its potential changes by `R = -ds g . (p - p_0)`. The sum of these changes
-//! has its sign: a weight that is taken away up there and comes back up there costs nothing. As long as the sum is
-//! above zero, hands have been spared so much work, and the cap has so much less to spend.
+//! **Weight** is a potential, and so no concern of the cap: it gives back exactly the work that lifting took. `F_s`,
+//! `V` and `H` leave the weight out, and the account keeps it apart. The held fraction `s` of a weight `g` may change
+//! (the host was late, or a device was silent). At a place `p`, this changes the potential by `R = -ds g . (p - p_0)`.
+//! The sum of these changes is signed: a weight that is removed and restored at the same height costs nothing. As long
+//! as the sum is positive, the hands have been spared that work, and the cap has that much less to spend.
 
 mod cap;
 mod classic;
@@ -27,40 +27,40 @@ use crate::MAX_DEVICES;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_SPEED};
 
-/// Most ticks by which a device renders a wrench late.
+/// Largest number of ticks by which a device renders a wrench late.
 pub const MAX_DELAY: usize = 4;
 
-/// More than this (N) no device holds.
+/// No device holds a larger force (N).
 const MOST_FORCE: f64 = 1e6;
-/// How long (s) it is remembered how far a hand got in a tick.
+/// Time constant (s) with which the reach of a hand in a tick decays.
 const MEMORY: f64 = 0.02;
 
-/// A device as the account sees it, all of it at the handle and in the scene's units.
+/// A device as the account sees it. All quantities are at the handle and in the scene's units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Port {
-    /// Viscous damping of the mechanism that may be relied on (N s/m).
+    /// Viscous damping of the mechanism that the account may rely on (N s/m).
     pub damping: f64,
-    /// Coulomb friction of the mechanism that may be relied on (N).
+    /// Coulomb friction of the mechanism that the account may rely on (N).
     pub friction: f64,
-    /// Viscous damping of its rotation (N m s/rad).
+    /// Viscous damping of the mechanism's rotation (N m s/rad).
     pub turning_damping: f64,
-    /// Coulomb friction of its rotation (N m).
+    /// Coulomb friction of the mechanism's rotation (N m).
     pub turning_friction: f64,
-    /// Most damping that is rendered (N s/m): what [`crate::velocity::most_damping`] allows.
+    /// Largest damping that is rendered (N s/m), as [`crate::velocity::most_damping`] allows.
     pub most_damping: f64,
-    /// The same of rotation (N m s/rad).
+    /// Largest rotational damping that is rendered (N m s/rad).
     pub most_turning_damping: f64,
-    /// Newtons at the hand per newton in the scene beyond what the motion scale asks for.
+    /// Newtons at the hand per newton in the scene, beside the factor that the motion scale implies.
     pub force_scale: f64,
-    /// Position change of one encoder count (m); zero where there is no such thing.
+    /// Position change of one encoder count (m); zero where the device has no counts.
     pub count: f64,
-    /// Fastest change of its force (N/s); infinite where there is no such limit. A force that cannot fall at once goes
-    /// on doing work, and the cap keeps that much back.
+    /// Fastest change of the device's force (N/s); infinite where there is no slew limit. A force that cannot fall at
+    /// once continues to do work. The cap keeps credit back for that work.
     pub max_slew: f64,
 }
 
 impl Port {
-    /// A device of which nothing is known: it dissipates nothing, and whatever damping is asked for is rendered.
+    /// A device of unknown properties: the account relies on no dissipation, and any damping is rendered.
     pub const UNKNOWN: Self = Self {
         damping: 0.0,
         friction: 0.0,
@@ -78,26 +78,26 @@ impl Port {
     }
 }
 
-/// How energy is accounted for and capped.
+/// Configuration of the energy account and of the cap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PassivityConfig {
     /// The tick's period (s).
     pub period: f64,
-    /// What may be spent without having been put in (J): the start of the account, its slack above twice what is
-    /// stored, and the debt at which damping ends.
+    /// Energy that may be spent without being supplied (J). It is the credit at the start, the slack of the credit
+    /// above twice the stored energy, and the debt at which damping ends.
     pub allowance: f64,
-    /// Fraction of the devices' own damping and friction that is relied on.
+    /// Fraction of the devices' own damping and friction that the account relies on.
     pub credit: f64,
-    /// Ticks between a wrench's command and when the device renders it.
+    /// Ticks from the command of a wrench to its rendering by the device.
     pub delay: usize,
     /// The devices, by index.
     pub ports: [Port; MAX_DEVICES],
 }
 
 impl PassivityConfig {
-    /// 0.4 mJ (with as much of debt again, less than a millijoule comes out), two fifths of what devices dissipate, no
-    /// delay, devices of which nothing is known. With half as much, walls stand a little more of hands that leave at
-    /// once, but a hand at rest on a light force feels the cap at work.
+    /// An allowance of 0.4 mJ, a credit of two fifths of the devices' own dissipation, no delay, and devices of unknown
+    /// properties. With a debt of the allowance on top, less than a millijoule comes out. With half the allowance,
+    /// walls withstand hands that leave at once somewhat better, but a hand at rest on a light force feels the cap.
     pub fn new(period: f64) -> Self {
         Self {
             period,
@@ -109,69 +109,96 @@ impl PassivityConfig {
     }
 }
 
-/// Sums over all ticks (J). They tell the whole story without any record in between.
+/// Sums over all ticks (J). The latest sums suffice: no earlier record is needed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyAccount {
-    /// Net work of the hands on the body. Below zero, the body has given more than it got.
+    /// Net work of the hands on the body. Below zero, the body has given more energy than it got.
     pub supplied: f64,
-    /// Part of it that lifted the body's weight; below zero where it was let down.
+    /// The part of `supplied` that lifted the body's weight; below zero where the weight was lowered.
     pub raised: f64,
-    /// The least that `supplied - raised + credited` ever was: minus the net energy that came out at the hands, whose port
-    /// lies behind what their devices dissipate.
+    /// The minimum over time of `supplied - raised + credited`: minus the net energy that came out at the hands. The
+    /// port of the hands lies behind the dissipation of their devices.
     pub least: f64,
-    /// What was stored when the first model came.
+    /// Energy stored when the first model came.
     pub initial: f64,
-    /// Recoverable energy of the local model as rendered now; under other schemes than `capped` as it was published.
+    /// Recoverable energy of the local model. Under `capped`, the model as rendered now counts; under other schemes,
+    /// the model as published.
     pub stored: f64,
-    /// What the devices themselves dissipated and the cap relied on.
+    /// The part of the devices' own dissipation that the cap relied on.
     pub credited: f64,
-    /// What the cap has to spend now.
+    /// Credit that the cap can spend now.
     pub available: f64,
-    /// Ticks in which the cap took something off, or the classic controller damped.
+    /// Ticks in which the cap reduced a wrench, or the classic controller damped.
     pub capped: u64,
 }
 
-/// What the cap withholds of a body's force now, at the handle where the springs hold most.
+/// The force that the cap withholds now, at the handle with the largest spring force.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Withheld {
-    /// Force that is withheld (N).
+    /// Withheld force (N).
     pub force: f64,
-    /// Force of the local model's springs there, weight left out (N).
+    /// Spring force of the local model at that handle, without the weight (N).
     pub of: f64,
 }
 
 impl EnergyAccount {
-    /// What the body, as rendered, has dissipated (J): supplied, and neither stored nor raised. Below zero, energy was
-    /// made.
+    /// Energy that the rendered body has dissipated (J): supplied, but neither stored nor raised. Below zero, energy
+    /// was made.
+    ///
+    /// ```
+    /// use rt_core::EnergyAccount;
+    ///
+    /// let account = EnergyAccount {
+    ///     supplied: 5e-3,
+    ///     raised: 1e-3,
+    ///     stored: 3e-3,
+    ///     ..EnergyAccount::default()
+    /// };
+    /// assert!((account.dissipated() - 1e-3).abs() < 1e-12);
+    /// ```
     pub fn dissipated(&self) -> f64 {
         self.supplied + self.initial - self.raised - self.stored
     }
 }
 
-/// The energy of one body's hands.
+/// The energy account of one body's hands, and the cap on what the body may give back.
+///
+/// A [`crate::coupling::Coupling`] owns it, moves it and holds its wrenches; its example shows an account.
+///
+/// ```
+/// use rt_core::PassivityConfig;
+/// use rt_core::passivity::Passivity;
+///
+/// let passivity = Passivity::new(PassivityConfig::new(1e-3));
+/// assert_eq!(passivity.account().supplied, 0.0);
+/// // Before any motion, the springs may spend the allowance.
+/// assert_eq!(passivity.account().available, 0.4e-3);
+/// assert_eq!(passivity.withheld().force, 0.0);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
     account: EnergyAccount,
-    /// What springs may give back (J): what hands have put in, less what has been forgotten of it.
+    /// Energy that springs may give back (J): the energy that hands have supplied, minus the forgotten part.
     credit: f64,
-    /// What bodies said to have released so far (J), and what hands have got by it since they said so last.
+    /// Energy that the models said to have released so far (J), and the energy that hands got since the last such
+    /// model.
     released: f64,
     got: f64,
-    /// Work that hands were spared by weights that went and came (J), with its sign.
+    /// Work that the hands were spared by weights that were removed and restored (J), signed.
     spared: f64,
     withheld: Withheld,
-    /// Fraction of the devices' damping that takes out what is missing.
+    /// Fraction of the devices' damping that takes out missing energy.
     damped: f64,
     /// Whether a first local model has come.
     began: bool,
-    /// What is left of a reach after a tick.
+    /// Factor by which a reach decays in a tick.
     fade: f64,
 }
 
 impl Passivity {
-    /// Nothing has passed yet.
+    /// An account over which nothing has passed yet.
     pub fn new(config: PassivityConfig) -> Self {
         Self {
             config,
@@ -196,18 +223,18 @@ impl Passivity {
         &self.account
     }
 
-    /// What the cap withholds in this tick.
+    /// The force that the cap withholds in this tick.
     pub fn withheld(&self) -> Withheld {
         self.withheld
     }
 
-    /// How the account is kept.
+    /// The configuration of the account.
     pub fn config(&self) -> &PassivityConfig {
         &self.config
     }
 
-    /// Takes the devices' poses of this tick; returns how each moved since the last. The wrenches held meanwhile
-    /// did their work.
+    /// Takes the devices' poses of this tick, and accounts for the work of the wrenches held since the last tick.
+    /// Returns the displacement of each device since then.
     pub(crate) fn observe(&mut self, poses: impl Iterator<Item = Pose>) -> [Vec6; MAX_DEVICES] {
         let mut steps = [Vec6::zeros(); MAX_DEVICES];
         let each = self.hands.iter_mut().zip(&self.config.ports);
@@ -286,7 +313,7 @@ impl Passivity {
         steps
     }
 
-    /// The body has a first local model, with so much energy in it (J): the hands need not have put it in.
+    /// Takes the energy stored in the first local model (J). The hands need not have supplied that energy.
     pub(crate) fn begin(&mut self, stored: f64) {
         if !self.began {
             self.began = true;
@@ -295,15 +322,16 @@ impl Passivity {
         }
     }
 
-    /// Where a device goes: its last translation along each axis.
+    /// The heading of a device: its last translation along each axis.
     pub(crate) fn heading(&self, device: usize) -> Vec3 {
         self.hands
             .get(device)
             .map_or(Vec3::zeros(), |hand| hand.heading)
     }
 
-    /// The body says to have released so much of its own energy so far (J). As much of it as hands have got since it was
-    /// last asked is credited: a body may give what it has, and no word of a model makes more than that of it.
+    /// Takes the energy of its own that the body says to have released so far (J). The increase is credited up to the
+    /// energy that hands have got since the last such claim. A body may give energy that it has, but the claim of a
+    /// model alone never increases the credit beyond that.
     pub(crate) fn release(&mut self, released: f64) {
         let more = (released - self.released).max(0.0);
         self.credit += more.min(self.got.max(0.0));
@@ -311,30 +339,30 @@ impl Passivity {
         self.got = 0.0;
     }
 
-    /// One along each axis of a device; zero where its last step was a single count back, as a tremor on the edge of a
-    /// count makes it.
+    /// One along each axis of a device, or zero where the last step was a single count back, as a tremor on the edge of
+    /// a count produces it.
     pub(crate) fn onward(&self, device: usize) -> Vec3 {
         self.hands
             .get(device)
             .map_or(Vec3::repeat(1.0), |hand| hand.onward)
     }
 
-    /// In how many ticks a device has made the translation of this tick: one, or more where it is a count after a rest.
+    /// Number of ticks in which a device made the translation of this tick: one, or more for a count after a rest.
     pub(crate) fn pace(&self, device: usize) -> f64 {
         self.hands.get(device).map_or(1.0, |hand| hand.pace)
     }
 
-    /// Notes what could be got back now (J).
+    /// Notes the energy that could be got back now (J).
     pub(crate) fn note_stored(&mut self, stored: f64) {
         self.account.stored = stored;
     }
 
-    /// What each device, by index, was in the end commanded to hold for this body (scene axes), and how much of that is
-    /// weight.
+    /// Takes the wrenches that the devices, by index, were finally commanded to hold for this body (scene axes), and
+    /// the weights in these wrenches.
     pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
         for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
-            // No device holds more than this, so a number that says otherwise was held back before it left.
+            // No device holds a larger force, so a larger number was limited before it left.
             let held = |force: &Vec3| force.norm() <= MOST_FORCE;
             let zero = (Wrench::zero(), Vec3::zeros());
             let sound = wrench.is_finite() && held(&wrench.force) && held(weight);
@@ -358,7 +386,7 @@ fn note_turns(onward: &mut Vec3, translation: &Vec3, heading: &Vec3, count: f64)
     }
 }
 
-/// Tells the edges of each axis of a step by `translation` (m) under `force` (N).
+/// Passes a step by `translation` (m) under `force` (N) to the edge of each axis.
 fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited: bool, count: f64) {
     let [x, y, z] = [translation.x, translation.y, translation.z].map(|by| by != 0.0);
     let others = [y || z, x || z, x || y];
@@ -373,8 +401,8 @@ fn note_edges(edges: &mut [Edge; 3], translation: &Vec3, force: &Vec3, credited:
     }
 }
 
-/// Whether a device can have moved so far in a tick; not where the step is not a number. A step that is not possible is a
-/// reading gone wrong, and no work was done on it: one bad reading would leave a debt that no hand could ever repay.
+/// Whether a device can have moved so far in a tick; false where the step is not a number. An impossible step is a
+/// faulty reading, and no work was done on it. One faulty reading would leave a debt that no hand could ever repay.
 fn possible(step: &Vec6, period: f64) -> bool {
     let [linear, angular] = [LARGEST_SPEED, LARGEST_ANGULAR_RATE].map(|speed| speed * period);
     let translation = Vec3::new(step.x, step.y, step.z);
@@ -382,7 +410,7 @@ fn possible(step: &Vec6, period: f64) -> bool {
     translation.norm() <= linear && rotation.norm() <= angular
 }
 
-/// Lengths of the translational and the rotational part.
+/// Lengths of the translational and of the rotational part.
 fn norms(stacked: &Vec6) -> [f64; 2] {
     let linear = Vec3::new(stacked.x, stacked.y, stacked.z);
     let angular = Vec3::new(stacked.w, stacked.a, stacked.b);

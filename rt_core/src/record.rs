@@ -1,4 +1,4 @@
-//! What a tick leaves behind: a short record for the host, a full one for the log.
+//! The records of a tick: a short one for the host, a full one for the log.
 
 use crate::controller::Reading;
 use crate::coupling::HostState;
@@ -8,12 +8,12 @@ use crate::passivity::{EnergyAccount, Withheld};
 use crate::safety::SafetyState;
 use crate::{MAX_BODIES, MAX_DEVICES};
 
-/// What the host learns of a tick: where the hands are.
+/// The record of a tick for the host: where the proxies are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TickRecord {
     /// Number of the tick, from zero.
     pub tick: u64,
-    /// Its nominal time (ns).
+    /// Nominal time of the tick (ns).
     pub time_ns: u64,
     /// How many of `proxies` are in use.
     pub device_count: u8,
@@ -43,7 +43,7 @@ pub struct DeviceTelemetry {
     pub pose: Pose,
     /// Twist of the proxy (scene).
     pub twist: Twist,
-    /// Wrench on the hand that left for the device (scene axes are the device's, rotated by its proxy).
+    /// Wrench on the hand that the device was commanded, rotated into scene axes.
     pub wrench: Wrench,
     /// Buttons, one bit each.
     pub buttons: u32,
@@ -51,7 +51,7 @@ pub struct DeviceTelemetry {
     pub device_time_ns: u64,
     /// Whether the device gave a good state this tick.
     pub fresh: bool,
-    /// What the last stage did.
+    /// What the last stage did to the wrench.
     pub safety: SafetyState,
 }
 
@@ -60,17 +60,17 @@ pub struct DeviceTelemetry {
 pub struct BodyTelemetry {
     /// Sequence number of the model in use; zero before the first.
     pub sequence: u64,
-    /// Its topology epoch.
+    /// Topology epoch of the model in use.
     pub epoch: u32,
-    /// Its age (ns).
+    /// Age of the model in use (ns).
     pub age_ns: u64,
-    /// Trust in it, from zero (safe hold) to one.
+    /// Trust in the model in use, from zero (safe hold) to one.
     pub trust: f64,
-    /// What the coupling was doing.
+    /// State of the coupling.
     pub state: HostState,
-    /// What the cap withholds of its force.
+    /// What the cap withholds of the body's force.
     pub withheld: Withheld,
-    /// The energy of its hands since the start.
+    /// Energy account of the body's hands since the start.
     pub energy: EnergyAccount,
 }
 
@@ -79,15 +79,15 @@ pub struct BodyTelemetry {
 pub struct Telemetry {
     /// Number of the tick, from zero.
     pub tick: u64,
-    /// Its nominal time (ns).
+    /// Nominal time of the tick (ns).
     pub time_ns: u64,
-    /// How late it woke (ns); zero under virtual time.
+    /// Lateness of the wake-up (ns); zero under virtual time.
     pub lateness_ns: u64,
     /// How many of `devices` are in use.
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
     pub devices: [DeviceTelemetry; MAX_DEVICES],
-    /// What each device gave, as it gave it (device axes): with the models, all that a replay needs.
+    /// Each device's reading, as the device gave it (device axes). The readings and the models suffice for a replay.
     pub readings: [Reading; MAX_DEVICES],
     /// How many of `bodies` are in use.
     pub body_count: u8,
@@ -143,7 +143,7 @@ impl Telemetry {
         self.bodies.iter().take(usize::from(self.body_count))
     }
 
-    /// The part that the host needs.
+    /// The record for the host.
     pub fn tick_record(&self) -> TickRecord {
         let mut record = TickRecord::empty();
         record.tick = self.tick;

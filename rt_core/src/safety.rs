@@ -1,25 +1,25 @@
-//! The last stage before a device: what may leave.
+//! The last stage before a device: the limits of a command.
 //!
 //! - A wrench that is **not a number** becomes zero.
-//! - A device that has given **no good state** for a while gets zero.
-//! - A device that moves **too fast**, or is **out of reach**, has its force fade; below nine tenths of the limit it
-//!   comes back.
-//! - A moment for a device that actuates none is left out: that is no fault and is not counted.
-//! - A wrench beyond the device's limits is scaled to them, its direction kept.
+//! - A device that has given **no good state** for a while gets no force.
+//! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
+//!   is below nine tenths of the limit.
+//! - A moment for a device that actuates no moments is left out. That is no fault and is not counted.
+//! - A wrench beyond the device's limits is scaled down to them; its direction stays.
 //! - A force that would change faster than the device can stand follows at its **slew limit**.
 //!
-//! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a
-//! counter, the number that tripped it first, and this way back. Whatever is done here the account of energy sees: it
-//! is told what was passed on (a slew limit that it does not know of injects energy).
+//! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a counter, the
+//! number that tripped the limit first, and this return. The energy account is told the wrench that left (a slew limit
+//! that the account does not know of injects energy).
 
 use crate::count_one;
 use crate::device::{DeviceState, Freedom};
 use crate::geometry::{Vec3, Wrench, smooth_step};
 
-/// Fraction of a limit below which what it took away comes back.
+/// Fraction of a limit below which the limit releases the force.
 const BACK: f64 = 0.9;
 
-/// Limits of what may leave for a device. Infinite limits never act.
+/// Limits of the commands to a device. Infinite limits never act.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SafetyConfig {
     /// Degrees of freedom that the device actuates.
@@ -34,38 +34,38 @@ pub struct SafetyConfig {
     pub max_reach: f64,
     /// Fastest change of the force (N/s).
     pub max_slew: f64,
-    /// How many ticks in a row may pass without a good device state.
+    /// Number of ticks in a row that may pass without a good device state.
     pub patience: u32,
-    /// How long the force takes to fade (s).
+    /// Time in which the force fades (s).
     pub decay: f64,
-    /// How long the force takes to come back after a fault (s).
+    /// Time in which the force comes back after a fault (s).
     pub recovery: f64,
     /// The tick's period (s).
     pub period: f64,
 }
 
-/// What the last stage did to the wrench.
+/// What the last stage does to the wrench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SafetyState {
-    /// Passed it on.
+    /// The wrench passes.
     Normal,
-    /// Scaled it to the device's limits.
+    /// The wrench is scaled to the device's limits.
     Limited,
-    /// Let it change no faster than the device can stand.
+    /// The force changes no faster than the device can stand.
     Slewed,
-    /// Is bringing it back after a fault.
+    /// The force comes back after a fault.
     Recovering,
-    /// Lets it fade: the device moves too fast.
+    /// The force fades, because the device moves too fast.
     TooFast,
-    /// Lets it fade: the device is out of reach.
+    /// The force fades, because the device is out of reach.
     OutOfReach,
-    /// Replaced it by zero: the device gives no good state.
+    /// The wrench is replaced by zero, because the device gives no good state.
     DeviceStale,
-    /// Replaced it by zero: it was not a number.
+    /// The wrench is replaced by zero, because it was not a number.
     NotANumber,
 }
 
-/// Counts of what the last stage did. They only grow.
+/// Counts of the events in the last stage. The counts only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct SafetyCounters {
     /// Ticks with the wrench scaled down.
@@ -76,37 +76,62 @@ pub struct SafetyCounters {
     pub not_a_number: u64,
     /// Ticks without a good device state.
     pub missed_reads: u64,
-    /// Times that the device went stale.
+    /// Times that the device gave no good state for longer than its patience.
     pub stale: u64,
-    /// Times that it moved too fast.
+    /// Times that the device began to move too fast.
     pub too_fast: u64,
-    /// Times that it was out of reach.
+    /// Times that the device left its reach.
     pub out_of_reach: u64,
 }
 
-/// The first time that something tripped.
+/// The first event that tripped a limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trip {
-    /// What.
+    /// The state that the limit led to.
     pub state: SafetyState,
-    /// In which tick, from zero.
+    /// The tick of the event, from zero.
     pub tick: u64,
-    /// What was found: newtons, newton metres, metres per second, metres, newtons per second, or ticks without a state.
+    /// The value found, in newtons, newton metres, metres per second, metres, newtons per second, or ticks without a
+    /// state.
     pub found: f64,
-    /// What it may be at most, in the same unit.
+    /// The largest value allowed, in the same unit.
     pub limit: f64,
 }
 
 /// The last stage of one device.
+///
+/// ```
+/// use rt_core::safety::{Limiter, SafetyConfig, SafetyState};
+/// use rt_core::{DeviceState, Freedom, Vec3, Wrench};
+///
+/// let mut limiter = Limiter::new(SafetyConfig {
+///     actuated: Freedom::Three,
+///     max_force: 8.0,
+///     max_moment: 0.0,
+///     max_speed: 1.5,
+///     max_reach: 0.2,
+///     max_slew: f64::INFINITY,
+///     patience: 10,
+///     decay: 0.1,
+///     recovery: 0.1,
+///     period: 1e-3,
+/// });
+/// let mut wrench = Wrench::zero();
+/// wrench.force = Vec3::new(0.0, 20.0, 0.0);
+/// let command = limiter.pass(&wrench, Some(&DeviceState::resting()));
+/// assert_eq!(command.force.y, 8.0);
+/// assert_eq!(limiter.state(), SafetyState::Limited);
+/// assert_eq!(limiter.counters().limited, 1);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Limiter {
     config: SafetyConfig,
-    /// How much of the wrench passes, from zero to one.
+    /// The linear ramp from zero to one whose smooth step is the fraction that passes.
     authority: f64,
     misses: u32,
     too_fast: bool,
     out_of_reach: bool,
-    /// The force that left last.
+    /// The force of the last command.
     last: Vec3,
     tick: u64,
     state: SafetyState,
@@ -115,7 +140,7 @@ pub struct Limiter {
 }
 
 impl Limiter {
-    /// With full authority: the coupling's own start is smooth.
+    /// A last stage that passes the whole force: the coupling's own start is smooth.
     pub fn new(config: SafetyConfig) -> Self {
         Self {
             config,
@@ -131,7 +156,8 @@ impl Limiter {
         }
     }
 
-    /// The wrench that may leave. `state` is what the device gave this tick (its own axes), if anything good.
+    /// The wrench that may leave. `state` is the good state that the device gave in this tick (its own axes), if there
+    /// is one.
     pub fn pass(&mut self, wrench: &Wrench, state: Option<&DeviceState>) -> Wrench {
         let passed = self.decide(wrench, state);
         self.last = passed.force;
@@ -139,12 +165,12 @@ impl Limiter {
         passed
     }
 
-    /// Whether the device has given no good state for longer than it may, whatever else was found.
+    /// Whether the device has given no good state for longer than its patience. Other faults do not matter here.
     pub fn is_stale(&self) -> bool {
         self.misses > self.config.patience
     }
 
-    /// Fraction of the force that passes as faults go: one where nothing has tripped for a while.
+    /// Fraction of the force that passes after faults: one if no limit has tripped for a while.
     pub fn fraction(&self) -> f64 {
         smooth_step(self.authority)
     }
@@ -154,17 +180,17 @@ impl Limiter {
         self.config.period
     }
 
-    /// What was done to the last wrench.
+    /// What the last stage did to the last wrench.
     pub fn state(&self) -> SafetyState {
         self.state
     }
 
-    /// What was met so far.
+    /// The counts so far.
     pub fn counters(&self) -> SafetyCounters {
         self.counters
     }
 
-    /// What tripped first, if anything did.
+    /// The first trip, if there was any.
     pub fn first_trip(&self) -> Option<Trip> {
         self.trip
     }
@@ -233,7 +259,7 @@ impl Limiter {
         passed
     }
 
-    /// Whether the device keeps inside its limits of motion.
+    /// Watches the device's limits of motion.
     fn watch(&mut self, state: &DeviceState) {
         let speed = state.twist.linear.norm();
         let reach = state.pose.position.norm();
@@ -248,7 +274,7 @@ impl Limiter {
         }
     }
 
-    /// Says what was done, unless something graver is being done.
+    /// Sets the state, unless a graver state is set.
     fn act(&mut self, state: SafetyState) {
         if matches!(self.state, SafetyState::Normal | SafetyState::Recovering) {
             self.state = state;
@@ -273,21 +299,21 @@ impl Limiter {
     }
 }
 
-/// Keeps `tripped` true from above `limit` to below nine tenths of it; says whether it has just become so.
+/// Keeps `tripped` true from above `limit` to below nine tenths of it. Returns whether `tripped` has just become true.
 fn trips(tripped: &mut bool, found: f64, limit: f64) -> bool {
     let before = *tripped;
-    // A speed or a place that overflowed is beyond any limit but none.
+    // A speed or a distance that overflowed to infinity exceeds every finite limit.
     *tripped = found > limit || (before && found >= BACK * limit);
     *tripped && !before
 }
 
-/// Scales `v` to length `limit` if it is longer; the length that it had, if so.
+/// Scales `v` to the length `limit` if `v` is longer. Returns the original length if so.
 fn shorten(v: &mut Vec3, limit: f64) -> Option<f64> {
     let length = v.norm();
     if length <= limit {
         return None;
     }
-    // The squares of very large components overflow to infinity: those have no usable direction left.
+    // The squares of very large components overflow to infinity. Such a vector has no usable direction left.
     *v = if length.is_finite() {
         *v * (limit / length)
     } else {

@@ -1,19 +1,19 @@
 //! The force schemes, by name.
 //!
-//! Each is a way to read a published model, and each comes out as a linear model again, so that one
-//! coupling blends, ages and limits all of them:
+//! Each scheme reads a published model as another linear model, so that one coupling blends, ages and limits all of
+//! them:
 //!
 //! | scheme | wrench between publications | source |
 //! |---|---|---|
-//! | `hold` | the published one, held | the usual baseline |
-//! | `thesis` | held, plus a spring from handle to proxy and damping | thesis, equation 4.5 |
+//! | `hold` | the published wrench, held | the usual baseline |
+//! | `thesis` | the published wrench, held, plus a spring from handle to proxy and damping | thesis, equation 4.5 |
 //! | `linear` | the body's own tangent, with damping, cross terms and drift | [`crate::local_model`] |
-//! | `proxy` | the same, of a body that the host has put a spring before | the host's virtual coupling |
-//! | `classic` | as `linear`, damped once the hands have got more than they gave | [`crate::passivity`] |
-//! | `capped` | as `linear`, held to the energy that the hands have put in | [`crate::passivity`] |
+//! | `proxy` | as `linear`, for a body that the host couples through a spring | the host's virtual coupling |
+//! | `classic` | as `linear`, damped once the hands have got more energy than they supplied | [`crate::passivity`] |
+//! | `capped` | as `linear`, limited to the energy that the hands have supplied | [`crate::passivity`] |
 //!
-//! Equation 4.5 as printed equates the two parts; as meant, they add: `F_tear + k (x_handle - x_proxy)
-//! - k_v v`. `linear` carries no second spring: it would count the same displacement twice.
+//! As printed, equation 4.5 equates its two parts. As meant, the parts add: `F_tear + k (x_handle - x_proxy) - k_v v`.
+//! `linear` has no second spring, which would count the same displacement twice.
 
 use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Twist, Wrench};
@@ -22,27 +22,27 @@ use crate::local_model::LocalModel;
 /// How the tick reads a local model between publications.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scheme {
-    /// The published wrench, held.
+    /// Holds the published wrench.
     Hold,
-    /// The published wrench, held, plus a spring from the handle to the proxy, and damping.
+    /// Holds the published wrench, and adds a spring from the handle to the proxy and damping.
     Thesis {
         /// Spring from handle to proxy (N/m), `k_position` of equation 4.5.
         stiffness: f64,
         /// Damping of the proxy's velocity (N s/m), `k_velocity` of equation 4.5.
         damping: f64,
     },
-    /// The local model's own extrapolation.
+    /// Extrapolates by the local model.
     Linear,
-    /// The same, of models that the host has coupled devices to by springs and dampers.
+    /// As [`Scheme::Linear`], for models to which the host has coupled the devices by springs and dampers.
     Proxy,
-    /// As [`Scheme::Linear`], damped once the hands have got more than they gave ([`crate::passivity`]).
+    /// As [`Scheme::Linear`], damped once the hands have got more energy than they supplied ([`crate::passivity`]).
     Classic,
-    /// As [`Scheme::Linear`], held to the energy that the hands have put in ([`crate::passivity`]).
+    /// As [`Scheme::Linear`], limited to the energy that the hands have supplied ([`crate::passivity`]).
     Capped,
 }
 
 impl Scheme {
-    /// The name by which scenes and logs call it.
+    /// The name of the scheme in scenes and logs.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -69,9 +69,9 @@ impl Scheme {
         model.stiffness = diagonal(&own(stiffness));
         model.damping = diagonal(&own(damping));
         for handle in &mut model.handles {
-            // The damping acts on the proxy's whole velocity, not on what changed since publication.
+            // The damping acts on the whole velocity of the proxy, not on its change since the publication.
             handle.twist = Twist::zero();
-            // These schemes hold the wrench that was published.
+            // These schemes hold the published wrench.
             handle.drift = Wrench::zero();
         }
     }

@@ -1,9 +1,9 @@
 //! Velocity from encoder positions, for drivers whose device reports none.
 //!
-//! One encoder count a tick is 10 to 55 mm/s on common devices, so the difference of two positions
-//! cannot be used for damping. Every estimate pays for less noise with delay, and delay bounds the
-//! damping that a device can render ([`most_damping`]). `palpate bench velocity` measures both for
-//! all methods; drivers use the one that came out of it ([`VelocityEstimator::for_encoder`]).
+//! One encoder count per tick is 10 to 55 mm/s on common devices, so the difference of two positions cannot be used for
+//! damping. Every estimate pays with delay for less noise, and delay bounds the damping that a device can render
+//! ([`most_damping`]). `palpate bench velocity` measures both for all methods. Drivers use the method that it
+//! recommends ([`VelocityEstimator::for_encoder`]).
 
 mod adaptive;
 mod kalman;
@@ -16,52 +16,52 @@ pub use adaptive::LONGEST;
 pub use kalman::Gains;
 
 /// Fraction of `mass / (period / 2 + late)` that [`most_damping`] allows.
-const SHARE: f64 = 0.25;
+const DAMPING_FRACTION: f64 = 0.25;
 
-/// Damping (N s/m) that may be rendered on a device's moving mass (kg) with ticks of `period` and a
-/// velocity that is `late` (s), its estimate's delay and the device's own together.
+/// Largest damping (N s/m) to render on a device with a moving mass (kg) and ticks of `period` (s). The velocity is
+/// `late` (s): the delay of its estimate plus the delay of the device.
 ///
-/// A held force is half a period late in the mean, so the loop is `B exp(-s t) / (m s)` with `t =
-/// period / 2 + late`: its gain is one at `B / m`, where a phase of `B t / m` is lost beside the
-/// integrator's quarter turn. It is stable for `B < (pi / 2) m / t`; sampled loops with the
-/// estimates here at least up to 1.44 `m / t` (`rt_core/tests/velocity.rs`). A quarter of `m / t`
-/// leaves 76 of 90 degrees, and more than a fivefold gain for what a wall's stiffness, encoder
-/// counts and a mass that is not well known take.
+/// A held force is late by half a period in the mean, so the loop is `B exp(-s t) / (m s)` with
+/// `t = period / 2 + late`. Its gain is one at `B / m`, where the delay takes a phase of `B t / m` on top of the
+/// integrator's 90 degrees. The loop is stable for `B < (pi / 2) m / t`; sampled loops with the estimates of this
+/// module are stable up to 1.44 `m / t` at least (`rt_core/tests/velocity.rs`). A quarter of `m / t` leaves a phase
+/// margin of 76 degrees and a gain margin of more than five. A wall's stiffness, encoder counts and an uncertain mass
+/// use up a part of these margins.
 pub fn most_damping(mass: f64, period: f64, late: f64) -> f64 {
-    SHARE * mass / (0.5 * period + late)
+    DAMPING_FRACTION * mass / (0.5 * period + late)
 }
 
-/// How velocity is estimated.
+/// The method that estimates the velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Method {
-    /// The backward difference through a first-order low-pass.
+    /// The backward difference, passed through a first-order low-pass.
     LowPass {
         /// Cut-off frequency (Hz).
         cutoff: f64,
     },
-    /// First-order adaptive windowing between the window's ends.
+    /// First-order adaptive windowing, with the line between the ends of the window.
     EndFit {
-        /// Most ticks of a window, at most [`LONGEST`].
+        /// Largest number of ticks in a window, at most [`LONGEST`].
         window: usize,
     },
-    /// The same with a line of least squares.
+    /// First-order adaptive windowing, with the line of least squares.
     BestFit {
-        /// Most ticks of a window, at most [`LONGEST`].
+        /// Largest number of ticks in a window, at most [`LONGEST`].
         window: usize,
     },
-    /// A Kalman filter of constant velocity.
+    /// A Kalman filter that assumes constant velocity.
     ConstantVelocity {
         /// Standard deviation of the acceleration (m/s^2).
         acceleration: f64,
     },
-    /// A Kalman filter of constant acceleration.
+    /// A Kalman filter that assumes constant acceleration.
     ConstantAcceleration {
         /// Standard deviation of the jerk (m/s^3).
         jerk: f64,
     },
 }
 
-/// One axis.
+/// The estimator of one axis.
 #[derive(Clone, Copy, Debug)]
 enum Axis {
     LowPass {
@@ -73,7 +73,23 @@ enum Axis {
     Kalman(Filter),
 }
 
-/// An estimator of velocity, one axis triple.
+/// An estimator of velocity for three axes.
+///
+/// ```
+/// use rt_core::Vec3;
+/// use rt_core::velocity::VelocityEstimator;
+///
+/// // An encoder with counts of 30 um, read every millisecond, on a device that moves at 0.1 m/s.
+/// let (period, count) = (1e-3, 30e-6);
+/// let mut estimator = VelocityEstimator::for_encoder(period, count);
+/// let mut velocity = Vec3::zeros();
+/// for tick in 0..100 {
+///     let x = 0.1 * period * f64::from(tick);
+///     velocity = estimator.update(&Vec3::new((x / count).round() * count, 0.0, 0.0));
+/// }
+/// // The difference of two positions would err by up to 30 mm/s.
+/// assert!((velocity.x - 0.1).abs() < 0.01);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct VelocityEstimator {
     axes: [Axis; 3],
@@ -82,7 +98,7 @@ pub struct VelocityEstimator {
 }
 
 impl VelocityEstimator {
-    /// Cut-off that keeps quantization noise low without a delay that a hand could feel (Hz).
+    /// Cut-off frequency (Hz) that keeps quantization noise low without a delay that a hand could feel.
     pub const DEFAULT_CUTOFF: f64 = 80.0;
 
     /// Longest window that drivers use (s).
@@ -93,23 +109,23 @@ impl VelocityEstimator {
         Self::with_method(Method::LowPass { cutoff }, period, 0.0)
     }
 
-    /// What drivers use for an encoder with counts of `step` (m), read every `period` (s): a best
-    /// fit over four milliseconds, as far as [`LONGEST`] ticks reach. By `palpate bench velocity`
-    /// no other method as quick errs less.
+    /// The estimator for an encoder with counts of `step` (m), read every `period` (s): a best fit over four
+    /// milliseconds, or over [`LONGEST`] ticks where these are shorter. According to `palpate bench velocity`, no other
+    /// method of the same delay has a smaller error.
     pub fn for_encoder(period: f64, step: f64) -> Self {
         let window = libm::round(Self::SPAN / period).clamp(1.0, LONGEST as f64) as usize;
         Self::with_method(Method::BestFit { window }, period, step)
     }
 
-    /// For positions sampled every `period` (s) in counts of `step` (m).
+    /// An estimator by `method` for positions sampled every `period` (s) in counts of `step` (m).
     pub fn with_method(method: Method, period: f64, step: f64) -> Self {
-        // Counts are off by up to half a step, evenly distributed.
+        // Counts err by up to half a step, uniformly distributed.
         let index = |acceleration: f64| {
             acceleration * period * period / (step / libm::sqrt(12.0)).max(f64::MIN_POSITIVE)
         };
         let (axis, ticks) = match method {
             Method::LowPass { cutoff } => {
-                // The exactly discretized filter.
+                // The exact discretization of the filter.
                 let gain = 1.0 - libm::exp(-2.0 * core::f64::consts::PI * cutoff * period);
                 let axis = Axis::LowPass {
                     gain,
@@ -136,7 +152,7 @@ impl VelocityEstimator {
 
     fn adaptive(window: usize, step: f64, best: bool) -> (Axis, f64) {
         let window = window.clamp(1, LONGEST);
-        // Two points of the line are off by half a step each.
+        // Each of two points of the line errs by up to half a step.
         let axis = Axis::Adaptive(Window::new(window, step, best));
         (axis, 0.5 * window as f64)
     }
@@ -145,7 +161,7 @@ impl VelocityEstimator {
         (Axis::Kalman(Filter::new(gains)), gains.lag())
     }
 
-    /// The longest time (s) by which a velocity that grows steadily is behind.
+    /// The longest time (s) by which the estimate lags a velocity that grows steadily.
     pub fn delay(&self) -> f64 {
         self.delay
     }

@@ -1,13 +1,13 @@
 //! The host's side of the firmware protocol: from a device's report to a state, from a wrench to a report.
 //!
-//! Device units end here. The HID backend and the simulated wire use it both, so what is simulated is what a
-//! real device goes through.
+//! A device's own units end here. The HID backend and the simulated wire both use this module, so that a simulated
+//! report passes through the code that a real report passes through.
 
 use crate::device::{DeviceState, Freedom};
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use firmware_proto::report::{StateReport, WrenchReport, WrenchSi, flags};
 
-/// A device's own clock, counted on from its counter of 32 bits, which wraps every 71 minutes.
+/// A device's own clock, continued beyond the range of its 32-bit counter, which wraps every 71 minutes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DeviceClock {
     last: Option<u32>,
@@ -15,8 +15,8 @@ pub struct DeviceClock {
 }
 
 impl DeviceClock {
-    /// Takes the counter of the next report (us); returns the time (ns). It starts at the first counter
-    /// and never goes back: a counter that jumps back (the device was restarted) counts on from there.
+    /// Takes the counter of the next report (us); returns the device's time (ns). The time starts at the first counter
+    /// and never decreases. After a counter that jumps back (the device was restarted), time continues from there.
     ///
     /// ```
     /// let mut clock = rt_core::wire::DeviceClock::default();
@@ -27,7 +27,7 @@ impl DeviceClock {
         let step = match self.last {
             None => counter_us,
             Some(last) => match counter_us.wrapping_sub(last) {
-                // More than half the range ahead is behind.
+                // A difference of more than half the range means that the counter went back.
                 step if step > u32::MAX / 2 => 0,
                 step => step,
             },
@@ -38,8 +38,8 @@ impl DeviceClock {
     }
 }
 
-/// The state that a report tells, in SI units. Where the device senses no rotation (`sensed`), what the
-/// report says of it is passed over.
+/// The state in a report, in SI units. Where the device senses no rotation (`sensed`), the report's orientation and
+/// angular velocity are ignored.
 pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
     let si = report.to_si();
     let mut pose = Pose::at(Vec3::from(si.position));
@@ -51,7 +51,7 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
         let [w, x, y, z] = si.orientation;
         let rotation = pose.rotation.as_mut_unchecked();
         (rotation.w, rotation.i, rotation.j, rotation.k) = (w, x, y, z);
-        // Off by one per cent at most, which the report's check sees to.
+        // The report's own check bounds the error of the length by one per cent.
         pose.rotation.renormalize();
         twist.angular = Vec3::from(si.angular_velocity);
     }
@@ -63,8 +63,8 @@ pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> D
     }
 }
 
-/// The report that asks a device for `wrench` (device axes). Numbers beyond the report's range end at its
-/// ends, and one that is not a number becomes zero.
+/// The report that commands `wrench` (device axes). Numbers beyond the report's range saturate at its ends, and a NaN
+/// becomes zero.
 pub fn report_of(wrench: &Wrench, sequence: u16) -> WrenchReport {
     let si = WrenchSi {
         force: wrench.force.into(),

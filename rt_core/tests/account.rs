@@ -1,16 +1,16 @@
-//! The account of energy in its particulars: which steps count, what a scaled device makes of work, what a force does
-//! that cannot be taken away at once; and the cap where its account would be wrong, felt at the hand.
+//! The energy account in detail: which steps count, how a scaled device scales the work, and how the account treats a
+//! force that cannot vanish at once. Then the cap, felt at the hand, in cases where a wrong account would show.
 //!
-//! These are tests of behaviour: of the energy that passes at the port and of the force that is felt, not of the cap's
-//! formulas.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! These are tests of behaviour: they check the energy at the port and the force on the hand, not the formulas of the
+//! cap.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use core::f64::consts::TAU;
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
@@ -25,7 +25,7 @@ fn coupling(scheme: Scheme, port: Port) -> Coupling {
     Coupling::new(config(scheme, port, 0))
 }
 
-/// A device that renders `delay` ticks late.
+/// A coupling for a device that renders `delay` ticks late.
 fn config(scheme: Scheme, port: Port, delay: usize) -> CouplingConfig {
     let mut passivity = PassivityConfig::new(PERIOD);
     passivity.ports[0] = port;
@@ -54,8 +54,8 @@ fn wall(k: f64) -> LocalModel {
     model
 }
 
-/// Place (m) and velocity (m/s) of a hand that goes into the wall, deeper and less deep by `swing` about `depth` at
-/// `rate` (Hz); it comes in within a second.
+/// Position (m) and velocity (m/s) of a hand that presses into the wall by `depth`, and swings about it by `swing` at
+/// `rate` (Hz). The hand comes in within a second.
 fn pressing(t: f64, depth: f64, swing: f64, rate: f64) -> (f64, f64) {
     let (grown, omega) = (t.min(1.0), TAU * rate);
     let x = -grown * (depth + swing * (omega * t).sin());
@@ -71,7 +71,7 @@ fn moving(x: f64, v: f64) -> (Pose, Twist) {
     (along(x), twist)
 }
 
-/// A tick, and the device holds what comes of it; the force along x.
+/// One tick, after which the device holds the rendered wrench. Returns the force along x.
 fn tick(coupling: &mut Coupling, hand: (Pose, Twist)) -> f64 {
     let wrenches = coupling.tick(MS, &[hand]);
     let mut held = [Wrench::zero(); MAX_DEVICES];
@@ -80,7 +80,7 @@ fn tick(coupling: &mut Coupling, hand: (Pose, Twist)) -> f64 {
     wrenches[0].force.x
 }
 
-/// A device that holds one wrench wherever it goes.
+/// A device that holds the same wrench at every pose.
 struct Held {
     coupling: Coupling,
     wrench: Wrench,
@@ -124,18 +124,18 @@ fn a_step_that_no_hand_can_make_is_no_work() {
         turning_friction: 1.0,
         ..Port::UNKNOWN
     };
-    // By 10 mm in a tick a hand may have moved its device, though it is quick: work is done on the way.
+    // A quick hand may move its device by 10 mm in a tick: the held force does work on that path.
     let mut held = Held::new(port, Vec3::x(), Vec3::z());
     held.at(along(0.0));
     let before = held.at(along(0.01));
     assert!((before.supplied + 0.01).abs() < 1e-15, "{before:?}");
-    // By 0.1 m and more it has not, nor by what is no number: nothing was given, taken or dissipated.
+    // No hand moves its device by 0.1 m or more in a tick, nor by NaN: nothing is supplied, released or dissipated.
     for far in [0.12, -5.0, 1e300, f64::NAN, f64::INFINITY] {
         held.at(along(0.01));
         assert_eq!(held.at(along(far)), before, "{far} m in a tick");
         assert_eq!(held.at(along(0.01)), before, "and back from {far} m");
     }
-    // The same of turning: 0.1 rad in a tick, and 1 rad.
+    // The same for rotation: 0.1 rad in a tick is possible, 1 rad is not.
     let mut held = Held::new(port, Vec3::x(), Vec3::z());
     held.at(turned(0.0));
     let before = held.at(turned(0.1));
@@ -182,7 +182,7 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         model.handles[0].wrench.force.z = -weight;
         model.handles[0].weight.z = -weight;
         coupling.accept(&model).expect("a sound model");
-        // `passed`: the share of the weight that the device was in the end told to hold.
+        // `passed` is the fraction of the weight that the device was finally commanded to hold.
         let mut at = |height: f64, passed: f64| {
             let hand = [(Pose::at(Vec3::z() * height), Twist::zero())];
             let [wrench, ..] = coupling.tick(2, &hand);
@@ -194,7 +194,7 @@ fn a_scaled_device_raises_its_scale_of_weight() {
         for _ in 0..10 {
             at(0.0, 1.0);
         }
-        // Lifted by 10 mm: all that the hands gave has been raised.
+        // Lifted by 10 mm: the whole work of the hand has raised the weight.
         let lifted = at(0.01, 1.0);
         let expected = scale * weight * 0.01;
         assert!(
@@ -205,14 +205,16 @@ fn a_scaled_device_raises_its_scale_of_weight() {
             (lifted.supplied - expected).abs() < 1e-15,
             "{scale} {lifted:?}"
         );
-        // Taken away up there, nothing is raised any more; back again, it is, and nobody has to pay twice.
+        // The weight is removed at the height: nothing is raised any more. The weight is restored there: it is raised
+        // again, and nobody has to pay twice.
         let away = at(0.01, 0.0);
         assert!(away.raised.abs() < 1e-15, "{scale} {away:?}");
         let back = at(0.01, 1.0);
         assert!((back.raised - expected).abs() < 1e-15, "{scale} {back:?}");
         let paid = lifted.available - back.available;
         assert!(paid.abs() < 1e-15, "{scale} {paid}");
-        // Taken away down here and back up there, the hand was spared the work, and has so much less to spend.
+        // The weight is removed at the bottom and restored at the height: the hand was spared the work, and has that
+        // much less to spend.
         at(0.0, 1.0);
         let away = at(0.0, 0.0);
         at(0.01, 0.0);
@@ -225,9 +227,9 @@ fn a_scaled_device_raises_its_scale_of_weight() {
 
 #[test]
 fn a_stiff_wall_that_is_pressed_and_eased_makes_no_energy() {
-    // A held force lags by half a tick, and more on a late device: a plain spring so gives back more than it took,
-    // `K v^2 T^2 / 2` a tick, by the theory of sampled walls. Here 0.4 mJ and more in two seconds, all that the cap
-    // allows; on a device of which no damping is known.
+    // A held force lags by half a tick, and by more on a late device. By the theory of sampled walls, a plain spring so
+    // gives back `K v^2 T^2 / 2` a tick more than it took. Here that is 0.4 mJ and more in two seconds, the whole
+    // allowance of the cap. The device has no known damping.
     for delay in [0, 1] {
         for (k, rate) in [(1000.0, 5.0), (1000.0, 10.0), (4000.0, 5.0)] {
             let port = Port {
@@ -248,18 +250,18 @@ fn a_stiff_wall_that_is_pressed_and_eased_makes_no_energy() {
             }
             let account = coupling.energy();
             let made = -account.dissipated();
-            // A quarter of the allowance, for the lag at the turns; a plain spring takes all of it.
+            // A quarter of the allowance, for the lag at the reversals. A plain spring takes the whole allowance.
             let case = format!("{k} N/m at {rate} Hz, {delay} ticks late: {account:?}");
             assert!(made < 1e-4, "{made:.2e} J made, {case}");
-            // And it is as stiff as asked: over whole swings, what damps averages out.
+            // The wall is as stiff as asked: over whole swings, the damping averages out.
             let felt = -product / square / k;
             assert!((felt - 1.0).abs() < 0.01, "{felt}, {case}");
         }
     }
 }
 
-/// Most energy (J) that has come out of a wall of stiffness `k` on a device whose force changes by `slew` (N/s) at most,
-/// by the work of the force that the device in fact holds.
+/// Largest energy (J) that has come out of a wall of stiffness `k`, by the work of the force that the device holds. The
+/// force of the device changes by `slew` (N/s) at most.
 fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
     let port = Port {
         most_damping: 10.0,
@@ -268,7 +270,7 @@ fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
     };
     let mut all = ControllerConfig::default();
     let device = DeviceConfig {
-        proxy: Proxy::at(Vec3::zeros()),
+        frame: DeviceFrame::at(Vec3::zeros()),
         safety: SafetyConfig {
             actuated: Freedom::Three,
             max_force: 100.0,
@@ -288,7 +290,7 @@ fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
     controller.accept(0, &wall(k)).expect("a sound model");
     let (mut out, mut most, mut held, mut last) = (0.0_f64, 0.0_f64, 0.0, 0.0);
     for step in 0..4000 {
-        // To the wall's face and four millimetres deep.
+        // Between the face of the wall and a depth of four millimetres.
         let (x, v) = pressing(f64::from(step) * PERIOD, 2e-3, 2e-3, rate);
         out += held * (x - last);
         most = most.max(out);
@@ -312,8 +314,8 @@ fn out_of_a_slow_device(k: f64, slew: f64, rate: f64) -> f64 {
 
 #[test]
 fn a_force_that_cannot_fall_at_once_is_reckoned_with_before_it_lingers() {
-    // A hand that leaves faster than the force can follow is pushed on by what lingers, 1.2 to 1.5 mJ in these if nobody
-    // looks ahead. What the cap promises is a millijoule at most.
+    // A hand that leaves faster than the force can follow is pushed by the lingering force. Without a look ahead, 1.2
+    // to 1.5 mJ come out in these cases. The cap promises a millijoule at most.
     for (k, slew, rate) in [
         (2000.0, 20.0, 2.0),
         (4000.0, 50.0, 2.0),
@@ -330,7 +332,8 @@ fn a_force_that_cannot_fall_at_once_is_reckoned_with_before_it_lingers() {
 #[test]
 fn the_cap_does_not_buzz_on_a_single_count() {
     let count = 4e-5;
-    // A count to and fro shows as 10 mm/s for a moment. With all the damping of this device (10 N s/m) that is 0.1 N.
+    // A count to and fro looks like 10 mm/s for a moment. With the full damping of this device (10 N s/m), that is 0.1
+    // N.
     for every in [4, 5, 10, 25] {
         let port = Port {
             most_damping: 10.0,
@@ -338,9 +341,9 @@ fn the_cap_does_not_buzz_on_a_single_count() {
             ..Port::UNKNOWN
         };
         let mut coupling = coupling(Scheme::Capped, port);
-        // A body that pulls with 2 N whatever the hand does. At first its energy is its own; then the host says that it
-        // holds four times as much, which no hand has put in: the cap has to take something off for as long as that
-        // lasts.
+        // A body that pulls with 2 N whatever the hand does. At first its energy is its own. Then the host claims four
+        // times that energy, which no hand has supplied. As long as the claim lasts, the cap has to withhold some
+        // force.
         let mut model = wall(0.0);
         model.handles[0].contact = Vec3::zeros();
         model.handles[0].wrench.force.x = 2.0;

@@ -1,11 +1,11 @@
-//! The controller over its devices: one that was away comes back without a blow to the others.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! The controller over its devices: a device that was away comes back without a blow to the others.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use proptest::prelude::*;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::{SafetyConfig, SafetyState};
 use rt_core::{
     Controller, ControllerConfig, DeviceError, DeviceState, Freedom, LocalModel, MAX_DEVICES,
@@ -20,9 +20,9 @@ const SPRING: f64 = 200.0;
 fn controller(scheme: Scheme) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..2 {
-        let proxy = Proxy {
+        let frame = DeviceFrame {
             motion_scale: 2.0,
-            ..Proxy::at(Vec3::zeros())
+            ..DeviceFrame::at(Vec3::zeros())
         };
         let safety = SafetyConfig {
             actuated: Freedom::Three,
@@ -36,7 +36,7 @@ fn controller(scheme: Scheme) -> Controller {
             recovery: 0.1,
             period: PERIOD,
         };
-        let _ = config.devices.push(DeviceConfig { proxy, safety });
+        let _ = config.devices.push(DeviceConfig { frame, safety });
     }
     let _ = config.bodies.push(CouplingConfig {
         scheme,
@@ -62,7 +62,7 @@ fn controller(scheme: Scheme) -> Controller {
     controller
 }
 
-/// A tick with the devices at these places along x; `None` gives no state.
+/// One tick with the devices at these positions along x; `None` gives no state.
 fn tick(
     controller: &mut Controller,
     places: [Option<f64>; 2],
@@ -78,24 +78,24 @@ fn tick(
 }
 
 #[test]
-fn a_device_that_comes_back_elsewhere_goes_on_from_where_it_was_left() {
+fn a_device_that_comes_back_elsewhere_continues_from_where_it_was_left() {
     let mut controller = controller(Scheme::Linear);
     let apart = [Some(0.0), Some(2e-3)];
     for _ in 0..10 {
         tick(&mut controller, apart);
     }
     let (before, _) = tick(&mut controller, apart);
-    // Stretched by 2 * 2 mm in the scene; the motion scale once more on the way back.
+    // Stretched by 2 * 2 mm in the scene; the force is scaled once more from the proxy to the device.
     assert!((before[0].force.x - 2.0 * SPRING * 4e-3).abs() < 1e-12);
     for _ in 0..=PATIENCE {
         tick(&mut controller, [Some(0.0), None]);
     }
-    // Back, 30 mm further.
+    // The device comes back 30 mm farther away.
     let (back, telemetry) = tick(&mut controller, [Some(0.0), Some(32e-3)]);
     assert_eq!(telemetry.devices[1].safety, SafetyState::Recovering);
     assert!((back[0].force - before[0].force).norm() < 1e-12);
     assert!((telemetry.devices[1].pose.position.x - 4e-3).abs() < 1e-12);
-    // From there on every millimetre counts as before.
+    // From here on, every millimetre counts as before.
     for _ in 0..200 {
         tick(&mut controller, [Some(0.0), Some(32e-3)]);
     }
@@ -129,8 +129,8 @@ fn a_device_that_was_never_there_begins_where_it_is() {
 #[test]
 fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
     let mut controller = controller(Scheme::Capped);
-    // A device that pulls at 5 cm/s (a tenth of a millimetre in the scene a tick), is away, comes back 20 mm further and
-    // pulls on while its force comes back.
+    // The device is pulled at 5 cm/s (a tenth of a millimetre in the scene per tick) and goes away. It comes back 20 mm
+    // farther away, and is pulled on while its force comes back.
     let mut x = 0.0;
     let pull = |controller: &mut Controller, x: &mut f64, ticks: u32| {
         let mut last = None;
@@ -148,24 +148,25 @@ fn a_hold_after_a_device_came_back_is_as_stiff_as_before() {
     let (_, back) = tick(&mut controller, [Some(0.0), Some(x)]);
     assert!((back.devices[1].pose.position.x - 10e-3).abs() < 1e-12);
     let (_, halfway) = pull(&mut controller, &mut x, 50);
-    // A smooth step is half way up in the middle, and its mean until there is 3/16: of 5 mm in the scene.
+    // Halfway, a smooth step is at one half, and its mean up to there is 3/16: of 5 mm in the scene.
     assert!((halfway.devices[1].pose.position.x - 10e-3 - 0.1875 * 5e-3).abs() < 0.05e-3);
     let (wrenches, telemetry) = pull(&mut controller, &mut x, 100);
     let stretch = telemetry.devices[1].pose.position.x;
-    // Half of 10 mm while the force came back, and 5 mm after it.
+    // Half of 10 mm while the force came back, and 5 mm afterwards.
     assert!((stretch - 10e-3 - 5e-3 - 5e-3).abs() < 0.1e-3);
-    // The whole force, for all that is stored was paid for; the motion scale once more on the way to the device.
+    // The force is whole, since the hands supplied all the stored energy; it is scaled once more from the proxy to the
+    // device.
     let asked = 2.0 * SPRING * stretch;
     assert!((wrenches[0].force.x - asked).abs() < 0.01 * asked);
     let energy = telemetry.bodies[0].energy;
     assert_eq!(energy.capped, 0);
-    // Half a step of each tick: K D^2 / 2 each.
+    // Half a step of each tick: `K D^2 / 2` each.
     assert!((energy.supplied - energy.stored).abs() < 0.2e-3);
 }
 
 proptest! {
     #[test]
-    fn the_body_gets_what_the_hands_give_while_a_device_comes_back(
+    fn the_body_gets_the_energy_of_the_hands_while_a_device_comes_back(
         steps in prop::collection::vec((-2e-4..2e-4, -2e-4..2e-4), 150), elsewhere in -0.05..0.05,
     ) {
         let mut controller = controller(Scheme::Linear);
@@ -173,7 +174,7 @@ proptest! {
         let mut given = 0.0;
         let mut telemetry = None;
         for (k, (one, other)) in steps.into_iter().enumerate() {
-            // Stands when it goes silent, and is elsewhere when it comes back: nothing is felt between.
+            // The device rests when it goes away, and is elsewhere when it comes back: no force is felt between.
             let away = (30..30 + 2 * PATIENCE as usize).contains(&k);
             let moved = [one, if away { 0.0 } else { other }];
             if k == 30 + 2 * PATIENCE as usize {

@@ -1,6 +1,6 @@
-//! The coupling: what each scheme renders, that a change of model never makes the force jump, and that
-//! the force fades and returns smoothly when models stop coming.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! The coupling: the wrench of each scheme; a change of model that never makes the force jump; a force that fades and
+//! returns smoothly when models stop coming.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use nalgebra::UnitQuaternion;
@@ -61,8 +61,8 @@ fn hands(left: Vec3, right: Vec3, velocity: f64) -> [(Pose, Twist); 2] {
     ]
 }
 
-/// Ticks until the model is fully trusted and blended in, published once every 20 ms; returns the time
-/// after.
+/// Ticks until the model is fully trusted and blended in; a model is published every 20 ms. Returns the time of the
+/// last tick (ns).
 fn settle(coupling: &mut Coupling, model: &LocalModel, at: &[(Pose, Twist)]) -> u64 {
     let mut now = model.time_ns;
     let mut newer = *model;
@@ -152,7 +152,7 @@ fn models_that_make_no_sense_are_refused_and_counted() {
     assert_eq!(coupling.accept(&crowd), Err(ModelFault::Handles));
     assert_eq!(coupling.accept(&good), Ok(()));
     assert_eq!(coupling.accept(&good), Err(ModelFault::Outdated));
-    // One hand less, though nothing was torn: not this body's.
+    // One hand less, though the topology did not change: these are not the handles of this body.
     let mut torn = spring(2, 11 * MS, 300.0, 2.0, 1.0);
     torn.handle_count = 1;
     assert_eq!(coupling.accept(&torn), Err(ModelFault::Handles));
@@ -170,7 +170,7 @@ fn models_that_make_no_sense_are_refused_and_counted() {
 }
 
 #[test]
-fn a_model_of_a_time_to_come_is_refused_and_a_clock_set_back_is_survived() {
+fn a_model_of_the_future_is_refused_and_a_clock_set_back_is_survived() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
     coupling.tick(1000 * MS, &at);
@@ -182,13 +182,13 @@ fn a_model_of_a_time_to_come_is_refused_and_a_clock_set_back_is_survived() {
         Ok(())
     );
     coupling.tick(1001 * MS, &at);
-    // The clock is set back by nearly a second: what comes now is not older than what was.
+    // The clock is set back by nearly a second. A model of the new time is not outdated.
     coupling.tick(10 * MS, &at);
     assert_eq!(coupling.accept(&spring(3, 9 * MS, 300.0, 0.0, 2.0)), Ok(()));
 }
 
 #[test]
-fn force_fades_without_a_jump_and_comes_back_the_same_way() {
+fn force_fades_without_a_jump_and_comes_back_without_one() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let at = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
     let mut now = settle(&mut coupling, &spring(1, 0, 300.0, 0.0, 2.0), &at);
@@ -202,7 +202,7 @@ fn force_fades_without_a_jump_and_comes_back_the_same_way() {
             coupling.accept(&model).unwrap();
         }
         let force = coupling.tick(now, &at)[0].force.x;
-        // The steepest part of a smooth step is 1.5 times the even slope: 2 N x 1.5 / (0.1 s / 1 ms).
+        // The steepest part of a smooth step is 1.5 times the mean slope: 2 N x 1.5 / (0.1 s / 1 ms).
         assert!(
             (force - last).abs() <= 2.0 * 1.5 / 100.0 + 1e-12,
             "tick {k}: {last} -> {force}"
@@ -256,10 +256,10 @@ fn handle(device: u8) -> impl Strategy<Value = HandleReference> {
         )
 }
 
-/// How long drifts go on where a test looks at one model (s).
+/// Time for which drifts act in tests of a single model (s).
 const AHEAD: f64 = 0.01;
 
-/// Any two-handle model whatsoever: the blend may not rely on symmetry or size.
+/// Any model of two handles: the blend must not rely on symmetry or size.
 fn any_model() -> impl Strategy<Value = LocalModel> {
     (
         handle(0),
@@ -286,7 +286,8 @@ fn any_model() -> impl Strategy<Value = LocalModel> {
 }
 
 proptest! {
-    /// Springs and dampers apart are the whole, and the energy falls by the work of the springs on any way.
+    /// The elastic and viscous parts add up to the whole wrench, and the energy falls by the work of the springs on any
+    /// path.
     #[test]
     fn the_parts_of_a_model_add_up(model in any_model(), left in vector(0.1), right in vector(0.1)) {
         let mut model = model;
@@ -308,18 +309,18 @@ proptest! {
             // Forces of order 100 N, sums of some tens of terms.
             prop_assert!((sum - whole[i].stacked()).amax() < 1e-10);
         }
-        // The force is linear on the way, so the trapezoid is exact; the hands do not turn.
+        // The force is linear along the path, so the trapezoidal rule is exact; the hands do not turn.
         let begin = parts(0.0);
         let mut work = 0.0;
-        for (i, way) in [left, right].iter().enumerate() {
+        for (i, displacement) in [left, right].iter().enumerate() {
             let mean = (begin.elastic[i] + end.elastic[i]) * 0.5;
-            work += mean.fixed_rows::<3>(0).dot(way);
+            work += mean.fixed_rows::<3>(0).dot(displacement);
         }
         prop_assert!((begin.stored - end.stored - work).abs() < 1e-9);
     }
 
-    /// At the tick that takes a new model, even in the middle of a blend, the force at unchanged hands is
-    /// the one rendered before; when the blend is over it is the new model's.
+    /// At the tick that takes a new model, even during a blend, the force on resting hands stays as rendered
+    /// before. After the blend, it is the force of the new model.
     #[test]
     fn a_change_of_model_never_makes_the_force_jump(
         models in proptest::collection::vec(any_model(), 2..5),
@@ -337,7 +338,7 @@ proptest! {
         let mut newest = models[0];
         for (k, model) in models.iter().enumerate().skip(1) {
             let before = coupling.tick(now, &at);
-            // One blending step may follow before the model comes: bring it up to date by probing a copy.
+            // One blending step may follow before the model comes: a copy tells the force after that step.
             let expected = coupling.clone().tick(now, &at);
             let mut model = *model;
             model.sequence = 1000 + k as u64;
@@ -355,7 +356,8 @@ proptest! {
                 coupling.tick(now, &at);
             }
         }
-        // Half of the longest period, 25 ms, and the age limit is 50: fully blended, still trusted.
+        // 26 ms exceed half of the longest period, 25 ms, and stay below the age limit, 50 ms: the model is fully
+        // blended and still trusted.
         for _ in 0..26 {
             now += MS;
             coupling.tick(now, &at);
@@ -375,7 +377,7 @@ fn a_force_that_overflowed_is_gone_with_its_cause() {
     let mut model = spring(1, 0, 300.0, 2.0, 1.5);
     let near = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
     let far = hands(Vec3::new(-f64::MAX, 0.0, 0.0), Vec3::zeros(), 0.0);
-    // A model every fourth tick: each comes before the blend to the one before it has ended.
+    // A model comes every fourth tick, before the blend to the previous one has ended.
     let mut now = 0;
     let mut tick = |coupling: &mut Coupling, at: &[(Pose, Twist)]| {
         if now % (4 * MS) == 0 {
@@ -392,7 +394,7 @@ fn a_force_that_overflowed_is_gone_with_its_cause() {
     for _ in 0..4 {
         tick(&mut coupling, &far);
     }
-    // The next model brings numbers again, at the latest.
+    // At the latest with the next model, the force is finite again.
     for _ in 0..4 {
         tick(&mut coupling, &near);
     }

@@ -1,6 +1,6 @@
-//! Which models are taken into use, and what of one reaches the hand: one that knows of fewer changes of topology than
-//! the one in use is refused, a contact never pulls, and weight comes and goes with the trust in its model.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! Which models the coupling takes into use, and which forces reach the hand. A model of an older topology is refused,
+//! a contact never pulls, and a weight comes and goes with the trust in its model.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use rt_core::coupling::{Coupling, CouplingConfig, HostState};
@@ -9,7 +9,7 @@ use rt_core::{LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Twist, Vec
 
 const MS: u64 = 1_000_000;
 const PERIOD: f64 = 1e-3;
-/// Every scheme but those that read no stiffness.
+/// Every scheme that reads the stiffness of a model.
 const SCHEMES: [Scheme; 4] = [
     Scheme::Linear,
     Scheme::Proxy,
@@ -30,7 +30,7 @@ fn coupling(scheme: Scheme) -> Coupling {
     })
 }
 
-/// One handle at the origin, on which the body does nothing.
+/// A model with one handle at the origin and no force.
 fn model(sequence: u64, epoch: u32, time_ns: u64) -> LocalModel {
     let mut model = LocalModel::empty();
     model.sequence = sequence;
@@ -41,7 +41,7 @@ fn model(sequence: u64, epoch: u32, time_ns: u64) -> LocalModel {
     model
 }
 
-/// One hand at a place, at a velocity.
+/// One hand at a position (m) with a velocity (m/s).
 fn at(position: Vec3, velocity: Vec3) -> [(Pose, Twist); 1] {
     let twist = Twist {
         linear: velocity,
@@ -50,7 +50,7 @@ fn at(position: Vec3, velocity: Vec3) -> [(Pose, Twist); 1] {
     [(Pose::at(position), twist)]
 }
 
-/// A tick, and the device holds what comes of it.
+/// One tick, after which the device holds the rendered wrench.
 fn tick(coupling: &mut Coupling, now_ns: u64, hand: &[(Pose, Twist); 1]) -> Wrench {
     let [wrench, ..] = coupling.tick(now_ns, hand);
     let mut held = [Wrench::zero(); MAX_DEVICES];
@@ -65,7 +65,7 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
     for scheme in SCHEMES {
         let mut coupling = coupling(scheme);
         assert_eq!(coupling.accept(&model(1, 5, 10 * MS)), Ok(()));
-        // Before it is taken into use, and after.
+        // Before the first model is taken into use, and after.
         for (refused, now) in [(1, 11), (2, 12)] {
             let older = model(1 + refused, 4, now * MS);
             assert_eq!(coupling.accept(&older), Err(ModelFault::Outdated));
@@ -73,7 +73,7 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
             tick(&mut coupling, now * MS, &still);
             assert_eq!((coupling.model().epoch, coupling.model().sequence), (5, 1));
         }
-        // The same epoch, and a later one, are taken.
+        // A model of the same epoch and one of a later epoch are taken.
         for (sequence, epoch) in [(4, 5), (5, 6)] {
             let newer = model(sequence, epoch, (20 + sequence) * MS);
             assert_eq!(coupling.accept(&newer), Ok(()));
@@ -86,14 +86,14 @@ fn a_model_of_an_older_topology_is_refused_however_new_it_is() {
 
 #[test]
 fn a_contact_pushes_and_never_pulls() {
-    // A wall along x, soft sideways, that damps what moves in it.
+    // A wall along x, compliant in the tangent plane, that damps a handle inside it.
     let (k, sideways, b) = (1000.0, 200.0, 5.0);
     let mut wall = model(1, 0, MS);
     wall.handles[0].contact = Vec3::x();
     wall.stiffness[0][0][(0, 0)] = k;
     wall.stiffness[0][0][(1, 1)] = sideways;
     wall.damping[0][0][(0, 0)] = b;
-    // Not the classic controller, which takes back in the air what the wall gave too much.
+    // The classic controller is left out: in the air it takes back the excess energy of the wall.
     for scheme in [Scheme::Linear, Scheme::Proxy, Scheme::Capped] {
         let mut coupling = coupling(scheme);
         coupling.accept(&wall).expect("a sound model");
@@ -104,7 +104,7 @@ fn a_contact_pushes_and_never_pulls() {
         for _ in 0..20 {
             force(0.0, 0.0, 0.0);
         }
-        // Slowly in: a tenth of a millimetre in twenty ticks. It pushes.
+        // The hand goes in slowly: a tenth of a millimetre in twenty ticks. The wall pushes.
         let mut deep = Vec3::zeros();
         for step in 1..=20 {
             deep = force(-5e-6 * f64::from(step), 0.0, 0.0);
@@ -114,7 +114,7 @@ fn a_contact_pushes_and_never_pulls() {
             (deep.x / (k * 1e-4) - 1.0).abs() < 0.05,
             "{scheme:?} {deep}"
         );
-        // Out of the wall: nothing, neither of its spring nor of its damper. To the last bit but for a blend's rounding.
+        // Outside the wall, neither its spring nor its damper acts, up to the rounding of a blend.
         for step in 1..=20 {
             let x = 5e-6 * f64::from(step);
             let air = force(x, 0.0, 5e-3);
@@ -137,7 +137,7 @@ fn a_contact_holds_sideways_also_where_it_would_pull() {
         coupling.accept(&wall).expect("a sound model");
         let mut force = Vec3::zeros();
         for step in 0..=40 {
-            // First its trust comes, then the hand goes sideways and out at once.
+            // First the trust in the model grows; then the hand goes sideways and out at once.
             let s = 1e-6 * f64::from((step - 20).max(0));
             let hand = at(Vec3::new(s, s, 0.0), Vec3::zeros());
             force = tick(&mut coupling, 2 * MS, &hand).force;
@@ -169,14 +169,14 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
         for _ in 0..40 {
             tick(&mut coupling, 0.0);
         }
-        // No newer model comes: it grows too old at 50 ms, and fades for 100 ms, while the hand lifts it. What has been
-        // raised is at each moment what is held up then, times the height.
+        // No newer model comes. The model grows too old at 50 ms and fades for 100 ms, while the hand lifts the weight.
+        // The raised energy is at each moment the weight that is then held times the height.
         let (mut faded, mut seen) = (0, [false; 2]);
         for step in 1..=200 {
             let height = 1e-4 * f64::from(step);
-            let share = tick(&mut coupling, height) / -weight;
+            let fraction = tick(&mut coupling, height) / -weight;
             let raised = coupling.energy().raised;
-            let expected = share * weight * height;
+            let expected = fraction * weight * height;
             // Sums of two hundred terms, each of some hundredths of a joule, in double precision.
             assert!(
                 (raised - expected).abs() < 1e-12,
@@ -184,16 +184,16 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
             );
             match coupling.state() {
                 HostState::Live => {
-                    assert!((share - 1.0).abs() < 1e-12, "{scheme:?}");
+                    assert!((fraction - 1.0).abs() < 1e-12, "{scheme:?}");
                     seen[0] = true;
                 }
                 HostState::Fading => {
-                    assert!(share < 1.0 && share > 0.0, "{scheme:?} {share}");
+                    assert!(fraction < 1.0 && fraction > 0.0, "{scheme:?} {fraction}");
                     faded += 1;
                 }
                 HostState::Held => {
-                    // Nothing is held up any more; `raised` has been checked above.
-                    assert_eq!(share, 0.0, "{scheme:?}");
+                    // No weight is held any more; `raised` has been checked above.
+                    assert_eq!(fraction, 0.0, "{scheme:?}");
                     seen[1] = true;
                 }
                 HostState::Waiting => panic!("a model is in use"),
@@ -204,12 +204,12 @@ fn weight_comes_and_goes_with_the_trust_in_its_model() {
 }
 
 #[test]
-fn a_drift_goes_on_to_the_horizon_and_levels_off_within_another() {
+fn a_drift_acts_up_to_the_horizon_and_levels_off_within_another() {
     let mut model = LocalModel::empty();
     model.time_ns = 5 * MS;
     model.horizon = 0.02;
     let ahead = |age_ms: f64| model.ahead(5 * MS + (age_ms * 1e6) as u64);
-    // A model of a time to come has no age yet. Rounding of hundredths of a second.
+    // A model of the future has no age yet. The tolerance covers the rounding of hundredths of a second.
     assert_eq!(model.ahead(0), 0.0);
     for (age_ms, expected) in [
         (0.0, 0.0),
@@ -225,10 +225,10 @@ fn a_drift_goes_on_to_the_horizon_and_levels_off_within_another() {
             ahead(age_ms)
         );
     }
-    // Neither end has a corner: the slope is one before the horizon, and falls evenly to nothing.
+    // The slope is continuous: it is one before the horizon, and falls evenly to zero.
     let slope = |age_ms: f64| (ahead(age_ms + 0.01) - ahead(age_ms - 0.01)) / 2e-5;
     for (age_ms, expected) in [(19.9, 1.0), (20.0, 1.0), (25.0, 0.75), (40.0, 0.0)] {
-        // A kink of the second derivative, 50 a second, over a hundredth of a millisecond.
+        // The second derivative jumps by 50 per second; the difference spans a hundredth of a millisecond.
         assert!(
             (slope(age_ms) - expected).abs() < 5e-4,
             "{age_ms} ms: {}",

@@ -1,13 +1,13 @@
-//! The account of energy, and the cap: what the hands get back is never more than they gave, however stiff the wall,
-//! late the device or wrong the models; and where nothing is wrong nothing is taken. And the classic controller, which
-//! takes back what came out.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! The energy account and the cap: the hands never get back more than they supplied, however stiff the wall, late the
+//! device or wrong the models; and where nothing is wrong, the cap withholds nothing. Then the classic controller,
+//! which takes back the energy that came out.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
@@ -19,10 +19,10 @@ const PERIOD: f64 = 1e-3;
 /// Moving mass (kg) and damping (N s/m) of the device.
 const MASS: f64 = 0.1;
 const DAMPING: f64 = 0.5;
-/// What a sampled wall may have on this device (N/m): Colgate and Schenkel's `2 b / T`.
+/// Largest passive stiffness of a sampled wall on this device (N/m): Colgate and Schenkel's `2 b / T`.
 const BOUND: f64 = 2.0 * DAMPING / PERIOD;
 
-/// A device that moves along x, and what it renders.
+/// A device that moves along x, and the forces that it renders.
 struct Rig {
     controller: Controller,
     estimator: VelocityEstimator,
@@ -48,7 +48,7 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
     }; MAX_DEVICES];
     let mut config = ControllerConfig::default();
     let _ = config.devices.push(DeviceConfig {
-        proxy: Proxy::at(Vec3::zeros()),
+        frame: DeviceFrame::at(Vec3::zeros()),
         safety: SafetyConfig {
             actuated: Freedom::Three,
             max_force: 20.0,
@@ -106,7 +106,7 @@ impl Rig {
         self.controller.accept(0, model).expect("a sound model");
     }
 
-    /// One tick, then the time until the next under the force of `hand` (N, at time, place, velocity).
+    /// One tick, then the motion until the next under the force of `hand` (N; of time, position and velocity).
     fn tick(&mut self, hand: impl Fn(f64, f64, f64) -> f64) {
         let velocity = self.estimator.update(&Vec3::new(self.x, 0.0, 0.0));
         let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
@@ -140,14 +140,14 @@ impl Rig {
     }
 }
 
-/// A hand that pushes into the wall and leads back, ever faster: from 0.5 to 40 Hz.
+/// A hand that pushes into the wall and retreats, ever faster: from 0.5 to 40 Hz.
 fn sweep(t: f64, _: f64, v: f64) -> f64 {
     let phase = core::f64::consts::TAU * (0.5 * t + 39.5 / 20.0 * t * t);
     -3.0 + 2.5 * phase.sin() - 0.5 * v
 }
 
-/// The stiffness up to which a plain sampled spring is passive at the hand (N/m): Colgate and Schenkel's, with a
-/// `delay` in ticks `b > K T / 2 max sin((2 d + 1) x / 2) / sin(x / 2)`, the maximum at `x = 0`.
+/// Stiffness up to which a plain sampled spring is passive at the hand (N/m). Colgate and Schenkel: with a `delay` of
+/// `d` ticks, `b > K T / 2 max sin((2 d + 1) x / 2) / sin(x / 2)`, with the maximum at `x = 0`.
 fn bound(delay: usize) -> f64 {
     BOUND / (2 * delay + 1) as f64
 }
@@ -168,9 +168,9 @@ fn a_wall_ten_times_too_stiff_gives_the_hand_no_more_than_the_allowance() {
             let rig = pressed(Scheme::Capped, times * bound(delay), delay);
             let account = rig.energy();
             println!("{delay} {times} {:.2e} {account:?}", rig.least_hand_work);
-            // Twice the allowance and some, at the hand's own port.
+            // Twice the allowance and a margin, at the port of the hand.
             assert!(rig.least_hand_work > -1e-3, "{delay} {times}");
-            // The controller's own account says so, too.
+            // The controller's own account agrees.
             assert!(account.least > -1e-3, "{delay} {times}");
         }
     }
@@ -182,7 +182,7 @@ fn the_account_is_the_work_done_at_the_device() {
         for delay in [0, 2] {
             let rig = pressed(scheme, 2.0 * bound(delay), delay);
             let supplied = rig.energy().supplied;
-            // The force is held over a tick, so that its work is exact; the last tick is not accounted for yet.
+            // The force is held over a tick, so its work is exact. The last tick is not accounted for yet.
             let last = 20.0 * 1e-3;
             assert!(
                 (supplied + rig.device_work).abs() < last,
@@ -195,7 +195,7 @@ fn the_account_is_the_work_done_at_the_device() {
 
 #[test]
 fn a_plain_wall_ten_times_too_stiff_makes_energy() {
-    // What the tests above could not tell if the cap did nothing.
+    // Without the cap, the tests above would fail.
     let account = pressed(Scheme::Linear, 10.0 * BOUND, 0).energy();
     assert!(account.least < -0.05, "{account:?}");
 }
@@ -205,7 +205,7 @@ fn a_wall_pressed_slowly_is_as_stiff_as_asked() {
     let k = 5.0 * BOUND;
     let mut rig = rig(Scheme::Capped, 0, 1e-3);
     rig.accept(&wall(k, 1, 1));
-    // Led by the hand to a millimetre deep in two seconds, and held.
+    // The hand goes one millimetre deep in two seconds, and holds.
     let deep = |t: f64| -2e-3 * (t / 2.0).min(1.0) + 1e-3;
     for _ in 0..3000 {
         rig.tick(|t, x, v| 2e4 * (deep(t) - x) - 60.0 * v);
@@ -216,7 +216,7 @@ fn a_wall_pressed_slowly_is_as_stiff_as_asked() {
 }
 
 #[test]
-fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_come() {
+fn a_device_that_was_silent_is_credited_with_its_slowest_possible_motion() {
     let mut passivity = PassivityConfig::new(PERIOD);
     let (damping, friction) = (0.5, 0.3);
     passivity.ports[0].damping = damping;
@@ -235,13 +235,14 @@ fn a_device_that_was_silent_is_credited_with_the_slowest_way_that_it_can_have_co
     }
     let (far, silent) = (5e-3, 100.0 * PERIOD);
     let found = at(2.0 * count + far) - before;
-    // Friction over the way, and the damper's `b D^2 / t`: a share of them. Taken for one tick's it would be 5 mJ.
+    // Friction over the path, and `b D^2 / t` of the damper: a fraction of both. If the path were taken to be that of
+    // one tick, it would be 5 mJ.
     let expected = passivity.credit * far * (friction + damping * far / silent);
     assert!((found / expected - 1.0).abs() < 1e-12, "{found} {expected}");
 }
 
 #[test]
-fn what_a_device_dissipates_in_turning_is_credited_as_well() {
+fn the_dissipation_of_a_rotation_is_credited_as_well() {
     let mut passivity = PassivityConfig::new(PERIOD);
     let (damping, friction) = (5e-3, 0.02);
     passivity.ports[0].turning_damping = damping;
@@ -263,7 +264,7 @@ fn what_a_device_dissipates_in_turning_is_credited_as_well() {
     let expected = passivity.credit * count * (friction + damping * count / PERIOD);
     // Rounding of a small angle's logarithm.
     assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
-    // To and fro about a count's edge nothing is.
+    // A flicker about the edge of a count is credited nothing.
     let before = at(2.0 * count);
     for _ in 0..10 {
         at(3.0 * count);
@@ -272,7 +273,7 @@ fn what_a_device_dissipates_in_turning_is_credited_as_well() {
 }
 
 #[test]
-fn what_a_body_stores_when_it_is_taken_hold_of_is_its_own() {
+fn the_energy_stored_in_the_first_model_belongs_to_the_body() {
     let mut coupling = Coupling::new(coupling_config(
         Scheme::Capped,
         &PassivityConfig::new(PERIOD),
@@ -286,7 +287,7 @@ fn what_a_body_stores_when_it_is_taken_hold_of_is_its_own() {
     coupling.accept(&model).expect("a sound model");
     let still = [(Pose::identity(), Twist::zero())];
     let last = (0..100).map(|_| coupling.tick(1, &still)[0].force.x).last();
-    // No hand has put it in, and yet it is there: 22 times the allowance.
+    // No hand has supplied this energy, and yet it is available: 22 times the allowance.
     assert_eq!(last, Some(pull));
     assert_eq!(coupling.energy().capped, 0);
     let more = coupling.energy().available - model.energy;
@@ -300,10 +301,10 @@ fn the_classic_controller_restores_passivity_up_to_three_times_the_bound() {
         let wall = 3.0 * bound(delay);
         assert!(pressed(Scheme::Linear, wall, delay).least_hand_work < -0.05);
         let rig = pressed(Scheme::Classic, wall, delay);
-        // None at all at the hand: what the device dissipates covers what is taken back late.
+        // No energy comes out at the hand: the dissipation of the device covers the energy that is taken back late.
         assert_eq!(rig.least_hand_work, 0.0, "{delay}");
         assert!(rig.energy().capped > 0);
-        // Five times: less than a millijoule comes out before it is taken back.
+        // At five times the bound, less than a millijoule comes out before it is taken back.
         let rig = pressed(Scheme::Classic, 5.0 * bound(delay), delay);
         assert!(rig.least_hand_work > -1e-3, "{delay}");
     }
@@ -314,7 +315,7 @@ fn the_classic_controller_leaves_a_passive_wall_untouched() {
     let forces = |scheme| {
         let mut rig = rig(scheme, 0, 1e-3);
         let mut wall = wall(BOUND, 1, 1);
-        // Four times what makes a sampled spring passive by itself: the filter of the velocity lags.
+        // Four times the damping that makes a sampled spring passive by itself: the velocity filter lags.
         wall.damping[0][0][(0, 0)] = 4.0 * BOUND * PERIOD / 2.0;
         rig.accept(&wall);
         for _ in 0..10_000 {
@@ -336,7 +337,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
         port.most_damping = most;
     }
     let mut coupling = Coupling::new(coupling_config(Scheme::Classic, &passivity));
-    // A body that pushes both hands along, whatever they do.
+    // A body that pushes both hands, whatever they do.
     let mut model = wall(0.0, 1, 1);
     model.period = PERIOD;
     model.handle_count = 2;
@@ -348,7 +349,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     coupling.accept(&model).expect("a sound model");
     let speed = 0.1;
     for k in 0..10 {
-        // The first model comes in over two ticks.
+        // The force of the first model grows over two ticks.
         let pushed = (f64::from(k) / 2.0).min(1.0);
         let pose = Pose::at(Vec3::x() * (speed * PERIOD * f64::from(k)));
         let twist = Twist {
@@ -357,7 +358,7 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
         };
         let wrenches = coupling.tick(1, &[(pose, twist); 2]);
         let supplied = coupling.energy().supplied;
-        // What is missing is soon more than both devices can take out in a tick.
+        // The missing energy soon exceeds what both devices can take out in a tick.
         let most = if supplied < -4.0 * speed * speed * PERIOD {
             [1.0, 3.0]
         } else {
@@ -379,8 +380,8 @@ fn the_classic_controller_damps_each_hand_as_far_as_its_device_can() {
     assert!(coupling.energy().supplied < -4.0 * speed * speed * PERIOD);
 }
 
-/// Share of a wall's stiffness that a device shows a trembling hand in the last of so many seconds, with counts known or
-/// not.
+/// Fraction of a wall's stiffness that a trembling hand feels in the last of the given seconds. `known` tells whether
+/// the account knows the encoder count.
 fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
     let (k, count) = (10.0 * BOUND, 4e-5);
     let mut passivity = PassivityConfig::new(PERIOD);
@@ -398,7 +399,7 @@ fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
     for tick in 0..1000 * seconds {
         let t = f64::from(tick) * PERIOD;
         let grown = t.min(1.0);
-        // Half a millimetre deep, and 0.1 mm at 10 Hz about it.
+        // Half a millimetre deep, with a tremor of 0.1 mm at 10 Hz.
         let deep = grown * (0.5e-3 + 0.1e-3 * (20.0 * core::f64::consts::PI * t).sin());
         let shown = Vec3::new(-(deep / count).round() * count, 0.0, 0.0);
         let twist = Twist {
@@ -419,11 +420,11 @@ fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
 
 #[test]
 fn a_wall_of_counts_stays_stiff_in_a_trembling_hand() {
-    // Ten times the bound, and less than 2 (1 - 0.4) f_c / D = 12,000 N/m.
+    // Ten times the bound, but less than 2 (1 - 0.4) f_c / D = 12,000 N/m.
     let felt = held_by_a_trembling_hand(true, 30);
-    // Dampers and counts average out over whole periods but for some per mille.
+    // Over whole periods, dampers and counts average out to a few per mille.
     assert!((felt - 1.0).abs() < 0.01, "{felt}");
-    // What the test could not tell if the counts did nothing: the wall goes soft.
+    // Without the correction for counts, the wall becomes soft.
     let soft = held_by_a_trembling_hand(false, 30);
     assert!(soft < 0.9, "{soft}");
 }
@@ -441,9 +442,9 @@ fn a_single_count_back_is_no_velocity() {
     let mut model = wall(k, 1, 1);
     model.damping[0][0][(0, 0)] = b;
     coupling.accept(&model).expect("a sound model");
-    // What the estimate of a velocity makes of counts is late: it may have any sign.
+    // The estimated velocity of counts is late: it may have any sign.
     let speed = 0.01;
-    // What acts beside the spring when so many counts deep.
+    // The force beside that of the spring, at so many counts of depth.
     let mut beside = |deep: f64| {
         let twist = Twist {
             linear: Vec3::x() * speed,
@@ -456,7 +457,7 @@ fn a_single_count_back_is_no_velocity() {
         coupling.hold(&held, &[1.0; MAX_DEVICES]);
         wrenches[0].force.x - k * deep * count
     };
-    // The first model comes in by and by; then the hand gets in, count by count: no step turns back.
+    // The force of the first model grows gradually. Then the hand goes in, count by count: no step reverses.
     for _ in 0..2000 {
         beside(0.0);
     }
@@ -464,17 +465,17 @@ fn a_single_count_back_is_no_velocity() {
         beside(deep);
     }
     let damper = -b * speed;
-    // Half a step is led by the stiffness: all of a count that follows another.
+    // The stiffness leads by half a step: by half of each count that follows another.
     let lead = 0.5 * k * count;
     // Differences of forces of some newtons.
     let is = |found: f64, expected: f64| assert!((found - expected).abs() < 1e-12, "{found}");
     is(beside(7.0), damper + lead);
     is(beside(7.0), damper);
-    // A tremor on the edge of a count: neither damper nor lead, nor while it rests.
+    // During a tremor on the edge of a count, neither damper nor lead acts, nor between the counts.
     for deep in [6.0, 6.0, 7.0, 6.0, 6.0, 7.0] {
         is(beside(deep), 0.0);
     }
-    // On from there, and two counts back at once: so a hand goes.
+    // One more count onward, and two counts back at once: such steps are motions of the hand.
     is(beside(8.0), damper + lead);
     is(beside(6.0), damper - 2.0 * lead);
     is(beside(6.0), damper);

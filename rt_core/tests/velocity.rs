@@ -1,6 +1,6 @@
-//! A damper on an estimated velocity: what [`most_damping`] allows stops a bare device, and how
-//! much more would.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! A damper on an estimated velocity: the damping that [`most_damping`] allows stops a bare device; the tests also tell
+//! how much more damping would.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use rt_core::Vec3;
@@ -9,13 +9,13 @@ use std::collections::VecDeque;
 
 const MASS: f64 = 0.1;
 
-/// A mass that nothing but a sampled damper slows.
+/// A mass that only a sampled damper slows.
 struct Loop {
     estimator: VelocityEstimator,
     period: f64,
     mass: f64,
     damping: f64,
-    /// Counts (m); zero where positions are known exactly.
+    /// Encoder count (m); zero where positions are exact.
     count: f64,
     /// Forces that the device has yet to render.
     coming: VecDeque<f64>,
@@ -24,7 +24,7 @@ struct Loop {
 }
 
 impl Loop {
-    /// With so many ticks from command to force.
+    /// `delay` is the number of ticks from command to force.
     fn new(estimator: &VelocityEstimator, period: f64, mass: f64, delay: usize) -> Self {
         Self {
             estimator: *estimator,
@@ -38,7 +38,7 @@ impl Loop {
         }
     }
 
-    /// The largest speed (m/s) in the last of four seconds, from `start` (m/s).
+    /// The largest speed (m/s) in the last of four seconds, after a start at speed `start` (m/s).
     fn left(mut self, damping: f64, start: f64) -> f64 {
         (self.damping, self.v) = (damping, start);
         let ticks = (4.0 / self.period) as usize;
@@ -52,7 +52,7 @@ impl Loop {
             let found = self.estimator.update(&Vec3::new(seen, 0.0, 0.0)).x;
             self.coming.push_back(-self.damping * found);
             let force = self.coming.pop_front().unwrap_or_default();
-            // Held over the tick: the motion is exact.
+            // The force is held over the tick: the motion is exact.
             let gain = force / self.mass * self.period;
             self.x += (self.v + 0.5 * gain) * self.period;
             self.v += gain;
@@ -67,10 +67,9 @@ impl Loop {
     }
 }
 
-/// Whether `times` the mass over all delays stops it, positions being known exactly.
+/// Whether a damping of `times` the mass over all delays stops the device, with exact positions.
 fn stops(method: Method, period: f64, delay: usize, times: f64) -> bool {
-    // A count so large that every window is full: what adaptive windows come to where the motion is
-    // small.
+    // A count so large that every window is full, as adaptive windows are where the motion is small.
     let step = match method {
         Method::EndFit { .. } | Method::BestFit { .. } => 1e3,
         _ => 30e-6,
@@ -82,7 +81,7 @@ fn stops(method: Method, period: f64, delay: usize, times: f64) -> bool {
 }
 
 #[test]
-fn a_damper_is_stable_up_to_nearly_six_times_what_is_allowed() {
+fn a_damper_is_stable_up_to_nearly_six_times_the_allowed_damping() {
     let mut methods = vec![Method::LowPass { cutoff: 80.0 }];
     for window in [1, 2, 4, 8, 16] {
         methods.push(Method::EndFit { window });
@@ -94,9 +93,9 @@ fn a_damper_is_stable_up_to_nearly_six_times_what_is_allowed() {
     for method in methods {
         for period in [1e-3, 2.5e-4] {
             for delay in [0, 1, 3] {
-                // 1.44 m / t, 5.8 times what is allowed; pi / 2 is where a pure delay ends.
+                // 1.44 m / t is 5.8 times the allowed damping; a pure delay is stable up to pi / 2.
                 assert!(stops(method, period, delay, 1.44), "{method:?} {delay}");
-                // A first-order filter turns the phase less than a delay where its gain is small.
+                // Where its gain is small, a first-order filter turns the phase less than a delay.
                 if !matches!(method, Method::LowPass { .. }) {
                     assert!(!stops(method, period, delay, 2.4), "{method:?} {delay}");
                 }
@@ -105,9 +104,8 @@ fn a_damper_is_stable_up_to_nearly_six_times_what_is_allowed() {
     }
 }
 
-/// What counts leave of a bare device's speed under so many times the damping that is allowed, over
-/// the speed that one count more or less gives it: the estimate of a lone count adds up to that
-/// count, so the damper's impulse is `B count`.
+/// The speed of a bare device that counts leave under `times` the allowed damping, relative to the speed that a single
+/// count gives it. The estimates for a lone count add up to that count, so the damper's impulse is `B count`.
 fn left_by_counts(count: f64, mass: f64, period: f64, times: f64) -> f64 {
     let estimator = VelocityEstimator::for_encoder(period, count);
     let damping = times * most_damping(mass, period, estimator.delay());
@@ -118,8 +116,8 @@ fn left_by_counts(count: f64, mass: f64, period: f64, times: f64) -> f64 {
 }
 
 #[test]
-fn counts_leave_less_than_one_gives_up_to_four_times_what_is_allowed() {
-    // Counts (m) and moving masses (kg) of common devices, without the friction that stops them
+fn counts_leave_less_speed_than_a_single_count_gives_up_to_four_times_the_allowed_damping() {
+    // Encoder counts (m) and moving masses (kg) of common devices, without the friction that would stop them
     // altogether.
     for (count, mass) in [(38e-6, 0.15), (55e-6, 0.045), (30e-6, 0.075), (10e-6, 0.2)] {
         for period in [1e-3, 2.5e-4] {
@@ -127,8 +125,7 @@ fn counts_leave_less_than_one_gives_up_to_four_times_what_is_allowed() {
                 let left = left_by_counts(count, mass, period, times);
                 assert!(left < 1.0, "{count} {period} {times}: {left}");
             }
-            // Far beyond what is stable, where windows have grown short as well: a limit cycle over
-            // many counts.
+            // Far beyond the stable damping, where windows have become short as well: a limit cycle over many counts.
             let left = left_by_counts(count, mass, period, 40.0);
             assert!(left > 1.0, "{count} {period}: {left}");
         }

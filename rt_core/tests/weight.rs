@@ -1,6 +1,6 @@
-//! Weight under the cap: a potential gives back what it was given, wherever it is carried; only where it is taken away
-//! and comes back higher up somebody pays.
-// The fence of `rt_core/clippy.toml` is around the law, not around its tests.
+//! Weight under the cap. The weight is a potential, which gives back the work of lifting wherever it is carried. Only a
+//! weight that is removed and restored higher up has to be paid for.
+// The lints of `rt_core/clippy.toml` are for the law, not for its tests.
 #![allow(clippy::disallowed_macros, clippy::disallowed_types)]
 
 use rt_core::coupling::{Coupling, CouplingConfig};
@@ -23,7 +23,7 @@ fn coupling() -> Coupling {
     })
 }
 
-/// A body that hangs from one hand at a height (m), on a spring that it does not stretch.
+/// A body that hangs from one hand at a height (m), without stiffness.
 fn hanging(sequence: u64, time_ns: u64, height: f64) -> LocalModel {
     let mut model = LocalModel::empty();
     model.sequence = sequence;
@@ -36,7 +36,7 @@ fn hanging(sequence: u64, time_ns: u64, height: f64) -> LocalModel {
     model
 }
 
-/// A hand that carries it, and what the device holds.
+/// A hand that carries the body, on a device that holds the rendered force.
 struct Hand {
     coupling: Coupling,
     now_ns: u64,
@@ -44,7 +44,8 @@ struct Hand {
 }
 
 impl Hand {
-    /// Goes to a height (m) at a tenth of a metre a second, with a model every `every` ticks; the force at the end.
+    /// Goes to a height (m) at a tenth of a metre per second, with a model every `every` ticks. Returns the last force
+    /// (N).
     fn go(&mut self, height: f64, every: u64) -> f64 {
         let ticks = ((height - self.height).abs() / 1e-4).round().max(60.0) as u64;
         let from = self.height;
@@ -74,7 +75,7 @@ fn hand() -> Hand {
         now_ns: MS,
         height: 0.0,
     };
-    // The force comes with the trust in the first models, where the hand is.
+    // The force grows with the trust in the first models, at the place of the hand.
     hand.go(0.0, 4);
     hand
 }
@@ -82,10 +83,10 @@ fn hand() -> Hand {
 #[test]
 fn a_weight_is_felt_in_full_wherever_it_is_carried() {
     let mut hand = hand();
-    // Down by a hand's length: two hundred times the allowance comes out, all of it lifted before or since.
+    // A hand's length down: two hundred times the allowance comes out, all of it lifted before or since.
     for height in [-0.1, 0.1, 0.0] {
         let force = hand.go(height, 4);
-        // Exact but for the rounding of sums.
+        // Exact up to the rounding of sums.
         assert!((force + WEIGHT).abs() < 1e-9, "{force} at {height}");
         let energy = hand.coupling.energy();
         assert!((energy.raised - WEIGHT * height).abs() < 1e-3, "{energy:?}");
@@ -96,13 +97,13 @@ fn a_weight_is_felt_in_full_wherever_it_is_carried() {
 #[test]
 fn a_weight_that_comes_back_higher_up_is_paid_for() {
     let mut hand = hand();
-    // Too old a model: the weight is gone, and the hand lifts nothing.
+    // The model grows too old: the weight is gone, and the hand lifts nothing.
     hand.go(0.0, 0);
     hand.go(0.1, 0);
     assert_eq!(hand.coupling.trust(), 0.0);
     hand.go(0.1, 4);
     let energy = *hand.coupling.energy();
-    // Twenty centijoules that nobody put in are owed now.
+    // The account now owes 0.2 J that nobody supplied.
     assert!((energy.raised - 0.1 * WEIGHT).abs() < 1e-3, "{energy:?}");
     assert!(energy.available < -0.19, "{energy:?}");
     assert!(energy.supplied - energy.raised < -0.19, "{energy:?}");

@@ -1,16 +1,17 @@
-//! An adversary: it searches for the motion of a hand that gets most energy out of a controller.
+//! An adversary: a search for the motion of a hand that gets the most energy out of a controller.
 //!
-//! The controller is a black box ([`Rendering`]): a position in each tick, a force out, and a way back to the
-//! start, so that yours can be put here as well. The hand is perfectly stiff and imposes the motion. Between two
-//! ticks a straight line is the cheapest way, so the work done on the hand over a step `D` under the held force
-//! `F` is `F D - b D^2 / T - f_c |D|` exactly, whatever the device's mass: a hand that stops has given back what
-//! kinetic energy it took. That is the **port's** account ([`Port::play`]); the controller's own is not asked.
+//! The controller is a black box ([`Rendering`]): it takes a position in each tick, returns a force, and can be reset
+//! to its start. A controller of the user's own can take its place. The hand is perfectly stiff and imposes the motion.
+//! Between two ticks, a straight line costs the least energy. The work done on the hand over a step `D` under the held
+//! force `F` is therefore exactly `F D - b D^2 / T - f_c |D|`. The device's mass has no effect: a hand that stops has
+//! given back the kinetic energy that it took. This is the account of the **port** ([`Port::play`]); the controller's
+//! own account is not used.
 //!
-//! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine: a sweep of frequencies,
-//! seeded draws from families of motions ([`Family`]: sinusoids, chirps, cycles of steps, strokes and taps, strokes
-//! along the edges of encoder counts), evolution of their parameters, then of the bare samples. Where the force is a
-//! function of the place alone, dynamic programming ([`best_among`]) finds the best motion outright; it can be handed
-//! to the search to begin with.
+//! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine. It sweeps frequencies, draws
+//! seeded motions from families ([`Family`]: sinusoids, chirps, cycles of steps, strokes and taps, strokes along the
+//! edges of encoder counts), evolves their parameters, and then evolves the bare samples. Where the force depends on
+//! the position alone, dynamic programming ([`best_among`]) finds the best motion directly; the search can start from
+//! that motion.
 //!
 //! ```
 //! use sim::adversary::{Adversary, Goal, Limits, Port, Rendering};

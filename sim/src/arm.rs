@@ -1,18 +1,28 @@
-//! What an arm feels like from the handle that it holds, and the grips from relaxed to rigid.
+//! The impedance of an arm at the handle that it holds, and the grips from relaxed to rigid.
 //!
-//! A mass that moves with the handle, and a spring and a damper from it to where the hand wants to be. The
-//! named grips span what people do with a stylus or a knob: from two fingers that barely hold it
-//! ([`Arm::RELAXED`]) to a braced fist ([`Arm::RIGID`]). [`Arm::TYPICAL`] is a published fit; the other
-//! three are round numbers at the ends and in the upper part of the published ranges.
+//! The arm is a mass that moves with the handle, and a spring and a damper from the handle to the aim of the hand. The
+//! named grips span the use of a stylus or a knob: from two fingers that barely hold the handle ([`Arm::RELAXED`]) to a
+//! braced fist ([`Arm::RIGID`]). [`Arm::TYPICAL`] is a published fit. The other three are round numbers at the ends and
+//! in the upper part of the published ranges.
 
-/// What an arm looks like from the handle that it holds.
+/// The impedance of an arm at the handle that it holds.
+///
+/// ```
+/// use sim::Arm;
+///
+/// assert_eq!(Arm::named("rigid"), Some(Arm::RIGID));
+/// assert_eq!(Arm::between(0.0), Arm::RELAXED);
+/// // Halfway, each number is the geometric mean of the two ends.
+/// let middle = Arm::between(0.5);
+/// assert!((middle.stiffness - (30.0_f64 * 2000.0).sqrt()).abs() < 1e-9);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arm {
     /// Mass that moves with the handle (kg).
     pub mass: f64,
-    /// Damping between the handle and where the hand wants to be (N s/m).
+    /// Damping between the handle and the aim of the hand (N s/m).
     pub damping: f64,
-    /// Stiffness between the handle and where the hand wants to be (N/m).
+    /// Stiffness between the handle and the aim of the hand (N/m).
     pub stiffness: f64,
 }
 
@@ -31,7 +41,7 @@ impl Arm {
         stiffness: 135.0,
     };
 
-    /// A hand that means to hold on: three quarters of the way from relaxed to rigid.
+    /// A hand that means to hold on: three quarters of the range from relaxed to rigid.
     pub const FIRM: Self = Self {
         mass: 0.95,
         damping: 25.0,
@@ -53,34 +63,34 @@ impl Arm {
         ("rigid", Self::RIGID),
     ];
 
-    /// The grip of that name among [`Arm::GRIPS`].
+    /// The grip of that name among [`Arm::GRIPS`]; `None` for an unknown name.
     pub fn named(name: &str) -> Option<Self> {
         let grip = Self::GRIPS.iter().find(|(known, _)| *known == name)?;
         Some(grip.1)
     }
 
-    /// Nobody holds the device.
+    /// A device that nobody holds.
     pub(crate) const NONE: Self = Self {
         mass: 0.0,
         damping: 0.0,
         stiffness: 0.0,
     };
 
-    /// The grip at `share` of the way from relaxed (0) to rigid (1). Each number goes evenly in its
-    /// logarithm, so that equal steps are equal ratios; beyond the ends it stays at them.
-    pub fn between(share: f64) -> Self {
-        // The ends themselves, not their logarithms' rounding. What is not a number counts as relaxed.
-        if share.is_nan() || share <= 0.0 {
+    /// The grip between relaxed (`fraction` 0) and rigid (1). Each number is interpolated in its logarithm, so that
+    /// equal steps are equal ratios. Fractions beyond the ends give the ends.
+    pub fn between(fraction: f64) -> Self {
+        // The ends are exact, without the rounding of their logarithms. NaN counts as relaxed.
+        if fraction.is_nan() || fraction <= 0.0 {
             return Self::RELAXED;
         }
-        if share >= 1.0 {
+        if fraction >= 1.0 {
             return Self::RIGID;
         }
-        let way = |from: f64, to: f64| from * libm::exp(share * libm::log(to / from));
+        let grade = |from: f64, to: f64| from * libm::exp(fraction * libm::log(to / from));
         Self {
-            mass: way(Self::RELAXED.mass, Self::RIGID.mass),
-            damping: way(Self::RELAXED.damping, Self::RIGID.damping),
-            stiffness: way(Self::RELAXED.stiffness, Self::RIGID.stiffness),
+            mass: grade(Self::RELAXED.mass, Self::RIGID.mass),
+            damping: grade(Self::RELAXED.damping, Self::RIGID.damping),
+            stiffness: grade(Self::RELAXED.stiffness, Self::RIGID.stiffness),
         }
     }
 
@@ -91,20 +101,20 @@ impl Arm {
     }
 }
 
-/// What a wrist looks like from the handle that it turns.
+/// The impedance of a wrist at the handle that it turns.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wrist {
     /// Moment of inertia that turns with the handle (kg m^2).
     pub inertia: f64,
-    /// Damping between the handle and the orientation that the hand wants (N m s/rad).
+    /// Damping between the handle and the orientation that the hand aims at (N m s/rad).
     pub damping: f64,
-    /// Stiffness between the handle and the orientation that the hand wants (N m/rad).
+    /// Stiffness between the handle and the orientation that the hand aims at (N m/rad).
     pub stiffness: f64,
 }
 
 impl Wrist {
-    /// Of the grips in [`Arm::GRIPS`], under the same names. Estimates: the arm's numbers at a lever of 7
-    /// to 10 cm, less for the fingers that give.
+    /// The wrists of the grips in [`Arm::GRIPS`], under the same names. These are estimates: the arm's numbers at a
+    /// lever of 7 to 10 cm, reduced for the compliance of the fingers.
     pub const GRIPS: [(&str, Self); 4] = [
         ("relaxed", Self::new(5e-4, 0.01, 0.2)),
         ("typical", Self::new(2e-3, 0.03, 1.0)),
@@ -112,7 +122,7 @@ impl Wrist {
         ("rigid", Self::new(8e-3, 0.3, 12.0)),
     ];
 
-    /// The grip of that name.
+    /// The grip of that name; `None` for an unknown name.
     pub fn named(name: &str) -> Option<Self> {
         let grip = Self::GRIPS.iter().find(|(known, _)| *known == name)?;
         Some(grip.1)
@@ -126,7 +136,7 @@ impl Wrist {
         }
     }
 
-    /// Nobody holds the device.
+    /// A device that nobody holds.
     pub(crate) const NONE: Self = Self::new(0.0, 0.0, 0.0);
 
     pub(crate) fn is_sound(&self) -> bool {
@@ -137,7 +147,7 @@ impl Wrist {
 }
 
 impl Default for Wrist {
-    /// The typical grip's.
+    /// The wrist of the typical grip.
     fn default() -> Self {
         let [_, (_, typical), _, _] = Self::GRIPS;
         typical
@@ -162,10 +172,10 @@ mod tests {
         for pair in Arm::GRIPS.windows(2) {
             assert!(tighter(&pair[0].1, &pair[1].1), "{pair:?}");
         }
-        let shares: Vec<_> = (0..=20)
+        let fractions: Vec<_> = (0..=20)
             .map(|k| Arm::between(f64::from(k) / 20.0))
             .collect();
-        for pair in shares.windows(2) {
+        for pair in fractions.windows(2) {
             assert!(tighter(&pair[0], &pair[1]), "{pair:?}");
         }
     }
@@ -185,18 +195,18 @@ mod tests {
     }
 
     #[test]
-    fn the_way_between_has_the_ends_and_the_geometric_mean_in_the_middle() {
-        for (share, end) in [
+    fn grips_in_between_have_the_ends_and_the_geometric_mean_in_the_middle() {
+        for (fraction, end) in [
             (0.0, Arm::RELAXED),
             (-1.0, Arm::RELAXED),
             (f64::NAN, Arm::RELAXED),
             (1.0, Arm::RIGID),
             (7.0, Arm::RIGID),
         ] {
-            assert_eq!(Arm::between(share), end);
+            assert_eq!(Arm::between(fraction), end);
         }
         let middle = Arm::between(0.5);
-        // A few roundings.
+        // Tolerances of a few roundings.
         assert!((middle.mass - (0.1_f64 * 2.0).sqrt()).abs() < 1e-15);
         assert!((middle.damping - (2.0_f64 * 60.0).sqrt()).abs() < 1e-13);
         assert!((middle.stiffness - (30.0_f64 * 2000.0).sqrt()).abs() < 1e-11);

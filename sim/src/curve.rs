@@ -1,9 +1,9 @@
-//! The two curves that the rest is joined by: the minimum-jerk step and the cubic Hermite segment.
+//! The two curves that join the points of a motion: the minimum-jerk step and the cubic Hermite segment.
 
 use rt_core::Vec3;
 
-/// The minimum-jerk step (Flash & Hogan 1985) at `s` from zero to one: its value and its slope.
-/// Value, slope and curvature are those of a constant at both ends; the largest slope is 1.875.
+/// Value and slope of the minimum-jerk step (Flash & Hogan 1985) at `s` from zero to one. At both ends, slope and
+/// curvature are zero. The largest slope is 1.875.
 pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
     let s = s.clamp(0.0, 1.0);
     let rest = 1.0 - s;
@@ -16,15 +16,15 @@ pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
 /// One end of a Hermite segment: position (m) and velocity (m/s).
 pub(crate) type Knot = (Vec3, Vec3);
 
-/// The cubic that meets both ends' positions and velocities, `duration` (s) apart, at share `s` of the
-/// way: position and velocity.
+/// Position and velocity on the cubic that meets the positions and velocities of both ends. The ends are `duration` (s)
+/// apart; `s` is the fraction of that time.
 pub(crate) fn hermite(from: &Knot, to: &Knot, duration: f64, s: f64) -> Knot {
     let rest = 1.0 - s;
-    let way = to.0 - from.0;
+    let displacement = to.0 - from.0;
     let position = from.0
-        + way * (s * s * (3.0 - 2.0 * s))
+        + displacement * (s * s * (3.0 - 2.0 * s))
         + (from.1 * rest - to.1 * s) * (duration * s * rest);
-    let velocity = way * (6.0 * s * rest / duration)
+    let velocity = displacement * (6.0 * s * rest / duration)
         + from.1 * (rest * (1.0 - 3.0 * s))
         + to.1 * (s * (3.0 * s - 2.0));
     (position, velocity)

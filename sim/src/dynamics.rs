@@ -1,9 +1,8 @@
-//! The motion of a device and the hand that holds it, and where its energy goes.
+//! The motion of a device and the hand that holds it, and its energy.
 //!
-//! One point mass (device and arm together, the grip being rigid) with viscous damping and Coulomb friction
-//! against the ground, driven by the motors and, through the arm's spring and damper, by where the hand
-//! wants to be. Each step is the implicit midpoint rule, solved in closed form: with mean velocity `u` over a
-//! step `h`,
+//! Device and arm form one point mass, because the grip is rigid. Viscous damping and Coulomb friction act against the
+//! ground. The motors drive the mass, and so does the aim of the hand through the arm's spring and damper. Each step is
+//! the implicit midpoint rule, solved in closed form. With the mean velocity `u` over a step `h`,
 //!
 //! ```text
 //! (2 M / h + b + b_a + h k_a / 2) u + f = 2 M v / h + F + k_a (a - x + da / 2) + b_a da / h = r
@@ -11,16 +10,15 @@
 //! f = f_c r / |r|       elsewhere             (u has the direction of r)
 //! ```
 //!
-//! It is of second order, stable for any step, and every exchange of energy is a mean force times the
-//! displacement of the very same step. So the [`EnergyAccount`] is an identity of the discrete motion: it
-//! closes to rounding at any step length, and no loss in it can be negative. What still errs with the step
-//! length is the motion, not its account.
+//! The rule is of second order and stable for any step. Every exchange of energy is a mean force times the displacement
+//! of the same step. The [`EnergyAccount`] is therefore an identity of the discrete motion: it closes up to rounding at
+//! any step length, and no loss can be negative. Only the motion errs with the step length, not its account.
 //!
-//! Stick and slip are events, and a step is split where one happens ([`friction`]): a handle that would turn
-//! back within a step comes to rest first, at the time found from the step's own equation; one at rest stays
-//! where it is, exactly, until the pull on it reaches what friction can hold. So the motion is of second
-//! order with friction too. A direction that turns within a step without passing through rest is followed
-//! in pieces; what energy is left where friction ends it is friction's.
+//! Stick and slip are events, and a step is split at an event ([`friction`]). A handle that would reverse within a step
+//! comes to rest first, at the time that the step's own equation gives. A handle at rest stays exactly where it is
+//! until the pull on it reaches the largest force that friction can hold. The motion is therefore of second order with
+//! friction, too. A direction that turns within a step without passing through rest is followed in pieces. Where
+//! friction ends the motion, the remaining kinetic energy is lost to friction.
 
 mod friction;
 mod turning;
@@ -34,26 +32,26 @@ pub(crate) use turning::Turning;
 /// Device and arm as one moving mass.
 #[derive(Clone, Debug)]
 pub(crate) struct Dynamics {
-    /// Of device and arm together (kg).
+    /// Mass of device and arm together (kg).
     mass: f64,
-    /// The device's part of it.
-    share: f64,
+    /// The device's fraction of that mass.
+    fraction: f64,
     damping: f64,
     friction: f64,
     arm: Arm,
     position: Vec3,
     velocity: Vec3,
-    /// Where the hand wants the handle to be.
+    /// The aim of the hand.
     aim: Vec3,
     energy: EnergyAccount,
 }
 
 impl Dynamics {
-    /// At rest at `position`, the arm's spring relaxed. `mass` is the device's own.
+    /// A handle at rest at `position`, with the arm's spring relaxed. `mass` is the device's own.
     pub(crate) fn new(mass: f64, damping: f64, friction: f64, arm: Arm, position: Vec3) -> Self {
         Self {
             mass: mass + arm.mass,
-            share: mass / (mass + arm.mass),
+            fraction: mass / (mass + arm.mass),
             damping,
             friction,
             arm,
@@ -76,14 +74,14 @@ impl Dynamics {
         &self.energy
     }
 
-    /// Moves on by `h` (s) under the motors' force (N), the hand's aim going straight to `aim`.
+    /// Advances by `h` (s) under the motors' force (N), while the aim of the hand goes straight to `aim`.
     pub(crate) fn step(&mut self, h: f64, motor: &Vec3, aim: &Vec3) {
         let aim_step = aim - self.aim;
         let (change, drive) = self.change(h, motor, &aim_step);
         let smooth = if self.friction <= 0.0 {
             true
         } else if self.velocity == Vec3::zeros() {
-            // The spring's pull changes by no more than this to either side of its mean over the step.
+            // The spring's pull differs by no more than this from its mean over the step.
             let change = 0.5 * self.arm.stiffness * aim_step.abs().sum();
             (drive - self.friction).abs() > change
         } else {
@@ -96,7 +94,7 @@ impl Dynamics {
         }
     }
 
-    /// The same, split where the handle stops and where it starts.
+    /// The same step, split where the handle stops and where it starts.
     #[cold]
     #[inline(never)]
     fn step_in_pieces(&mut self, h: f64, motor: &Vec3, aim: &Vec3) {
@@ -147,13 +145,13 @@ impl Dynamics {
         self.commit(left, motor, aim, &aim_step, &change);
     }
 
-    /// Whether a step with that change of mean velocity ends without turning back.
+    /// Whether a step with that change of the mean velocity ends without a reversal.
     fn goes_on(&self, change: &Vec3) -> bool {
-        // The velocity at its end differs by twice as much.
+        // The velocity at the end of the step differs by twice as much.
         self.velocity.dot(&(self.velocity + change * 2.0)) > 0.0
     }
 
-    /// What friction must hold for the handle to stay where it is (N), the hand's aim moving with `aim_rate`.
+    /// The force that friction must hold for the handle to stay at rest (N), while the aim moves with `aim_rate`.
     fn pull(&self, motor: &Vec3, aim_rate: &Vec3) -> Vec3 {
         motor + (self.aim - self.position) * self.arm.stiffness + aim_rate * self.arm.damping
     }
@@ -173,7 +171,7 @@ impl Dynamics {
         }
     }
 
-    /// Brings it to rest: what kinetic energy is left is friction's.
+    /// Brings the handle to rest. Its remaining kinetic energy is lost to friction.
     fn rest(&mut self) {
         self.energy.friction_loss += self.energy.kinetic;
         self.velocity = Vec3::zeros();
@@ -181,8 +179,8 @@ impl Dynamics {
         self.energy.device_kinetic = 0.0;
     }
 
-    /// By how much the mean velocity over a step of `h` differs from the velocity before it (m/s), and the
-    /// size of what drives the step, the `r` of the equations above (N).
+    /// The difference between the mean velocity over a step of `h` and the velocity before it (m/s), and the size of
+    /// the force that drives the step, the `r` of the equations above (N).
     #[inline(always)]
     fn change(&self, h: f64, motor: &Vec3, aim_step: &Vec3) -> (Vec3, f64) {
         let Arm {
@@ -205,13 +203,13 @@ impl Dynamics {
         } else {
             drive
         };
-        // Solved for the change of velocity, not for the mean velocity: the large and nearly equal
-        // momenta then never meet, and rounding does not act like a damper.
+        // Solved for the change of velocity, not for the mean velocity. The large and nearly equal momenta then never
+        // cancel, and rounding does not act like a damper.
         let change = (outer - self.velocity * drag - friction) / (inertia + drag);
         (change, size)
     }
 
-    /// Takes a step of `h` whose mean velocity differs by `change` from the velocity before it.
+    /// Takes a step of `h` whose mean velocity differs by `change` from the velocity before the step.
     #[inline(always)]
     fn commit(&mut self, h: f64, motor: &Vec3, aim: &Vec3, aim_step: &Vec3, change: &Vec3) {
         let Arm {
@@ -235,19 +233,19 @@ impl Dynamics {
         energy.arm_loss += arm_damping * slip.norm_squared() / h;
         energy.spring = 0.5 * stiffness * (self.aim - self.position).norm_squared();
         self.energy.kinetic = self.kinetic();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
     }
 
     fn kinetic(&self) -> f64 {
         0.5 * self.mass * self.velocity.norm_squared()
     }
 
-    /// Gives it a velocity (m/s) to start with.
+    /// Gives the handle an initial velocity (m/s).
     #[cfg(test)]
     pub(crate) fn push(&mut self, velocity: Vec3) {
         self.velocity = velocity;
         self.energy.kinetic = self.kinetic();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
         self.energy.initial = self.energy.stored();
         self.energy.device_initial = self.energy.device_kinetic;
     }

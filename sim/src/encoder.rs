@@ -1,4 +1,4 @@
-//! What a device's encoders show, and the velocity that its driver makes of it.
+//! The encoders of a device, and the velocity that the driver estimates from them.
 
 use nalgebra::UnitQuaternion;
 use rt_core::Vec3;
@@ -13,12 +13,12 @@ pub(crate) struct Encoder {
     estimator: VelocityEstimator,
     position: Vec3,
     velocity: Vec3,
-    /// Time of the last sample; none before the first.
+    /// Time of the last sample; `None` before the first.
     sampled_at_ns: Option<u64>,
 }
 
 impl Encoder {
-    /// Counts of `step` (m), sampled every `period` (s); a gap counts for `longest_gap_ns` at most.
+    /// Encoders with counts of `step` (m), sampled every `period` (s). A gap counts for `longest_gap_ns` at most.
     pub(crate) fn new(step: f64, period: f64, longest_gap_ns: u64) -> Self {
         Self {
             step,
@@ -31,7 +31,7 @@ impl Encoder {
         }
     }
 
-    /// Takes the true position (m) at `time_ns`; twice the same time is one sample.
+    /// Takes the true position (m) at `time_ns`. A repeated time adds no sample.
     pub(crate) fn sample(&mut self, time_ns: u64, position: &Vec3) {
         if self.sampled_at_ns == Some(time_ns) {
             return;
@@ -52,12 +52,12 @@ impl Encoder {
         self.sampled_at_ns = Some(time_ns);
     }
 
-    /// The position shown (m), a whole number of counts.
+    /// The position that the encoders show (m), a whole number of counts.
     pub(crate) fn position(&self) -> Vec3 {
         self.position
     }
 
-    /// The velocity estimated (m/s).
+    /// The estimated velocity (m/s).
     pub(crate) fn velocity(&self) -> Vec3 {
         self.velocity
     }
@@ -65,9 +65,8 @@ impl Encoder {
 
 /// Encoders of a rotation, and the driver's estimate of angular velocity from them.
 ///
-/// What is counted is the rotation vector (axis times angle), coordinate by coordinate, as a gimbal near its
-/// middle counts its joints. The estimate is made of the rotations from one sample to the next, summed up:
-/// it knows no place where angles jump.
+/// The encoders count the rotation vector (axis times angle) by coordinate, as a gimbal near its middle counts its
+/// joints. The velocity is estimated from the sum of the rotations between samples, which never jumps as angles do.
 #[derive(Clone, Debug)]
 pub(crate) struct TurnEncoder {
     step: f64,
@@ -78,12 +77,12 @@ pub(crate) struct TurnEncoder {
     /// Sum of the rotations between samples (rad).
     turned: Vec3,
     velocity: Vec3,
-    /// Time of the last sample; none before the first.
+    /// Time of the last sample; `None` before the first.
     sampled_at_ns: Option<u64>,
 }
 
 impl TurnEncoder {
-    /// Counts of `step` (rad), sampled every `period` (s); a gap counts for `longest_gap_ns` at most.
+    /// Encoders with counts of `step` (rad), sampled every `period` (s). A gap counts for `longest_gap_ns` at most.
     pub(crate) fn new(step: f64, period: f64, longest_gap_ns: u64) -> Self {
         Self {
             step,
@@ -97,7 +96,7 @@ impl TurnEncoder {
         }
     }
 
-    /// Takes the true orientation at `time_ns`; twice the same time is one sample.
+    /// Takes the true orientation at `time_ns`. A repeated time adds no sample.
     pub(crate) fn sample(&mut self, time_ns: u64, orientation: &UnitQuaternion<f64>) {
         if self.sampled_at_ns == Some(time_ns) {
             return;
@@ -122,19 +121,19 @@ impl TurnEncoder {
         self.sampled_at_ns = Some(time_ns);
     }
 
-    /// The orientation shown: a rotation vector of whole counts.
+    /// The orientation that the encoders show: a rotation vector of whole counts.
     pub(crate) fn orientation(&self) -> UnitQuaternion<f64> {
         self.orientation
     }
 
-    /// The angular velocity estimated (rad/s).
+    /// The estimated angular velocity (rad/s).
     pub(crate) fn velocity(&self) -> Vec3 {
         self.velocity
     }
 }
 
-/// How many periods lie between two samples, at least one. After missed ticks the estimator, which thinks in
-/// periods, gets what is missing evenly.
+/// Number of periods between two samples, at least one. The estimator expects one position per period, so after missed
+/// ticks it gets evenly interpolated positions.
 fn periods_since(last_ns: Option<u64>, now_ns: u64, longest_gap_ns: u64, period: f64) -> u32 {
     last_ns.map_or(1, |last| {
         let gap = now_ns.saturating_sub(last).min(longest_gap_ns);

@@ -1,60 +1,60 @@
-//! Where a simulated device's energy came from and went, and the certificate that judges a controller.
+//! The energy account of a simulated device, and the certificate that judges a controller.
 //!
-//! A coupling is judged by what it does to the person, so by the energy at the port between device and
-//! hand: what the motors gave, less what the mechanism lost on the way, less what its own mass holds
-//! ([`EnergyAccount::on_hand`]). It is integrated between ticks from the true motion; the controller's own
-//! account, made of encoder counts, has no part in it. [`NetEnergy`] keeps the largest of it over time and
-//! over all devices on one body: above zero, the body gave back what nobody had put in.
+//! A coupling is judged by its effect on the person, and so by the energy at the port between device and hand. That
+//! energy is the work of the motors, minus the losses of the mechanism, minus the energy of the mechanism's own mass
+//! ([`EnergyAccount::on_hand`]). It is integrated between ticks from the true motion. The controller's own account,
+//! which relies on encoder counts, has no part in it. [`NetEnergy`] keeps the maximum of the energy over time, summed
+//! over all devices on one body. Above zero, the body gave back energy that nobody had supplied.
 
-/// Where the energy came from and went since the start (J). Works and losses are sums over all steps.
+/// Sources and sinks of the energy since the start (J). Works and losses are sums over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyAccount {
-    /// Work of the motors on device and hand: the energy at the motors' port, negative where the hand does
-    /// work on the motors.
+    /// Work of the motors on device and hand, at the motors' port. Negative where the hand does work on the motors.
     pub motor_work: f64,
-    /// Work of the muscles: of what moves the aim against the arm's spring and damper.
+    /// Work of the muscles, which move the aim against the arm's spring and damper.
     pub hand_work: f64,
-    /// Lost to the mechanism's Coulomb friction; never falls.
+    /// Energy lost to the mechanism's Coulomb friction; never decreases.
     pub friction_loss: f64,
-    /// Lost to the mechanism's viscous damping; never falls.
+    /// Energy lost to the mechanism's viscous damping; never decreases.
     pub damping_loss: f64,
-    /// Lost to the arm's damping; never falls.
+    /// Energy lost to the arm's damping; never decreases.
     pub arm_loss: f64,
-    /// Kinetic energy now, of device and arm.
+    /// Present kinetic energy of device and arm.
     pub kinetic: f64,
-    /// The part of `kinetic` that is in the device's own moving mass.
+    /// The part of `kinetic` in the device's own moving mass.
     pub device_kinetic: f64,
-    /// Energy in the arm's spring now.
+    /// Present energy of the arm's spring.
     pub spring: f64,
     /// Kinetic and spring energy at the start.
     pub initial: f64,
-    /// The part of `initial` that was in the device's own moving mass.
+    /// The part of `initial` in the device's own moving mass.
     pub device_initial: f64,
 }
 
 impl EnergyAccount {
-    /// All that was ever put in: works and initial energy.
+    /// All energy supplied so far (J): works and initial energy.
     pub fn supplied(&self) -> f64 {
         self.motor_work + self.hand_work + self.initial
     }
 
-    /// All that was lost.
+    /// All energy lost so far (J).
     pub fn lost(&self) -> f64 {
         self.friction_loss + self.damping_loss + self.arm_loss
     }
 
-    /// All that is stored now.
+    /// All energy stored now (J).
     pub fn stored(&self) -> f64 {
         self.kinetic + self.spring
     }
 
-    /// What the account fails to explain: supplied less lost less stored. Rounding, and nothing else.
+    /// The energy supplied, minus the energy lost, minus the energy stored (J). Only rounding makes it differ from
+    /// zero.
     pub fn residual(&self) -> f64 {
         self.supplied() - self.lost() - self.stored()
     }
 
-    /// The work that the device did on the hand so far (J), at the port between the two: work of the motors
-    /// less what the mechanism's damping and friction took, less what its own moving mass gained. Negative
+    /// Work that the device did on the hand so far (J), at the port between the two. It is the work of the motors,
+    /// minus the losses to the mechanism's damping and friction, minus the gain of the mechanism's own mass. Negative
     /// where the hand worked on the device.
     pub fn on_hand(&self) -> f64 {
         self.motor_work - self.damping_loss - self.friction_loss - self.device_kinetic
@@ -65,7 +65,7 @@ impl EnergyAccount {
 impl core::ops::Add for EnergyAccount {
     type Output = Self;
 
-    /// Of two motions together, such as a handle's translation and its rotation.
+    /// The account of two motions together, such as a handle's translation and its rotation.
     fn add(self, other: Self) -> Self {
         Self {
             motor_work: self.motor_work + other.motor_work,
@@ -82,8 +82,8 @@ impl core::ops::Add for EnergyAccount {
     }
 }
 
-/// The net energy that the devices on one body have given their hands: the largest over time of the work on
-/// the hands, less what was stored at the start.
+/// The net energy that the devices on one body have given to their hands: the maximum over time of the work on the
+/// hands, minus the energy stored at the start.
 ///
 /// ```
 /// # use sim::NetEnergy;
@@ -102,7 +102,7 @@ pub struct NetEnergy {
 }
 
 impl NetEnergy {
-    /// Of a body in which `stored` (J: elastic, kinetic, gravity) may be taken out, at the start.
+    /// For a body from which `stored` (J: elastic, kinetic, gravity) may be taken out, at the start.
     pub fn new(stored: f64) -> Self {
         Self {
             stored,
@@ -111,8 +111,8 @@ impl NetEnergy {
         }
     }
 
-    /// Takes the work on the hand of each device so far (J), as [`EnergyAccount::on_hand`] gives it; to be
-    /// called once a tick. A sum that is not a number counts as infinite: it is no reason to trust a run.
+    /// Takes the work on the hand of each device so far (J), as [`EnergyAccount::on_hand`] gives it. Call this once a
+    /// tick. A sum that is NaN counts as infinite, since such a run deserves no trust.
     pub fn observe(&mut self, on_hands: impl IntoIterator<Item = f64>) {
         let sum: f64 = on_hands.into_iter().sum();
         self.now = if sum.is_nan() {
@@ -123,12 +123,12 @@ impl NetEnergy {
         self.largest = self.largest.max(self.now);
     }
 
-    /// Work on the hands so far less what was stored at the start (J).
+    /// Work on the hands so far, minus the energy stored at the start (J).
     pub fn now(&self) -> f64 {
         self.now
     }
 
-    /// The largest that it ever was (J): above zero, energy was generated.
+    /// The maximum over time of that difference (J): above zero, energy was generated.
     pub fn largest(&self) -> f64 {
         self.largest
     }
@@ -145,7 +145,7 @@ mod tests {
         net.observe([0.25, 0.25]);
         assert_eq!(net.largest(), 0.4);
         net.observe([-1.0, 0.5]);
-        // What was put back does not undo it.
+        // Energy that is put back later does not reduce the maximum.
         assert_eq!((net.now(), net.largest()), (-0.6, 0.4));
         net.observe([f64::NAN, 0.0]);
         assert_eq!(net.largest(), f64::INFINITY);

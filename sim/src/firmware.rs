@@ -1,9 +1,9 @@
-//! A device behind its real wire: every state and every wrench goes through the 64 bytes of its report.
+//! A device behind its real wire: every state and every wrench passes through the 64 bytes of its report.
 //!
-//! So the firmware protocol is on the simulated path too, with what it costs: a position within 0.05 µm a
-//! coordinate, a velocity within 0.5 µm/s, a force within 0.5 µN, a moment within 0.5 µN m, a rotation within
-//! 0.07 mrad, an angular velocity within 0.5 mrad/s (half a unit of the report each), the device's clock in
-//! whole microseconds, sixteen buttons.
+//! The simulation thus includes the firmware protocol and its resolution. The errors are half a unit of the report
+//! each: 0.05 µm for each coordinate of a position, 0.5 µm/s for a velocity, 0.5 µN for a force, 0.5 µN m for a moment,
+//! 0.5 mrad/s for an angular velocity. The error of a rotation is at most 0.07 mrad. The device's clock counts whole
+//! microseconds, and there are sixteen buttons.
 
 use firmware_proto::report::{
     LENGTH, ReportError, StateReport, StateSi, WrenchReport, flags, status,
@@ -12,6 +12,18 @@ use rt_core::wire::{DeviceClock, report_of, state_of};
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Vec3, Wrench};
 
 /// A device behind the bytes of its reports.
+///
+/// ```
+/// use rt_core::Device;
+/// use sim::{DeviceModel, SimDevice, Wired};
+///
+/// let model = DeviceModel::named("touch").unwrap();
+/// let mut device = Wired::new(SimDevice::new(model, None, 1e-3).unwrap());
+/// device.read(0).unwrap();
+/// // The report has the time in whole microseconds.
+/// let state = device.read(1_000_700).unwrap();
+/// assert_eq!(state.device_time_ns, 1_000_000);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Wired<D> {
     device: D,
@@ -64,8 +76,8 @@ impl<D: Device> Device for Wired<D> {
     }
 }
 
-/// What a device sends for `state`. Numbers beyond the report's range end at its ends, one that is not a
-/// number becomes zero, and buttons beyond the sixteenth are not sent.
+/// The report that a device sends for `state`. Numbers beyond the report's range saturate at its ends, NaN becomes
+/// zero, and buttons beyond the sixteenth are not sent.
 pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
     let q = &state.pose.rotation;
     let si = StateSi {
@@ -79,10 +91,10 @@ pub fn state_bytes(state: &DeviceState, sequence: u16) -> [u8; LENGTH] {
     StateReport::from_si(sequence, time_us, &si, state.buttons as u16, status).encode()
 }
 
-/// The wrench that a device was sent; zero where the report does not enable it.
+/// The wrench in a report to a device; zero where the report does not enable the wrench.
 ///
 /// # Errors
-/// The [`ReportError`] for which the bytes are no wrench.
+/// The [`ReportError`] for which the bytes are not a valid report of a wrench.
 pub fn wrench_from_bytes(bytes: &[u8]) -> Result<Wrench, ReportError> {
     let report = WrenchReport::decode(bytes)?;
     if report.flags & flags::ENABLE == 0 {
@@ -104,7 +116,7 @@ mod tests {
     use proptest::prelude::*;
     use rt_core::{Freedom, Pose, Twist};
 
-    /// Reads as it is told and keeps what it is written.
+    /// A device that returns a given state and keeps the last wrench.
     #[derive(Debug)]
     struct Told {
         state: DeviceState,
@@ -150,7 +162,7 @@ mod tests {
             // Whole microseconds, rounded down.
             assert_eq!(time, now / 1000 * 1000);
         }
-        // A device that was restarted counts on from where it was, and time never goes back.
+        // The clock of a restarted device continues from its last time, and never goes back.
         let mut clock = DeviceClock::default();
         assert_eq!([5, 3, 7].map(|us| clock.advance(us)), [5000, 5000, 9000]);
     }
@@ -175,7 +187,7 @@ mod tests {
             assert!((a.pose.position - b.pose.position).amax() <= 0.5e-7 * (1.0 + 1e-9));
             assert!((a.twist.linear - b.twist.linear).amax() <= 0.5e-6 * (1.0 + 1e-9));
             assert_eq!(a.device_time_ns, b.device_time_ns);
-            // A force of whole micronewtons passes exactly, so both go on alike.
+            // A force of whole micronewtons passes exactly, so both devices continue alike.
             let wrench = Wrench {
                 force: Vec3::new(0.5, -1.25, 0.0),
                 moment: Vec3::zeros(),
@@ -217,13 +229,13 @@ mod tests {
             };
             let mut device = wired(state);
             let seen = device.read(0).unwrap();
-            // Half of 0.1 µm, 1 µm/s, 1 mrad/s and 1 µN, and a little for rounding at 1e8 units.
+            // Half of 0.1 µm, 1 µm/s, 1 mrad/s and 1 µN, and a margin for rounding at 1e8 units.
             let within = |a: &Vec3, b: &Vec3, unit: f64| (a - b).amax() <= 0.5 * unit * (1.0 + 1e-6);
             prop_assert!(within(&seen.pose.position, &position, 1e-7));
             prop_assert!(within(&seen.twist.linear, &linear, 1e-6));
             prop_assert!(within(&seen.twist.angular, &angular, 1e-3));
-            // Four numbers off by half of 1 / 32767 each: a quaternion off by 1 / 32767, which is half of
-            // the angle; normalizing moves it by no more.
+            // Each of the four numbers errs by half of 1 / 32767, so the quaternion errs by 1 / 32767, which is half of
+            // the angle. Normalization adds at most the same error.
             prop_assert!(seen.pose.rotation.angle_to(&state.pose.rotation) <= 2.0 / 32767.0 * 1.01);
             prop_assert_eq!(seen.buttons, buttons);
             device.write(0, &Wrench { force, moment }).unwrap();

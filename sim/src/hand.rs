@@ -1,9 +1,9 @@
-//! A person's hand: an arm that follows a trajectory, and trembles.
+//! A person's hand: an arm that follows a trajectory, with tremor.
 //!
-//! The arm is a mass, a spring and a damper; the spring and the damper reach to where the hand wants to be
-//! (its aim), the mass moves with the handle, which the hand holds rigidly. That is the usual second-order
-//! model of a relaxed arm, good for the first fraction of a second after a push, before reflexes. Of a device
-//! of six degrees of freedom it also holds the handle's rotation, by the wrist.
+//! The arm is a mass, a spring and a damper. The spring and the damper act between the handle and the aim of the hand.
+//! The mass moves with the handle, which the hand holds rigidly. This is the usual second-order model of a relaxed arm,
+//! valid for the first fraction of a second after a push, before reflexes. On a device of six degrees of freedom, the
+//! wrist also holds the handle's rotation.
 
 use crate::arm::{Arm, Wrist};
 use crate::curve::{Knot, hermite};
@@ -11,16 +11,30 @@ use crate::trajectory::Trajectory;
 use crate::tremor::Tremor;
 use rt_core::Vec3;
 
-/// A hand that wants to be somewhere.
+/// A hand with an aim.
+///
+/// ```
+/// use rt_core::Vec3;
+/// use sim::{Arm, Hand, Trajectory, Tremor};
+///
+/// // A firm grip that moves 20 mm along x in half a second, with a tremor of 0.1 mm.
+/// let path = [(0.0, Vec3::zeros()), (0.5, Vec3::new(0.02, 0.0, 0.0))];
+/// let hand = Hand::new(Trajectory::new_waypoints(&path).unwrap())
+///     .with_arm(Arm::FIRM)
+///     .with_tremor(Tremor::new(1e-4, 7).unwrap());
+/// assert_eq!(hand.aim(0.0), (Vec3::zeros(), Vec3::zeros()));
+/// let (displacement, _) = hand.aim(2.0);
+/// assert!((displacement - Vec3::new(0.02, 0.0, 0.0)).norm() < 5e-4);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Hand {
-    /// What it feels like from the handle.
+    /// The arm's impedance at the handle.
     pub arm: Arm,
-    /// What turning the handle feels like; the hand goes on wanting the orientation at the start.
+    /// The wrist's impedance at the handle. The hand keeps aiming at the orientation at the start.
     pub wrist: Wrist,
-    /// Where it wants to be.
+    /// The aim of the hand over time.
     pub trajectory: Trajectory,
-    /// How it trembles, if at all.
+    /// The tremor, if there is any.
     pub tremor: Option<Tremor>,
 }
 
@@ -35,17 +49,17 @@ impl Hand {
         }
     }
 
-    /// The same with another arm.
+    /// The same hand with another arm.
     pub fn with_arm(self, arm: Arm) -> Self {
         Self { arm, ..self }
     }
 
-    /// The same with another wrist.
+    /// The same hand with another wrist.
     pub fn with_wrist(self, wrist: Wrist) -> Self {
         Self { wrist, ..self }
     }
 
-    /// The same with a tremor.
+    /// The same hand with a tremor.
     pub fn with_tremor(self, tremor: Tremor) -> Self {
         Self {
             tremor: Some(tremor),
@@ -53,7 +67,7 @@ impl Hand {
         }
     }
 
-    /// Where it wants to be: displacement from its start (m) and velocity (m/s) at `time` (s).
+    /// The aim of the hand at `time` (s): displacement from the start (m) and velocity (m/s).
     pub fn aim(&self, time: f64) -> (Vec3, Vec3) {
         let (mut position, mut velocity) = self.trajectory.at(time);
         if let Some(tremor) = &self.tremor {
@@ -65,15 +79,15 @@ impl Hand {
     }
 }
 
-/// The aim between whole milliseconds, by the cubic through both ends.
+/// The aim between whole milliseconds, by the cubic Hermite segment through both ends.
 ///
-/// A substep asks every few tens of microseconds and a hand has nothing to say above 12 Hz: the cubic errs
-/// by `(2 pi f dt)^4 / 384`, 1e-7 of the amplitude at 12 Hz. The milliseconds are the hand's own, so what it
-/// does depends on nobody's steps.
+/// Substeps ask for the aim every few tens of microseconds, and a hand has no motion above 12 Hz. The cubic errs by
+/// `(2 pi f dt)^4 / 384`: 1e-7 of the amplitude at 12 Hz. The milliseconds are those of the hand itself, so the aim
+/// does not depend on anybody's steps.
 #[derive(Clone, Debug)]
 pub(crate) struct Aim {
     hand: Hand,
-    /// Number of the millisecond that `from` stands at; `to` is one later.
+    /// The millisecond of `from`; `to` is one millisecond later.
     at_ms: u64,
     from: Knot,
     to: Knot,
@@ -109,8 +123,8 @@ impl Aim {
             self.to = next(ms + 1);
             self.at_ms = ms;
         }
-        let share = (time_ns % MS_NS) as f64 / MS_NS as f64;
-        hermite(&self.from, &self.to, 1e-3, share).0
+        let fraction = (time_ns % MS_NS) as f64 / MS_NS as f64;
+        hermite(&self.from, &self.to, 1e-3, fraction).0
     }
 }
 
@@ -129,14 +143,14 @@ mod tests {
         let hand = Hand::new(Trajectory::new_sines(&[sine], 0.2).unwrap())
             .with_tremor(Tremor::new(1e-4, 3).unwrap());
         let mut aim = Aim::new(hand.clone());
-        // Steps that meet no millisecond, then a jump ahead and one back.
+        // Steps that meet no whole millisecond, then a jump ahead and one back.
         for time_ns in (0..3000)
             .map(|k| k * 333_333)
             .chain([9_000_000_000, 1_234_567])
         {
             let (exact, _) = hand.aim(time_ns as f64 * 1e-9);
-            // (2 pi f dt)^4 / 384 of 20 mm at 5 Hz and of 0.1 mm * sqrt(12) at 12 Hz: 0.05 nm each; while it
-            // fades in over 0.2 s a few times as much.
+            // (2 pi f dt)^4 / 384 of 20 mm at 5 Hz and of 0.1 mm * sqrt(12) at 12 Hz: 0.05 nm each. During the fade
+            // over 0.2 s, the error is a few times larger.
             assert!((aim.at(time_ns) - exact).norm() < 0.3e-9);
         }
     }

@@ -1,15 +1,14 @@
-//! What stands in for the world: simulated devices, the hands that hold them, and clocks.
+//! Simulated devices, the hands that hold them, and clocks: the simulated part of the world.
 //!
-//! Everything here is pure computation: no threads, files, wall clocks or printing, and two runs from the
-//! same inputs give the same bits on every platform (sine, exponential and tangent come from `libm`; what
-//! else is used is exactly rounded). Nothing but the [`adversary`] allocates once it is built, because a
-//! simulated device also runs inside the real-time tick.
+//! Everything here is pure computation, without threads, files, wall clocks or printing. Two runs from the same inputs
+//! give the same bits on every platform: sine, exponential and tangent come from `libm`, and all other operations are
+//! exactly rounded. Only the [`adversary`] allocates after it is built, because a simulated device also runs inside the
+//! real-time tick.
 //!
-//! Read [`device`] first: a hand ([`hand`], [`arm`]) that wants to be somewhere ([`tasks`], [`trajectory`], [`tremor`])
-//! holds a device ([`models`]); their motion is integrated between ticks (`dynamics`), and where its energy
-//! goes is accounted for ([`energy`]). [`firmware`] puts a device behind the bytes of its real wire; [`replay`]
-//! gives recorded readings again; [`clock`] says when periodic events are due; [`adversary`] searches for the
-//! motion of a hand that gets most energy out of a controller.
+//! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
+//! ([`models`]). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
+//! puts a device behind the bytes of its real wire. [`replay`] repeats recorded readings. [`clock`] tells when periodic
+//! events are due. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;

@@ -1,9 +1,26 @@
-//! A device that gives again what it gave before: the readings of a recorded run, one a tick.
+//! A device that repeats the readings of a recorded run, one a tick.
 
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 
-/// A recorded device. Wrenches change nothing: what the hand did is what it did.
+/// A recorded device. Wrenches change nothing, because the motion of the hand is recorded.
+///
+/// ```
+/// use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom};
+/// use sim::ReplayDevice;
+///
+/// let capabilities = Capabilities {
+///     sensed: Freedom::Three,
+///     actuated: Freedom::Three,
+///     max_force: 1.0,
+///     max_moment: 0.0,
+///     workspace_radius: 0.1,
+///     position_step: 1e-5,
+/// };
+/// let mut device = ReplayDevice::new(capabilities, vec![Ok(DeviceState::resting())]);
+/// assert_eq!(device.read(0), Ok(DeviceState::resting()));
+/// assert_eq!(device.read(1_000_000), Err(DeviceError::NoReport));
+/// ```
 #[derive(Clone, Debug)]
 pub struct ReplayDevice {
     capabilities: Capabilities,
@@ -12,7 +29,7 @@ pub struct ReplayDevice {
 }
 
 impl ReplayDevice {
-    /// A device that gives `readings` in their order, one a call, then no report any more.
+    /// A device that returns `readings` in order, one a call, and then no more reports.
     pub fn new(capabilities: Capabilities, readings: Vec<Reading>) -> Self {
         Self {
             capabilities,
@@ -27,7 +44,7 @@ impl Device for ReplayDevice {
         self.capabilities
     }
 
-    /// The next reading, whatever the time: a run that missed a deadline recorded none for it.
+    /// The next reading, whatever the time: a missed deadline has no recorded reading.
     fn read(&mut self, _now_ns: u64) -> Result<DeviceState, DeviceError> {
         let reading = self.readings.get(self.next).copied();
         self.next = self.next.saturating_add(1);

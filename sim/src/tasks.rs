@@ -1,9 +1,9 @@
-//! What hands are asked to do, as trajectories: tap, press and hold, rub, pull apart, move together, shake.
+//! Tasks of hands, as trajectories: tap, press and hold, rub, pull apart, move together, shake.
 //!
-//! A task is a few numbers (direction, depth, speed and so on) and a seed. No person does the same thing
-//! twice, so depths, speeds and pauses vary by a share of themselves, drawn from the seed once; after
-//! [`CYCLE`] repetitions they come again. Reaches are minimum-jerk ([`crate::trajectory::waypoints`]),
-//! rhythms are sinusoids up to [`BAND_HZ`], so a task has what a hand's purpose has, and no more.
+//! A task is a few numbers (direction, depth, speed and so on) and a seed. No person repeats a motion exactly, so
+//! depths, speeds and pauses vary by a fraction of themselves. The seed fixes these variations once; after [`CYCLE`]
+//! repetitions they recur. Reaches are minimum-jerk ([`crate::trajectory::waypoints`]), and rhythms are sinusoids up to
+//! [`BAND_HZ`]. A task thus holds the voluntary motion of a hand and nothing else.
 
 use crate::trajectory::{BAND_HZ, Sine, Trajectory, TrajectoryError};
 use crate::tremor::unit;
@@ -11,36 +11,35 @@ use core::f64::consts::TAU;
 use rand_pcg::Pcg64;
 use rt_core::Vec3;
 
-/// Repetitions of a task that differ before the first comes again.
+/// Number of different repetitions of a task, after which the first recurs.
 pub const CYCLE: usize = 8;
-/// The shortest time in which a hand reaches (s).
+/// The shortest time of a reach (s).
 pub const SHORTEST_REACH: f64 = 0.05;
-/// Time in which a shaking hand fades in (s).
+/// Time of the fade-in of a shake (s).
 const FADE: f64 = 0.5;
-/// The generator's stream: tasks draw from no other part's numbers.
+/// The stream of the random generator: no other part of the program draws from it.
 const STREAM: u128 = 0x7461_736b;
 
 /// Kinds of tasks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TaskKind {
-    /// Goes in by the depth and comes back at once, again and again with a pause in between.
+    /// Goes in by the depth and comes back at once, repeatedly, with a pause in between.
     Tap,
     /// Goes in by the depth after a pause, and stays.
     PressAndHold,
     /// Goes in by the depth after a pause, and swings sideways there.
     Rub,
-    /// Pulls out by the depth, holds for the pause, lets back, again and again. Each hand has its own
-    /// direction.
+    /// Pulls out by the depth, holds for the pause, and returns, repeatedly. Each hand has its own direction.
     PullApart,
-    /// Goes round: out by the depth, sideways by the width, back, and home. Hands of equal seed and direction
-    /// go alike.
+    /// Goes round a rectangle: out by the depth, sideways by the width, back, and home. Hands of equal seed and
+    /// direction move alike.
     MoveTogether,
     /// Swings along the direction by the depth, and less regularly sideways by the width.
     Shake,
 }
 
 impl TaskKind {
-    /// All of them, under the names by which scenes call them.
+    /// All kinds, with their names in scenes.
     pub const ALL: [(&str, Self); 6] = [
         ("tap", Self::Tap),
         ("press_and_hold", Self::PressAndHold),
@@ -50,7 +49,7 @@ impl TaskKind {
         ("shake", Self::Shake),
     ];
 
-    /// Its name in scenes.
+    /// The name of the kind in scenes.
     pub fn name(self) -> &'static str {
         match self {
             Self::Tap => "tap",
@@ -62,60 +61,73 @@ impl TaskKind {
         }
     }
 
-    /// Whether the task has a speed and a pause: all but shaking.
+    /// Whether the task has a speed and a pause. All kinds but the shake have them.
     pub fn reaches(self) -> bool {
         self != Self::Shake
     }
 
-    /// Whether the task has a width: those that go sideways.
+    /// Whether the task has a width. The kinds that go sideways have one.
     pub fn goes_sideways(self) -> bool {
         matches!(self, Self::Rub | Self::MoveTogether | Self::Shake)
     }
 
-    /// Whether the task has a frequency: those with a rhythm of their own.
+    /// Whether the task has a frequency. The kinds with a rhythm have one.
     pub fn swings(self) -> bool {
         matches!(self, Self::Rub | Self::Shake)
     }
 }
 
-/// A task and its numbers. A number that the kind does not use changes nothing.
+/// A task and its numbers. A number that the kind does not use has no effect.
+///
+/// ```
+/// use rt_core::Vec3;
+/// use sim::{Task, TaskKind};
+///
+/// // Taps downwards, 10 mm deep: a pause of 0.3 s, then in and out at 0.1 m/s.
+/// let task = Task {
+///     variation: 0.0,
+///     ..Task::new(TaskKind::Tap, Vec3::new(0.0, 0.0, -1.0))
+/// };
+/// let (deepest, velocity) = task.trajectory(1).unwrap().at(0.4);
+/// assert!((deepest.z + 0.01).abs() < 1e-12 && velocity.norm() < 1e-12);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Task {
-    /// What is done.
+    /// The kind of the task.
     pub kind: TaskKind,
-    /// Where to, device axes; only its direction counts.
+    /// Direction of the task (device axes); its length has no effect.
     pub direction: Vec3,
-    /// How far along the direction (m).
+    /// Distance along the direction (m).
     pub depth: f64,
     /// Mean speed of a reach (m/s); its peak is 1.875 times that.
     pub speed: f64,
     /// Time at rest before each reach (s).
     pub pause: f64,
-    /// How far sideways (m).
+    /// Distance sideways (m).
     pub width: f64,
     /// Frequency of the rhythm (Hz).
     pub frequency: f64,
-    /// Share by which depths, speeds, pauses and frequencies vary, to both sides; from 0 to 0.5.
+    /// Largest relative variation of depths, speeds, pauses and frequencies, to both sides; from 0 to 0.5.
     pub variation: f64,
 }
 
-/// Why there is no such task.
+/// Why a task cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// The direction is zero or not finite.
     #[error("a task's direction must be finite and not zero: {found:?}")]
     Direction {
-        /// What was given.
+        /// The direction that was given.
         found: [f64; 3],
     },
     /// A number is out of its range.
     #[error("a task's {field} must be {allowed}, not {found}")]
     Number {
-        /// Which.
+        /// The name of the number.
         field: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
-        /// What it may be.
+        /// The range that is allowed.
         allowed: &'static str,
     },
     /// The reach is faster than any hand.
@@ -124,18 +136,18 @@ pub enum TaskError {
          lower the speed"
     )]
     TooFast {
-        /// How far (m).
+        /// Distance of the reach (m).
         distance: f64,
-        /// How fast (m/s).
+        /// Speed of the reach (m/s).
         speed: f64,
     },
-    /// The numbers make no trajectory.
+    /// The numbers give no trajectory.
     #[error(transparent)]
     Trajectory(#[from] TrajectoryError),
 }
 
 impl Task {
-    /// The task with usual numbers: movements of 5 to 20 mm at 3 to 10 cm/s, varying by a tenth.
+    /// A task with usual numbers: movements of 5 to 20 mm at 3 to 10 cm/s, varying by a tenth.
     pub fn new(kind: TaskKind, direction: Vec3) -> Self {
         let (depth, speed, pause) = match kind {
             TaskKind::Tap => (0.01, 0.1, 0.3),
@@ -157,15 +169,15 @@ impl Task {
         }
     }
 
-    /// The displacement over time that `seed` makes of it.
+    /// The displacement over time of this task with `seed`.
     ///
     /// # Errors
-    /// [`TaskError`] where a number makes no sense, or no hand could follow.
+    /// [`TaskError`] where a number is out of its range, or where no hand could follow.
     pub fn trajectory(&self, seed: u64) -> Result<Trajectory, TaskError> {
         self.check()?;
         let mut vary = Variation {
             random: Pcg64::new(u128::from(seed), STREAM),
-            share: self.variation,
+            fraction: self.variation,
         };
         let along = self.direction.normalize();
         let side = vary.side(&along);
@@ -187,7 +199,7 @@ impl Task {
                     frequency: vary.of(self.frequency).min(BAND_HZ),
                     phase: TAU * unit(&mut vary.random),
                 };
-                // It swings in while it goes there.
+                // The swing fades in during the press.
                 let swing = Trajectory::new_sines(&[swing], there)?;
                 Ok(Trajectory::new_sum([press, swing]))
             }
@@ -230,7 +242,7 @@ impl Task {
         }
     }
 
-    /// Goes in and stays; also when it is there (s).
+    /// Goes in and stays. Returns the trajectory and the time of arrival (s).
     fn press(&self, along: &Vec3, vary: &mut Variation) -> Result<(Trajectory, f64), TaskError> {
         let mut path = Path::new();
         self.rest(&mut path, vary);
@@ -317,7 +329,7 @@ impl Task {
     }
 }
 
-/// Waypoints in the making.
+/// A list of waypoints under construction.
 struct Path {
     points: Vec<(f64, Vec3)>,
     time: f64,
@@ -340,24 +352,24 @@ impl Path {
     }
 }
 
-/// How a person varies.
+/// The variation between the repetitions of a person.
 struct Variation {
     random: Pcg64,
-    share: f64,
+    fraction: f64,
 }
 
 impl Variation {
-    /// The number, up to the share larger or smaller.
+    /// The number, larger or smaller by a random part of at most the fraction.
     fn of(&mut self, number: f64) -> f64 {
-        number * (1.0 + self.share * (2.0 * unit(&mut self.random) - 1.0))
+        number * (1.0 + self.fraction * (2.0 * unit(&mut self.random) - 1.0))
     }
 
     /// A direction at right angles to `along`.
     fn side(&mut self, along: &Vec3) -> Vec3 {
-        // From the axis that it leans to least; then turned about it at random where anything varies.
+        // Starts from the axis most nearly at right angles to `along`; turns by a random angle where the task varies.
         let axis = Vec3::ith(along.iamin(), 1.0);
         let first = along.cross(&axis).normalize();
-        if self.share <= 0.0 {
+        if self.fraction <= 0.0 {
             return first;
         }
         let (sin, cos) = libm::sincos(TAU * unit(&mut self.random));

@@ -1,9 +1,9 @@
-//! Where a hand wants to be, as a function of time: displacement (m) from where it starts.
+//! The aim of a hand as a function of time: displacement (m) from its start.
 //!
-//! Three kinds, and sums of them. [`waypoints`]: reaches joined by minimum-jerk segments. [`sines`]: slow
-//! rhythmic motion. [`recorded`]: a person's motion, band-limited to what a hand does on purpose. All are
-//! zero at time zero, so that a hand never starts with a stretched arm; all are functions of time alone, so
-//! that a run can be repeated, and looking one up neither allocates nor searches longer than a bisection.
+//! There are three kinds of trajectories, and sums of them. [`waypoints`] are reaches joined by minimum-jerk segments.
+//! [`sines`] are slow rhythmic motions. [`recorded`] is a person's motion, band-limited to voluntary motion. All
+//! trajectories are zero at time zero, so that a hand never starts with a stretched arm. All are functions of time
+//! alone, so that a run can be repeated. A look-up does not allocate, and searches no longer than a bisection.
 
 pub mod recorded;
 pub mod sines;
@@ -19,37 +19,37 @@ use waypoints::Waypoints;
 /// Highest frequency of voluntary motion that a trajectory may carry (Hz).
 pub const BAND_HZ: f64 = 5.0;
 
-/// Why something is not a trajectory. An index counts the samples, waypoints or sinusoids from zero.
+/// Why a trajectory cannot be made. An index counts the samples, waypoints or sinusoids from zero.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TrajectoryError {
-    /// A number is infinite or not a number.
+    /// A number is infinite or NaN.
     #[error("entry {index} holds a number that is not finite")]
     NotFinite {
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
     },
-    /// A time does not come after the one before it.
+    /// A time does not follow the previous time.
     #[error("entry {index} is at {found} s, which is not after {before} s")]
     TimesNotIncreasing {
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
-        /// The time before it (s).
+        /// The previous time (s).
         before: f64,
-        /// Its time (s).
+        /// The time of the entry (s).
         found: f64,
     },
     /// The first time lies before the start of the run.
     #[error("the first entry is at {found} s; a trajectory starts at 0 s or later")]
     BeforeStart {
-        /// The time (s).
+        /// The first time (s).
         found: f64,
     },
-    /// There are too few entries to make a trajectory.
+    /// There are too few entries.
     #[error("{found} entries are too few: at least {needed} are needed")]
     TooFew {
-        /// How many there are.
+        /// Number of entries.
         found: usize,
-        /// How many are needed.
+        /// Smallest number of entries.
         needed: usize,
     },
     /// A frequency is not above zero and at most [`BAND_HZ`].
@@ -57,29 +57,29 @@ pub enum TrajectoryError {
         "entry {index} has a frequency of {found} Hz; hands move above 0 and up to {BAND_HZ} Hz"
     )]
     Frequency {
-        /// Which entry.
+        /// Index of the entry.
         index: usize,
-        /// Its frequency (Hz).
+        /// Frequency of the entry (Hz).
         found: f64,
     },
-    /// The time in which a motion fades in is not above zero.
+    /// The time of the fade-in is not above zero.
     #[error("a motion cannot fade in over {found} s; give a time above 0 s")]
     Fade {
-        /// The time given (s).
+        /// The time that was given (s).
         found: f64,
     },
-    /// A motion that is to be repeated does not end where it begins.
+    /// A motion to be repeated does not end where it begins.
     #[error("a motion that is repeated must end where it begins, not {found} m away")]
     Open {
-        /// How far from it (m).
+        /// Distance between its ends (m).
         found: f64,
     },
-    /// A recording is longer than is kept in memory.
+    /// A recording is longer than [`recorded::MAX_DURATION`].
     #[error("the recording lasts {found} s; at most {limit} s are taken")]
     TooLong {
-        /// How long it lasts (s).
+        /// Duration of the recording (s).
         found: f64,
-        /// The limit (s).
+        /// Largest duration (s).
         limit: f64,
     },
 }
@@ -92,32 +92,53 @@ enum Part {
 }
 
 /// A displacement as a function of time.
+///
+/// ```
+/// use rt_core::Vec3;
+/// use sim::{Sine, Trajectory};
+///
+/// // A reach of 20 mm along x in a second, and a sway of 3 mm along y.
+/// let reach = [(0.0, Vec3::zeros()), (1.0, Vec3::new(0.02, 0.0, 0.0))];
+/// let sway = Sine {
+///     amplitude: Vec3::new(0.0, 0.003, 0.0),
+///     frequency: 1.5,
+///     phase: 0.0,
+/// };
+/// let trajectory = Trajectory::new_sum([
+///     Trajectory::new_waypoints(&reach).unwrap(),
+///     Trajectory::new_sines(&[sway], 0.5).unwrap(),
+/// ]);
+/// let (position, velocity) = trajectory.at(2.0);
+/// assert_eq!(position.x, 0.02);
+/// assert_eq!(velocity.x, 0.0);
+/// assert!(position.y.abs() <= 0.003);
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
     parts: Vec<Part>,
 }
 
 impl Trajectory {
-    /// Stays where it starts.
+    /// A trajectory that stays at its start.
     pub fn still() -> Self {
         Self::default()
     }
 
-    /// Visits `(time, position)` (s, m) one after the other along minimum-jerk segments, at rest at each;
-    /// held before the first and after the last. Only differences from the first position count.
+    /// Visits `(time, position)` (s, m) in turn along minimum-jerk segments, at rest at each. The trajectory rests
+    /// before the first and after the last. Positions are relative to the first.
     ///
     /// # Errors
-    /// None given, a number not finite, times not increasing, or a first time below zero.
+    /// No waypoint, a number that is not finite, times that do not increase, or a first time below zero.
     pub fn new_waypoints(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Waypoints(Waypoints::new(waypoints)?)],
         })
     }
 
-    /// The same over and over: from the last it goes on as from the first, at whose place it must be.
+    /// Repeats such a motion: after the last waypoint it continues from the first, at the same position.
     ///
     /// # Errors
-    /// As [`Trajectory::new_waypoints`]; also fewer than two, or a last place that is not the first.
+    /// As [`Trajectory::new_waypoints`]; also fewer than two waypoints, or a last position that is not the first.
     pub fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Waypoints(Waypoints::new_cycle(waypoints)?)],
@@ -127,18 +148,18 @@ impl Trajectory {
     /// A sum of sinusoids that fades in along a minimum-jerk step over `fade` (s).
     ///
     /// # Errors
-    /// A number not finite, a frequency outside the hand's band, or a fade that is not above zero.
+    /// A number that is not finite, a frequency outside the hand's band, or a fade-in time that is not above zero.
     pub fn new_sines(sines: &[Sine], fade: f64) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Sines(Sines::new(sines, fade)?)],
         })
     }
 
-    /// A recorded motion, `(time, position)` (s, m), band-limited as [`recorded`] says. It starts at the
-    /// first sample, whatever its time, and is held after the last.
+    /// A recorded motion, `(time, position)` (s, m), band-limited as described in [`recorded`]. The trajectory starts
+    /// at the first sample, whatever its time, and rests after the last.
     ///
     /// # Errors
-    /// Fewer than two samples, a number not finite, times not increasing, or a recording beyond
+    /// Fewer than two samples, a number that is not finite, times that do not increase, or a recording beyond
     /// [`recorded::MAX_DURATION`].
     pub fn new_recorded(samples: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
@@ -146,7 +167,7 @@ impl Trajectory {
         })
     }
 
-    /// The sum of several.
+    /// The sum of several trajectories.
     pub fn new_sum(trajectories: impl IntoIterator<Item = Self>) -> Self {
         Self {
             parts: trajectories.into_iter().flat_map(|t| t.parts).collect(),
@@ -169,7 +190,7 @@ impl Trajectory {
     }
 }
 
-/// Checks a list of timed positions: all finite, each time after the one before.
+/// Checks a list of timed positions: all numbers are finite, and the times increase.
 fn check_timed(entries: &[(f64, Vec3)], needed: usize) -> Result<(), TrajectoryError> {
     if entries.len() < needed {
         return Err(TrajectoryError::TooFew {

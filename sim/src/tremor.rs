@@ -1,8 +1,8 @@
 //! Physiological tremor: the small 8 to 12 Hz motion of every outstretched hand (Elble & Koller 1990).
 //!
-//! A sum of sinusoids with seeded frequencies, amplitudes and phases, so that it is a function of time
-//! alone: nothing is drawn while it runs. All three axes share the frequencies and differ in amplitude and
-//! phase, as the parts of one limb's motion do.
+//! The tremor is a sum of sinusoids with seeded frequencies, amplitudes and phases. It is a function of time alone: no
+//! random number is drawn during a run. All three axes share the frequencies and differ in amplitude and phase, as the
+//! parts of one limb's motion do.
 
 use crate::curve::{Knot, minimum_jerk};
 use core::f64::consts::TAU;
@@ -10,25 +10,25 @@ use rand_core::Rng;
 use rand_pcg::Pcg64;
 use rt_core::Vec3;
 
-/// How many sinusoids make it up. Their beats repeat after about a second and a half or later.
+/// Number of sinusoids. Their beats repeat after a second and a half or later.
 pub const COUNT: usize = 6;
 /// Lowest frequency (Hz).
 pub const LOWEST_HZ: f64 = 8.0;
 /// Highest frequency (Hz).
 pub const HIGHEST_HZ: f64 = 12.0;
-/// How long it takes to fade in from rest (s).
+/// Time of the fade-in from rest (s).
 pub const FADE: f64 = 0.5;
 
-/// The generator's stream: tremor draws from no other part's numbers.
+/// The stream of the random generator: no other part of the program draws from it.
 const STREAM: u128 = 0x7472_656d_6f72;
 
-/// Why there is no such tremor.
+/// Why a tremor cannot be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TremorError {
     /// The amplitude is not a finite number of at least zero.
     #[error("a tremor's RMS amplitude must be finite and at least 0 m, not {found}")]
     Amplitude {
-        /// What was given (m).
+        /// The amplitude that was given (m).
         found: f64,
     },
 }
@@ -48,8 +48,8 @@ pub struct Tremor {
 }
 
 impl Tremor {
-    /// The tremor of `seed` whose displacement, as a vector, has the given root mean square (m) over a long
-    /// time once it has faded in. A relaxed hand's is about 0.05 to 0.2 mm.
+    /// The tremor of `seed`. `rms` (m) is the root mean square of the displacement vector over a long time, after the
+    /// fade-in. For a relaxed hand it is about 0.05 to 0.2 mm.
     ///
     /// # Errors
     /// [`TremorError`] where the amplitude is negative or not finite.
@@ -85,7 +85,7 @@ impl Tremor {
         Ok(Self { waves })
     }
 
-    /// Displacement (m) and velocity (m/s) at `time` (s); at rest at zero.
+    /// Displacement (m) and velocity (m/s) at `time` (s). At time zero, the tremor is at rest.
     pub fn at(&self, time: f64) -> (Vec3, Vec3) {
         let mut sum: Knot = (Vec3::zeros(), Vec3::zeros());
         for wave in &self.waves {
@@ -93,8 +93,8 @@ impl Tremor {
             sum.0 += wave.sine * sin + wave.cosine * cos;
             sum.1 += (wave.sine * cos - wave.cosine * sin) * wave.speed;
         }
-        let (share, slope) = minimum_jerk(time / FADE);
-        (sum.0 * share, sum.1 * share + sum.0 * (slope / FADE))
+        let (weight, slope) = minimum_jerk(time / FADE);
+        (sum.0 * weight, sum.1 * weight + sum.0 * (slope / FADE))
     }
 }
 
@@ -126,16 +126,16 @@ mod tests {
 
     proptest! {
         #[test]
-        fn the_root_mean_square_is_what_was_asked(seed in any::<u64>()) {
+        fn the_root_mean_square_is_as_asked(seed in any::<u64>()) {
             let rms = 1e-4;
             let tremor = Tremor::new(rms, seed).unwrap();
             let count = 50_000_u32;
             let square = (0..count).map(|k| tremor.at(1.0 + 2e-3 * f64::from(k)).0.norm_squared());
             let found = (square.sum::<f64>() / f64::from(count)).sqrt();
-            // 100 s average. Two waves that beat at f leave up to 1 / (2 pi f 100 s) of their power; only
-            // neighbours can be close, and each pair holds at most half of the power in its cross term:
-            // below 0.02 Hz (once in several hundred seeds) nothing averages out, so the bound is for
-            // f >= 0.02 Hz, 8 %, and half of that in the root; closer pairs are let off.
+            // The average is over 100 s. Two waves that beat at f leave up to 1 / (2 pi f 100 s) of their power. Only
+            // neighbours can be close, and the cross term of each pair holds at most half of the power. Below 0.02 Hz
+            // (once in several hundred seeds), nothing averages out. The bound is for f >= 0.02 Hz: 8 % of the power,
+            // half of that in the root. Closer pairs are left out.
             let closest = tremor.waves.windows(2).map(|w| w[1].speed - w[0].speed).fold(f64::MAX, f64::min);
             prop_assume!(closest > TAU * 0.02);
             prop_assert!((found / rms - 1.0).abs() < 0.05, "{}", found / rms);
@@ -146,8 +146,8 @@ mod tests {
             let tremor = Tremor::new(1e-4, seed).unwrap();
             let h = 1e-5;
             let slope = (tremor.at(t + h).0 - tremor.at(t - h).0) / (2.0 * h);
-            // h^2 / 6 times a jerk of at most (2 pi 12)^3 * 1e-4 * sqrt(2 COUNT) = 150 m/s^3: 2.5e-9; while
-            // it fades in, its slope adds less than as much again.
+            // h^2 / 6 times a jerk of at most (2 pi 12)^3 * 1e-4 * sqrt(2 COUNT) = 150 m/s^3: 2.5e-9. During the
+            // fade-in, the slope of the fade adds less than the same again.
             prop_assert!((slope - tremor.at(t).1).norm() < 6e-9);
         }
     }

@@ -1,14 +1,14 @@
 //! The simulated device against theory: where a sampled virtual spring becomes active.
 //!
-//! A mass `M` with damping `b`, pulled to its origin by a spring `K` that is sampled every `T` and held in
-//! between, is stable only for `K < 2 b / T` (Colgate & Schenkel 1997; exact to `b T / M`). Friction and
-//! encoder counts are taken away, for which the condition does not hold.
+//! A mass `M` with damping `b` is pulled to its origin by a spring `K` that is sampled every `T` and held in between.
+//! It is stable only for `K < 2 b / T` (Colgate & Schenkel 1997; exact to `b T / M`). The condition does not hold with
+//! friction and encoder counts, so the device here has neither.
 
 use rt_core::{Device, Vec3, Wrench};
 use sim::{DeviceModel, SimDevice};
 
-/// Whether the swing about the spring's rest grows over 20 s.
-fn grows(share_of_limit: f64) -> bool {
+/// Whether the swing about the spring's rest position grows over 20 s.
+fn grows(fraction_of_limit: f64) -> bool {
     let model = DeviceModel {
         friction: 0.0,
         position_step: 1e-12,
@@ -16,7 +16,7 @@ fn grows(share_of_limit: f64) -> bool {
         ..DeviceModel::named("falcon").unwrap()
     };
     let period = 1e-3;
-    let stiffness = share_of_limit * 2.0 * model.damping / period;
+    let stiffness = fraction_of_limit * 2.0 * model.damping / period;
     let start = Vec3::new(0.01, 0.0, 0.0);
     let mut device = SimDevice::new(model, None, period)
         .unwrap()
@@ -42,21 +42,21 @@ fn grows(share_of_limit: f64) -> bool {
 
 #[test]
 fn a_sampled_spring_is_active_beyond_twice_the_damping_over_the_period() {
-    // b T / M is 0.3 % here, and 1 % of the damping left over changes the swing by
-    // exp(0.01 * 0.5 / 0.15 * 20) = 2 in 20 s: at 2 % to both sides the answer is clear.
+    // b T / M is 0.3 % here. A change of the net damping by 1 % changes the swing by a factor of exp(0.01 * 0.5 / 0.15
+    // * 20) = 2 in 20 s: 2 % on both sides of the limit, the answer is clear.
     assert!(!grows(0.98));
     assert!(grows(1.02));
 }
 
 #[test]
-fn what_a_sampled_spring_makes_shows_at_the_port() {
-    let work = |share: f64| {
+fn the_energy_of_a_sampled_spring_shows_at_the_port() {
+    let work = |fraction: f64| {
         let model = DeviceModel {
             friction: 0.0,
             position_step: 1e-12,
             ..DeviceModel::named("falcon").unwrap()
         };
-        let stiffness = share * 2.0 * model.damping / 1e-3;
+        let stiffness = fraction * 2.0 * model.damping / 1e-3;
         let start = Vec3::new(1e-3, 0.0, 0.0);
         let mut device = SimDevice::new(model, None, 1e-3)
             .unwrap()
@@ -72,11 +72,10 @@ fn what_a_sampled_spring_makes_shows_at_the_port() {
             };
             device.write(now, &wrench).unwrap();
         }
-        // A true spring could have given no more than what it was stretched by at first, less what it
-        // holds now.
+        // A true spring could give at most the energy of its initial stretch, minus the energy that it holds now.
         device.energy().motor_work - (spring(start) - spring(device.position()))
     };
-    // The sampled one gives K T / 2 of negative damping, at any stiffness: it is the device's damping that
-    // keeps the whole passive.
+    // The sampled spring adds a negative damping of K T / 2 at any stiffness. The device's own damping keeps the whole
+    // passive.
     assert!(work(0.5) > 0.0 && work(1.1) > work(0.5));
 }

@@ -1,4 +1,4 @@
-//! A device of six degrees of freedom: its rotation is sensed, driven, held and accounted for.
+//! A device of six degrees of freedom: its rotation is sensed, actuated, held and accounted for.
 
 use nalgebra::UnitQuaternion;
 use rt_core::{Device, Freedom, Vec3, Wrench};
@@ -32,21 +32,21 @@ fn a_moment_turns_the_handle_against_the_wrist() {
         state = device.read(k * MS).unwrap();
     }
     assert_eq!(device.angular_velocity(), Vec3::zeros());
-    // At rest friction may hold its part: 2 k sin(a / 2) within it of the moment.
+    // At rest, friction may hold a part of the moment: 2 k sin(a / 2) differs from the moment by at most the friction.
     let found = device.orientation().scaled_axis();
     let pull = 2.0 * wrist.stiffness * libm::sin(0.5 * found.norm());
     assert!((pull - moment.norm()).abs() <= rotation.friction);
     assert!(found.cross(&moment).norm() < 1e-12);
-    // What is shown: half a count a coordinate, and rounding.
+    // The shown orientation errs by half a count per coordinate, and rounding.
     let shown = state.pose.rotation.scaled_axis();
     assert!((shown - found).amax() <= 0.5 * rotation.step * (1.0 + 1e-9));
-    // The filter's memory fades by 0.6 a tick.
+    // The filter's memory decays by a factor of 0.6 per tick.
     assert!(state.twist.angular.norm() < 1e-300);
-    // The place did not move, and the energy of both motions is in one account.
+    // The position did not change, and one account holds the energy of both motions.
     assert_eq!(device.position(), Vec3::zeros());
     let energy = device.energy();
     assert!(energy.motor_work > 0.1 && energy.residual().abs() < 1e-13);
-    // At the port: what the spring holds and the wrist's damping took.
+    // At the port: the energy of the spring and the loss to the wrist's damping.
     assert!((energy.on_hand() - energy.spring - energy.arm_loss).abs() < 1e-13);
 }
 
@@ -70,8 +70,8 @@ fn the_angular_velocity_is_estimated_from_counts() {
         }
         let state = device.read(now).unwrap();
         if k > 150 {
-            // 2.5 rad/s, through half a turn, where a rotation vector jumps; the filter keeps 40 % of a count
-            // a tick, of both ends of a difference.
+            // 2.5 rad/s, through half a turn, where a rotation vector jumps. The filter keeps 40 % of a count per tick,
+            // at both ends of a difference.
             let error = (state.twist.angular - device.angular_velocity()).norm();
             assert!(error < step / 1e-3, "{k} {error}");
         }
@@ -95,7 +95,7 @@ fn moments_are_shortened_and_refused_as_forces_are() {
         (Vec3::zeros(), Vec3::zeros())
     );
     assert_eq!(device.refused_wrenches(), 1);
-    // Three degrees of freedom take no notice of a moment.
+    // A device of three degrees of freedom ignores the moment.
     let falcon = DeviceModel::named("falcon").unwrap();
     let mut device = SimDevice::new(falcon, None, 1e-3).unwrap();
     assert_eq!(device.capabilities().actuated, Freedom::Three);
@@ -130,7 +130,7 @@ fn translation_is_that_of_the_device_without_rotation() {
         three.write(k * MS, &wrench).unwrap();
         six.write(k * MS, &wrench).unwrap();
         assert_eq!(three.position(), six.device().position());
-        // Behind its wire the rotation passes too: 0.07 mrad and half a count a coordinate.
+        // The rotation also passes through the wire: 0.07 mrad, and half a count per coordinate.
         let error = state.pose.rotation.angle_to(&six.device().orientation());
         assert!(error < 0.07e-3 + 0.87 * 2e-4, "{error}");
     }

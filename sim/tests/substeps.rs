@@ -1,15 +1,15 @@
-//! What a simulated device does depends on its substep by less than any conclusion could.
+//! The motion of a simulated device depends on its substep by less than any conclusion could.
 //!
-//! Every device in every grip does every task against a spring and a damper that are rendered from encoder
-//! counts at 1 kHz, friction, quantization and tremor on. Halving the substep must change places by less
-//! than 1 % of the stroke and every energy by less than 1 % of what was turned over.
+//! Every device in every grip does every task against a spring and a damper that are rendered from encoder counts at 1
+//! kHz, with friction, quantization and tremor. Halving the substep must change positions by less than 1 % of the
+//! stroke, and every energy by less than 1 % of the energy lost and stored.
 
 use rt_core::{Device, Vec3, Wrench};
 use sim::{
     Arm, DeviceModel, EnergyAccount, Hand, SimDevice, Task, TaskKind, Tremor, Wrist, device,
 };
 
-/// Four seconds; the true place at each tick and the account at the end.
+/// Runs for four seconds. Returns the true position at each tick and the account at the end.
 fn run(model: DeviceModel, hand: &Hand, substep_ns: u64) -> (Vec<Vec3>, EnergyAccount) {
     let mut device = SimDevice::new(model, Some(hand.clone()), 1e-3)
         .unwrap()
@@ -19,7 +19,7 @@ fn run(model: DeviceModel, hand: &Hand, substep_ns: u64) -> (Vec<Vec3>, EnergyAc
     for tick in 0..4000 {
         let now = tick * 1_000_000;
         let state = device.read(now).unwrap();
-        // Within what every device may render passively, 2 b / T, or with some damping of the arm.
+        // Within the passive limit of every device, 2 b / T, or with some damping of the arm.
         let force = state.pose.position * -100.0 - state.twist.linear * 1.0;
         let turn = state.pose.rotation.scaled_axis();
         let wrench = Wrench {
@@ -61,7 +61,7 @@ fn halving_the_substep_changes_results_by_less_than_a_hundredth() {
                 let pairs = coarse.iter().zip(&fine);
                 let moved = pairs.map(|(p, q)| (p - q).norm()).fold(0.0, f64::max);
                 let at = format!("{device}, {grip}, {name}");
-                // A relaxed hand does not move the heaviest device against its friction at all.
+                // A relaxed hand does not move the heaviest device against its friction.
                 assert!(moved <= 0.01 * stroke, "{at}: {moved} of {stroke}");
                 if stroke > 0.0 {
                     worst_place = worst_place.max(moved / stroke);
@@ -74,7 +74,7 @@ fn halving_the_substep_changes_results_by_less_than_a_hundredth() {
                 }
                 // Rounding of up to 160,000 substeps.
                 assert!(a.residual().abs() < 1e-10 * turned_over, "{at}");
-                // There was friction to get wrong.
+                // Friction dissipated energy.
                 assert!(b.friction_loss > 1e-6, "{at}");
             }
         }

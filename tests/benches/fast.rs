@@ -4,18 +4,17 @@
 //! whole step takes, beside its error and other programs, is `palpate bench speed`.
 
 use divan::{Bencher, black_box};
-use physics::Vec3;
-use physics::fast::factor::Factor;
-use physics::fast::order::order;
-use physics::fast::panel::Panels;
-use physics::fast::tet::Tets;
-use physics::fast::triangle::Triangles;
-use physics::fast::{Node, Real, Stepper, StepperOptions};
-use physics::fem::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial,
-};
+use physics::element::tet4::Tets;
+use physics::element::triangle::triangles::Triangles;
+use physics::linear::factor::Factor;
+use physics::linear::order::order;
+use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, Node, Real, SolidLaw,
+    SolidMaterial, Stepper, StepperOptions, Vec3,
+};
 
 fn main() {
     divan::main();

@@ -1,7 +1,7 @@
-"""The cube that every program presses: mesh, motion, laws, and what a law's force is at rest.
+"""The cube that every program compresses: mesh, motion, laws, and the equilibrium force under each law.
 
 10 cm, 1 kg, E = 20 kPa, nu = 0.3, Rayleigh damping by mass 0.1 and by stiffness 0.1, no gravity, bonded to two
-plates; the upper one goes down by a tenth in 0.5 s and stays for 1.5 s, in steps of 10 ms. That is the scene
+plates. The upper plate moves down by a tenth in 0.5 s and rests for 1.5 s, in steps of 10 ms. This is the scene
 "press" of `palpate bench speed --quick`.
 """
 
@@ -22,12 +22,12 @@ LAMBDA = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
 
 
 def depth(step):
-    """How far the plate has gone after so many steps (m)."""
+    """Displacement of the plate after a number of steps (m)."""
     return PRESS * min(step / MOVING, 1.0)
 
 
 class Mesh:
-    """n x n x n cells, each cut into six tetrahedra around the same diagonal."""
+    """n x n x n grid cells, each cut into six tetrahedra around the same diagonal."""
 
     def __init__(self, n):
         self.n = n
@@ -55,7 +55,7 @@ class Mesh:
         self.volume = np.linalg.det(edges) / 6
         assert (self.volume > 0).all()
         inverse = np.linalg.inv(edges)
-        # Gradients of the four shape functions, one a row.
+        # Gradients of the four shape functions, one per row.
         self.gradient = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
         self.mass = np.zeros(len(self.positions))
         np.add.at(self.mass, self.cells, np.repeat(self.volume[:, None] * DENSITY / 4, 4, axis=1))
@@ -64,7 +64,7 @@ class Mesh:
         return np.einsum("eai,eaj->eij", x[self.cells], self.gradient)
 
     def element_forces(self, x, stress):
-        """Elastic forces on each tetrahedron's vertices (N), from first Piola-Kirchhoff stress by law."""
+        """Elastic forces on the vertices of each tetrahedron (N), from the first Piola-Kirchhoff stress of a law."""
         p = stress(self.deformation(x))
         return -np.einsum("e,eij,eaj->eai", self.volume, p, self.gradient)
 
@@ -74,7 +74,7 @@ class Mesh:
         return total
 
     def force_on_top(self, x, stress):
-        """What presses back (N)."""
+        """Force of the cube on the plate (N)."""
         return self.forces(x, stress)[self.top, 2].sum()
 
 
@@ -91,7 +91,7 @@ def corotational(f):
 
 
 def neo_hookean(f):
-    """Stable Neo-Hookean without the barrier (Smith, de Goes and Kim, 2018), as Newton has it."""
+    """Stable Neo-Hookean without the barrier (Smith, de Goes and Kim, 2018), as in Newton."""
     bulk = LAMBDA + MU
     alpha = 1 + MU / bulk
     columns = [f[:, :, k] for k in range(3)]
@@ -106,7 +106,7 @@ def saint_venant_kirchhoff(f):
 
 
 def force_at_rest(n, stress):
-    """The force of the pressed cube in equilibrium (N): Newton's method, tangents by central differences."""
+    """The force of the compressed cube in equilibrium (N): Newton's method, tangents by central differences."""
     mesh = Mesh(n)
     x = mesh.positions.copy()
     x[:, 2] -= PRESS * (x[:, 2] / EDGE + 0.5)
@@ -134,7 +134,7 @@ def force_at_rest(n, stress):
 
 
 def sizes():
-    """Cells along the edge, from the command line."""
+    """Grid cells along the edge, from the command line."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--cells", type=int, nargs="+", default=[6, 8, 10])
     return parser.parse_args().cells
@@ -142,7 +142,7 @@ def sizes():
 
 def report(program, setting, strictest, law, mesh, times, moving, end, rest):
     """One line for the table: processor times of all steps (s), elastic force on the plate after each step in which it
-    moves, at the end, and in equilibrium by the same law (N). `strictest` names the setting against which the others' errors are."""
+    moves, at the end, and in equilibrium by the same law (N). `strictest`: the reference setting for the errors."""
     times = np.sort(times[:MOVING])
     line = {
         "program": program,

@@ -4,16 +4,16 @@ import mujoco
 
 import cube
 
-# (solver, tolerance): its defaults, the other solver, and less strict.
+# (solver, tolerance): the defaults, the other solver, and a looser tolerance.
 SETTINGS = [("Newton", 1e-8), ("CG", 1e-8), ("CG", 1e-4), ("CG", 1e-2)]
-# The plate (kg). What the cube pressed back with in the last step is held against it from outside, so that only
-# the change over a step accelerates it: by 2e-8 m a step at most, but for the first one. A heavier one spoils the
-# solver's relative residual.
+# Mass of the plate (kg). An external force balances the force of the cube in the last step, so that only the change
+# over a step accelerates the plate: by 2e-8 m per step at most, except in the first. A heavier plate would spoil the
+# relative residual of the solver.
 PLATE = 1e3
 
 
 def model(mesh, solver, tolerance):
-    """Free vertices are bodies with three sliders each; the plates' are fixed in the world and in one body."""
+    """Free vertices are bodies with three sliders each. Those of the plates are fixed in the world and in one body."""
     names, vertices, bodies = [], [], []
     top, bottom = set(mesh.top), set(mesh.bottom)
     for number, x in enumerate(mesh.positions):
@@ -58,7 +58,7 @@ def model(mesh, solver, tolerance):
 def press(mesh, setting):
     made = model(mesh, *setting)
     data = mujoco.MjData(made)
-    plate = made.joint("down").dofadr[0] - 2  # its three sliders are its first degrees of freedom
+    plate = made.joint("down").dofadr[0] - 2  # the three sliders of the plate are its first degrees of freedom
     times, forces = [], []
     elastic = lambda: mesh.force_on_top(data.flexvert_xpos, cube.saint_venant_kirchhoff)
     for step in range(cube.STEPS):
@@ -67,7 +67,7 @@ def press(mesh, setting):
         data.qvel[plate : plate + 3] = [0, 0, -(there - here) / cube.STEP]
         data.qfrc_applied[plate : plate + 3] = -data.qfrc_passive[plate : plate + 3]
         times.append(cube.timed(lambda: mujoco.mj_step(made, data)))
-        # The positions are those at the end of the step only after this.
+        # Only this call updates the positions to the end of the step.
         mujoco.mj_kinematics(made, data)
         mujoco.mj_flex(made, data)
         forces.append(elastic())

@@ -7,19 +7,19 @@ import warp as wp
 import cube
 
 SWEEPS = [1, 3, 10, 100]
-# Where a step takes so many sweeps, only the steps in which the plate moves are taken.
+# With this many sweeps per step, only the steps in which the plate moves are computed.
 LONG = 100
-# Of each of the plate's vertices (kg): half a newton moves it in a step by less than single precision tells.
+# Mass of each vertex of the plate (kg): half a newton moves it in a step by less than single precision resolves.
 PLATE = 1e5
-# Its damping stress is 4 times this times the rate of the Green strain; ours, for small strains, is 2 mu beta times
-# it, and a part that resists the change of volume, which it has not.
+# Newton's damping stress is 4 times this value times the rate of the Green strain. Palpate's, for small strains, is
+# 2 mu beta times that rate, plus a part that resists a change of volume, which Newton does not have.
 DAMPING = 0.5 * cube.MU * cube.STIFFNESS_DAMPING
 
 
 def model(mesh):
     builder = newton.ModelBuilder(gravity=(0.0, 0.0, 0.0))
     masses = mesh.mass.copy()
-    # A particle without mass stays where it is; one with much goes on as fast as it was set to.
+    # A particle without mass stays in place; a heavy particle keeps the velocity that was set.
     masses[mesh.bottom], masses[mesh.top] = 0.0, PLATE
     for x, mass in zip(mesh.positions, masses.tolist()):
         builder.add_particle(wp.vec3(*x), wp.vec3(0.0), mass, radius=1e-4)
@@ -53,7 +53,7 @@ def main():
     for n in cube.sizes():
         mesh = cube.Mesh(n)
         rest = cube.force_at_rest(n, cube.neo_hookean)
-        press(mesh, 1)  # compiles its kernels
+        press(mesh, 1)  # compiles the kernels
         for sweeps in SWEEPS:
             name, strictest = (f"vertex block descent, {s} sweeps, f32" for s in (sweeps, SWEEPS[-1]))
             program, law = f"Newton {newton.__version__} on Warp", "stable Neo-Hookean"

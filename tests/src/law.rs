@@ -4,7 +4,7 @@
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::CouplingConfig;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Controller, ControllerConfig, DeviceState, Freedom, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6,
@@ -69,9 +69,9 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
     let mut config = ControllerConfig::default();
     for _ in 0..handles {
         let device = DeviceConfig {
-            proxy: Proxy {
+            frame: DeviceFrame {
                 rotation: UnitQuaternion::from_scaled_axis(Vec3::new(0.0, 0.0, 1.0)),
-                ..Proxy::at(Vec3::zeros())
+                ..DeviceFrame::at(Vec3::zeros())
             },
             safety: SafetyConfig {
                 actuated: Freedom::Six,

@@ -2,14 +2,13 @@
 //! are made once.
 
 use palpate_tests::counting::{Counting, count};
-use physics::Vec3;
-use physics::fast::{Part, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
-use physics::fem::{
-    Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
-    Integrator, IntegratorOptions, Material, Scheme, SheetLawName, SolidLaw, SolidMaterial, Weave,
-};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
+    Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, Scheme, ShapeOptions,
+    Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
+};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -133,14 +132,15 @@ fn fast_steps_allocate_nothing<T: Real>(preconditioner: Preconditioner) {
             ..StepperOptions::default()
         };
         let mut stepper = Stepper::<T>::new(&body, options).unwrap();
+        let mut shapes = Shapes::default();
         let mut factors = 0;
         let mut run = |steps: std::ops::Range<usize>| {
             for k in steps {
                 stepper
                     .step(&mut body, 2e-3, &targets(ends, k.min(12)), || false)
                     .unwrap();
-                stepper
-                    .condense(&body, 1e-2, &ShapeOptions::default())
+                shapes
+                    .condense(&mut stepper, &body, 1e-2, &ShapeOptions::default())
                     .unwrap();
                 if let Some(mut refresher) = stepper.lend() {
                     refresher.work().unwrap();

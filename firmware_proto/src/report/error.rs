@@ -1,36 +1,37 @@
-//! Why bytes are no report.
+//! The reasons why bytes are not a valid report.
 
 use super::{Kind, LENGTH, VERSION};
 use core::fmt;
 
-/// Why bytes are no report. `Copy`, so that a realtime loop can keep and count it without allocating.
+/// The reason why bytes are not a valid report. `Copy`, so that a realtime loop can keep and count it without
+/// allocating.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReportError {
-    /// There are not exactly [`LENGTH`] bytes.
+    /// The number of bytes is not [`LENGTH`].
     Length {
-        /// How many there are.
+        /// The number of bytes.
         found: usize,
     },
-    /// The check sum does not match: bytes were changed on the way.
+    /// The check sum does not match: bytes were changed in transit.
     Crc {
-        /// The sum of the bytes that came.
+        /// The check sum of the received bytes.
         expected: u16,
-        /// The sum that came with them.
+        /// The check sum in the report.
         found: u16,
     },
-    /// The sender speaks another version of the protocol than [`VERSION`].
+    /// The sender uses another version of the protocol than [`VERSION`].
     Version {
         /// The sender's version.
         found: u8,
     },
-    /// It is another kind of report.
+    /// The report is of another kind.
     Kind {
         /// The kind that was asked for.
         expected: Kind,
-        /// The number of the kind that came.
+        /// The number of the received kind.
         found: u8,
     },
-    /// A field came whole but holds what no sender should send.
+    /// The report is intact, but a field has a value that no sender should send.
     OutOfRange {
         /// The field.
         field: Field,

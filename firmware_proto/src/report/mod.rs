@@ -1,8 +1,8 @@
 //! The 64-byte reports that are exchanged every tick: the device's state, and the wrench to apply.
 //!
-//! Each fits one USB HID interrupt transfer at full speed. Reports are unnumbered: the 64 bytes are the whole
-//! payload, and the report number 0 that operating systems put before an outgoing one is not among them.
-//! All numbers are little-endian, signed ones in two's complement.
+//! Each report fits one USB HID interrupt transfer at full speed. Reports are unnumbered: the 64 bytes are the whole
+//! payload. The report number 0, which operating systems put before an outgoing report, is not among them. All numbers
+//! are little-endian; signed numbers are in two's complement.
 //!
 //! Every report, in every version of this protocol:
 //!
@@ -35,11 +35,11 @@
 //! |     28 |     1 | flags, see [`flags`]                                      |
 //! |     29 |    33 | reserved, zero                                            |
 //!
-//! The check sum (polynomial x^16 + x^12 + x^5 + 1, 0x1021; starts at 0xFFFF; not reflected) finds every error
-//! of up to three bits in a report this short (Koopman, "Best CRC Polynomials": up to 32751 bits). It starts
-//! at 0xFFFF so that a report of zeros, which a stalled device may send, is wrong.
+//! The check sum has the polynomial x^16 + x^12 + x^5 + 1 (0x1021), starts at 0xFFFF, and is not reflected. It finds
+//! every error of up to three bits in reports of this length (Koopman, "Best CRC Polynomials": up to 32751 bits).
+//! Because of the start at 0xFFFF, a report of zeros, which a stalled device may send, has a wrong check sum.
 //!
-//! The structure follows smoltcp's `wire`: places of fields, a checked view over bytes, and a plain struct.
+//! The structure follows smoltcp's `wire`: offsets of fields, a checked view over bytes, and a plain struct.
 
 mod error;
 mod state;
@@ -53,10 +53,10 @@ pub use wrench::{WrenchReport, WrenchSi, WrenchView, flags};
 
 /// The length of every report in bytes.
 pub const LENGTH: usize = 64;
-/// The version of the protocol that this crate speaks.
+/// The version of the protocol that this crate implements.
 pub const VERSION: u8 = 1;
 
-/// The kinds of report, by the number that stands for each.
+/// The kinds of report, each with its number in a report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Kind {

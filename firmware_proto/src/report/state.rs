@@ -1,4 +1,4 @@
-//! What a device says of itself: where it is, how it moves, what is pressed.
+//! The state that a device reports: its pose, its velocities and its buttons.
 
 use super::units::{ANGULAR_VELOCITY, POSITION, QUATERNION, VELOCITY, to_i16, to_i32, to_si};
 use super::wire::{self, get, put};
@@ -8,17 +8,17 @@ use super::{Field, Kind, LENGTH, ReportError};
 pub mod status {
     /// The encoders have found their reference: positions are absolute.
     pub const CALIBRATED: u8 = 1 << 0;
-    /// The amplifiers are on: a wrench that is sent will be felt.
+    /// The amplifiers are on: the hand feels the commanded wrench.
     pub const POWERED: u8 = 1 << 1;
-    /// The device has had no wrench for too long and has let go by itself.
+    /// The device has received no wrench for too long and has let go by itself.
     pub const WATCHDOG: u8 = 1 << 2;
-    /// The wrench asked for is more than the device can give, or more than it may.
+    /// The commanded wrench exceeds what the device can give, or what it may give.
     pub const LIMITED: u8 = 1 << 3;
-    /// The device has found itself at fault and gives no force until it is restarted.
+    /// The device has found a fault of its own and gives no force until it is restarted.
     pub const FAULT: u8 = 1 << 7;
 }
 
-/// Where the fields stand; the table in [`super`] says the same in words.
+/// Offsets of the fields, as in the table in [`super`].
 mod at {
     pub(super) const TIME: usize = 4;
     pub(super) const POSITION: usize = 8;
@@ -30,41 +30,59 @@ mod at {
     pub(super) const RESERVED: usize = 49;
 }
 
-/// The range of the squared length of an orientation's four numbers: a length within 1 % of 32767. Rounding
-/// a unit quaternion moves it by less than 0.01 %.
+/// The range of the squared length of an orientation's four numbers: a length within 1 % of 32767. Rounding changes the
+/// length of a unit quaternion by less than 0.01 %.
 const ORIENTATION_LENGTH: (u64, u64) = {
     let one = 32767 * 32767;
     (one * 99 * 99 / 10_000, one * 101 * 101 / 10_000)
 };
 
-/// A device's state as it is sent. Angles and lengths are in the device's base frame.
+/// The state of a device as it is sent. Angles and lengths are in the device's base frame.
+///
+/// ```
+/// use firmware_proto::report::{ReportError, StateReport, StateSi, status};
+///
+/// let si = StateSi {
+///     position: [0.01, -0.02, 0.0],
+///     orientation: [1.0, 0.0, 0.0, 0.0],
+///     velocity: [0.05, 0.0, 0.0],
+///     angular_velocity: [0.0; 3],
+/// };
+/// let report = StateReport::from_si(7, 1234, &si, 0, status::CALIBRATED | status::POWERED);
+/// let mut bytes = report.encode();
+/// assert_eq!(StateReport::decode(&bytes), Ok(report));
+/// assert_eq!(report.to_si(), si);
+///
+/// // A bit that flips in transit is found.
+/// bytes[20] ^= 4;
+/// assert!(matches!(StateReport::decode(&bytes), Err(ReportError::Crc { .. })));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StateReport {
-    /// Plus one each report, wraps; a gap is a lost report.
+    /// Number of the report, which wraps; a gap means lost reports.
     pub sequence: u16,
-    /// When the device read its encoders (µs of its own clock), wraps after 71.6 minutes.
+    /// Time at which the device read its encoders (µs of its own clock); wraps after 71.6 minutes.
     pub time_us: u32,
     /// Position (0.1 µm).
     pub position: [i32; 3],
-    /// Orientation: quaternion w, x, y, z, its length within 1 % of 32767, which stands for 1.
+    /// Orientation: quaternion w, x, y, z. Its length is within 1 % of 32767, which stands for 1.
     pub orientation: [i16; 4],
     /// Linear velocity (µm/s).
     pub velocity: [i32; 3],
     /// Angular velocity (mrad/s).
     pub angular_velocity: [i16; 3],
-    /// Buttons that are pressed; bit 0 is the first.
+    /// Pressed buttons; bit 0 is the first button.
     pub buttons: u16,
-    /// See [`status`].
+    /// Status bits, see [`status`].
     pub status: u8,
 }
 
-/// How a device stands and moves, in SI.
+/// Pose and velocities of a device, in SI.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StateSi {
     /// Position (m), at most ±214 m in a report.
     pub position: [f64; 3],
-    /// Orientation: unit quaternion w, x, y, z. From a report, its length is within 1 % of 1: who
-    /// multiplies by it normalizes it first.
+    /// Orientation: unit quaternion w, x, y, z. From a report, its length is within 1 % of 1: normalize it before use.
     pub orientation: [f64; 4],
     /// Linear velocity (m/s), at most ±2147 m/s in a report.
     pub velocity: [f64; 3],
@@ -72,14 +90,14 @@ pub struct StateSi {
     pub angular_velocity: [f64; 3],
 }
 
-/// The bytes of a report that has been checked, read field by field.
+/// The bytes of a checked report, read field by field.
 #[derive(Clone, Copy, Debug)]
 pub struct StateView<'a> {
     report: &'a [u8; LENGTH],
 }
 
 impl<'a> StateView<'a> {
-    /// Checks `bytes` whole; after it, no access can fail.
+    /// Checks `bytes` as a whole. Afterwards, no access can fail.
     ///
     /// # Errors
     /// The first [`ReportError`] found, in the order of the enum's variants.
@@ -164,10 +182,10 @@ impl From<StateView<'_>> for StateReport {
 }
 
 impl StateReport {
-    /// The report's bytes.
+    /// The bytes of the report.
     ///
-    /// Any values can be encoded, but an orientation of a length that is not within 1 % of 32767 is refused
-    /// by [`decode`](Self::decode).
+    /// Any values can be encoded, but [`decode`](Self::decode) refuses an orientation whose length is not within 1 % of
+    /// 32767.
     pub fn encode(&self) -> [u8; LENGTH] {
         let mut report = wire::start(Kind::State, self.sequence);
         put::<{ at::TIME }, 4>(&mut report, self.time_us.to_le_bytes());
@@ -180,7 +198,7 @@ impl StateReport {
         wire::seal(report)
     }
 
-    /// The report that `bytes` hold.
+    /// The report in `bytes`.
     ///
     /// # Errors
     /// The first [`ReportError`] found, in the order of the enum's variants.
@@ -188,10 +206,10 @@ impl StateReport {
         StateView::new(bytes).map(Self::from)
     }
 
-    /// A report from SI.
+    /// A report from values in SI.
     ///
-    /// Values are rounded to the nearest unit of the report. Those beyond its range saturate at its ends
-    /// (position ±214 m, velocity ±2147 m/s, angular velocity ±32.7 rad/s); not-a-number becomes zero.
+    /// Values are rounded to the nearest unit of the report. Values beyond the range saturate at its ends (position
+    /// ±214 m, velocity ±2147 m/s, angular velocity ±32.7 rad/s). A NaN becomes zero.
     pub fn from_si(sequence: u16, time_us: u32, si: &StateSi, buttons: u16, status: u8) -> Self {
         Self {
             sequence,
@@ -205,7 +223,7 @@ impl StateReport {
         }
     }
 
-    /// How the device stands and moves, in SI.
+    /// Pose and velocities of the device, in SI.
     pub fn to_si(&self) -> StateSi {
         StateSi {
             position: to_si(self.position, POSITION),

@@ -16,7 +16,7 @@ fn example() -> StateReport {
     }
 }
 
-/// Byte for byte what a device of version 1 sends: devices in the field do not follow when this changes.
+/// The exact bytes that a device of version 1 sends. Devices in use cannot follow a change of these bytes.
 const EXAMPLE: [u8; LENGTH] = [
     0x01, 0x01, 0x34, 0x12, // version, kind, sequence
     0xEF, 0xCD, 0xAB, 0x89, // time
@@ -30,7 +30,7 @@ const EXAMPLE: [u8; LENGTH] = [
     0x28, 0xC3, // check sum
 ];
 
-/// The example with one byte changed and the check sum made to match.
+/// The example with one byte changed and a matching check sum.
 fn sealed_with(place: usize, value: u8) -> [u8; LENGTH] {
     let mut bytes = EXAMPLE;
     bytes[place] = value;
@@ -74,7 +74,7 @@ fn the_layout_is_as_documented() {
 
 proptest! {
     #[test]
-    fn what_is_encoded_is_decoded(report in reports()) {
+    fn encoding_and_decoding_give_the_same_report(report in reports()) {
         prop_assert_eq!(StateReport::decode(&report.encode()), Ok(report));
     }
 
@@ -166,7 +166,7 @@ fn other_lengths_versions_and_kinds_are_refused() {
         }
     );
     assert_eq!(error.to_string(), "report of kind 0x81, expected 0x01");
-    // A stalled device may send zeros, and an unplugged one ones.
+    // A stalled device may send zeros, and an unplugged device may send ones.
     assert!(matches!(
         StateReport::decode(&[0; LENGTH]),
         Err(ReportError::Crc { .. })

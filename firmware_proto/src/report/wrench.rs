@@ -1,4 +1,4 @@
-//! What a device is asked to do: a force and a moment on the hand.
+//! The wrench that a device is commanded to render: a force and a moment on the hand.
 
 use super::units::{FORCE, to_i32, to_si};
 use super::wire::{self, get, put};
@@ -6,13 +6,13 @@ use super::{Kind, LENGTH, ReportError};
 
 /// Bits of the flags byte. Others are sent as zero and ignored when received.
 pub mod flags {
-    /// Apply the wrench. Without it the device lets go, whatever the wrench.
+    /// Apply the wrench. Without this bit the device lets go, whatever the wrench.
     pub const ENABLE: u8 = 1 << 0;
-    /// The host is holding the device in a safe state.
+    /// The host holds the device in a safe state.
     pub const SAFE_HOLD: u8 = 1 << 1;
 }
 
-/// Where the fields stand; the table in [`super`] says the same in words.
+/// Offsets of the fields, as in the table in [`super`].
 mod at {
     pub(super) const FORCE: usize = 4;
     pub(super) const MOMENT: usize = 16;
@@ -20,16 +20,28 @@ mod at {
     pub(super) const RESERVED: usize = 29;
 }
 
-/// The wrench that a device is asked to apply to the hand, as it is sent, in the device's base frame.
+/// The wrench on the hand that a device is commanded to render, as it is sent, in the device's base frame.
+///
+/// ```
+/// use firmware_proto::report::{WrenchReport, WrenchSi, flags};
+///
+/// let si = WrenchSi {
+///     force: [1.5, -0.25, 0.0],
+///     moment: [0.0, 0.0, 0.01],
+/// };
+/// let report = WrenchReport::from_si(9, &si, flags::ENABLE);
+/// let received = WrenchReport::decode(&report.encode()).unwrap();
+/// assert_eq!(received.to_si(), si);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct WrenchReport {
-    /// Plus one each report, wraps; a gap is a lost report.
+    /// Number of the report, which wraps; a gap means lost reports.
     pub sequence: u16,
     /// Force (µN).
     pub force: [i32; 3],
     /// Moment about the handle's origin (µN·m).
     pub moment: [i32; 3],
-    /// See [`flags`].
+    /// Flag bits, see [`flags`].
     pub flags: u8,
 }
 
@@ -42,14 +54,14 @@ pub struct WrenchSi {
     pub moment: [f64; 3],
 }
 
-/// The bytes of a report that has been checked, read field by field.
+/// The bytes of a checked report, read field by field.
 #[derive(Clone, Copy, Debug)]
 pub struct WrenchView<'a> {
     report: &'a [u8; LENGTH],
 }
 
 impl<'a> WrenchView<'a> {
-    /// Checks `bytes` whole; after it, no access can fail.
+    /// Checks `bytes` as a whole. Afterwards, no access can fail.
     ///
     /// # Errors
     /// The first [`ReportError`] found, in the order of the enum's variants.
@@ -93,7 +105,7 @@ impl From<WrenchView<'_>> for WrenchReport {
 }
 
 impl WrenchReport {
-    /// The report's bytes.
+    /// The bytes of the report.
     pub fn encode(&self) -> [u8; LENGTH] {
         let mut report = wire::start(Kind::Wrench, self.sequence);
         wire::put_3_i32::<{ at::FORCE }>(&mut report, self.force);
@@ -102,7 +114,7 @@ impl WrenchReport {
         wire::seal(report)
     }
 
-    /// The report that `bytes` hold.
+    /// The report in `bytes`.
     ///
     /// # Errors
     /// The first [`ReportError`] found, in the order of the enum's variants.
@@ -110,11 +122,10 @@ impl WrenchReport {
         WrenchView::new(bytes).map(Self::from)
     }
 
-    /// A report from SI.
+    /// A report from a wrench in SI.
     ///
-    /// Values are rounded to the nearest µN and µN·m. Those beyond ±2147 N or N·m saturate there;
-    /// not-a-number becomes zero. Neither stands in for the safety stage, which comes before and whose
-    /// limits are far lower.
+    /// Values are rounded to the nearest µN and µN·m. Values beyond ±2147 N or N·m saturate there. A NaN becomes zero.
+    /// Neither replaces the safety stage, which comes before and has far lower limits.
     pub fn from_si(sequence: u16, si: &WrenchSi, flags: u8) -> Self {
         Self {
             sequence,

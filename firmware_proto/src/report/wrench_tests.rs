@@ -12,7 +12,7 @@ fn example() -> WrenchReport {
     }
 }
 
-/// Byte for byte what a device of version 1 understands.
+/// The exact bytes that a device of version 1 understands.
 const EXAMPLE: [u8; LENGTH] = [
     0x01, 0x81, 0xFE, 0xFF, // version, kind, sequence
     0x40, 0x42, 0x0F, 0x00, 0xFE, 0xFF, 0xFF, 0xFF, 0x0D, 0x0C, 0x0B, 0x0A, // force
@@ -42,7 +42,7 @@ fn the_layout_is_as_documented() {
 
 proptest! {
     #[test]
-    fn what_is_encoded_is_decoded(report in reports()) {
+    fn encoding_and_decoding_give_the_same_report(report in reports()) {
         prop_assert_eq!(WrenchReport::decode(&report.encode()), Ok(report));
     }
 
@@ -55,19 +55,19 @@ proptest! {
     #[test]
     fn rounding_errs_by_half_a_unit_at_most(force: [i16; 3], part in -1.0..1.0_f64) {
         let si = WrenchSi { force: force.map(|f| f64::from(f) * part), moment: [part; 3] };
-        // Forces beyond the range saturate, which is tested below.
+        // Larger forces saturate, which another test checks.
         let si = WrenchSi { force: si.force.map(|f| f.clamp(-2000.0, 2000.0)), ..si };
         let back = WrenchReport::from_si(0, &si, 0).to_si();
         let pairs = si.force.iter().zip(back.force).chain(si.moment.iter().zip(back.moment));
         for (sent, felt) in pairs {
-            // Half a µN, and a little for the arithmetic on numbers of up to 2e9.
+            // Half a µN, and the rounding of numbers of up to 2e9.
             prop_assert!((sent - felt).abs() <= 0.5e-6 * (1.0 + 1e-5), "{sent} {felt}");
         }
     }
 
     #[test]
     fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..130)) {
-        // Bytes by chance pass the check sum once in 65536, and then hold the wrong version.
+        // Random bytes pass the check sum once in 65536, and then have the wrong version.
         prop_assert!(WrenchReport::decode(&bytes).is_err());
     }
 }
@@ -118,7 +118,7 @@ fn other_lengths_versions_kinds_and_reserved_bytes_are_refused() {
             })
         );
     }
-    // One kind of report is never taken for the other.
+    // A report of one kind is never taken for the other.
     let error = StateReport::decode(&EXAMPLE);
     assert_eq!(
         error,

@@ -301,17 +301,16 @@ fn memory_is_bounded_by_the_length_of_the_file() {
 
 /// A legacy VTK file of lines from each of some points to the next.
 fn dense_lines(points: usize) -> Vec<u8> {
-    let mut text = format!(
-        "# vtk DataFile Version 3.0\nmesh\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {points} double\n"
-    );
-    for x in 0..points {
-        text += &format!("{x} 0 0\n");
-    }
     let lines = points - 1;
-    text += &format!("CELLS {lines} {}\n", 3 * lines);
-    for a in 0..lines {
-        text += &format!("2 {a} {}\n", a + 1);
-    }
-    text += &format!("CELL_TYPES {lines}\n{}", "3\n".repeat(lines));
-    text.into_bytes()
+    let positions: Vec<_> = (0..points).map(|x| format!("{x} 0 0\n")).collect();
+    let cells: Vec<_> = (0..lines).map(|a| format!("2 {a} {}\n", a + 1)).collect();
+    format!(
+        "# vtk DataFile Version 3.0\nmesh\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {points} double\n{}\
+         CELLS {lines} {}\n{}CELL_TYPES {lines}\n{}",
+        positions.concat(),
+        3 * lines,
+        cells.concat(),
+        "3\n".repeat(lines)
+    )
+    .into_bytes()
 }

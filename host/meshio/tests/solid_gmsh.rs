@@ -3,11 +3,10 @@
 mod support;
 
 use meshio::{read, read_mesh, write_gmsh, write_vtk};
-use physics::fem::{Body, BodyConfig, SolidLaw, SolidMaterial, Tangent};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, TetMesh};
-use physics::{Mat3, Vec3};
+use physics::{Body, BodyConfig, Mat3, SolidLaw, SolidMaterial, Tangent, Vec3};
 use std::collections::BTreeSet;
 use support::expect_solid;
 

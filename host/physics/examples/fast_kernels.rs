@@ -2,14 +2,12 @@
 //!
 //! `cargo run --release -p palpate-physics --example fast_kernels`
 
-use physics::Vec3;
-use physics::fast::Node;
-use physics::fast::lanes::Real;
-use physics::fast::tet::{Tet, Tets};
-use physics::fast::triangle::{Triangle, Triangles};
-use physics::fem::law::Lame;
+use physics::element::tet4::{Tet, Tets};
+use physics::element::triangle::triangles::{Triangle, Triangles};
+use physics::material::law::Lame;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::{Cells, TetMesh, TriMesh, generate_box::solid_box};
+use physics::{Node, Real, Vec3};
 use std::time::Instant;
 
 type Work<'a, E, T> = &'a mut dyn FnMut(&mut E, &mut [Node<T>], usize);

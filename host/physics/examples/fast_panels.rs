@@ -3,14 +3,15 @@
 //!
 //! `cargo run --release -p palpate-physics --example fast_panels`
 
-use physics::Vec3;
-use physics::fast::factor::Factor;
-use physics::fast::order::order;
-use physics::fast::panel::Panels;
-use physics::fem::cholesky::{Cholesky, Kernels};
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial};
+use physics::linear::cholesky::Cholesky;
+use physics::linear::factor::Factor;
+use physics::linear::order::order;
+use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, HandleSpec, Kernels, Material, SolidLaw, SolidMaterial, Vec3,
+};
 use std::time::Instant;
 
 fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {

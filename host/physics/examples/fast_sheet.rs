@@ -4,10 +4,11 @@
 //! `cargo run --release -p palpate-physics --example fast_sheet`
 
 use nalgebra::UnitQuaternion;
-use physics::Vec3;
-use physics::fast::{Guess, Real, Stepper, StepperOptions};
-use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material};
 use physics::mesh::generate::{Pattern, sheet};
+use physics::{
+    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Material, Real, Stepper,
+    StepperOptions, Vec3,
+};
 use std::error::Error;
 use std::time::Instant;
 

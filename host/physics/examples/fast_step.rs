@@ -1,8 +1,9 @@
 //! Times of the fast step on the reference cube.
-use physics::Vec3;
-use physics::fast::{Guess, Real, Stepper, StepperOptions};
-use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw, SolidMaterial,
+    Stepper, StepperOptions, Vec3,
+};
 use std::time::Instant;
 
 fn run<T: Real>(n: u32, h: f64, options: StepperOptions, name: &str) {
@@ -54,8 +55,8 @@ fn run<T: Real>(n: u32, h: f64, options: StepperOptions, name: &str) {
         }
     }
     let t = Instant::now();
-    stepper
-        .condense(&body, h, &physics::fast::ShapeOptions::default())
+    physics::Shapes::default()
+        .condense(&mut stepper, &body, h, &physics::ShapeOptions::default())
         .unwrap();
     asm.push(t.elapsed().as_secs_f64() * 1e6);
     let force = body.handle_report(0).unwrap().wrench_on_hand.force;

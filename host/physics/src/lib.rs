@@ -4,15 +4,50 @@
 //! files or printing, and no knowledge of devices: a mesh arrives as arrays, time as a step length, and every
 //! budget is a count of iterations. That is what makes a run repeat to the byte.
 //!
-//! - [`mesh`]: triangle and tetrahedral meshes, their checks and generators.
-//! - [`fast`]: the realtime step of a body, without assembling anything.
-//! - [`fem`]: membranes with bending and elastic solids, implicit time steps, equilibria, and the
-//!   condensation of a body onto its handles.
+//! A room is a folder. Rooms import downwards only, as `tests/rooms.rs` checks:
+//!
+//! - [`condense`]: what the hands feel of a body.
+//! - [`motion`]: steps and equilibria of a body.
+//! - [`body`]: a deformable body with handles and supports.
+//! - [`element`]: sets of elements, exactly and in vectors.
+//! - [`material`]: laws; [`polar`]: turns and stretches.
+//! - [`linear`]: systems of linear equations.
+//! - [`lanes`]: numbers laid out for vector instructions; [`cost`]: what a pass over arrays costs.
+//! - [`mesh`]: line, triangle and tetrahedral meshes, their checks and generators.
+//! - [`error`]: what can be wrong with a body, a step or a condensation.
+//!
+//! The main types are here by their names alone.
 #![forbid(unsafe_code)]
 
-pub mod fast;
-pub mod fem;
+pub mod body;
+pub mod condense;
+pub mod cost;
+pub mod element;
+pub mod error;
+pub mod lanes;
+pub mod linear;
+pub mod material;
 pub mod mesh;
+pub mod motion;
+pub mod polar;
+
+pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
+pub use body::{Body, BodyConfig, SheetLawName, SolidLaw};
+pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
+pub use cost::Cost;
+pub use element::Elements;
+pub use error::{BodyError, CondenseError, StepError};
+pub use lanes::{Node, Real};
+pub use linear::block_matrix::BlockMatrix;
+pub use linear::pcg::{Budget, SolveReport};
+pub use linear::precondition::Preconditioner;
+pub use linear::sparse_cholesky::Kernels;
+pub use material::{Material, SolidMaterial, Tangent, ThreadMaterial, Weave};
+pub use motion::{
+    Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator, IntegratorOptions,
+    NewtonOptions, NewtonReport, Part, Refresher, Scheme, StepReport, Stepper, StepperOptions,
+    StepperReport, complete_bytes,
+};
 
 /// A vector in three dimensions (m, m/s or N, as its name says).
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -3,11 +3,9 @@
 mod fem_support;
 
 use fem_support::*;
-use physics::Vec3;
-use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
-use physics::fem::{
-    Body, BodyConfig, Condensed, Condenser, Freedom, HandlePose, HandleSpec, SolidLaw,
-    SolidMaterial,
+use physics::{
+    Body, BodyConfig, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Real, ShapeOptions,
+    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 /// A step (s).
@@ -105,14 +103,17 @@ fn assembled(damping: f64) -> f64 {
 fn frozen<T: Real>(damping: f64) -> f64 {
     error(
         damping,
-        |body| Stepper::<T>::new(body, StepperOptions::default()).unwrap(),
-        |stepper, body, poses| {
+        |body| {
+            let stepper = Stepper::<T>::new(body, StepperOptions::default()).unwrap();
+            (stepper, Shapes::default())
+        },
+        |(stepper, _), body, poses| {
             stepper.step(body, H, poses, || false).unwrap();
         },
-        |stepper, body| {
+        |(stepper, shapes), body| {
             let ahead = f64::from(AHEAD) * H;
             let options = ShapeOptions::default();
-            let (model, _) = stepper.condense(body, ahead, &options).unwrap();
+            let (model, _) = shapes.condense(stepper, body, ahead, &options).unwrap();
             model.clone()
         },
     )

@@ -1,14 +1,15 @@
 //! The operations said to be in a kernel against those that it makes, and the memory that a stepper holds.
 
-use physics::Vec3;
-use physics::fast::lanes::{LANES, Real};
-use physics::fast::quadratic::{self, QuadraticTet, QuadraticTets};
-use physics::fast::tet::{self, Tet, Tets};
-use physics::fast::triangle::{self, Triangle, Triangles};
-use physics::fast::{Node, Part, Stepper, StepperOptions};
-use physics::fem::law::Frame;
-use physics::fem::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial};
+use physics::element::tet4::{self, Tet, Tets};
+use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
+use physics::element::triangle::triangles::{self, Triangle, Triangles};
+use physics::lanes::block::LANES;
+use physics::material::law::Frame;
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, HandleSpec, Node, Part, Real, SolidLaw, SolidMaterial, Stepper,
+    StepperOptions, Vec3,
+};
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
@@ -130,7 +131,7 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
     for _ in 0..2 {
         tets.linearize(&d, &mut force);
     }
-    let expected = LANES * (tet::LINEARIZE_FLOPS + fill(4) + 1);
+    let expected = LANES * (tet4::LINEARIZE_FLOPS + fill(4) + 1);
     let found = operations(|| {
         tets.linearize(&d, &mut force);
     });
@@ -142,16 +143,16 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
         tets.linearize(&displaced(3.0), &mut force);
     });
     assert!(found > expected);
-    assert_eq!((found - expected) % (LANES * tet::TURN_FLOPS), 0);
+    assert_eq!((found - expected) % (LANES * tet4::TURN_FLOPS), 0);
 
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
-    assert_eq!(found, LANES * (tet::PRODUCT_FLOPS + fill(4)));
+    assert_eq!(found, LANES * (tet4::PRODUCT_FLOPS + fill(4)));
 
     let mut fixed = tets.in_frame(Frame::Fixed);
     let found = operations(|| {
         fixed.linearize(&d, &mut force);
     });
-    let expected = tet::PRODUCT_FLOPS + tet::ENERGY_FLOPS + fill(4) + 1;
+    let expected = tet4::PRODUCT_FLOPS + tet4::ENERGY_FLOPS + fill(4) + 1;
     assert_eq!(found, LANES * expected);
 }
 
@@ -175,15 +176,15 @@ fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
         tets.linearize(&d, &mut force);
     });
     // Energies are summed at the end.
-    assert_eq!(found, LANES * (quadratic::LINEARIZE_FLOPS + fill(10) + 1));
+    assert_eq!(found, LANES * (tet10::LINEARIZE_FLOPS + fill(10) + 1));
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
-    assert_eq!(found, LANES * (quadratic::PRODUCT_FLOPS + fill(10)));
+    assert_eq!(found, LANES * (tet10::PRODUCT_FLOPS + fill(10)));
 
     let mut fixed = tets.in_frame(Frame::Fixed);
     let found = operations(|| {
         fixed.linearize(&d, &mut force);
     });
-    let expected = quadratic::PRODUCT_FLOPS + quadratic::ENERGY_FLOPS + fill(10) + 1;
+    let expected = tet10::PRODUCT_FLOPS + tet10::ENERGY_FLOPS + fill(10) + 1;
     assert_eq!(found, LANES * expected);
 }
 
@@ -203,9 +204,9 @@ fn a_triangle_takes_as_many_operations_as_are_said() {
         triangles.linearize(&d, &mut force);
     });
     // Energies are summed at the end.
-    assert_eq!(found, LANES * (triangle::LINEARIZE_FLOPS + fill(3) + 1));
+    assert_eq!(found, LANES * (triangles::LINEARIZE_FLOPS + fill(3) + 1));
     let found = operations(|| triangles.product(Counted(2.0), &d, &mut force));
-    assert_eq!(found, LANES * (triangle::PRODUCT_FLOPS + fill(3)));
+    assert_eq!(found, LANES * (triangles::PRODUCT_FLOPS + fill(3)));
 }
 
 /// A cube of `n` cells along the edge, held at its bottom.
@@ -270,7 +271,7 @@ fn costs_are_those_of_the_data() {
     let single = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
     let (elements, nodes) = (384, 125);
     let product = stepper.cost(Part::Product).unwrap();
-    assert_eq!(product.flops, elements * tet::PRODUCT_FLOPS);
+    assert_eq!(product.flops, elements * tet4::PRODUCT_FLOPS);
     // Four node numbers and ten numbers of eight bytes; 384 are twelve full blocks. The vector and the result, which
     // is cleared first.
     assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
@@ -280,7 +281,7 @@ fn costs_are_those_of_the_data() {
     assert_eq!(half.read, elements * (16 + 40) + 2 * nodes * 16);
     assert_eq!(half.flops, product.flops);
     let linearize = stepper.cost(Part::Linearize).unwrap();
-    assert_eq!(linearize.flops, elements * tet::LINEARIZE_FLOPS);
+    assert_eq!(linearize.flops, elements * tet4::LINEARIZE_FLOPS);
     // Node numbers, nine gradients and a scale, four of a quaternion and the ratio of moduli.
     assert_eq!(linearize.read, elements * (16 + 8 * 15) + 2 * nodes * 32);
     assert_eq!(linearize.written, elements * 8 * 13 + 2 * nodes * 32);

@@ -5,16 +5,16 @@
 mod fem_support;
 
 use fem_support::{Random, rubber, tight};
-use physics::Vec3;
-use physics::fast::Node;
-use physics::fast::factor::Factor;
-use physics::fast::order::{order, places};
-use physics::fast::panel::Panels;
-use physics::fem::block_matrix::BlockMatrix;
-use physics::fem::cholesky::{Cholesky, Kernels};
-use physics::fem::{Body, BodyConfig, CondenseError, Freedom, HandleSpec, SolidLaw, SolidMaterial};
+use physics::linear::cholesky::Cholesky;
+use physics::linear::factor::Factor;
+use physics::linear::order::{order, places};
+use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    BlockMatrix, Body, BodyConfig, CondenseError, Freedom, HandleSpec, Kernels, Node, SolidLaw,
+    SolidMaterial, Vec3,
+};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 

@@ -1,10 +1,11 @@
 //! Where iterations start: close in any smooth motion, and no further off than the last velocity where one begins,
 //! turns or ends.
 
-use physics::Vec3;
-use physics::fast::{Guess, Real, Stepper, StepperOptions};
-use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw, SolidMaterial,
+    Stepper, StepperOptions, Vec3,
+};
 
 /// Of this reach (m) all motions are.
 const REACH: f64 = 0.01;

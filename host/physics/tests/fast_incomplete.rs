@@ -3,11 +3,13 @@
 mod fem_support;
 
 use fem_support::{Random, block};
-use physics::fast::Node;
-use physics::fast::factor::Factor;
-use physics::fast::incomplete::{Blocks, aggregates::aggregates, order::order};
-use physics::fem::{BlockMatrix, Body, BodyConfig, CondenseError, SolidLaw, SolidMaterial};
-use physics::{Mat3, Vec3};
+use physics::linear::factor::Factor;
+use physics::linear::incomplete::Blocks;
+use physics::linear::incomplete::aggregates::aggregates;
+use physics::linear::incomplete::order::order;
+use physics::{
+    BlockMatrix, Body, BodyConfig, CondenseError, Mat3, Node, SolidLaw, SolidMaterial, Vec3,
+};
 
 /// A matrix with these blocks and their transposes.
 fn matrix(nodes: usize, blocks: &[(u32, u32, Mat3)]) -> BlockMatrix {

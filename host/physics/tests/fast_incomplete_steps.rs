@@ -4,15 +4,13 @@
 mod fem_support;
 
 use fem_support::{Split, block, grid, handle, rest_poses};
-use physics::Vec3;
-use physics::fast::{
-    Cost, Part, Preconditioner, ShapeOptions, Stepper, StepperOptions, complete_bytes,
-};
-use physics::fem::dense::Square;
-use physics::fem::{
-    Body, BodyConfig, Condenser, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial,
-};
+use physics::linear::dense::Square;
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Condenser, Cost, Freedom, HandlePose, HandleSpec, Material, Part,
+    Preconditioner, ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    complete_bytes,
+};
 
 fn options(preconditioner: Preconditioner) -> StepperOptions {
     StepperOptions {
@@ -255,6 +253,7 @@ fn local_models_are_those_of_a_factorization() {
         let handles = body.handle_count();
         let mut stepper = Stepper::<f64>::new(&body, options(Preconditioner::Incomplete)).unwrap();
         let mut condenser = Condenser::new(&body).unwrap();
+        let mut shapes = Shapes::default();
         let rest = handle_poses(&body);
         stepper.step(&mut body, 0.01, &rest, || false).unwrap();
         let mut before = 0;
@@ -269,7 +268,9 @@ fn local_models_are_those_of_a_factorization() {
                 max_iterations: 500,
                 ..ShapeOptions::default()
             };
-            let (ours, report) = stepper.condense(&body, 0.02, &options).unwrap();
+            let (ours, report) = shapes
+                .condense(&mut stepper, &body, 0.02, &options)
+                .unwrap();
             assert!(report.residual <= 1e-11, "{name}: {report:?}");
             let off = square_off(&ours.stiffness, &exact.stiffness);
             // As tight as the shapes, by the condition of what is condensed.

@@ -4,10 +4,8 @@
 mod fem_support;
 
 use fem_support::Random;
-use physics::Vec3;
-use physics::fast::{Stepper, StepperOptions};
-use physics::fem::{Body, BodyConfig, SolidLaw, SolidMaterial};
 use physics::mesh::generate_box::solid_box;
+use physics::{Body, BodyConfig, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3};
 
 /// A cube of edge 1 of cells no two of which are alike, mirrored along x, and each vertex moved by up to `shaken`.
 fn mirrored(law: SolidLaw, quadratic: bool, poisson: f64, shaken: f64) -> Body {

@@ -6,15 +6,13 @@ mod fem_support;
 
 use fast_support::{difference, dot, hash, materials, nodes, vectors, zeros};
 use fem_support::{Random, block, cube};
-use physics::fast::lanes::Real;
-use physics::fast::quadratic::{QuadraticTet, QuadraticTets};
-use physics::fem::elements::Elements;
-use physics::fem::law::{Corotational, Frame, svd};
-use physics::fem::shape::Tet10;
-use physics::fem::solid::Solid;
-use physics::fem::{Body, BodyConfig, SolidLaw};
+use physics::element::tet::shape::Tet10;
+use physics::element::tet::solid::Solid;
+use physics::element::tet10::{QuadraticTet, QuadraticTets};
+use physics::material::law::{Corotational, Frame};
 use physics::mesh::{Cells, TetMesh};
-use physics::{Mat3, Vec3};
+use physics::polar::svd;
+use physics::{Body, BodyConfig, Elements, Mat3, Real, SolidLaw, Vec3};
 
 type Quadratic = Solid<10, 4, Tet10, Corotational>;
 

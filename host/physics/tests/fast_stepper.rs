@@ -4,11 +4,10 @@ mod fem_support;
 
 use fem_support::{Random, Split, block, grid, handle, rest_poses};
 use nalgebra::UnitQuaternion;
-use physics::Vec3;
-use physics::fast::{Guess, ShapeOptions, Stepper, StepperOptions};
-use physics::fem::dense::Square;
-use physics::fem::{
-    Body, BodyConfig, Condenser, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial,
+use physics::linear::dense::Square;
+use physics::{
+    Body, BodyConfig, Condenser, Freedom, Guess, HandlePose, HandleSpec, Material, ShapeOptions,
+    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 const LAWS: [SolidLaw; 4] = [
@@ -205,6 +204,7 @@ fn local_models_are_those_of_a_factorization() {
         for (mut body, handles) in [(body, handles), (sheet, sheet_handles)] {
             let mut stepper = Stepper::<f64>::new(&body, options()).unwrap();
             let mut condenser = Condenser::new(&body).unwrap();
+            let mut shapes = Shapes::default();
             let h = 5e-3;
             for step in 1..=10 {
                 stepper
@@ -222,7 +222,9 @@ fn local_models_are_those_of_a_factorization() {
                         tolerance: 1e-12,
                         ..ShapeOptions::default()
                     };
-                    let (ours, report) = stepper.condense(&body, period, &options).unwrap();
+                    let (ours, report) = shapes
+                        .condense(&mut stepper, &body, period, &options)
+                        .unwrap();
                     assert!(report.residual <= 1e-12, "{report:?}");
                     // The single precision of the factor's panels does not show: iterations make up for it.
                     for (ours, exact) in [
@@ -288,6 +290,7 @@ fn shapes_renewed_in_turn_are_hardly_older() {
     let (mut body, handles) = solid(SolidLaw::Corotational, false, false);
     let mut stepper = Stepper::<f64>::new(&body, options()).unwrap();
     let mut condenser = Condenser::new(&body).unwrap();
+    let mut shapes = Shapes::default();
     let options = ShapeOptions {
         at_a_time: 1,
         ..ShapeOptions::default()
@@ -305,7 +308,9 @@ fn shapes_renewed_in_turn_are_hardly_older() {
             .unwrap();
         body.assemble();
         let exact = condenser.condense(&body, 1e-3).unwrap();
-        let (ours, report) = stepper.condense(&body, 1e-3, &options).unwrap();
+        let (ours, report) = shapes
+            .condense(&mut stepper, &body, 1e-3, &options)
+            .unwrap();
         assert_eq!(report.renewed, if step == 1 { 12 } else { 1 });
         worst = worst.max(off(&ours.stiffness, &exact.stiffness));
     }

@@ -5,14 +5,14 @@ mod fem_support;
 
 use fast_support::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use fem_support::{Random, block, cube};
-use physics::fast::lanes::{LANES, Real};
-use physics::fast::tet::Tets;
-use physics::fem::law::{Frame, svd};
-use physics::fem::shape::Tet4;
-use physics::fem::solid::Solid;
-use physics::fem::{Body, BodyConfig, SolidLaw, law::Corotational};
+use physics::element::tet::shape::Tet4;
+use physics::element::tet::solid::Solid;
+use physics::element::tet4::Tets;
+use physics::lanes::block::LANES;
+use physics::material::law::{Corotational, Frame};
 use physics::mesh::TetMesh;
-use physics::{Mat3, Vec3};
+use physics::polar::svd;
+use physics::{Body, BodyConfig, Mat3, Real, SolidLaw, Vec3};
 
 fn solid(mesh: &TetMesh, law: SolidLaw) -> Body {
     let config = BodyConfig {

@@ -1,4 +1,4 @@
-//! Triangles in blocks against `fem::membrane`: forces, energy and the blocks of the tangent.
+//! Triangles in blocks against `membrane`: forces, energy and the blocks of the tangent.
 
 mod fast_support;
 mod fem_support;
@@ -6,12 +6,11 @@ mod fem_support;
 use fast_support::{difference, dot, hash, nodes, vectors, zeros};
 use fem_support::{Random, Split, grid, irregular, rubber};
 use nalgebra::{Rotation3, Unit};
-use physics::Vec3;
-use physics::fast::lanes::{LANES, Real};
-use physics::fast::triangle::Triangles;
-use physics::fem::membrane::Membrane;
-use physics::fem::{Elements, Tangent};
+use physics::element::triangle::membrane::Membrane;
+use physics::element::triangle::triangles::Triangles;
+use physics::lanes::block::LANES;
 use physics::mesh::TriMesh;
+use physics::{Elements, Real, Tangent, Vec3};
 
 /// A crooked sheet that lies askew in space, so that every component takes part.
 fn mesh() -> TriMesh {

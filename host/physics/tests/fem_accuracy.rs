@@ -4,10 +4,9 @@
 mod fem_support;
 
 use fem_support::{block, cube};
-use physics::Vec3;
-use physics::fem::load::traction;
-use physics::fem::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SolidLaw, SolidMaterial};
+use physics::body::load::traction;
 use physics::mesh::{Cells, TetMesh};
+use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SolidLaw, SolidMaterial, Vec3};
 
 fn weightless() -> BodyConfig {
     BodyConfig {

@@ -3,9 +3,8 @@
 mod fem_support;
 
 use fem_support::*;
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, BodyError, Material};
 use physics::mesh::TriMesh;
+use physics::{Body, BodyConfig, BodyError, Material, Vec3};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 

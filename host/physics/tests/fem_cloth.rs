@@ -3,10 +3,8 @@
 mod fem_support;
 
 use fem_support::{Split, grid, irregular};
-use physics::Vec3;
-use physics::fem::weave::Weave;
-use physics::fem::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SheetLawName};
 use physics::mesh::TriMesh;
+use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SheetLawName, Vec3, Weave};
 
 const LENGTH: f64 = 0.1;
 const WIDTH: f64 = 0.04;

@@ -4,12 +4,10 @@ mod fem_support;
 
 use fem_support::*;
 use nalgebra::UnitQuaternion;
-use physics::Vec3;
-use physics::fem::cholesky::Kernels;
-use physics::fem::dense::{Clipper, Square};
-use physics::fem::{
+use physics::linear::dense::{Clipper, Square};
+use physics::{
     Body, BodyConfig, CondenseError, Condensed, Condenser, Equilibrium, EquilibriumOptions,
-    Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Tangent,
+    Freedom, HandlePose, HandleSpec, Kernels, SolidLaw, SolidMaterial, Tangent, Vec3,
 };
 
 const LX: f64 = 0.1;

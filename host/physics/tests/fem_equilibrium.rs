@@ -3,12 +3,11 @@
 mod fem_support;
 
 use fem_support::cube;
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, HandlePose,
-    HandleSpec, NewtonOptions, SolidLaw, SolidMaterial, StepError,
-};
 use physics::mesh::TetMesh;
+use physics::{
+    Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, HandlePose,
+    HandleSpec, NewtonOptions, SolidLaw, SolidMaterial, StepError, Vec3,
+};
 
 const EDGE: f64 = 0.1;
 const YOUNG: f64 = 2e4;

@@ -3,9 +3,8 @@
 mod fem_support;
 
 use fem_support::*;
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, BodyError, Freedom, HandleSpec, Material};
 use physics::mesh::TriMesh;
+use physics::{Body, BodyConfig, BodyError, Freedom, HandleSpec, Material, Vec3};
 
 fn square() -> TriMesh {
     grid(1, 1, 1.0, 1.0, Split::Right)

@@ -3,9 +3,9 @@
 mod fem_support;
 
 use fem_support::*;
-use physics::Vec3;
-use physics::fast::{Stepper, StepperOptions};
-use physics::fem::{Body, BodyConfig, BodyError, Freedom, HandlePose, Material};
+use physics::{
+    Body, BodyConfig, BodyError, Freedom, HandlePose, Material, Stepper, StepperOptions, Vec3,
+};
 
 const LX: f64 = 0.1;
 const STEP: f64 = 1e-3;

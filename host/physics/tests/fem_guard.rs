@@ -3,10 +3,9 @@
 mod fem_support;
 
 use fem_support::{Random, Split, block, cube, grid, handle, rest_poses};
-use physics::Vec3;
-use physics::fem::{
+use physics::{
     Body, BodyConfig, Freedom, Integrator, IntegratorOptions, Material, Scheme, SolidLaw,
-    SolidMaterial,
+    SolidMaterial, Vec3,
 };
 
 const BENT: [SolidLaw; 3] = [

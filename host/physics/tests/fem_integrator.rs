@@ -4,10 +4,9 @@ mod fem_support;
 
 use fem_support::{Random, cube};
 use nalgebra::Rotation3;
-use physics::Vec3;
-use physics::fem::{
+use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError,
+    NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError, Vec3,
 };
 
 const RUBBER: SolidMaterial = SolidMaterial {

@@ -3,7 +3,7 @@
 mod fem_support;
 
 use fem_support::irregular;
-use physics::fem::load::edge_traction;
+use physics::body::load::edge_traction;
 use physics::mesh::MeshError;
 use physics::mesh::generate_plate::{HoledPlate, Rays, plate_with_hole};
 use physics::{Mat3, Vec3};

@@ -4,11 +4,9 @@ mod fem_support;
 
 use fem_support::*;
 use nalgebra::{Rotation3, SMatrix};
-use physics::Vec3;
-use physics::fem::Tangent;
-use physics::fem::membrane::Membrane;
-use physics::fem::{Body, Elements, Freedom, HandlePose};
+use physics::element::triangle::membrane::Membrane;
 use physics::mesh::TriMesh;
+use physics::{Body, Elements, Freedom, HandlePose, Tangent, Vec3};
 use proptest::prelude::*;
 
 fn free_sheet(mesh: &TriMesh, poisson: f64) -> Body {
@@ -77,7 +75,7 @@ fn the_inside_returns_to_the_affine_map_of_its_border() {
         .collect();
     let handles: Vec<_> = border
         .iter()
-        .map(|&vertex| physics::fem::HandleSpec {
+        .map(|&vertex| physics::HandleSpec {
             vertices: vec![vertex],
             origin: mesh.positions[vertex as usize],
             freedom: Freedom::Fixed,

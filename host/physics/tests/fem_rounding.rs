@@ -4,10 +4,9 @@
 mod fem_support;
 
 use fem_support::{Split, cube, grid, handle, rest_poses};
-use physics::Vec3;
-use physics::fem::{
+use physics::{
     Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, Integrator,
-    IntegratorOptions, Material, NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError,
+    IntegratorOptions, Material, NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError, Vec3,
 };
 
 /// Edge of the block (m).

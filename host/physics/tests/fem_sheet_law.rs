@@ -5,11 +5,10 @@ mod fem_support;
 
 use fem_support::Random;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
-use physics::Vec3;
-use physics::fem::Tangent;
-use physics::fem::sheet_law::{
+use physics::material::sheet_law::{
     CorotationalSheet, PlaneStiffness, SheetLaw, SheetModulus, StVenantKirchhoffSheet,
 };
+use physics::{Tangent, Vec3};
 use proptest::prelude::*;
 
 // A cotton-like cloth: stiff warp, softer weft, and almost no resistance to shear (Pa); half a millimetre.

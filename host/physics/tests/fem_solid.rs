@@ -4,12 +4,12 @@ mod fem_support;
 
 use fem_support::{Random, cube};
 use nalgebra::Rotation3;
-use physics::fem::law::{
-    Corotational, Lame, Law, Linear, StVenantKirchhoff, StableNeoHookean, svd::svd,
+use physics::material::law::{
+    Corotational, Lame, Law, Linear, StVenantKirchhoff, StableNeoHookean,
 };
-use physics::fem::{Body, BodyConfig, SolidLaw, SolidMaterial, Tangent};
 use physics::mesh::TetMesh;
-use physics::{Mat3, Vec3};
+use physics::polar::svd::svd;
+use physics::{Body, BodyConfig, Mat3, SolidLaw, SolidMaterial, Tangent, Vec3};
 
 const LAWS: [SolidLaw; 4] = [
     SolidLaw::Linear,

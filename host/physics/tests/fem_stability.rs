@@ -4,12 +4,11 @@
 mod fem_support;
 
 use fem_support::{Random, block, cube};
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, SolidLaw, SolidMaterial,
-};
 use physics::mesh::TetMesh;
+use physics::{
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
+    NewtonOptions, Scheme, SolidLaw, SolidMaterial, Vec3,
+};
 
 const LAWS: [SolidLaw; 4] = [
     SolidLaw::Linear,

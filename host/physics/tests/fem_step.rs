@@ -6,7 +6,7 @@ use fem_support::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
 
-use physics::fem::{
+use physics::{
     Body, BodyConfig, Budget, Equilibrium, EquilibriumOptions, Freedom, HandlePose, StepError,
 };
 

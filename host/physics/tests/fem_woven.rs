@@ -5,14 +5,13 @@ mod fem_support;
 
 use fem_support::*;
 use nalgebra::{Rotation3, SMatrix};
-use physics::Vec3;
-use physics::fem::elements::Elements;
-use physics::fem::membrane::{Element, Membrane};
-use physics::fem::sheet_law::{
+use physics::element::triangle::membrane::{Element, Membrane};
+use physics::element::triangle::woven::Woven;
+use physics::material::sheet_law::{
     CorotationalSheet, PlaneStiffness, SheetLaw, StVenantKirchhoffSheet,
 };
-use physics::fem::{BodyError, Tangent, Weave, Woven};
 use physics::mesh::TriMesh;
+use physics::{BodyError, Elements, Tangent, Vec3, Weave};
 
 /// A cotton-like cloth: stiff warp, softer weft, and almost no resistance to shear.
 fn cloth() -> Weave {

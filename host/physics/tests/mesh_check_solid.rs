@@ -1,12 +1,11 @@
 //! What makes arrays a mesh of tetrahedra: each check seen to refuse what it is there for.
 
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, SolidLaw, SolidMaterial};
 use physics::mesh::check::MAX_COORDINATE;
 use physics::mesh::check_solid::MIN_VOLUME_RATIO;
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, Field, Group, MeshError, SolidError, TetMesh};
+use physics::{Body, BodyConfig, SolidLaw, SolidMaterial, Vec3};
 
 /// Two tetrahedra on either side of the face 1-2-3.
 fn two() -> TetMesh {

@@ -4,13 +4,12 @@ mod fem_support;
 
 use fem_support::Random;
 use nalgebra::UnitQuaternion;
-use physics::fast::{Stepper, StepperOptions};
-use physics::fem::{
-    Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, Tangent, ThreadMaterial,
-};
 use physics::mesh::LineMesh;
 use physics::mesh::generate_thread::straight_thread;
+use physics::{
+    Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Integrator, IntegratorOptions,
+    NewtonOptions, Scheme, Stepper, StepperOptions, Tangent, ThreadMaterial,
+};
 use physics::{Mat3, Vec3};
 use std::f64::consts::PI;
 

@@ -3,7 +3,7 @@
 use super::places;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
-use physics::fem::load::{Spread, spread_on_sheet, spread_on_solid, spread_on_thread};
+use physics::body::load::{Spread, spread_on_sheet, spread_on_solid, spread_on_thread};
 use physics::mesh::Mesh;
 
 /// The scene's loads on one body together, a force for each vertex (N).

@@ -3,9 +3,8 @@
 use super::{Kind, places};
 use crate::scene::spec::body::{Body, LawName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::Vec3;
-use physics::fem::{Material, SolidMaterial, ThreadMaterial, Weave};
 use physics::mesh::{Field, Mesh};
+use physics::{Material, SolidMaterial, ThreadMaterial, Vec3, Weave};
 
 /// What a body is made of.
 pub(super) struct Materials {

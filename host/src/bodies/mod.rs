@@ -10,12 +10,11 @@ mod places;
 
 use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::Vec3;
-use physics::fem::{
-    Body, BodyConfig, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
-    HandlePose, HandleSpec, SheetLawName, SolidLaw,
-};
 use physics::mesh::Mesh;
+use physics::{
+    Body, BodyConfig, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
+    HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
+};
 
 /// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
 const ABSOLUTE_TOLERANCE: f64 = 1e-8;

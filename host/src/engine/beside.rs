@@ -1,6 +1,6 @@
 //! Factors made beside the steps: on a thread of their own, or, in virtual time, at a fixed step.
 
-use physics::fast::{Real, Refresher};
+use physics::{Real, Refresher};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 

@@ -7,8 +7,8 @@ use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
 use super::virtual_coupling::VirtualCoupling;
 use nalgebra::UnitQuaternion;
-use physics::fem::dense::Square;
-use physics::fem::{Body, BodyError, Condensed, HandlePose, HandleReport};
+use physics::linear::dense::Square;
+use physics::{Body, BodyError, Condensed, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
 };

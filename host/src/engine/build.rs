@@ -11,9 +11,9 @@ use super::virtual_coupling::{Link, VirtualCoupling};
 use crate::bodies::{self, Built};
 use crate::scene::spec::{self, Scene, SchemeName, SolverName};
 use crate::scene::{LoadedScene, SceneError};
-use physics::fast::{Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
-use physics::fem::cholesky::Kernels;
-use physics::fem::{Body, Condenser};
+use physics::{
+    Body, Condenser, Kernels, Preconditioner, Real, ShapeOptions, Shapes, Stepper, StepperOptions,
+};
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
 /// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred; a limit keeps
@@ -196,7 +196,8 @@ fn frozen<T: Real>(
         } else {
             Beside::at_a_step(h)
         },
-        shapes: plan::condenses(scene).then(|| ShapeOptions {
+        shapes: Shapes::default(),
+        options: plan::condenses(scene).then(|| ShapeOptions {
             max_iterations: match preconditioner {
                 Preconditioner::Complete => ShapeOptions::default().max_iterations,
                 Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,

@@ -1,8 +1,7 @@
 //! Which solver steps a body: as its scene asks, or by what a factor would take.
 
 use crate::scene::spec::{Scene, SolverName};
-use physics::fast::complete_bytes;
-use physics::fem::Body;
+use physics::{Body, complete_bytes};
 
 /// The largest complete factor that `auto` takes (bytes, as [`complete_bytes`] counts them). On a cube it is reached at
 /// 160 thousand tetrahedra; the process then holds nearly twice as much, and a new factor takes some four seconds, which

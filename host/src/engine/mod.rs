@@ -22,7 +22,7 @@ pub mod virtual_coupling;
 use body::HostBody;
 use faults::Faults;
 use pacer::Due;
-use physics::fem::BodyError;
+use physics::BodyError;
 use rt_core::{LocalModel, TickRecord};
 use stats::{EngineStats, Stopwatch};
 

@@ -9,7 +9,7 @@ use crate::bodies::{self, Kind, bending};
 use crate::run::setup;
 use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName, SolverName};
-use physics::fem::Freedom;
+use physics::Freedom;
 
 /// One stage of the host step.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]

@@ -2,8 +2,7 @@
 
 use super::beside::Beside;
 use super::stats::{EngineStats, StepFault, Stopwatch};
-use physics::fast::{Real, ShapeOptions, Stepper};
-use physics::fem::{Body, Condensed, Condenser, HandlePose};
+use physics::{Body, Condensed, Condenser, HandlePose, Real, ShapeOptions, Shapes, Stepper};
 
 /// Steps and condenses one body.
 pub trait Solver: Send {
@@ -79,7 +78,9 @@ pub struct Frozen<T> {
     /// Makes the others.
     pub beside: Beside<T>,
     /// How local models are kept up, where the scheme wants them.
-    pub shapes: Option<ShapeOptions>,
+    pub options: Option<ShapeOptions>,
+    /// What the latest of them leaves for the next.
+    pub shapes: Shapes,
     /// Real clock: time that a step may take (ns).
     pub budget_ns: Option<u64>,
 }
@@ -121,8 +122,13 @@ impl<T: Real> Solver for Frozen<T> {
     }
 
     fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault> {
-        match &self.shapes {
-            Some(options) => Ok(Some(self.stepper.condense(body, period, options)?.0)),
+        match &self.options {
+            Some(options) => {
+                let (condensed, _) =
+                    self.shapes
+                        .condense(&mut self.stepper, body, period, options)?;
+                Ok(Some(condensed))
+            }
             None => Ok(None),
         }
     }

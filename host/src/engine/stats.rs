@@ -1,6 +1,6 @@
 //! What host steps cost and met.
 
-use physics::fem::{CondenseError, StepError};
+use physics::{CondenseError, StepError};
 use runner::latency::LatencyHistogram;
 
 /// Reads a clock for measurement only: nothing in the state may depend on it.

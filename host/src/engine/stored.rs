@@ -20,8 +20,8 @@
 //! A body that is made of something softer from one step to the next stores less at the same shape: `c` changes so that
 //! the body's own energy falls by the ratio of its elastic energies.
 
-use physics::fem::dense::{Clipper, Square};
-use physics::fem::{Body, Condensed};
+use physics::linear::dense::{Clipper, Square};
+use physics::{Body, Condensed};
 use rt_core::{LocalModel, MAX_HANDLES, Vec3};
 
 /// Motions that are resisted less than this (N/m) are taken to be resisted by this much: what is left of a body that

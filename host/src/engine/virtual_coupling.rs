@@ -28,7 +28,7 @@
 //!
 //! It is done here and not in the tick, which renders the published model as it is.
 
-use physics::fem::dense::Square;
+use physics::linear::dense::Square;
 use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
 use sim::DeviceModel;
 

@@ -22,8 +22,7 @@ use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
-use physics::fem::Body;
-use physics::fem::cholesky::Kernels;
+use physics::{Body, Kernels};
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
@@ -311,7 +310,7 @@ fn host_panicked(message: &str) -> String {
 }
 
 /// What a panic said.
-pub(crate) fn message(panic: &(dyn Any + Send)) -> &str {
+pub fn message(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()

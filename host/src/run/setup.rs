@@ -9,7 +9,7 @@ use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{Controller, ControllerConfig, Device, PassivityConfig, Port, Scheme, Vec3};
@@ -125,14 +125,14 @@ pub fn controls(
     for index in 0..scene.devices.len() {
         let origin = handle_origin(loaded, index)?;
         let device = device(loaded, index, period, seed)?;
-        let proxy = Proxy {
+        let frame = DeviceFrame {
             motion_scale: scene.devices[index].motion_scale,
-            ..Proxy::at(origin)
+            ..DeviceFrame::at(origin)
         };
         let safety = safety(&scene.devices[index], &device, scene, period);
-        passivity.ports[index] = port(&loaded.models[index], &safety, &proxy, period);
+        passivity.ports[index] = port(&loaded.models[index], &safety, &frame, period);
         // The scene's consistency was checked: there are no more devices than the loop serves.
-        let _ = config.devices.push(DeviceConfig { proxy, safety });
+        let _ = config.devices.push(DeviceConfig { frame, safety });
         devices.push(device);
     }
     for _ in &scene.bodies {
@@ -171,8 +171,8 @@ fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> Coupling
 }
 
 /// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
-fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) -> Port {
-    let scale = proxy.motion_scale;
+fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period: f64) -> Port {
+    let scale = frame.motion_scale;
     // The estimate that its driver makes.
     let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
     let turning = model.rotation;
@@ -181,13 +181,13 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, proxy: &Proxy, period: f64) 
         friction: model.friction / scale,
         turning_damping: turning.map_or(0.0, |rotation| rotation.damping),
         turning_friction: turning.map_or(0.0, |rotation| rotation.friction),
-        most_damping: most_damping(model.mass, period, delay) / (scale * scale * proxy.force_scale),
+        most_damping: most_damping(model.mass, period, delay) / (scale * scale * frame.force_scale),
         most_turning_damping: turning.map_or(f64::INFINITY, |rotation| {
-            most_damping(rotation.inertia, period, delay) / proxy.force_scale
+            most_damping(rotation.inertia, period, delay) / frame.force_scale
         }),
-        force_scale: proxy.force_scale,
+        force_scale: frame.force_scale,
         count: model.position_step * scale,
-        max_slew: safety.max_slew / (scale * proxy.force_scale),
+        max_slew: safety.max_slew / (scale * frame.force_scale),
     }
 }
 

@@ -172,17 +172,16 @@ fn load(
             continue;
         };
         let known = meshes.iter().flatten().find(|mesh| mesh.name == *file);
-        let mesh = match known {
-            Some(mesh) => Arc::clone(mesh),
-            None => {
-                let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
-                Arc::new(MeshFile {
-                    name: file.clone(),
-                    path,
-                    bytes,
-                    mesh: OnceLock::new(),
-                })
-            }
+        let mesh = if let Some(mesh) = known {
+            Arc::clone(mesh)
+        } else {
+            let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
+            Arc::new(MeshFile {
+                name: file.clone(),
+                path,
+                bytes,
+                mesh: OnceLock::new(),
+            })
         };
         meshes.push(Some(mesh));
     }

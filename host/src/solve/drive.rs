@@ -6,12 +6,11 @@ use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
 use meshio::write_vtu::{Snapshot, Values};
 use nalgebra::UnitQuaternion;
-use physics::fem::{
-    BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
-    IntegratorOptions, NewtonOptions, Scheme, StepError,
-};
 use physics::mesh::{Cells, Mesh};
-use physics::{Mat3, Vec3};
+use physics::{
+    BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
+    IntegratorOptions, Mat3, NewtonOptions, Scheme, StepError, Vec3,
+};
 
 /// Where a body is after a step.
 pub(super) struct State {

@@ -12,7 +12,7 @@ use crate::bodies;
 use crate::scene::spec::Analysis;
 use crate::scene::{LoadedScene, SceneError};
 use meshio::write_vtu::Snapshot;
-use physics::fem::CondenseError;
+use physics::CondenseError;
 
 pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
 

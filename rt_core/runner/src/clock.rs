@@ -1,10 +1,10 @@
-//! The clock of the tick: monotonic time, and sleeping until an absolute deadline.
+//! The clock of the tick: monotonic time, and sleep until an absolute deadline.
 //!
-//! The only system calls the loop makes of its own. Sleeping to an absolute time (rather than for a
-//! duration) keeps the grid of deadlines free of drift: whatever a tick took, the next deadline is where
-//! it was planned.
+//! These are the only system calls of the loop itself. A sleep until an absolute time (rather than for a duration)
+//! keeps the grid of deadlines free of drift: whatever the duration of a tick, the next deadline stays where it was
+//! planned.
 //!
-//! On the hot path: reading the clock goes through the vDSO, not the kernel. Never sleep for a duration.
+//! On the hot path, the clock is read through the vDSO, without the kernel. Never sleep for a duration.
 
 use rustix::io::Errno;
 use rustix::thread::{ClockId, clock_nanosleep_absolute};
@@ -19,8 +19,8 @@ pub fn now_ns() -> u64 {
     (time.tv_sec as u64) * NANOSECONDS_PER_SECOND + time.tv_nsec as u64
 }
 
-/// Sleeps until the monotonic clock reads `deadline_ns`, and returns what it reads on waking: never less.
-/// Signals that interrupt the sleep do not shorten it. A deadline in the past returns at once.
+/// Sleeps until the monotonic clock reads `deadline_ns`. Returns the reading on waking, which is never less. Signals
+/// that interrupt the sleep do not shorten it. A deadline in the past returns at once.
 pub fn sleep_until(deadline_ns: u64) -> u64 {
     let deadline = Timespec {
         tv_sec: (deadline_ns / NANOSECONDS_PER_SECOND) as i64,
@@ -33,8 +33,8 @@ pub fn sleep_until(deadline_ns: u64) -> u64 {
         }
         match clock_nanosleep_absolute(ClockId::Monotonic, &deadline) {
             Ok(()) | Err(Errno::INTR) => {}
-            // The kernel refuses only times that are not times. Should it ever refuse this one, being on
-            // time matters more than the processor: wait for the clock.
+            // The kernel refuses only invalid times. Should it ever refuse this one, to be on time matters more than
+            // the processor: wait actively.
             Err(_) => std::hint::spin_loop(),
         }
     }
@@ -51,7 +51,7 @@ mod tests {
         let woke = sleep_until(deadline);
         assert!(woke >= deadline);
         assert!(now_ns() >= woke);
-        // One that has passed already does not wait, and still reports the present.
+        // A deadline in the past does not wait, and still returns the present time.
         assert!(sleep_until(start) >= woke);
     }
 }

@@ -1,34 +1,33 @@
-//! Which cores the machine has, which of them the kernel keeps aside, and which one the tick takes.
+//! The cores of the machine, the cores that the kernel isolates, and the core that the tick takes.
 //!
-//! A core that is isolated (`isolcpus`) is in no process's mask until a thread asks for it by number, so the mask
-//! alone does not show it. The kernel lists the cores that are on and those that are isolated in
-//! `/sys/devices/system/cpu/online` and `isolated`, in the format of its documentation
-//! (`Documentation/admin-guide/cputopology.rst`): numbers and ranges with commas between, `0-3,6`.
+//! An isolated core (`isolcpus`) is in no process's mask until a thread asks for the core by number, so the mask alone
+//! does not show it. The kernel lists the online and the isolated cores in `/sys/devices/system/cpu/online` and
+//! `isolated`. The format is that of the kernel's documentation (`Documentation/admin-guide/cputopology.rst`): numbers
+//! and ranges, separated by commas, such as `0-3,6`.
 //!
-//! The choice is a pure function of the two lists and the mask; `schedule` asks the system for what was chosen.
+//! The choice is a pure function of the two lists and the mask. `schedule` asks the system for the chosen core.
 
 use std::fmt::Write as _;
 use std::fs::read_to_string;
 
-/// Numbers from here on are taken for an error in the list: no kernel counts so many cores, and a range is written
-/// out in memory.
+/// Numbers from here on are errors in the list: no kernel counts so many cores, and a range is expanded in memory.
 const MOST_CORES: usize = 1 << 16;
 
-/// Which core the tick is pinned to.
+/// The choice of a core for the tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CoreChoice {
-    /// The first isolated core that the system gives; without one, the last of the process's mask.
+    /// The first isolated core that the system gives; without one, the last core of the process's mask.
     #[default]
     Isolated,
-    /// The last of those in the process's mask, if there are at least two.
+    /// The last core of the process's mask, if the mask has at least two.
     Last,
-    /// This one, also when it is outside the process's mask (an isolated core is).
+    /// This core, even outside the process's mask (as an isolated core is).
     Id(usize),
-    /// None: the tick goes where the system puts it.
+    /// No core: the system decides where the tick runs.
     Anywhere,
 }
 
-/// A list of cores that cannot be read.
+/// Error for a list of cores in another format.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "a list of cores: found {part:?} in {list:?}, allowed: numbers below {MOST_CORES} and ranges of them, such as 0-3,6"
@@ -40,10 +39,10 @@ pub struct CoreListError {
     pub part: String,
 }
 
-/// The cores in a list of the kernel's (`"0-3,6\n"`), ascending, each once. An empty list has none.
+/// The cores in a list of the kernel (`"0-3,6\n"`), ascending, without duplicates. An empty list has none.
 ///
 /// # Errors
-/// [`CoreListError`] for anything but numbers and ascending ranges with commas between.
+/// [`CoreListError`] for anything but numbers and ascending ranges, separated by commas.
 ///
 /// ```
 /// use runner::cores::parse_list;
@@ -75,14 +74,14 @@ pub fn parse_list(list: &str) -> Result<Vec<usize>, CoreListError> {
     Ok(cores)
 }
 
-/// A number of a core: digits only, without a sign.
+/// The number of a core: digits only, without a sign.
 fn number(text: &str) -> Option<usize> {
     let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let number = text.parse().ok().filter(|_| digits)?;
     (number < MOST_CORES).then_some(number)
 }
 
-/// A list in the kernel's format; `cores` ascending.
+/// A list in the kernel's format; `cores` must ascend.
 ///
 /// ```
 /// assert_eq!(runner::cores::list(&[2, 3, 5]), "2-3,5");
@@ -101,19 +100,19 @@ pub fn list(cores: &[usize]) -> String {
     text
 }
 
-/// A core that was asked for by number and is not there.
+/// Error for the number of a core that the machine does not have.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "found core {found}, allowed: a core that is on ({}), {}",
+    "found core {found}, allowed: an online core ({}), {}",
     list(online),
     isolated_too(isolated)
 )]
 pub struct NoSuchCore {
     /// The number asked for.
     pub found: usize,
-    /// The cores that are on.
+    /// The online cores.
     pub online: Vec<usize>,
-    /// Those of them that the kernel keeps aside.
+    /// The online cores that the kernel isolates.
     pub isolated: Vec<usize>,
 }
 
@@ -121,21 +120,21 @@ fn isolated_too(isolated: &[usize]) -> String {
     if isolated.is_empty() {
         "none of them isolated".into()
     } else {
-        format!("best an isolated one ({})", list(isolated))
+        format!("preferably an isolated one ({})", list(isolated))
     }
 }
 
 /// The cores of a machine. Each list ascends.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Cores {
-    /// Those that are on; nothing where the system does not say.
+    /// The online cores; empty where the system does not tell.
     pub online: Vec<usize>,
-    /// Those that are on and that the kernel keeps aside.
+    /// The online cores that the kernel isolates.
     pub isolated: Vec<usize>,
 }
 
 impl Cores {
-    /// This machine's. Lists that the system does not give, or gives in another format, are empty.
+    /// The cores of this machine. A list that the system does not give, or gives in another format, is empty.
     pub fn of_this_machine() -> Self {
         let read = |name: &str| {
             let text = read_to_string(format!("/sys/devices/system/cpu/{name}"));
@@ -146,22 +145,22 @@ impl Cores {
         Self::new(online, isolated)
     }
 
-    /// A machine with the cores `online` and, of those, the ones in `isolated` kept aside.
+    /// A machine with the cores `online`, of which the kernel isolates those in `isolated`.
     pub fn new(online: Vec<usize>, mut isolated: Vec<usize>) -> Self {
         isolated.retain(|core| online.contains(core));
         Self { online, isolated }
     }
 
-    /// Whether the kernel keeps `core` aside.
+    /// Whether the kernel isolates `core`.
     pub fn is_isolated(&self, core: usize) -> bool {
         self.isolated.contains(&core)
     }
 
-    /// Checks a choice before anything is asked of the system.
+    /// Checks a choice before the system is asked for a core.
     ///
     /// # Errors
-    /// [`NoSuchCore`] for a number that is not among the cores that are on. Where the system does not list them, any
-    /// number passes, and pinning tells.
+    /// [`NoSuchCore`] for a number that is not among the online cores. Where the system does not list its cores, any
+    /// number passes, and pinning will report an error.
     pub fn check(&self, choice: CoreChoice) -> Result<(), NoSuchCore> {
         match choice {
             CoreChoice::Id(found) if !self.online.is_empty() && !self.online.contains(&found) => {
@@ -175,8 +174,8 @@ impl Cores {
         }
     }
 
-    /// The cores to try for the tick, best first, when the process's mask is `allowed` (ascending). The last of the
-    /// mask is among them only where the mask has another core for the rest of the process.
+    /// The cores to try for the tick, best first, where `allowed` (ascending) is the process's mask. The last core of
+    /// the mask is a candidate only where the mask has another core for the rest of the process.
     pub fn candidates(&self, choice: CoreChoice, allowed: &[usize]) -> Vec<usize> {
         let last = match allowed {
             [_, .., last] => Some(*last),
@@ -198,17 +197,17 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// What is written is read back, for any set of cores.
+        /// A written list is read back, for any set of cores.
         #[test]
         fn a_list_is_read_as_it_was_written(cores in btree_set(0..MOST_CORES, 0..40)) {
             let cores: Vec<_> = cores.into_iter().collect();
             prop_assert_eq!(parse_list(&list(&cores)), Ok(cores.clone()));
-            // The kernel ends its lines, and the order of the parts is the kernel's own affair.
+            // The kernel ends its lines, and may write the parts in any order.
             let mixed: Vec<_> = cores.iter().rev().map(ToString::to_string).collect();
             prop_assert_eq!(parse_list(&(mixed.join(",") + "\n")), Ok(cores));
         }
 
-        /// Ranges in a row, as the kernel writes them, are every number between their ends.
+        /// A range, as the kernel writes it, holds every number between its ends.
         #[test]
         fn a_range_has_all_that_lies_between_its_ends(
             first in 0..1000_usize, length in 1..100_usize, gap in 2..50_usize,
@@ -219,7 +218,7 @@ mod tests {
             prop_assert_eq!(parse_list(&text), Ok(expected));
         }
 
-        /// No text makes it panic or take much memory, and what it accepts it writes back to the same list.
+        /// No text makes the function panic or take much memory; an accepted list is written back to the same list.
         #[test]
         fn any_other_text_is_refused_with_its_part(text in "[-0-9, \\na]{0,12}|.{0,12}") {
             match parse_list(&text) {
@@ -253,7 +252,7 @@ mod tests {
 
     #[test]
     fn an_isolated_core_comes_first_and_the_last_of_the_mask_after_it() {
-        // As with `isolcpus=2-3`: the mask of every process leaves the isolated cores out.
+        // As with `isolcpus=2-3`: no process's mask has the isolated cores.
         let cores = Cores::new(vec![0, 1, 2, 3], vec![2, 3]);
         let of = |choice, mask: &[usize]| cores.candidates(choice, mask);
         assert_eq!(of(CoreChoice::Isolated, &[0, 1]), [2, 3, 1]);
@@ -270,7 +269,7 @@ mod tests {
 
     #[test]
     fn an_isolated_core_that_is_off_is_no_choice() {
-        // The kernel lists what was isolated at boot, also after it has been switched off.
+        // The kernel lists the cores that were isolated at boot, even those that have been switched off since.
         let cores = Cores::new(vec![0, 1, 3], vec![2, 3]);
         assert_eq!(cores.candidates(CoreChoice::Isolated, &[0, 1]), [3, 1]);
         assert!(cores.is_isolated(3) && !cores.is_isolated(2) && !cores.is_isolated(0));
@@ -292,7 +291,7 @@ mod tests {
         for choice in [CoreChoice::Isolated, CoreChoice::Last, CoreChoice::Anywhere] {
             assert_eq!(cores.check(choice), Ok(()));
         }
-        // A system that tells nothing refuses nothing.
+        // A system that lists no cores refuses none.
         assert_eq!(Cores::default().check(CoreChoice::Id(4)), Ok(()));
     }
 }

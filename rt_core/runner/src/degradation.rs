@@ -1,20 +1,20 @@
-//! What the run does without, and what that costs.
+//! The resources that the run does without, and their cost.
 //!
-//! A realtime loop on an ordinary account still runs, only less surely. Each thing it asked for and did
-//! not get is named once, before the first tick, with its price and its remedy.
+//! A realtime loop on an ordinary account runs, but with fewer guarantees. Each resource that the loop asked for and
+//! did not get is named once, before the first tick, with its cost and its remedy.
 
 use std::fmt;
 
-/// Something that was asked for and not obtained.
+/// A resource that was asked for and not obtained.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Degradation {
-    /// What is missing.
+    /// The missing resource.
     pub what: String,
-    /// Why.
+    /// The reason.
     pub why: String,
-    /// What the tick pays for it.
+    /// The cost to the tick.
     pub cost: &'static str,
-    /// What the person can do.
+    /// The remedy for the user.
     pub remedy: String,
 }
 

@@ -1,14 +1,14 @@
-//! A real device over USB HID, by way of the kernel's hidraw.
+//! A real device over USB HID, through the kernel's hidraw.
 //!
-//! - **Reading** drains the kernel's queue to its newest report each tick: the queue holds 64 and drops
-//!   the newest when full, so a report left behind is a force that lags.
-//! - **Writing** is done by a thread of the device's own (`writer`): the kernel makes a writer wait for
-//!   the device, up to five seconds.
-//! - The two use a file each, since one handle cannot be in two threads. The kernel queues reports for the
-//!   writer's as well, up to 64, which nobody reads.
+//! - **Reading** drains the kernel's queue to its newest report in each tick. The queue holds 64 reports and drops the
+//!   newest when it is full, so a report left in the queue would make the force lag.
+//! - **Writing** is the task of a thread of the device's own (`writer`): the kernel makes a writer wait for the device,
+//!   for up to five seconds.
+//! - Reader and writer use a file each, since one handle cannot be in two threads. The kernel also queues up to 64
+//!   reports for the writer's file; nobody reads them.
 //!
-//! On the hot path: `poll` and `read` until empty, one copy into a ring, one wake-up. No allocation, but
-//! for one in the tick in which the device disappears (hidapi's errors are text).
+//! On the hot path are `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot path
+//! does not allocate, except once in the tick in which the device disappears (hidapi's errors are text).
 
 mod reading;
 mod writer;
@@ -23,17 +23,17 @@ use writer::Writer;
 
 pub use reading::{QUEUE, Reports};
 
-/// Error number for a device that went away without one (ENODEV).
+/// Error number for a device that disappeared without an error number (ENODEV).
 const NO_DEVICE: i32 = 19;
 
-/// Which device to open.
+/// Selects the device to open.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct HidSelector {
     /// Vendor of the USB device.
     pub vid: u16,
     /// Product of the USB device.
     pub pid: u16,
-    /// Serial number, to tell two of the same kind apart.
+    /// Serial number, which distinguishes two devices of the same kind.
     pub serial: Option<String>,
 }
 
@@ -53,55 +53,55 @@ pub enum HidError {
     /// The system does not list HID devices.
     #[error("the HID devices of this system cannot be listed: {0}")]
     System(#[source] hidapi::HidError),
-    /// No such device.
+    /// No such device is connected.
     #[error(
         "no HID device {selector} is connected ({found}). Check its cable and power, and `lsusb` for its \
-         numbers; in a container or virtual machine, that hidraw devices are passed on"
+         numbers; in a container or virtual machine, check that hidraw devices are passed on"
     )]
     NotFound {
-        /// What was looked for.
+        /// The device that was asked for.
         selector: HidSelector,
-        /// What was found of the same kind.
+        /// The devices of the same kind that were found.
         found: String,
     },
-    /// More than one.
+    /// More than one such device is connected.
     #[error(
         "{count} HID devices {selector} are connected; name one by its serial number ({serials})"
     )]
     Several {
-        /// What was looked for.
+        /// The device that was asked for.
         selector: HidSelector,
-        /// How many there are.
+        /// Number of such devices.
         count: usize,
-        /// Their serial numbers.
+        /// The serial numbers of these devices.
         serials: String,
     },
-    /// There, but not to be opened.
+    /// The device is connected but cannot be opened.
     #[error(
-        "the HID device {selector} is there as {path} but cannot be opened: {source}. Let your account use \
+        "the HID device {selector} is connected as {path} but cannot be opened: {source}. Let your account use \
          it with a udev rule: KERNEL==\"hidraw*\", ATTRS{{idVendor}}==\"{:04x}\", \
          ATTRS{{idProduct}}==\"{:04x}\", MODE=\"0660\", TAG+=\"uaccess\"; then plug it in again",
         selector.vid, selector.pid
     )]
     Open {
-        /// What was looked for.
+        /// The device that was asked for.
         selector: HidSelector,
-        /// Its place in the file system.
+        /// The path of the device in the file system.
         path: String,
-        /// What the system said.
+        /// The error of the system.
         source: hidapi::HidError,
     },
-    /// The system gave no thread to write from.
-    #[error("the system gave no thread to write to the HID device {selector} from: {source}")]
+    /// The system gave no thread for writing.
+    #[error("the system gave no thread for writing to the HID device {selector}: {source}")]
     Thread {
-        /// What was looked for.
+        /// The device that was asked for.
         selector: HidSelector,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
 }
 
-/// An open device. Dropping it tells the device to let go and waits until that is written, five seconds at
+/// An open device. Dropping it tells the device to let go, and waits until that command is written, for five seconds at
 /// worst.
 #[derive(Debug)]
 pub struct HidDevice {
@@ -109,16 +109,16 @@ pub struct HidDevice {
     writer: Writer<Command>,
     reports: Reports,
     capabilities: Capabilities,
-    /// The system's error number since the device went away.
+    /// The system's error number, once the device has disappeared.
     gone: Option<i32>,
     commands: u16,
 }
 
 impl HidDevice {
-    /// Opens the one device that `selector` names; `capabilities` say what it can do.
+    /// Opens the one device that `selector` names. `capabilities` tells what the device can do.
     ///
     /// # Errors
-    /// [`HidError`], which names the device and what to check.
+    /// [`HidError`], which names the device and what the user can check.
     pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
         let api = HidApi::new().map_err(HidError::System)?;
         let path = find(&api, selector)?;
@@ -150,7 +150,7 @@ impl HidDevice {
         })
     }
 
-    /// What the reports brought so far besides states.
+    /// Counts of the reports so far, and the device's status.
     pub fn reports(&self) -> &Reports {
         &self.reports
     }
@@ -172,7 +172,7 @@ impl Device for HidDevice {
                 .map_err(|error| DeviceError::Disconnected(errno(&error)))
         });
         if let Err(DeviceError::Disconnected(number)) = result {
-            // Asking again would fail again, and each failure allocates.
+            // Another read would fail again, and each failure allocates.
             self.gone = Some(number);
         }
         result
@@ -187,9 +187,9 @@ impl Device for HidDevice {
     }
 }
 
-/// Where the one device is that `selector` names.
+/// The path of the one device that `selector` names.
 fn find(api: &HidApi, selector: &HidSelector) -> Result<CString, HidError> {
-    // A device is listed once for each of its usages; its path is the same.
+    // A device is listed once for each of its usages; the path is the same.
     let alike: BTreeMap<CString, String> = api
         .device_list()
         .filter(|device| (device.vendor_id(), device.product_id()) == (selector.vid, selector.pid))
@@ -232,7 +232,7 @@ fn find(api: &HidApi, selector: &HidSelector) -> Result<CString, HidError> {
     }
 }
 
-/// The system's error number in a hidapi error; a device that is gone where it has none.
+/// The system's error number in a hidapi error; ENODEV where the error has none.
 fn errno(error: &hidapi::HidError) -> i32 {
     match error {
         hidapi::HidError::IoError { error } => error.raw_os_error().unwrap_or(NO_DEVICE),
@@ -246,8 +246,8 @@ mod tests {
     use rt_core::Freedom;
 
     #[test]
-    fn a_device_that_is_not_there_is_named_with_what_to_check() {
-        // Vendor 0 is nobody's.
+    fn a_missing_device_is_named_with_a_remedy() {
+        // Vendor 0 is not assigned.
         let selector = HidSelector {
             vid: 0,
             pid: 0x0bad,
@@ -271,7 +271,7 @@ mod tests {
                 );
                 assert!(text.contains("lsusb"), "{text}");
             }
-            // A system without sysfs lists nothing at all.
+            // A system without sysfs lists no devices at all.
             Err(error) => assert!(matches!(error, HidError::System(_)), "{error}"),
         }
     }

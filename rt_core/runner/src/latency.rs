@@ -1,12 +1,12 @@
-//! Histograms of times: how late the tick woke, how long it took, how old the local models were.
+//! Histograms of times: the lateness of the tick, the duration of the tick, and the age of the local models.
 //!
-//! Memory and bounds are fixed when a histogram is made, and every page of it is written then. Recording
-//! on the hot path is an index and an increment: it never allocates, resizes or fails. What lies beyond
-//! the bound is counted apart and still enters count, mean and maximum, so nothing vanishes.
+//! Memory and bounds of a histogram are fixed when it is made, and every page of it is written then. On the hot path,
+//! recording is an index and an increment: it never allocates, resizes or fails. Values beyond the bound are counted
+//! apart, but still enter count, mean and maximum, so no value is lost.
 
 use hdrhistogram::Histogram;
 
-/// Significant digits that a histogram keeps: a value is known to one part in a thousand.
+/// Significant digits of a histogram: a value is known to one part in a thousand.
 const DIGITS: u8 = 3;
 
 /// A histogram of times in ns.
@@ -35,31 +35,31 @@ pub struct LatencyHistogram {
     sum: u64,
 }
 
-/// What a histogram saw. Times in ns; all zero where nothing was recorded.
+/// The summary of a histogram. Times in ns; all zero where no value was recorded.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
-    /// Values recorded, those beyond the bound among them.
+    /// Number of values, including those beyond the bound.
     pub count: u64,
-    /// Values beyond the bound.
+    /// Number of values beyond the bound.
     pub overflow: u64,
     /// Smallest value, exact (ns).
     pub min: u64,
-    /// Half of the values lie at or below it (ns, to one part in a thousand, as the next three).
+    /// Median (ns). This and the next three are known to one part in a thousand.
     pub p50: u64,
-    /// 90 % of them do (ns).
+    /// 90 % of the values lie at or below this one (ns).
     pub p90: u64,
-    /// 99 % of them do (ns).
+    /// 99 % of the values lie at or below this one (ns).
     pub p99: u64,
-    /// 99.9 % of them do (ns).
+    /// 99.9 % of the values lie at or below this one (ns).
     pub p99_9: u64,
-    /// Largest value, exact, also beyond the bound (ns).
+    /// Largest value, exact even beyond the bound (ns).
     pub max: u64,
     /// Mean (ns).
     pub mean: f64,
 }
 
 impl LatencyHistogram {
-    /// For values up to `bound_ns`, ten at least. This allocates (about 170 KB for a bound of one second).
+    /// A histogram for values up to `bound_ns`, ten at least. This allocates (about 170 KB for a bound of one second).
     pub fn new(bound_ns: u64) -> Self {
         let bound = bound_ns.max(10);
         let Ok(mut counts) = Histogram::new_with_bounds(1, bound, DIGITS) else {
@@ -67,7 +67,7 @@ impl LatencyHistogram {
                 "a lower bound of 1, an upper of 10 or more and 3 digits are always possible"
             )
         };
-        // Fresh memory is mapped on first use; writing it here keeps that out of the tick.
+        // Fresh memory is mapped on first use. Writing the memory here keeps that out of the tick.
         counts.clear();
         Self {
             counts,
@@ -89,42 +89,42 @@ impl LatencyHistogram {
         self.sum = self.sum.saturating_add(ns);
     }
 
-    /// Values recorded, those beyond the bound among them.
+    /// Number of values, including those beyond the bound.
     pub fn count(&self) -> u64 {
         self.counts.len() + self.overflow
     }
 
-    /// Values beyond the bound.
+    /// Number of values beyond the bound.
     pub fn overflow(&self) -> u64 {
         self.overflow
     }
 
-    /// The largest value it can tell from others (ns).
+    /// The largest value that the histogram distinguishes from others (ns).
     pub fn bound_ns(&self) -> u64 {
         self.bound
     }
 
-    /// The value at or below which a share `quantile` (from zero to one) of all values lies (ns). Where
-    /// that falls among the values beyond the bound, the largest value. Zero where nothing was recorded.
+    /// The value at or below which a fraction `quantile` (from zero to one) of all values lies (ns). If that value lies
+    /// beyond the bound, the largest value. Zero where no value was recorded.
     pub fn value_at(&self, quantile: f64) -> u64 {
         let count = self.count();
         if count == 0 {
             return 0;
         }
-        // By rank, so that values beyond the bound keep their place above all others.
+        // By rank, so that values beyond the bound rank above all others.
         let rank = ((quantile * count as f64).ceil() as u64).clamp(1, count);
         let within = self.counts.len();
         if rank > within {
             return self.max;
         }
-        // Half a rank below: rounding must not push it to the next value.
+        // Half a rank less: rounding must not lead to the next value.
         let value = self
             .counts
             .value_at_quantile((rank as f64 - 0.5) / within as f64);
         value.clamp(self.min, self.max)
     }
 
-    /// Everything at a glance.
+    /// The summary of all values.
     pub fn summary(&self) -> Summary {
         let count = self.count();
         if count == 0 {
@@ -143,8 +143,8 @@ impl LatencyHistogram {
         }
     }
 
-    /// How often values fell where, lowest first: upper edge of the interval (ns) and count, for the
-    /// intervals that hold any. Values beyond the bound are not among them.
+    /// The distribution, in ascending order: upper edge (ns) and count of each interval that holds values. Values
+    /// beyond the bound are left out.
     pub fn intervals(&self) -> impl Iterator<Item = (u64, u64)> {
         self.counts
             .iter_recorded()
@@ -155,11 +155,11 @@ impl LatencyHistogram {
 /// The histograms of one run.
 #[derive(Clone, Debug)]
 pub struct Latencies {
-    /// How late each tick woke (ns after its deadline).
+    /// Lateness of each tick (ns after its deadline).
     pub lateness: LatencyHistogram,
-    /// How long each tick took, from waking to the last write (ns).
+    /// Duration of each tick, from waking to the last write (ns).
     pub tick_time: LatencyHistogram,
-    /// By body: how old the local model in use was at each tick (ns). Nothing before the first model.
+    /// Age of the local model in use at each tick (ns), by body. Empty before the first model.
     pub model_age: Vec<LatencyHistogram>,
 }
 
@@ -169,7 +169,7 @@ impl Latencies {
     /// Bound of model ages (ns): ten seconds.
     pub const AGE_BOUND_NS: u64 = 10_000_000_000;
 
-    /// Empty, for a run with `bodies` connected bodies.
+    /// Empty histograms for a run with `bodies` connected bodies.
     pub fn new(bodies: usize) -> Self {
         Self {
             lateness: LatencyHistogram::new(Self::TICK_BOUND_NS),
@@ -192,14 +192,14 @@ mod tests {
             histogram.record(ns);
         }
         assert_eq!(histogram.count(), 3_000);
-        // 0 to 1000 are within.
+        // Values from 0 to 1000 are within the bound.
         assert_eq!(histogram.overflow(), 1_999);
         let within: u64 = histogram.intervals().map(|(_, count)| count).sum();
         assert_eq!(within + histogram.overflow(), histogram.count());
         let summary = histogram.summary();
         assert_eq!((summary.min, summary.max), (0, 2_999));
         assert_eq!(summary.mean, 1_499.5);
-        // A third lies within; above it only the largest value is known.
+        // A third of the values lies within. Above the bound, only the largest value is known.
         assert_eq!((summary.p50, histogram.value_at(0.25)), (2_999, 749));
     }
 

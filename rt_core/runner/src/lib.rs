@@ -1,20 +1,20 @@
-//! The thread that ticks, and what it needs from the operating system.
+//! The thread that ticks, and its requests to the operating system.
 //!
-//! `rt_core` is the law of a tick; this crate runs it once a millisecond. Principles:
+//! `rt_core` is the law of a tick; this crate runs the law once a millisecond. Principles:
 //!
-//! - The loop sleeps to **absolute deadlines**, measures how late it woke, and skips and counts the
-//!   deadlines it missed ([`pace`], [`clock`]).
-//! - It **never waits** for anybody: everything enters and leaves through wait-free rings ([`mod@link`]), and
-//!   a device that writes slowly is written by a thread of its own ([`hid`]).
-//! - It allocates, locks and formats **nothing**; its memory is touched and locked before the first tick
-//!   ([`memory`], [`ring`]), its histograms have fixed bounds ([`latency`]).
-//! - What the system does not give (a core, a priority, locked memory) is **named with its cost**, and the
-//!   run goes on ([`schedule`], [`degradation`]), unless it is told to insist.
-//! - It takes an isolated core where there is one ([`cores`]); other threads of the process **keep off** its core
-//!   ([`reserve`]).
-//! - Its **system calls** are few and named; the kernel can be asked to trap any other ([`seccomp`]).
-//! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread: virtual
-//!   time runs exactly what [`thread`] runs.
+//! - The loop sleeps to **absolute deadlines**, measures its lateness on waking, and skips and counts the deadlines
+//!   that it missed ([`pace`], [`clock`]).
+//! - The loop **never waits** for another thread. All data pass through wait-free rings ([`mod@link`]), and a thread of
+//!   its own writes to a device that takes reports slowly ([`hid`]).
+//! - The loop allocates, locks and formats **nothing**. Its memory is touched and locked before the first tick
+//!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
+//! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run
+//!   continues ([`schedule`], [`degradation`]), unless the user insists on the resource.
+//! - The tick takes an isolated core where there is one ([`cores`]). The other threads of the process **keep off** that
+//!   core ([`reserve`]).
+//! - The loop makes few, named **system calls**; the kernel can trap any other call ([`seccomp`]).
+//! - [`tick_loop::TickLoop`] is one tick with its rings and histograms, without clock or thread. Virtual time runs
+//!   exactly the code that [`thread`] runs.
 //!
 //! Read [`thread`] first.
 

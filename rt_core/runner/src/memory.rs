@@ -1,19 +1,19 @@
-//! Memory that the tick may touch without waiting for it.
+//! Memory that the tick can touch without a wait.
 //!
-//! A page that was never touched, or that was swapped out, costs a tick between a microsecond and many
-//! milliseconds. So before the first tick the loop's own memory is touched and, where the system allows,
-//! locked: the thread's stack, the loop's state (controller and devices) and the rings. Code and the
-//! shared allocator's pages are not locked; the loop does not allocate.
+//! A page that was never touched, or that was swapped out, costs a tick between a microsecond and many milliseconds.
+//! Before the first tick, the loop's own memory is therefore touched and, where the system allows, locked: the thread's
+//! stack, the loop's state (controller and devices) and the rings. Code and the pages of the shared allocator are not
+//! locked; the loop does not allocate.
 //!
-//! Nothing here belongs on the hot path. Unsafe code is here and in the trap of forbidden system calls
+//! Nothing here belongs on the hot path. Unsafe code is in this module and in the trap of forbidden system calls
 //! (`trap`), nowhere else.
 
 use rustix::process::{Resource, getrlimit};
 use std::ffi::c_void;
 use std::hint::black_box;
 
-/// How much of the tick thread's stack is touched and locked ahead. A tick needs some tens of KB (a local
-/// model alone takes ten, and a change of model holds several).
+/// Bytes of the tick thread's stack that are touched and locked ahead. A tick needs some tens of KB (a local model
+/// alone takes ten, and a change of model holds several).
 pub const STACK_AHEAD: usize = 256 * 1024;
 
 /// A stretch of memory, by address.
@@ -24,7 +24,7 @@ pub struct MemoryRange {
 }
 
 impl MemoryRange {
-    /// The memory of a value (not what it points to).
+    /// The memory of a value, without the memory that the value points to.
     pub fn of<T: ?Sized>(value: &T) -> Self {
         Self {
             address: std::ptr::from_ref(value).addr(),
@@ -32,23 +32,23 @@ impl MemoryRange {
         }
     }
 
-    /// Its length in bytes.
+    /// Length of the range in bytes.
     pub fn bytes(&self) -> usize {
         self.bytes
     }
 }
 
-/// Why memory could not be locked.
+/// The reason why memory could not be locked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LockError {
-    /// More than an unprivileged process may lock.
+    /// The request exceeds what an unprivileged process may lock.
     #[error(
         "{wanted} bytes more are needed, and the limit is {limit} bytes in all (RLIMIT_MEMLOCK)"
     )]
     Limit {
         /// Bytes asked for.
         wanted: usize,
-        /// What the process may lock in all (bytes).
+        /// Largest amount that the process may lock in all (bytes).
         limit: u64,
     },
     /// The system refused for another reason.
@@ -61,7 +61,7 @@ pub enum LockError {
     },
 }
 
-/// Memory held in place; let go when dropped.
+/// Locked memory, which is unlocked when this value is dropped.
 #[derive(Debug, Default)]
 pub struct LockedMemory {
     ranges: Vec<MemoryRange>,
@@ -73,19 +73,19 @@ impl LockedMemory {
         Self::default()
     }
 
-    /// Locks `range` in addition, whole pages around it. The memory must stay where it is for as long as
-    /// it is to be held; freeing it earlier is harmless.
+    /// Locks `range` in addition, rounded to whole pages. The memory must stay in place for as long as it is to be
+    /// locked; freeing it earlier is harmless.
     ///
     /// # Errors
-    /// [`LockError`] where the system refuses; what was locked before stays locked.
+    /// [`LockError`] where the system refuses. Ranges that were locked before stay locked.
     #[allow(unsafe_code)]
     pub fn lock(&mut self, range: MemoryRange) -> Result<(), LockError> {
         if range.bytes == 0 {
             return Ok(());
         }
         let address = std::ptr::without_provenance_mut::<c_void>(range.address);
-        // SAFETY: locking changes neither content nor access of the pages, whosever they are, and the
-        // kernel refuses addresses that are not mapped. Nothing is read or written through the pointer.
+        // SAFETY: locking changes neither the content nor the access of the pages, whoever owns them. The kernel
+        // refuses addresses that are not mapped. Nothing is read or written through the pointer.
         let locked = unsafe { rustix::mm::mlock(address, range.bytes) };
         match locked {
             Ok(()) => {
@@ -96,9 +96,9 @@ impl LockedMemory {
         }
     }
 
-    /// Touches [`STACK_AHEAD`] bytes of the calling thread's stack below the caller, then locks them. They
-    /// stay touched even where the lock is refused. Call it from the thread that will tick, from near the
-    /// frame that will run the loop.
+    /// Touches [`STACK_AHEAD`] bytes of the calling thread's stack below the caller, then locks them. The bytes stay
+    /// touched even if the lock is refused. Call this from the thread that will tick, near the frame that will run the
+    /// loop.
     ///
     /// # Errors
     /// [`LockError`] where the system refuses.
@@ -106,7 +106,7 @@ impl LockedMemory {
         with_stack_ahead(|stack| self.lock(stack))
     }
 
-    /// Bytes held in place, as asked for (the system rounds each range to whole pages).
+    /// Bytes locked, as asked for (the system rounds each range to whole pages).
     pub fn bytes(&self) -> usize {
         self.ranges.iter().map(MemoryRange::bytes).sum()
     }
@@ -117,8 +117,8 @@ impl Drop for LockedMemory {
     fn drop(&mut self) {
         for range in &self.ranges {
             let address = std::ptr::without_provenance_mut::<c_void>(range.address);
-            // SAFETY: as for locking. Where the memory has been freed meanwhile the call fails or unlocks
-            // pages that someone else uses, who at worst may wait for them again.
+            // SAFETY: as for locking. If the memory has been freed meanwhile, the call fails or unlocks pages of
+            // another owner, who at worst waits for these pages again.
             let _ = unsafe { rustix::mm::munlock(address, range.bytes) };
         }
     }
@@ -129,8 +129,8 @@ pub fn touch_stack() {
     with_stack_ahead(|_| ());
 }
 
-/// Writes [`STACK_AHEAD`] bytes of stack, so that its pages are mapped, and shows them to `see`. The frame
-/// is gone when the loop runs; the pages below the caller's are what is meant.
+/// Writes [`STACK_AHEAD`] bytes of stack, so that the pages are mapped, and passes their range to `see`. The frame is
+/// gone when the loop runs; the pages below the caller's frame remain mapped.
 #[inline(never)]
 #[allow(
     clippy::large_stack_arrays,
@@ -138,7 +138,7 @@ pub fn touch_stack() {
 )]
 fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
     let mut stack = [0_u8; STACK_AHEAD];
-    // Nothing may be left out because nobody reads it.
+    // The compiler must not remove the array because nobody reads it.
     black_box(&mut stack);
     see(MemoryRange::of(&stack))
 }
@@ -146,7 +146,7 @@ fn with_stack_ahead<R>(see: impl FnOnce(MemoryRange) -> R) -> R {
 fn reason(wanted: usize, errno: rustix::io::Errno) -> LockError {
     let limit = getrlimit(Resource::Memlock).current;
     match (errno, limit) {
-        // Out of allowance, or not allowed to lock at all.
+        // The limit is exhausted, or the process may not lock at all.
         (rustix::io::Errno::NOMEM | rustix::io::Errno::PERM, Some(limit)) => {
             LockError::Limit { wanted, limit }
         }
@@ -162,7 +162,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_locked_is_counted_and_what_is_refused_says_why() {
+    fn locked_bytes_are_counted_and_a_refusal_gives_its_reason() {
         let data = vec![7_u8; 10_000];
         let mut locked = LockedMemory::new();
         match locked.lock(MemoryRange::of(data.as_slice())) {
@@ -172,7 +172,7 @@ mod tests {
                 assert!(error.to_string().contains("10000 bytes"), "{error}");
             }
         }
-        // Nothing to lock is no error.
+        // An empty range is no error.
         assert_eq!(locked.lock(MemoryRange::of(&[0_u8; 0])), Ok(()));
     }
 

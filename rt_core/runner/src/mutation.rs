@@ -1,14 +1,14 @@
-//! What must never happen inside a tick, made to happen: to show that each check can fail.
+//! Faults that must never happen inside a tick, injected to show that each check can fail.
 //!
-//! Compiled under the feature `mutations` only. `PALPATE_MUTATION` names the one that strikes, from tick
-//! [`FIRST`] on; `tests/mutate` runs each against the check meant for it.
+//! The module is compiled under the feature `mutations` only. `PALPATE_MUTATION` names the fault, which strikes from
+//! tick [`FIRST`] on. `tests/mutate` runs each fault against the check that should find it.
 
 use crate::clock::now_ns;
 use std::hint::black_box;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-/// The first tick that is struck.
+/// The first tick that the fault strikes.
 const FIRST: u64 = 100;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,11 +16,11 @@ enum Mutation {
     None,
     /// Allocates and frees.
     Box,
-    /// Takes a lock that somebody else holds most of the time.
+    /// Takes a lock that another thread holds most of the time.
     Lock,
     /// Panics, once.
     Panic,
-    /// Makes a system call that the C library knows nothing of.
+    /// Makes a system call without the C library.
     Syscall,
     /// Works for 50 us more.
     Spin,
@@ -29,10 +29,10 @@ enum Mutation {
 static CHOSEN: OnceLock<Mutation> = OnceLock::new();
 static LOCK: Mutex<()> = Mutex::new(());
 
-/// Reads the choice, before the first tick.
+/// Reads the chosen fault, before the first tick.
 ///
 /// # Panics
-/// On a name that is none of ours: a check that tests nothing must not pass.
+/// On an unknown name: a check that tests nothing must not pass.
 pub(crate) fn arm() {
     CHOSEN.get_or_init(|| {
         let name = std::env::var("PALPATE_MUTATION").unwrap_or_default();
@@ -40,7 +40,7 @@ pub(crate) fn arm() {
             "" => Mutation::None,
             "box" => Mutation::Box,
             "lock" => {
-                // Ends with the process.
+                // The thread ends with the process.
                 std::thread::spawn(hold_the_lock);
                 Mutation::Lock
             }
@@ -63,7 +63,7 @@ fn hold_the_lock() {
     }
 }
 
-/// Does it, in tick number `tick`.
+/// Injects the chosen fault in tick number `tick`.
 pub(crate) fn strike(tick: u64) {
     if tick < FIRST {
         return;

@@ -1,14 +1,14 @@
-//! The grid of deadlines, and what happens when some are missed.
+//! The grid of deadlines, and the treatment of missed deadlines.
 //!
-//! Deadlines stand at `start + k period`. A tick that runs past one or more of them does not make up for
-//! them (a burst of ticks would push the hand with stale forces): they are skipped and counted, and the
-//! next deadline is the next one in the future on the same grid. Pure arithmetic: no clock, no thread.
+//! Deadlines stand at `start + k period`. A tick that runs past one or more deadlines does not make up for them: a
+//! burst of ticks would push the hand with stale forces. The missed deadlines are skipped and counted, and the next
+//! deadline is the next one in the future on the same grid. The module is pure arithmetic, without clock or thread.
 
-/// The next deadline on the grid through `deadline_ns` with period `period_ns`, and how many deadlines
-/// between the two have been missed, for a tick that ended at `now_ns`. All times in ns.
+/// The next deadline on the grid through `deadline_ns` with period `period_ns`, and the number of deadlines missed
+/// between the two, for a tick that ended at `now_ns`. All times are in ns.
 ///
-/// The next one is the first after `deadline_ns` that does not lie before `now_ns`: one that falls on this
-/// very nanosecond can still be met. A period of zero is read as one nanosecond.
+/// The next deadline is the first after `deadline_ns` that does not lie before `now_ns`: a deadline at exactly `now_ns`
+/// can still be met. A period of zero counts as one nanosecond.
 ///
 /// ```
 /// use runner::pace::next_deadline;
@@ -27,7 +27,17 @@ pub fn next_deadline(now_ns: u64, deadline_ns: u64, period_ns: u64) -> (u64, u64
     )
 }
 
-/// Where a run stands on its grid of deadlines.
+/// The position of a run on its grid of deadlines.
+///
+/// ```
+/// use runner::pace::Pace;
+///
+/// // A period of 1 ms. The first tick takes 0.3 ms, the second 2.5 ms.
+/// let mut pace = Pace::new(0, 1_000_000);
+/// assert_eq!(pace.advance(300_000), 0);
+/// assert_eq!(pace.advance(3_500_000), 2);
+/// assert_eq!((pace.deadline_ns(), pace.missed()), (4_000_000, 2));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pace {
     start_ns: u64,
@@ -38,7 +48,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// A run whose first deadline is `start_ns` and whose others follow every `period_ns`.
+    /// A run whose first deadline is `start_ns`; the others follow every `period_ns`.
     pub fn new(start_ns: u64, period_ns: u64) -> Self {
         Self {
             start_ns,
@@ -54,13 +64,13 @@ impl Pace {
         self.deadline_ns
     }
 
-    /// The time of that deadline since the first one (ns): the tick's nominal time. It advances by the
-    /// skipped deadlines too, so it stays the time that the devices and the host live in.
+    /// The nominal time of the next tick (ns): the time of its deadline since the first one. Skipped deadlines advance
+    /// it too, so it stays the time of the devices and the host.
     pub fn nominal_ns(&self) -> u64 {
         self.deadline_ns - self.start_ns
     }
 
-    /// Moves on after a tick that ended at `now_ns`; returns how many deadlines were missed.
+    /// Advances after a tick that ended at `now_ns`. Returns the number of missed deadlines.
     pub fn advance(&mut self, now_ns: u64) -> u64 {
         let (next, missed) = next_deadline(now_ns, self.deadline_ns, self.period_ns);
         self.deadline_ns = next;
@@ -69,7 +79,7 @@ impl Pace {
         missed
     }
 
-    /// Deadlines behind: those met and those missed.
+    /// Number of past deadlines, met and missed.
     pub fn slots(&self) -> u64 {
         self.nominal_ns() / self.period_ns.max(1)
     }
@@ -79,7 +89,7 @@ impl Pace {
         self.missed
     }
 
-    /// Most deadlines missed in one go.
+    /// Largest number of deadlines missed by one tick.
     pub fn longest_miss(&self) -> u64 {
         self.longest_miss
     }
@@ -89,8 +99,7 @@ impl Pace {
 mod tests {
     use super::*;
 
-    /// A small generator (Knuth's MMIX constants), so that the property runs over many cases and always
-    /// the same ones.
+    /// A small generator (Knuth's MMIX constants). The property runs over many cases, and always over the same.
     fn cases(count: usize) -> impl Iterator<Item = (u64, u64, u64)> {
         let mut state = 1_u64;
         let mut next = move |bound: u64| {
@@ -124,7 +133,7 @@ mod tests {
             assert!(next > deadline && next >= now, "{at}");
             assert_eq!((next - deadline) % period, 0, "{at}");
             assert_eq!((next - deadline) / period, missed + 1, "{at}");
-            // The one before had passed, or was the one just served.
+            // The deadline before had passed, or was the one that the tick served.
             assert!(next - period == deadline || next - period < now, "{at}");
         }
     }

@@ -1,14 +1,14 @@
-//! A core for the tick alone: threads of this process that start later keep off it.
+//! A core for the tick alone: threads of this process that start later keep off the core.
 //!
-//! A thread inherits the cores of the one that starts it, so it is enough that the thread which sets up a run gives
-//! one up before it starts any other. The tick's own thread then pins itself there. Other processes are kept away by
-//! the kernel's parameters only (`isolcpus`).
+//! A thread inherits the cores of the thread that starts it. The thread that sets up a run therefore gives one core up
+//! before it starts any other thread. The tick's own thread then pins itself to that core. Only the kernel's parameters
+//! (`isolcpus`) keep other processes away.
 
 use crate::cores::{CoreChoice, Cores};
 use crate::schedule::pin;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
 
-/// While it is held, the calling thread and those that it starts leave one core to the tick.
+/// While this value lives, the calling thread and the threads that it starts leave one core to the tick.
 #[derive(Debug)]
 pub struct Reserved {
     core: CoreChoice,
@@ -16,8 +16,8 @@ pub struct Reserved {
 }
 
 impl Reserved {
-    /// Settles on a core for `choice` on `machine` and gives it up, if the process has another. Where it has not, or
-    /// the system refuses, nothing changes: pinning will say so.
+    /// Chooses a core for `choice` on `machine` and gives that core up, if the process has another. If the process has
+    /// only one core, or the system refuses, nothing changes: pinning will report it.
     pub fn new(choice: CoreChoice, machine: &Cores) -> Self {
         Self::take(choice, machine).unwrap_or(Self {
             core: choice,
@@ -27,7 +27,7 @@ impl Reserved {
 
     fn take(choice: CoreChoice, machine: &Cores) -> Option<Self> {
         let before = sched_getaffinity(None).ok()?;
-        // Only the system knows whether it gives a core that is outside the mask: this thread goes there and comes back.
+        // Only the system knows whether it gives a core outside the mask: this thread moves there and comes back.
         let core = pin(choice, machine).ok().flatten();
         let mut others = before;
         if let Some(core) = core {
@@ -44,17 +44,17 @@ impl Reserved {
         })
     }
 
-    /// The core to pin the tick to; the choice as it was where none was settled on.
+    /// The core to pin the tick to, or the original choice where no core could be chosen.
     pub fn core(&self) -> CoreChoice {
         self.core
     }
 }
 
 impl Drop for Reserved {
-    /// The thread may use all its cores again.
+    /// Gives the thread all its cores back.
     fn drop(&mut self) {
         if let Some(before) = &self.before {
-            // A system that gave the mask before gives it again; if not, a core less is no harm.
+            // A system that gave the mask before gives it again. If not, one core less does no harm.
             let _ = sched_setaffinity(None, before);
         }
     }
@@ -70,7 +70,7 @@ mod tests {
         cores.iter().map(|core| core.id).collect()
     }
 
-    /// In a thread of its own: the mask belongs to the thread.
+    /// Runs `f` in a thread of its own, for the mask belongs to the thread.
     fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
         std::thread::spawn(f).join().expect("does not panic")
     }
@@ -117,7 +117,7 @@ mod tests {
             let [first, .., last] = cores()[..] else {
                 return;
             };
-            // Isolated, as far as this thread is concerned: it exists, and is outside the mask.
+            // To this thread, the core looks isolated: it exists and lies outside the mask.
             assert!(core_affinity::set_for_current(core_affinity::CoreId {
                 id: first
             }));
@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_cannot_be_reserved_changes_nothing() {
+    fn a_choice_that_cannot_be_reserved_changes_nothing() {
         for choice in [CoreChoice::Anywhere, CoreChoice::Id(usize::MAX)] {
             apart(move || {
                 let all = cores();

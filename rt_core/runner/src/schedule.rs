@@ -1,7 +1,7 @@
-//! When and where the tick runs: its core, its priority, and a processor that does not doze off.
+//! The core and the priority of the tick, and a processor that stays awake.
 //!
-//! Each function asks the system once, before the first tick, from the thread that it is for, and checks
-//! what came of it. What is refused comes back as a [`Degradation`]; the run goes on.
+//! Each function asks the system once, before the first tick, from the thread concerned, and checks the outcome. A
+//! refusal comes back as a [`Degradation`]; the run continues.
 
 use crate::cores::{self, CoreChoice, Cores};
 use crate::degradation::Degradation;
@@ -15,35 +15,35 @@ use thread_priority::{
     set_thread_priority_and_policy, thread_native_id, thread_schedule_policy_param,
 };
 
-/// Priority of the tick under SCHED_FIFO, unless told otherwise: above threaded interrupts (50), below
-/// the kernel's own watchdogs (99).
+/// Default priority of the tick under SCHED_FIFO: above threaded interrupts (50), below the kernel's own watchdogs
+/// (99).
 pub const DEFAULT_PRIORITY: u8 = 80;
 
-/// Where the kernel takes a request for short wake-up latency (us, as 32 bits), for as long as the file is open.
+/// File by which the kernel takes a limit of the wake-up latency (us, as 32 bits), for as long as the file is open.
 pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
 
-/// The longest processor mask that is dealt with.
+/// Length of the longest processor mask that this module supports.
 const MOST_CORES: usize = 1024;
 
-/// Pins the calling thread to the best core of `choice` that the system gives (on `machine`); returns the core, or
-/// `None` where no pinning was asked for. Where every core is refused, the thread keeps to those that it had.
+/// Pins the calling thread to the best core of `choice` that the system gives (on `machine`). Returns the core, or
+/// `None` where no pinning was asked for. If the system refuses every core, the thread keeps its cores.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not run on that core alone, or the process's other threads have no core
-/// but that one.
+/// A [`Degradation`] where the thread does not run on that core alone, or where the process's other threads have no
+/// other core.
 pub fn pin(choice: CoreChoice, machine: &Cores) -> Result<Option<usize>, Degradation> {
     if choice == CoreChoice::Anywhere {
         return Ok(None);
     }
     let allowed = mask();
     let mut candidates = machine.candidates(choice, &allowed);
-    // The only core of the process is no core of the tick's own: the other threads are there, too.
+    // The only core of the process is not the tick's own: the other threads run there, too.
     candidates.retain(|&core| allowed != [core]);
     if candidates.is_empty() {
         return Err(not_pinned("this process may use one core only".into()));
     }
-    // An isolated core is outside the mask, so a core is tried whether the mask has it or not, and the mask read back
-    // tells whether it worked.
+    // An isolated core lies outside the mask. A core is therefore tried whether or not it is in the mask; the mask read
+    // back afterwards tells whether the system agreed.
     let given = candidates
         .iter()
         .find(|&&core| try_core(core) && mask() == [core]);
@@ -62,7 +62,7 @@ fn mask() -> Vec<usize> {
     cores.iter().map(|core| core.id).collect()
 }
 
-/// Asks for `core` alone; whether the system agreed.
+/// Asks for `core` alone. Returns whether the system agreed.
 fn try_core(core: usize) -> bool {
     core < MOST_CORES && core_affinity::set_for_current(CoreId { id: core })
 }
@@ -71,25 +71,25 @@ fn not_pinned(why: String) -> Degradation {
     Degradation {
         what: "the tick is not pinned to a core of its own".into(),
         why,
-        cost: "it shares or changes cores, which costs tens of microseconds at times",
+        cost: "the tick may share or change its core, which at times costs tens of microseconds",
         remedy:
             "give the process two cores or more, or isolate one, and name one that exists (--core)"
                 .into(),
     }
 }
 
-/// Gives the calling thread timers at full resolution: ordinary threads are woken up to 50 us late on
-/// purpose. Needs no privilege, and changes nothing under SCHED_FIFO.
+/// Gives the calling thread timers at full resolution: the kernel deliberately wakes ordinary threads up to 50 us late.
+/// This needs no privilege, and changes nothing under SCHED_FIFO.
 pub fn sharpen_timers() {
-    // Refused only by systems without such a delay.
+    // Only systems without such a delay refuse.
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }
 
-/// Puts the calling thread under SCHED_FIFO with `priority` (1 to 99); returns the priority that the system says the
-/// thread then has.
+/// Puts the calling thread under SCHED_FIFO with `priority` (1 to 99). Returns the priority that the system then
+/// reports.
 ///
 /// # Errors
-/// A [`Degradation`] where the thread does not get it.
+/// A [`Degradation`] where the thread does not get the priority.
 pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
     let asked = ThreadPriorityValue::try_from(priority)
@@ -107,7 +107,10 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
             return Ok(priority);
         }
         Ok((obtained, parameters)) => {
-            format!("the system says {obtained:?} {}", parameters.sched_priority)
+            format!(
+                "the system reports {obtained:?} {}",
+                parameters.sched_priority
+            )
         }
         Err(why) => why,
     };
@@ -122,10 +125,10 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     })
 }
 
-/// Keeps the processor out of its deeper sleep states for as long as it is held.
+/// Keeps the processor out of its deeper sleep states while this value lives.
 #[derive(Debug)]
 pub struct KeepAwake {
-    /// The kernel drops the request when this is closed.
+    /// The kernel drops the request when this file is closed.
     _request: File,
 }
 
@@ -133,7 +136,7 @@ impl KeepAwake {
     /// Asks for a wake-up latency of zero, at `path` ([`WAKE_LATENCY`], or a file in its place).
     ///
     /// # Errors
-    /// A [`Degradation`] where the system does not allow or know it.
+    /// A [`Degradation`] where the system does not allow or does not know the request.
     pub fn hold(path: &Path) -> Result<Self, Degradation> {
         let ask = || {
             let mut request = OpenOptions::new().write(true).open(path)?;
@@ -158,7 +161,7 @@ impl KeepAwake {
 mod tests {
     use super::*;
 
-    /// In a thread of its own: the mask belongs to the thread.
+    /// Runs `f` in a thread of its own, for the mask belongs to the thread.
     fn apart<T: Send + 'static>(f: impl FnOnce() -> T + Send + 'static) -> T {
         std::thread::spawn(f).join().expect("does not panic")
     }
@@ -183,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_core_that_the_process_has_given_up_is_given_by_its_number() {
-        // What isolation does to a process: the core exists and is outside the mask.
+        // This is the effect of isolation on a process: the core exists and lies outside the mask.
         let [first, .., last] = mask()[..] else {
             return;
         };

@@ -1,18 +1,18 @@
-//! The tick's thread makes the system calls that are named here, and no other.
+//! The tick's thread makes the system calls that are named here, and no others.
 //!
-//! [`confine`] asks the kernel (seccomp) to trap every other call of the calling thread. The trap
-//! (`trap.rs`) notes it and refuses it; the loop sees the note at the end of the tick, commands no
-//! force and leaves. What may be called:
+//! [`confine`] asks the kernel (seccomp) to trap every other call of the calling thread. The trap (`trap.rs`) notes the
+//! call and refuses it. The loop sees the note at the end of the tick, commands no force and ends. The permitted calls
+//! are:
 //!
-//! - **inside a tick**: the clock, the sleep to an absolute deadline, one wake-up of a sleeping writer
-//!   thread, and under [`CallPolicy::Hid`] what reads a device. No write: a thread of the device's own does
-//!   that ([`crate::hid`]);
-//! - **to leave**: the return from a signal, and what the C library does when a thread ends. These are few,
+//! - **inside a tick**: the clock, the sleep until an absolute deadline, one wake-up of a sleeping writer thread, and
+//!   under [`CallPolicy::Hid`] the calls that read a device. No write: a thread of the device's own writes
+//!   ([`crate::hid`]);
+//! - **at the end**: the return from a signal, and the calls of the C library when a thread ends. These are few and
 //!   harmless, and cannot be told apart from the same calls inside a tick;
-//! - **noted, then made all the same**: memory for the heap, and text on the standard error. Refusing
-//!   memory would end the whole process with the force still on, and the text says what went wrong.
+//! - **noted, then made all the same**: memory for the heap, and text on the standard error. To refuse memory would end
+//!   the whole process with the force still on, and the text tells what went wrong.
 //!
-//! This is a guard against mistakes, not against malice: nothing here keeps an attacker in.
+//! The filter guards against mistakes, not against malice: it does not confine an attacker.
 
 use crate::trap;
 use libc::c_long;
@@ -23,21 +23,21 @@ use seccompiler::{
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Which devices the tick calls, and so which system calls it needs.
+/// The kind of devices that the tick calls, which determines the system calls that it needs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CallPolicy {
-    /// Simulated ones: the clock and the sleep are all.
+    /// Simulated devices: the clock and the sleep suffice.
     Simulated,
     /// HID devices: `poll` and `read` as well.
     Hid,
 }
 
-/// A system call that the tick's thread made and may not make.
+/// A system call that the tick's thread made without permission.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ForbiddenCall {
     /// The first such call, by the kernel's number on this architecture.
     pub number: i64,
-    /// How many there were until the loop ended.
+    /// Number of such calls until the loop ended.
     pub count: u64,
 }
 
@@ -54,29 +54,29 @@ impl fmt::Display for ForbiddenCall {
     }
 }
 
-/// Why the kernel does not watch the thread's system calls.
+/// The reason why the kernel does not watch the thread's system calls.
 #[derive(Debug, thiserror::Error)]
 pub enum FilterError {
-    /// No trap for this processor or C library.
+    /// There is no trap for this processor or C library.
     #[error(
         "system calls can be watched on x86-64 and 64-bit Arm Linux with the GNU C library only"
     )]
     Platform,
-    /// The signal that tells of a forbidden call cannot be had.
+    /// The signal that reports a forbidden call is not available.
     #[error("the system did not give the signal SIGSYS: {0}")]
     Signal(std::io::Error),
-    /// The filter was refused.
+    /// The system refused the filter.
     #[error(
-        "the system did not take the filter of system calls ({0}); the kernel needs CONFIG_SECCOMP_FILTER"
+        "the system refused the filter of system calls ({0}); the kernel needs CONFIG_SECCOMP_FILTER"
     )]
     Refused(String),
 }
 
-/// Traps every system call of the calling thread but those of `policy`, until the thread ends. There is no
-/// way back. Threads that it starts later inherit the filter.
+/// Traps every system call of the calling thread except those of `policy`, until the thread ends. The filter cannot be
+/// removed. Threads that the calling thread starts later inherit the filter.
 ///
 /// # Errors
-/// [`FilterError`]; nothing is filtered then.
+/// [`FilterError`]; then nothing is filtered.
 pub fn confine(policy: CallPolicy) -> Result<(), FilterError> {
     let program = program(policy)?;
     trap::install()?;
@@ -107,7 +107,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
         let each = calls.iter().map(|call| (*call, Vec::new()));
         each.collect::<Rules>()
     };
-    // Inside a tick. The clock is a call only where it cannot be read without the kernel.
+    // Inside a tick. The clock is a system call only where it cannot be read without the kernel.
     rules.extend(any(&[libc::SYS_clock_gettime]));
     if policy == CallPolicy::Hid {
         rules.extend(any(&[libc::SYS_read, libc::SYS_ppoll]));
@@ -118,7 +118,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
     rules.insert(libc::SYS_clock_nanosleep, vec![SeccompRule::new(sleep)?]);
     let wake = vec![is(1, libc::FUTEX_WAKE | libc::FUTEX_PRIVATE_FLAG)?];
     rules.insert(libc::SYS_futex, vec![SeccompRule::new(wake)?]);
-    // To leave.
+    // At the end of the thread.
     rules.extend(any(&[
         libc::SYS_rt_sigreturn,
         libc::SYS_rt_sigprocmask,
@@ -127,7 +127,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
         libc::SYS_madvise,
         libc::SYS_exit,
     ]));
-    // Made by the trap, after it has noted the call.
+    // The trap makes these calls, after it has noted them.
     for call in trap::MADE_ALL_THE_SAME {
         let from_the_trap = SeccompCondition::new(
             trap::MARK_ARGUMENT,
@@ -140,7 +140,7 @@ fn rules(policy: CallPolicy) -> Result<Rules, seccompiler::BackendError> {
     Ok(rules)
 }
 
-/// That an argument, an `int`, is `value`.
+/// The condition that an argument, an `int`, equals `value`.
 fn is(argument: u8, value: libc::c_int) -> Result<SeccompCondition, seccompiler::BackendError> {
     SeccompCondition::new(
         argument,
@@ -150,7 +150,7 @@ fn is(argument: u8, value: libc::c_int) -> Result<SeccompCondition, seccompiler:
     )
 }
 
-/// Names of the calls that stray into a tick most easily; the others go by their number.
+/// Names of the calls that stray into a tick most easily. Other calls are reported by number.
 fn name(number: i64) -> Option<&'static str> {
     let names = [
         (libc::SYS_brk, "brk"),

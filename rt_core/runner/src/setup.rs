@@ -1,4 +1,4 @@
-//! What the tick's thread asks of the system before its first tick, and what it got.
+//! The requests of the tick's thread to the system before its first tick, and their outcome.
 
 use crate::clock::now_ns;
 use crate::cores::Cores;
@@ -9,7 +9,7 @@ use crate::thread::RunnerConfig;
 use crate::tick_loop::TickLoop;
 use std::path::Path;
 
-/// What the thread got from the system.
+/// The outcome of the requests.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Setup {
     pub(crate) degradations: Vec<Degradation>,
@@ -19,8 +19,8 @@ pub(crate) struct Setup {
     pub(crate) locked_bytes: usize,
 }
 
-/// Asks for everything in `config`, from the thread that will tick. What is returned and what is locked
-/// must be held until the last tick.
+/// Makes all the requests of `config`, from the thread that will tick. The returned request and the locked memory must
+/// be held until the last tick.
 pub(crate) fn set_up<D>(
     config: &RunnerConfig,
     tick_loop: &TickLoop<D>,
@@ -28,7 +28,7 @@ pub(crate) fn set_up<D>(
 ) -> (Setup, Option<KeepAwake>) {
     let mut setup = Setup::default();
     sharpen_timers();
-    // The first reading of the clock looks for where to read it without the kernel.
+    // The first reading of the clock finds out where the clock can be read without the kernel.
     now_ns();
     let machine = Cores::of_this_machine();
     match pin(config.core, &machine) {
@@ -59,7 +59,7 @@ pub(crate) fn set_up<D>(
     (setup, awake)
 }
 
-/// Locks what the tick uses, what it needs most first.
+/// Locks the memory that the tick uses, the most important ranges first.
 fn lock_all<D>(tick_loop: &TickLoop<D>, locked: &mut LockedMemory) -> Option<Degradation> {
     let mut refusal = locked.lock_stack().err();
     let own = [
@@ -70,7 +70,7 @@ fn lock_all<D>(tick_loop: &TickLoop<D>, locked: &mut LockedMemory) -> Option<Deg
     let mut wanted = STACK_AHEAD;
     for range in ranges {
         wanted += range.bytes();
-        // One that is refused leaves room for smaller ones.
+        // A range that is refused leaves room for smaller ranges.
         let refused = locked.lock(*range).err();
         refusal = refusal.or(refused);
     }

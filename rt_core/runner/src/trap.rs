@@ -1,10 +1,10 @@
-//! What happens when the tick's thread makes a system call that it may not make.
+//! The response to a forbidden system call of the tick's thread.
 //!
-//! The kernel skips the call and sends the thread SIGSYS instead ([`crate::seccomp`]). The handler notes
-//! the call in the thread's own memory and answers EPERM, or, for the few in [`MADE_ALL_THE_SAME`], makes
-//! it with a mark that the filter knows. It does nothing else: a handler may not allocate or lock either.
+//! The kernel skips the call and sends the thread SIGSYS instead ([`crate::seccomp`]). The handler notes the call in
+//! the thread's own memory and answers EPERM. For the few calls in [`MADE_ALL_THE_SAME`], the handler makes the call
+//! with a mark that the filter knows. The handler does nothing else: a handler must not allocate or lock either.
 //!
-//! Unsafe, because the kernel's words have to be read and answered in the registers it saved.
+//! The module is unsafe, because it reads and answers the call in the registers that the kernel saved.
 
 use crate::seccomp::{FilterError, ForbiddenCall};
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
@@ -18,16 +18,16 @@ pub(crate) const MADE_ALL_THE_SAME: [i64; 5] = [
     libc::SYS_write,
 ];
 
-/// The last argument of such a call when the trap makes it. None of them reads it: five have fewer
-/// arguments, and memory without a file has no offset in it. A multiple of any page size all the same.
+/// The last argument of such a call when the trap makes it. None of the calls reads it: five have fewer arguments, and
+/// memory without a file has no offset. The mark is still a multiple of any page size.
 pub(crate) const MARK: u64 = 0x7061_6c70_0000;
 
-/// Where it stands, counted from zero.
+/// Position of the mark among the arguments, from zero.
 pub(crate) const MARK_ARGUMENT: u8 = 5;
 
 thread_local! {
-    /// The first forbidden call of this thread. Without a destructor and made in place, so that a signal
-    /// handler may touch it.
+    /// The first forbidden call of this thread. The cell has no destructor and is constructed in place, so that a
+    /// signal handler may touch it.
     static FIRST: AtomicI64 = const { AtomicI64::new(0) };
     static COUNT: AtomicU64 = const { AtomicU64::new(0) };
 }
@@ -37,7 +37,7 @@ pub(crate) fn noted() -> bool {
     COUNT.with(|count| count.load(Ordering::Relaxed)) > 0
 }
 
-/// What it was.
+/// The first forbidden call since [`clear`], and the number of calls.
 pub(crate) fn first() -> Option<ForbiddenCall> {
     noted().then(|| ForbiddenCall {
         number: FIRST.with(|first| first.load(Ordering::Relaxed)),
@@ -45,7 +45,7 @@ pub(crate) fn first() -> Option<ForbiddenCall> {
     })
 }
 
-/// Forgets what this thread did so far.
+/// Forgets the forbidden calls of this thread so far.
 pub(crate) fn clear() {
     COUNT.with(|count| count.store(0, Ordering::Relaxed));
 }
@@ -64,7 +64,7 @@ fn note(number: i64) {
 ))]
 pub(crate) use handler::install;
 
-/// Elsewhere there is none.
+/// On other platforms there is no trap.
 #[cfg(not(all(
     target_env = "gnu",
     any(target_arch = "x86_64", target_arch = "aarch64")
@@ -84,14 +84,14 @@ mod handler {
     use std::mem::MaybeUninit;
     use std::ptr::null_mut;
 
-    /// Makes the handler the process's for SIGSYS, which nothing else uses. May be repeated.
+    /// Installs the handler for SIGSYS in the process, where nothing else uses that signal. May be repeated.
     pub(crate) fn install() -> Result<(), FilterError> {
         // SAFETY: zero is a valid value of every field: no flags, an empty mask.
         let mut action = unsafe { MaybeUninit::<libc::sigaction>::zeroed().assume_init() };
         action.sa_flags = libc::SA_SIGINFO;
         action.sa_sigaction = on_trap as extern "C" fn(_, _, _) as usize;
-        // SAFETY: the action lives through the call and its handler for ever; the handler is safe to run
-        // at any moment (it touches the thread's own atomics, errno, and what the kernel hands it).
+        // SAFETY: the action lives through the call, and its handler for ever. The handler is safe to run at any
+        // moment: it touches only the thread's own atomics, errno, and the arguments from the kernel.
         let result = unsafe { libc::sigaction(libc::SIGSYS, &raw const action, null_mut()) };
         if result == 0 {
             Ok(())
@@ -108,7 +108,7 @@ mod handler {
         answer(context, result(number, arguments));
     }
 
-    /// What the kernel is to have answered: minus an error number where it failed.
+    /// The kernel's answer to the call: minus an error number where the call failed.
     fn result(number: i64, arguments: [i64; 6]) -> i64 {
         const REFUSED: i64 = -(libc::EPERM as i64);
         let [a, b, c, d, e, _] = arguments;
@@ -121,9 +121,9 @@ mod handler {
         if !passes {
             return REFUSED;
         }
-        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument
-        // that the call does not read differs. errno is this thread's own and always there; it is put
-        // back, as the interrupted code knows nothing of this.
+        // SAFETY: this thread asked for this very call and is waiting for its answer; only an argument that the call
+        // does not read differs. errno belongs to this thread and always exists. It is restored, because the
+        // interrupted code does not expect a change.
         unsafe {
             let errno = libc::__errno_location();
             let before = *errno;

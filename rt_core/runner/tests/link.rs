@@ -1,4 +1,4 @@
-//! The rings: order, refusals, gaps, the newest of many, peers that leave, and how much they hold.
+//! The rings: order, refusals, gaps, the newest of many, peers that leave, and capacities.
 
 use rt_core::{LocalModel, MAX_BODIES, Telemetry};
 use runner::link::{HostEnd, LinkConfig, LogEnd, LogRecord, RingFull, TickEnd, link};
@@ -63,7 +63,7 @@ fn a_full_ring_refuses_and_both_ends_count() {
         ),
         (3, 3)
     );
-    // What was there first stays; the gap shows with the next that gets in.
+    // The first records stay. The gap shows with the next record that gets in.
     assert_eq!(host.newest().map(|record| record.tick), Some(4));
     assert_eq!(host.lost_records(), 0);
     tick.push(&telemetry(8));
@@ -95,7 +95,7 @@ fn one_take_gives_the_newest_model_of_each_body() {
         (2, 0)
     );
     tick.take_models(|_, _| panic!("all have been let go"));
-    // Past the end of the ring's memory and round again, the newest is still the newest.
+    // Beyond the end of the ring's memory, the newest model is still the newest.
     for sequence in 4..=20 {
         assert_eq!(host.publish(0, &model(sequence)), Ok(()));
         if sequence % 3 == 0 || sequence == 20 {
@@ -149,7 +149,7 @@ fn each_end_sees_that_the_other_is_gone() {
     drop(log);
     drop(host);
     assert!(tick.host_is_gone() && tick.log_is_gone());
-    // Nobody misses what is left now.
+    // Refusals no longer count, since nobody reads.
     for k in 0..20 {
         tick.push(&telemetry(k));
     }
@@ -163,7 +163,7 @@ fn each_end_sees_that_the_other_is_gone() {
     assert!(!host.tick_is_gone() && !log.tick_is_gone());
     drop(tick);
     assert!(host.tick_is_gone() && log.tick_is_gone());
-    // What was left is still there.
+    // The records that were left in the rings are still there.
     assert_eq!((host.drain(|_| ()), log.drain(|_| ())), (1, 1));
 }
 
@@ -240,12 +240,12 @@ fn records_cross_threads_whole_and_in_order() {
     }
     let refused = writer.join().expect("the writer does not panic");
     assert_eq!(seen + refused, RECORDS);
-    // Those refused after the last that arrived leave no gap behind them.
+    // Records refused after the last arrival leave no gap.
     let tail = last.map_or(RECORDS, |last| RECORDS - 1 - last);
     assert_eq!(host.lost_records(), refused - tail);
 }
 
-/// A number for each record, models below zero.
+/// A number for each record; models have negative numbers.
 fn numbers(log: &mut LogEnd) -> Vec<i64> {
     let mut seen = Vec::new();
     log.records(|record| {
@@ -266,7 +266,7 @@ fn the_log_gets_each_model_before_the_tick_that_used_it() {
     tick.take_models(|_, _| ());
     tick.push(&telemetry(1));
     assert_eq!(numbers(&mut log), [-1, -101, 0, 1]);
-    // Whoever wants ticks alone lets the models go.
+    // A reader of ticks alone discards the models.
     host.publish(0, &model(2)).expect("room");
     tick.push(&telemetry(2));
     assert_eq!(log.drain(|record| assert_eq!(record.tick, 2)), 1);
@@ -276,7 +276,7 @@ fn the_log_gets_each_model_before_the_tick_that_used_it() {
 #[test]
 fn copies_of_models_that_the_log_has_no_room_for_are_counted_and_cost_the_tick_nothing() {
     let (mut tick, mut host, log) = small();
-    // Two bodies' rings of three: the seventh copy finds no room.
+    // The rings of two bodies hold three models each: the seventh copy finds no room.
     for sequence in 1..=9 {
         host.publish(0, &model(sequence))
             .expect("the tick takes them");
@@ -285,7 +285,7 @@ fn copies_of_models_that_the_log_has_no_room_for_are_counted_and_cost_the_tick_n
         assert_eq!(taken, sequence);
     }
     assert_eq!((host.refused_copies(), host.refused_models()), (3, 0));
-    // A log that is gone misses nothing.
+    // Refusals no longer count once the log is gone.
     drop(log);
     host.publish(0, &model(10)).expect("the tick takes it");
     assert_eq!(host.refused_copies(), 3);

@@ -1,6 +1,6 @@
-//! A tick with its rings and histograms allocates nothing. Proved by an allocator that counts.
+//! A tick with its rings and histograms allocates nothing, as an allocator that counts shows.
 
-// An allocator cannot be written without it; this one only counts and hands on.
+// An allocator needs unsafe code. This one only counts and passes the calls on.
 #![allow(unsafe_code)]
 
 mod common;
@@ -22,12 +22,12 @@ fn count() {
     CALLS.set(CALLS.get() + 1);
 }
 
-// SAFETY: every call goes to the system's allocator unchanged; counting touches a plain thread-local
-// number without a destructor, which allocates nothing.
+// SAFETY: every call goes to the system's allocator unchanged. Counting touches a plain thread-local number without a
+// destructor, and so allocates nothing.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         count();
-        // SAFETY: the caller's promises hold for the system's allocator too.
+        // SAFETY: the caller's promises hold for the system's allocator, too.
         unsafe { System.alloc(layout) }
     }
 
@@ -56,7 +56,7 @@ fn no_tick_allocates_whatever_the_rings_hold() {
     let (tick, mut host, _log) = link(&config);
     let mut tick_loop = TickLoop::new(controller(1), vec![Puppet::new(Trick::None)], tick);
     let mut sequence = 0;
-    // The log is never read, so its ring is full from tick 52 on; the host reads now and then.
+    // The log is never read, so its ring is full from tick 52 on. The host reads every 70 ticks.
     for k in 0..1000_u64 {
         let now = k * 1_000_000;
         for _ in 0..k % 3 {

@@ -1,4 +1,4 @@
-//! The thread under the real clock. What is asserted are counts and order, never how long anything took.
+//! The thread under the real clock. The tests assert counts and order, never durations.
 
 mod common;
 
@@ -13,7 +13,7 @@ fn ends() -> (TickEnd, HostEnd, LogEnd) {
     link(&LinkConfig::new(1000.0, 60.0))
 }
 
-/// Without the things that a test machine may or may not give.
+/// A configuration without the resources that a test machine may refuse.
 fn modest(ticks: u64) -> RunnerConfig {
     RunnerConfig {
         ticks: Some(ticks),
@@ -49,7 +49,7 @@ fn a_run_adds_up_and_ends_without_force() {
         (times.lateness.count(), times.tick_time.count()),
         (300, 300)
     );
-    // The model was there before the first tick.
+    // The model was published before the first tick.
     assert_eq!(times.model_age.len(), 1);
     assert_eq!(times.model_age[0].count(), 300);
     assert_eq!(
@@ -57,7 +57,7 @@ fn a_run_adds_up_and_ends_without_force() {
         (0, 0)
     );
 
-    // The force was there, and is gone.
+    // The force has been rendered, and is zero at the end.
     let puppet = &report.devices[0];
     assert_eq!((puppet.reads, puppet.writes), (300, 302));
     assert_eq!(*last.lock().expect("nothing panics"), Some(Wrench::zero()));
@@ -69,7 +69,7 @@ fn a_run_adds_up_and_ends_without_force() {
         times_ns.push(record.time_ns);
     });
     assert!(pushed);
-    // Nominal times: on the grid, in order, and those that the device was given.
+    // Nominal times are on the grid, in order, and equal to the times that the device was given.
     assert_eq!(times_ns, puppet.times_ns);
     assert_eq!(times_ns[0], 0);
     assert!(times_ns.windows(2).all(|pair| pair[1] > pair[0]));
@@ -92,15 +92,15 @@ fn a_device_that_blocks_once_costs_deadlines_and_nothing_else() {
     .expect("it can run");
     let report = run.join().expect("nothing panics");
     assert_eq!(report.ticks, 60);
-    // 5.5 ms from a point after the deadline on are five whole periods at least.
+    // 5.5 ms from a point after the deadline span at least five whole periods.
     assert!(report.longest_miss >= 5, "{}", report.longest_miss);
     assert!(report.missed_deadlines >= report.longest_miss);
     assert_eq!(report.ticks + report.missed_deadlines, report.slots);
     assert!(report.latencies.tick_time.summary().max >= 5_500_000);
-    // The devices' time has gone on by the deadlines that were skipped.
+    // The devices' time has advanced by the skipped deadlines.
     let times = &report.devices[0].times_ns;
     assert!(times[20] - times[19] >= 6_000_000);
-    // The last tick's own misses come after it.
+    // The deadlines that the last tick missed come after it.
     assert!(times[59] <= (report.slots - 1) * 1_000_000);
 }
 
@@ -140,7 +140,7 @@ fn a_loop_without_end_ends_when_asked_or_dropped() {
         ..modest(0)
     };
     let (tick, host, log) = ends();
-    // The host dies; the tick goes on.
+    // The host ends; the tick continues.
     drop((host, log));
     let stop = Arc::new(Stop::new());
     let run = spawn(
@@ -174,7 +174,7 @@ fn a_loop_without_end_ends_when_asked_or_dropped() {
 }
 
 #[test]
-fn what_cannot_run_says_so() {
+fn an_impossible_configuration_is_refused() {
     let stop = Arc::new(Stop::new());
     let config = RunnerConfig {
         period_ns: 0,
@@ -205,7 +205,7 @@ fn what_cannot_run_says_so() {
 }
 
 #[test]
-fn what_the_system_refuses_is_named_once_and_the_run_goes_on() {
+fn each_refusal_of_the_system_is_named_once_and_the_run_continues() {
     let (tick, _host, _log) = ends();
     let config = RunnerConfig {
         ticks: Some(20),
@@ -220,7 +220,7 @@ fn what_the_system_refuses_is_named_once_and_the_run_goes_on() {
     )
     .expect("it can run");
     let named = run.degradations().to_vec();
-    // At most one each for core, priority, sleep states and memory.
+    // At most one degradation each for core, priority, sleep states and memory.
     assert!(named.len() <= 4);
     assert_eq!(
         run.core().is_some(),

@@ -1,6 +1,6 @@
-//! A strict loop: what it may not do ends it, in order and without force.
+//! A strict loop: a forbidden call ends the loop in order and without force.
 //!
-//! Skipped with a loud line where the kernel takes no filter of system calls.
+//! The tests are skipped with a visible line where the kernel takes no filter of system calls.
 
 mod common;
 
@@ -25,8 +25,7 @@ fn strict() -> RunnerConfig {
     }
 }
 
-/// A run over one device; `None` where this system cannot watch system calls. Whatever happens, the last
-/// wrench is none.
+/// A run over one device; `None` where this system cannot watch system calls. In every case, the last wrench is zero.
 fn run(trick: Trick) -> Option<Result<TickReport<Puppet>, TickPanic>> {
     let (tick, mut host, _log) = link(&LinkConfig::new(1000.0, 60.0));
     host.publish(0, &pushing(1, 0)).expect("the ring is empty");
@@ -36,7 +35,7 @@ fn run(trick: Trick) -> Option<Result<TickReport<Puppet>, TickPanic>> {
     let thread = match spawn(strict(), controller(1), vec![puppet], tick, stop) {
         Ok(thread) => thread,
         Err(SpawnError::Filter(error @ (FilterError::Platform | FilterError::Refused(_)))) => {
-            // Not `eprintln`, which the test harness keeps to itself.
+            // Not `eprintln`, whose output the test harness captures.
             let _ = writeln!(std::io::stderr(), "\n!! SKIPPED: strict loops: {error}");
             return None;
         }
@@ -79,7 +78,7 @@ fn memory_from_the_system_is_noted_but_given() {
     let report = result.expect("it got its memory");
     let call = report.forbidden_call.expect("it was seen");
     assert_eq!(report.ticks, 10);
-    // The 64 MB are there: they were written and read.
+    // The 64 MB are available: they were written and read.
     assert_eq!(report.devices[0].writes, 10 + 2 + 1);
     assert!(
         ["mmap", "brk"]
@@ -102,12 +101,12 @@ fn a_panic_is_still_told() {
 }
 
 #[test]
-fn a_loop_that_insists_does_not_tick_without_what_it_was_refused() {
+fn a_loop_that_insists_does_not_tick_after_a_refusal() {
     let (tick, _host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
     let puppet = Puppet::new(Trick::None);
     let last = Arc::clone(&puppet.last);
     let config = RunnerConfig {
-        // There is no such core on any machine that this runs on.
+        // No machine that runs this test has such a core.
         core: CoreChoice::Id(1023),
         insist: true,
         calls: None,

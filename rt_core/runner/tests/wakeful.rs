@@ -1,6 +1,6 @@
-//! The request for a wakeful processor: the kernel keeps to it for as long as its file is open, so what counts is that
-//! the file is open in every tick, with the right number in it. A plain file stands in for the kernel's, and
-//! `/proc/self/fd` tells what is open.
+//! The request for a processor that stays awake. The kernel respects the request for as long as its file is open, so
+//! the tests check that the file is open in every tick, with the right number in it. A plain file stands in for the
+//! kernel's, and `/proc/self/fd` tells which files are open.
 #![cfg(target_os = "linux")]
 
 mod common;
@@ -19,7 +19,7 @@ fn is_open(path: &Path) -> bool {
     targets.any(|target| target == path)
 }
 
-/// A device that looks, in each of its reads and writes, whether a file is open.
+/// A device that checks, in each read and write, whether a file is open.
 #[derive(Debug)]
 struct Watcher {
     path: PathBuf,
@@ -60,7 +60,7 @@ impl Device for Watcher {
     }
 }
 
-/// Twenty ticks with a file in place of the kernel's.
+/// Twenty ticks with the file `path` in place of the kernel's.
 fn run(path: &Path, keep_awake: bool) -> TickReport<Watcher> {
     let (tick, _host, _log) = link(&LinkConfig::new(1000.0, 60.0));
     let name: &'static str = Box::leak(path.display().to_string().into_boxed_str());
@@ -83,7 +83,7 @@ fn run(path: &Path, keep_awake: bool) -> TickReport<Watcher> {
     run.join().expect("nothing panics")
 }
 
-/// An empty file, by the name that the system knows it by.
+/// An empty file, with its canonical path.
 fn file(folder: &tempfile::TempDir) -> PathBuf {
     let path = folder.path().canonicalize().expect("it is there");
     let path = path.join("cpu_dma_latency");
@@ -97,10 +97,10 @@ fn the_request_is_open_in_every_tick_and_closed_after_the_last() {
     let path = file(&folder);
     let report = run(&path, true);
     let watcher = &report.devices[0];
-    // A read and a write each tick, and two writes that end the run.
+    // A read and a write in each tick, and two writes that end the run.
     assert_eq!((watcher.open, watcher.closed), (2 * 20 + 2, 0));
     assert!(report.degradations.is_empty(), "{:?}", report.degradations);
-    // The kernel takes a latency in us, as 32 bits: none.
+    // The kernel takes a latency in us, as 32 bits: here zero.
     let written = std::fs::read(&path).expect("it can be read");
     assert_eq!(written, 0_i32.to_ne_bytes());
     assert!(!is_open(&path), "the processor may doze off again");

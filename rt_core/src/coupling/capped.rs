@@ -1,12 +1,13 @@
-//! The coupling under `capped`: what of a model the devices can render, its wrenches in parts, and the cap over them.
+//! The coupling under `capped`: the part of a model that the devices can render, its wrenches in parts, and the cap on
+//! them.
 //!
-//! A held force lags by half a tick, and by the ticks by which a device is late: a fraction of each step (`lead`) is rendered
-//! by the stiffness as a damper would.
+//! A held force lags by half a tick, and by the ticks of the device's delay. The stiffness therefore resists a fraction
+//! of each step (`lead`) as a damper would.
 //!
-//! **A single count back** says nothing of a velocity: a tremor on the edge of a count makes it, too. An estimate of the
-//! velocity is late by some ticks, so a damper's answer to that count would meet the next and push it along: a light
-//! device on a stiff body would never come to rest. As long as such a count is the last step along an axis, neither
-//! dampers nor the lead act along it.
+//! **A single count back** tells nothing of a velocity: a tremor on the edge of a count produces it, too. An estimate
+//! of the velocity is late by some ticks, so a damper that answers that count would meet the next count and push it
+//! along. A light device on a stiff body would never come to rest. As long as such a count is the last step along an
+//! axis, neither dampers nor the lead act along that axis.
 
 use super::Coupling;
 use crate::geometry::{Pose, Twist, Vec6, Wrench};
@@ -15,13 +16,14 @@ use crate::passivity::{Motion, Port};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
 impl Coupling {
-    /// Bounds the pending model by what the devices can render: its damping, and how much of the stiffness acts as one.
+    /// Bounds the pending model by what the devices can render: its damping, and the fraction of the stiffness that
+    /// acts as damping.
     pub(super) fn bound(&mut self) {
         let config = self.passivity.config();
         let port = |device: u8| config.ports.get(usize::from(device));
         let most = |device| port(device).map_or([f64::INFINITY; 2], Port::most);
         self.pending.bound_damping(most);
-        // A held force lags by half a tick, and by what the device is late.
+        // A held force lags by half a tick, and by the delay of the device.
         let late = 0.5 + config.delay as f64;
         let found = self.pending.own_stiffness();
         let mut lead = [[0.0; 2]; MAX_HANDLES];
@@ -33,8 +35,8 @@ impl Coupling {
         self.lead = lead;
     }
 
-    /// The model's wrenches in parts, blended as the whole is; dampers act along axes of which `onward` is one, and not
-    /// where it is zero.
+    /// The model's wrenches in parts, blended as the whole model is. Dampers act along the axes where `onward` is one,
+    /// and do not act where it is zero.
     pub(super) fn parts(
         &self,
         devices: &[(Pose, Twist)],
@@ -54,7 +56,7 @@ impl Coupling {
         parts
     }
 
-    /// The wrenches under the cap of energy, where the devices made `steps` since the last tick.
+    /// The wrenches under the energy cap, where `steps` are the displacements of the devices since the last tick.
     pub(super) fn capped(
         &mut self,
         devices: &[(Pose, Twist)],
@@ -76,7 +78,8 @@ impl Coupling {
                 velocity: twist.stacked(),
             };
             let [linear, angular] = *fraction;
-            // A hand that made one count in many ticks went on slowly: what the spring lags by is that much less.
+            // A hand that made one count in several ticks moved slowly: the lag of the spring is smaller by that
+            // factor.
             let linear = linear / self.passivity.pace(device);
             *lead = step.component_mul(&Vec6::new(
                 linear, linear, linear, angular, angular, angular,
@@ -87,7 +90,7 @@ impl Coupling {
         }
         let mut parts = self.parts(devices, &lead, &onward);
         if !parts.stored.is_finite() {
-            // An energy that overflowed is more than anyone has put in.
+            // An energy that overflowed exceeds any energy that the hands can have supplied.
             parts.stored = f64::MAX;
         }
         self.passivity.note_stored(parts.stored);

@@ -1,5 +1,5 @@
-//! The extrapolated wrenches with what springs hold and what dampers do told apart, and the energy behind the springs:
-//! what passivity needs to know of a model.
+//! The extrapolated wrenches, split into the parts of springs and of dampers, and the energy of the springs. The energy
+//! account and the cap need the parts of a model.
 
 use super::{Deviation, LocalModel, clip};
 use crate::MAX_HANDLES;
@@ -8,11 +8,13 @@ use crate::geometry::{Vec3, Vec6};
 /// The wrenches on all handles, in parts.
 #[derive(Clone, Copy, Debug)]
 pub struct Parts {
-    /// What springs hold: the reference's wrench without the weight, drifted, less the stiffness times the displacement.
+    /// Wrench of the springs: the reference wrench without the weight, plus the drift, minus the stiffness times the
+    /// displacement.
     pub elastic: [Vec6; MAX_HANDLES],
-    /// What dampers do: less the damping times the velocity.
+    /// Wrench of the dampers: minus the damping times the velocity, and minus the stiffness times the lead.
     pub viscous: [Vec6; MAX_HANDLES],
-    /// Energy that hands at rest could get back (J): that of the reference, less the work of the springs from there.
+    /// Energy that hands at rest could get back (J): the energy at the reference, minus the work of the springs since
+    /// then.
     pub stored: f64,
 }
 
@@ -26,8 +28,9 @@ impl Parts {
         }
     }
 
-    /// A mixture: this one's fraction falls to `1 - fraction`. Its energy is no less than that of the mixed model, for
-    /// `w^T K^-1 w` is convex in both (S. Boyd and L. Vandenberghe, "Convex optimization", 2004, example 3.4).
+    /// Mixes two sets of parts: `1 - fraction` of this one and `fraction` of `other`. The mixed energy is no less than
+    /// the energy of the mixed model, for `w^T K^-1 w` is jointly convex in `w` and `K` (S. Boyd and L. Vandenberghe,
+    /// "Convex optimization", 2004, example 3.4).
     pub(crate) fn mix(&mut self, other: &Self, fraction: f64) {
         for (mine, theirs) in self.elastic.iter_mut().zip(&other.elastic) {
             *mine = *mine * (1.0 - fraction) + theirs * fraction;
@@ -40,8 +43,9 @@ impl Parts {
 }
 
 impl LocalModel {
-    /// The same wrenches, what springs hold and what dampers do told apart, where the drift has gone on for `ahead` (s).
-    /// `lead` is a displacement of each handle that the stiffness resists as a damper would: a fraction of its last step.
+    /// The extrapolated wrenches, split into the parts of springs and of dampers, where the drift has acted for `ahead`
+    /// (s). `lead` is a displacement of each handle that the stiffness resists as a damper would: a fraction of the
+    /// handle's last step.
     pub fn parts(
         &self,
         deviations: &[Deviation; MAX_HANDLES],
@@ -65,7 +69,7 @@ impl LocalModel {
                 *viscous -= b * deviation.velocity + k * lead;
             }
             *elastic = begin - fall;
-            // The force is linear along the displacement, so its mean counts.
+            // The force is linear along the displacement, so the mean force does the work.
             work += (begin - fall * 0.5).dot(&own.displacement);
         }
         parts.stored = (self.energy - work).max(0.0);
@@ -81,7 +85,7 @@ impl LocalModel {
             let mut force = Vec3::new(elastic.x, elastic.y, elastic.z);
             let whole = force.norm_squared();
             if clip(&mut force, &handle.contact) {
-                // What is not pushed with cannot be got back, and the air does not damp.
+                // The clipped part of the force gives no energy back, and air does not damp.
                 parts.stored *= force.norm_squared() / whole;
                 (elastic.x, elastic.y, elastic.z) = (force.x, force.y, force.z);
                 *viscous = Vec6::zeros();
@@ -90,7 +94,7 @@ impl LocalModel {
         parts
     }
 
-    /// Work of the springs from the reference to where the handles are (J), where the drift has gone on for `ahead` (s).
+    /// Work of the springs from the reference to the present poses (J), where the drift has acted for `ahead` (s).
     pub(crate) fn work(&self, deviations: &[Deviation; MAX_HANDLES], ahead: f64) -> f64 {
         let n = usize::from(self.handle_count);
         let handles = self.handles.iter().zip(deviations);

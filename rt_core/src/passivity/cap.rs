@@ -1,83 +1,85 @@
-//! The cap: what a body may give back.
+//! The cap: a bound on what a body may give back.
 //!
-//! The energy-capped linear model: no tick may spend more than the hands have put in (`H`), so the body never gives back
-//! more than it was given, be the local models late, wrong or contradictory. It is the passivity controller of B.
-//! Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with the energy bounded above
-//! as well (a tank, as of M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach",
-//! 2011): credit that is not backed by the spring of the moment is forgotten by and by, so it cannot be spent at once
-//! much later. With `F_s` the elastic and `F_d` the viscous wrench on all handles, `V` the energy that hands could get
-//! back, and `R` what they were spared by weights that went and came, each tick:
+//! No tick may spend more than the hands have supplied (`H`). The body therefore never gives back more energy than it
+//! got, even if the local models are late, wrong or contradictory. The cap is the passivity controller of B. Hannaford
+//! and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), with an upper bound on the energy as
+//! well (a tank, as in M. Franken et al., "Bilateral telemanipulation with time delays: a two-layer approach", 2011).
+//! Credit that the present spring does not back is gradually forgotten, so it cannot be spent at once much later.
+//!
+//! Let `F_s` and `F_d` be the elastic and the viscous wrench on all handles, and `V` the energy that hands could get
+//! back. Let `R` be the work that the hands were spared by weights that were removed and restored. Each tick does:
 //!
 //! ```text
-//! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  what the device itself dissipates counts in part
+//! H <- H - (w - g) . D + eta (b D^2 / (n T) + f_c |D|)  eta: the fraction of the dissipation that counts
 //! H <- H - (H - R+ - (2 V + E))+ T / 0.5 s              E: the allowance, 0.4 mJ
 //! G  = (H - R+)+                                        what this tick may spend
-//! F_s <- F_s min(1, G / (b V))                          the force bows out; b = 0.3, more for late devices
-//! F_d <- F_d - c v                                      where V > G; c takes out what is missing
+//! F_s <- F_s min(1, G / (beta V))                       the force is reduced; beta = 0.3, more for late devices
+//! F_d <- F_d - c v                                      where V > G; c takes out the missing energy
 //! F_s <- F_s G / p                                      where p = |F_s| D > G: the certificate
 //! F_d <- F_d (H - R+ + E - |F_s| D)+ / (|F_d| D)        where that is less: dampers may go into debt by E
 //! ```
 //!
-//! There `D` is how far the hand may get in a tick, in any direction: the longest of its last steps, forgotten by and by.
-//! When a hand turns back within a tick, the previous tick's damper pushes it along; only the first quick step is a
-//! surprise.
+//! Here `D` bounds the motion of a hand in a tick, in any direction: the longest of its last steps, with a memory that
+//! decays. When a hand turns back within a tick, the damper of the previous tick pushes it along. Only the first quick
+//! step is a surprise.
 //!
-//! **The certificate** is the bound on what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`,
-//! `K` and `w0` a model claims: what came out is at most what was stored at the start, twice `E`, and the fraction of the
-//! devices' own dissipation that is relied on. `V` decides only how early the force bows out. A model that claims too
-//! much energy must not soften a hold that was paid for, so the force stays whole down to three tenths of `V`. From
-//! there, on the way out, `d ln H / d ln V = 1 / 0.3`: force and account come to nothing together with `V`, without a
-//! jump.
+//! **The certificate** bounds what a tick may spend. It keeps `H >= -E` for all steps within `D`, whatever `V`, `K` and
+//! `w0` a model claims. The energy that came out is then at most the energy stored at the start, plus `2 E`, plus the
+//! part of the devices' own dissipation that is relied on. `V` decides only how early the force is reduced. A model
+//! that claims too much energy must not soften a hold that was paid for, so the force stays whole until the credit
+//! falls below `0.3 V`. From there on, as the hand retreats, `d ln H / d ln V = 1 / 0.3`: force and credit vanish
+//! together with `V`, without a jump.
 //!
-//! **Counts.** What an encoder shows steps by a whole count when the hand has got to its edge, and steps back when it
-//! leaves by the same edge: no work is done between, but `w . D` with the force before each step says that a spring
-//! gave `K D^2`. A trembling hand on a stiff wall would so empty the account, and the wall would go soft. Where a count
-//! comes after a rest, the spring's work is taken with the mean of its force before and after. What a hand can get by
-//! that is `K D^2 / 2` a count, covered by friction that is not relied on up to `K = 2 (1 - eta) f_c / D`. What dampers
-//! and late models make of the same count is in [`super::edge`].
+//! **Counts.** The position that an encoder shows steps by a whole count when the hand reaches the edge of the count,
+//! and steps back when the hand leaves by the same edge. No work is done between, but `w . D`, with the force before
+//! each step, says that a spring gave `K D^2`. A hand that trembles on a stiff wall would thus empty the account, and
+//! the wall would become soft. Where a count comes after a rest, the account therefore takes the mean of the spring's
+//! force before and after the count. A hand can gain up to `K D^2 / 2` a count by that. Friction that is not relied on
+//! covers this gain up to `K = 2 (1 - eta) f_c / D`. The module [`super::edge`] treats the energy of dampers and late
+//! models at the same count.
 //!
-//! `n` counts the ticks since the device last moved: a damper takes least where the motion was even.
+//! `n` is the number of ticks since the device last moved: a damper dissipates least when the motion was even.
 //!
-//! `V` needs no inverse of the stiffness: the host publishes what is stored at the reference, and from there the
-//! model's own force tells (`LocalModel::stored`).
+//! `V` needs no inverse of the stiffness. The host publishes the energy stored at the reference; the work of the
+//! model's own force gives the difference since then ([`crate::local_model::Parts::stored`]).
 
 use super::{MOST_FORCE, Motion, Passivity, Port, Withheld, norms};
 use crate::MAX_HANDLES;
 use crate::geometry::{Vec3, Vec6};
 use crate::velocity::VelocityEstimator;
 
-/// Slower than this (m/s) a hand is not damped for energy that is missing: one count in tens of ticks says nothing
-/// of where it goes.
+/// Speed (m/s) below which a hand is not damped for missing energy. One count in tens of ticks does not tell the
+/// direction of the hand.
 const CREEP: f64 = 1e-3;
 
-/// Fraction of the energy that a model claims below which the force bows out. A device that is late by a tick renders
-/// another tick's force on a hand that grows faster meanwhile: twice as much must be backed, and at most all. Where a
-/// force falls no faster than a limit of slew, all must.
+/// Fraction of the energy claimed by a model below which the force is reduced. A device that is late by a tick renders
+/// the force of another tick, while the hand speeds up: the backed fraction doubles, up to one. Where a slew limit
+/// bounds the fall of a force, the whole energy must be backed.
 const BACKED: f64 = 0.3;
 
-/// Time (s) in which credit that no spring backs is forgotten. At once would be wrong: while models disagree `V` passes
-/// through zero for some ticks, and what was paid for the spring would be lost.
+/// Time constant (s) with which unbacked credit is forgotten. Credit must not be forgotten at once: while models
+/// disagree, `V` passes through zero for some ticks, and the credit that paid for the spring would be lost.
 const FORGET: f64 = 0.5;
 
-/// More damping than this (N s/m, N m s/rad) is not rendered where nothing is known of a device.
+/// Largest damping (N s/m, N m s/rad) rendered on a device of unknown properties.
 const MOST_DAMPING: f64 = 1e3;
 
-/// Time (s) in which the damper that takes out what is missing grows to all that a device can render.
+/// Time (s) in which the damper that takes out missing energy grows to the largest damping of a device.
 const EASE: f64 = 0.02;
 
 /// The devices on a body's handles, in the handles' order.
 struct Holders {
     devices: [usize; MAX_HANDLES],
     ports: [Port; MAX_HANDLES],
-    /// How far each handle may get in a tick: translation (m) and rotation (rad).
+    /// Largest motion of each handle in a tick: translation (m) and rotation (rad).
     reaches: [[f64; 2]; MAX_HANDLES],
-    /// Work that wrenches commanded before may still do (J).
+    /// Work that earlier commands may still do (J).
     under_way: f64,
 }
 
 impl Passivity {
-    /// Caps the elastic and viscous wrenches on the handles whose devices are `devices`, of which `stored` (J)
-    /// could be got back.
+    /// Caps the elastic and viscous wrenches on the handles that `devices` hold. `stored` (J) is the energy that hands
+    /// could get back.
     pub(crate) fn cap(
         &mut self,
         devices: impl Iterator<Item = u8>,
@@ -89,7 +91,7 @@ impl Passivity {
         let holders = self.holders(devices, motions);
         let spared = self.spared.max(0.0);
         self.forget(spared, stored);
-        // Wrenches under way will be rendered whatever is decided now.
+        // Commands under way will be rendered, whatever this tick decides.
         let left = self.credit - spared - holders.under_way;
         let budget = left.max(0.0);
         let bowed = self.bowed_out(budget, stored, &holders.ports);
@@ -99,7 +101,7 @@ impl Passivity {
         self.settle_counts(&holders, elastic);
     }
 
-    /// What is known of the devices on a body's handles.
+    /// The known properties of the devices on a body's handles.
     fn holders(
         &self,
         devices: impl Iterator<Item = u8>,
@@ -130,7 +132,8 @@ impl Passivity {
         holders
     }
 
-    /// Lets credit fade that is not backed by what is `stored` (J); work that hands were `spared` (J) is no credit.
+    /// Lets credit decay that the `stored` energy (J) does not back. The work that hands were `spared` (J) is no
+    /// credit.
     fn forget(&mut self, spared: f64, stored: f64) {
         let backed = 2.0 * stored + self.config.allowance;
         self.credit -= (self.credit - spared - backed).max(0.0) * (self.config.period / FORGET);
@@ -152,7 +155,7 @@ impl Passivity {
         }
     }
 
-    /// Adds the damper that takes out the energy that is `missing` (J). It comes and goes without a jump.
+    /// Adds the damper that takes out the `missing` energy (J). The damper comes and goes without a jump.
     fn damp_missing(
         &mut self,
         missing: f64,
@@ -173,8 +176,8 @@ impl Passivity {
         }
     }
 
-    /// The certificate: the fractions of the elastic and of the viscous wrenches that are left. Whichever way the hands
-    /// turn, springs spend no more than there is `left` (J), and dampers no more than the allowance on top.
+    /// The certificate: the fractions of the elastic and of the viscous wrenches that are left. In whatever direction
+    /// the hands move, springs spend at most the credit `left` (J), and dampers at most the allowance on top.
     fn certified(
         &self,
         left: f64,
@@ -199,7 +202,7 @@ impl Passivity {
         [kept, solvent]
     }
 
-    /// Leaves the fractions `kept` of the elastic and `solvent` of the viscous wrenches, and notes what is withheld.
+    /// Scales the elastic wrenches by `kept` and the viscous ones by `solvent`, and notes the withheld force.
     fn withhold(
         &mut self,
         [kept, solvent]: [f64; 2],
@@ -225,9 +228,9 @@ impl Passivity {
         }
     }
 
-    /// Corrects the account for counts that came after a rest. Such a count was reached slowly, and left again where it
-    /// was reached: the springs' force changes during the count, not after it. A hand can make less of that than the friction
-    /// that is not relied on.
+    /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
+    /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
+    /// correction than the friction that is not relied on.
     fn settle_counts(&mut self, holders: &Holders, elastic: &[Vec6; MAX_HANDLES]) {
         let each = holders.devices.iter().zip(elastic).zip(&holders.ports);
         for ((holder, elastic), port) in each {
@@ -235,7 +238,7 @@ impl Passivity {
                 continue;
             };
             let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
-            // A force that no device holds was held back before it left.
+            // A force that no device holds was limited before it left.
             hand.spring = if spring.norm() <= MOST_FORCE {
                 let corrections = (hand.spring - spring).component_mul(&hand.crept) * 0.5;
                 self.credit += corrections.sum();
@@ -250,8 +253,8 @@ impl Passivity {
     }
 }
 
-/// Takes from a velocity what a count (m) by itself makes of it: that the hand got to an edge does not say how fast it
-/// goes, and a trembling hold would buzz under its damper.
+/// Takes from a velocity the part that a single count (m) produces. That the hand reached an edge does not tell its
+/// speed, and a trembling hold would buzz under its damper.
 fn quieten(velocity: &mut Vec6, count: f64) {
     let quiet = count / VelocityEstimator::SPAN;
     let [speed, _] = norms(velocity);
@@ -263,14 +266,14 @@ fn quieten(velocity: &mut Vec6, count: f64) {
     *velocity = velocity.component_mul(&Vec6::new(fraction, fraction, fraction, 1.0, 1.0, 1.0));
 }
 
-/// Work that a wrench can do on a hand that gets so far in a tick at most.
+/// Largest work of a wrench on a hand that moves at most by these distances in a tick (J).
 fn most_work(wrench: &Vec6, [reach, turn]: &[f64; 2]) -> f64 {
     let [linear, angular] = norms(wrench);
     linear * reach + angular * turn
 }
 
-/// Adds damping that takes `missing` (J) out within a tick, where hands move clearly, in proportion to what each
-/// device can render: a fraction of it within `bounds`, which is returned.
+/// Adds damping that takes out the energy `missing` (J) within a tick, where the velocity of a hand is clear. The
+/// damping is proportional to what each device can render, by a fraction within the bounds. Returns that fraction.
 pub(super) fn damp(
     missing: f64,
     period: f64,
@@ -279,7 +282,8 @@ pub(super) fn damp(
     motions: &[Motion; MAX_HANDLES],
     viscous: &mut [Vec6; MAX_HANDLES],
 ) -> f64 {
-    // Counts come every few ticks: between them the last one says where the hand goes, or damping would come and go.
+    // Counts come every few ticks. Between them, the last count tells the heading of the hand; otherwise damping would
+    // come and go.
     let agree = |motion: &Motion| {
         let (v, heading, step) = (&motion.velocity, &motion.heading, &motion.step);
         let along = heading.x * v.x + heading.y * v.y + heading.z * v.z;
@@ -301,7 +305,7 @@ pub(super) fn damp(
     } else {
         0.0
     };
-    // Not `clamp`, which may panic: the bounds are in order, but nothing here proves it.
+    // Not `clamp`, which may panic: nothing here proves that the bounds are in order, though they are.
     let fraction = wanted.min(most).max(least);
     for (viscous, whole) in viscous.iter_mut().zip(&whole) {
         *viscous -= whole * fraction;

@@ -1,18 +1,17 @@
-//! The classic passivity controller: a damper that takes back what the hands have got too much.
+//! The classic passivity controller: a damper that takes back excess energy from the hands.
 //!
-//! B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), in
-//! impedance causality. The passivity observer is the account of [`super`], over all hands of the
-//! body; `E_0` is what was stored when the first local model came:
+//! B. Hannaford and J.-H. Ryu, "Time-domain passivity control of haptic interfaces" (2002), in impedance causality. The
+//! passivity observer is the account of [`super`], over all hands of the body. `E_0` is the energy stored when the
+//! first local model came:
 //!
 //! ```text
 //! E   = E_0 + supplied - raised
-//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most what its device
-//!                 can render
+//! F_d = -c v      where E < 0, with c v^2 T = -E over all hands, each c at most the damping
+//!                 that its device can render
 //! ```
 //!
-//! It acts after the fact: energy comes out first and is taken back in the ticks that follow, as
-//! long as hands move. There is no allowance, and what the devices dissipate themselves is not
-//! relied on.
+//! The controller acts after the fact: energy comes out first, and is taken back in the ticks that follow, as long as
+//! hands move. There is no allowance, and the controller does not rely on the devices' own dissipation.
 
 use super::cap::damp;
 use super::{Motion, Passivity, Port};
@@ -20,8 +19,8 @@ use crate::geometry::{Pose, Twist, Vec6, Wrench};
 use crate::{MAX_DEVICES, MAX_HANDLES};
 
 impl Passivity {
-    /// Damps the hands, held by `handles` of the devices in their order, if they have got more than
-    /// they gave.
+    /// Damps the hands if they have got more energy than they supplied. `handles` names the device on each handle, in
+    /// the order of the handles.
     pub(crate) fn restore(
         &mut self,
         handles: impl Iterator<Item = u8>,

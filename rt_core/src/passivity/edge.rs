@@ -1,38 +1,39 @@
 //! A hand that trembles on the edge of an encoder count, along one axis.
 //!
 //! The encoder shows a whole count `D` out and, a little later, the same count back. The hand itself has moved by some
-//! `a`, at most `D`, and nobody knows how far. Where the device held `w_1` on the way out and `w_2` on the way back, its
-//! motor has done `(w_1 - w_2) a`, and the account has been charged `(w_1 - w_2) D`: a tremor would empty the account of
-//! a hold that was paid for.
+//! `a`, at most `D`, and nobody knows `a`. Let the device hold `w_1` on the path out and `w_2` on the path back. Its
+//! motor has then done the work `(w_1 - w_2) a`, but the account has been charged `(w_1 - w_2) D`. A tremor would empty
+//! the account of a hold that was paid for.
 //!
-//! The mechanism's Coulomb friction `f_c` took `2 f_c a` on the same path; `f` stands for the part of it that has not been
-//! credited already. So what is truly lost is at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge the same with `D`
-//! for `a`. The rest is given back when the pair is closed. A closed pair never gains. Where counts came along another
-//! axis meanwhile, a slanting path may have to serve both, and each has one over the square root of three of it.
+//! The mechanism's Coulomb friction `f_c` dissipated `2 f_c a` on the same path; let `f` be the part of `f_c` that has
+//! not been credited already. The true loss is then at most `(w_1 - w_2 - 2 f)+ a`, and it is safe to charge this loss
+//! with `D` for `a`. When the pair of counts is closed, the account gets the rest back. A closed pair never gains.
+//! Where counts came along another axis meanwhile, one slanting path may serve both axes. Each axis then relies on the
+//! friction divided by the square root of three.
 
-/// Fraction of the friction on a slanting path that each of three axes may rely on.
+/// Fraction of the friction on a slanting path that each of three axes may rely on: the inverse square root of three.
 const SLANTING: f64 = 0.577_350_269_189_625_8;
 
-/// The last count along an axis, and what the account was told of it.
+/// The last count along an axis, and its entries in the account.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Edge {
-    /// The count (m), with its sign; zero where there is none to be closed.
+    /// The count (m), signed; zero where no count waits to be closed.
     by: f64,
-    /// What the account gained by it (J), by the force that was held.
+    /// Gain of the account by the work of the held force (J).
     gained: f64,
-    /// What was added for a spring that changes during a count (J).
+    /// Gain of the account by the correction for a spring that changes during a count (J).
     corrected: f64,
-    /// How many of its counts friction was credited for.
+    /// Number of counts of the pair for which friction was credited.
     credited: f64,
-    /// Whether counts came along another axis since it was opened.
+    /// Whether counts came along another axis since the pair was opened.
     slanting: bool,
     /// Whether this tick's count has closed the pair.
     closed: bool,
 }
 
 impl Edge {
-    /// A step (m) along the axis, not zero, by which the account gains `gain` (J), its friction `credited` or not;
-    /// `count` (m) is the encoder's.
+    /// Takes a step (m) along the axis, not zero. The account gains `gain` (J) by this step; `credited` tells whether
+    /// friction was credited for it. `count` (m) is the encoder's.
     pub(super) fn step(&mut self, by: f64, gain: f64, credited: bool, count: f64) {
         let single = by.abs() < 1.5 * count;
         let credited = f64::from(u8::from(credited));
@@ -51,13 +52,13 @@ impl Edge {
         }
     }
 
-    /// A step came along another axis.
+    /// Notes a step along another axis.
     pub(super) fn slant(&mut self) {
         self.slanting = true;
     }
 
-    /// The account has got `correction` (J) more for this tick's step. Returns what else it is to get (J) as the pair is
-    /// closed, where the mechanism's friction is `friction` (N) and a `fraction` of it is credited.
+    /// Takes the `correction` (J) that the account has got for this tick's step. Returns the further gain (J) where the
+    /// step closes the pair. `friction` (N) is the mechanism's; a `fraction` of it is credited.
     pub(super) fn settle(&mut self, correction: f64, friction: f64, fraction: f64) -> f64 {
         self.corrected += correction;
         if !self.closed {
@@ -80,8 +81,8 @@ mod tests {
     const COUNT: f64 = 4e-5;
     const FRICTION: f64 = 0.4;
 
-    /// What the account gets in all for a count out under `out` and back under `back` (N), springs corrected by
-    /// `corrections` (J).
+    /// The whole gain of the account for a count out under `out` (N) and back under `back` (N), with springs corrected
+    /// by `corrections` (J).
     fn pair(out: f64, back: f64, corrections: [f64; 2], slanting: bool) -> f64 {
         let mut edge = Edge::default();
         edge.step(COUNT, -out * COUNT, false, COUNT);
@@ -95,14 +96,14 @@ mod tests {
     }
 
     proptest! {
-        /// However far the hand went, the account says no more than motor and friction together did.
+        /// For any path of the hand, the account gains no more than motor and friction together did.
         #[test]
-        fn a_closed_pair_never_gains_and_charges_what_friction_does_not_cover(
+        fn a_closed_pair_never_gains_and_charges_the_loss_beyond_friction(
             out in -5.0..5.0, back in -5.0..5.0, fraction in 0.0..1.0, slanting: bool,
         ) {
             let got = pair(out, back, [0.0; 2], slanting);
             let friction: f64 = FRICTION * if slanting { SLANTING } else { 1.0 };
-            // Of motor and friction, for a hand that went this fraction of the count.
+            // True work of motor and friction, for a hand that went this fraction of the count.
             let truly: f64 = ((back - out) + 2.0 * friction) * fraction * COUNT;
             // Rounding of sums of order 1e-4 J.
             if back <= out {
@@ -116,7 +117,7 @@ mod tests {
 
     #[test]
     fn a_spring_that_was_corrected_is_not_paid_twice() {
-        // 2,000 N/m: half of K D^2 each way, all that it lost.
+        // 2,000 N/m: half of `K D^2` for each count, the whole loss.
         let half = 0.5 * 2000.0 * COUNT * COUNT;
         let got = pair(1.0, 1.0 - 2000.0 * COUNT, [half; 2], false);
         assert!(got.abs() < 1e-18, "{got:e}");

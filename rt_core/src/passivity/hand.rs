@@ -1,17 +1,17 @@
-//! What is remembered of each hand on a body: where it was, what it held, how far it got.
+//! The memory of each hand on a body: its pose, the wrenches that it held, and its last steps.
 
 use super::MAX_DELAY;
 use super::edge::Edge;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
 
-/// How one handle moves.
+/// The motion of one handle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Motion {
     /// Displacement over the last tick.
     pub(crate) step: Vec6,
-    /// Where it goes: the last translation along each axis that was one, in this tick or before.
+    /// Heading: the last translation along each axis that was not zero, in this tick or before.
     pub(crate) heading: Vec3,
-    /// Velocity, filtered.
+    /// Filtered velocity.
     pub(crate) velocity: Vec6,
 }
 
@@ -25,7 +25,7 @@ impl Motion {
     }
 }
 
-/// The last translation that was one, or the last rotation.
+/// The last translation that was not zero, or the last rotation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct LastStep {
     pub(super) by: Vec3,
@@ -41,9 +41,9 @@ impl LastStep {
         }
     }
 
-    /// A `fraction` of the least (J) that a mechanism of this damping and friction can have dissipated in the motion of this
-    /// tick. A count that flickers to and fro dissipates nothing. One that comes once in many ticks, or after a device
-    /// was silent, was made slowly: a damper takes `b D^2 / t` at least in the time `t`.
+    /// A `fraction` of the least energy (J) that a mechanism with this damping and friction can have dissipated in the
+    /// motion of this tick. A count that flickers dissipates nothing. A count that comes once in many ticks, or after a
+    /// device was silent, was made slowly: in the time `t`, a damper dissipates at least `b D^2 / t`.
     pub(super) fn dissipated(
         &mut self,
         by: &Vec3,
@@ -66,31 +66,32 @@ impl LastStep {
     }
 }
 
-/// What is remembered of a device.
+/// The memory of one device.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     pub(super) pose: Option<Pose>,
-    /// What it rendered and renders, newest first.
+    /// Wrenches that the device rendered, renders and will render, newest first.
     pub(super) held: [Wrench; MAX_DELAY + 1],
-    /// How much of that is weight.
+    /// The weight in each of these wrenches.
     pub(super) weights: [Vec3; MAX_DELAY + 1],
-    /// Where it was when it first bore weight.
+    /// Position at which the device first bore weight.
     pub(super) lifted_from: Option<Vec3>,
-    /// The last translation that was one, and the last rotation.
+    /// The last translation and the last rotation that were not zero.
     pub(super) last_steps: [LastStep; 2],
-    /// The last translation along each axis: a count across its path does not say that the hand has turned.
+    /// The last translation along each axis. A count along another axis does not tell that the hand has turned.
     pub(super) heading: Vec3,
-    /// The step of this tick, if it was one count after a rest.
+    /// The step of this tick, if it was one count after a rest; zero otherwise.
     pub(super) crept: Vec3,
-    /// Ticks that the translation of this tick was made in: more than one for a count after a rest.
+    /// Number of ticks in which the translation of this tick was made: more than one for a count after a rest.
     pub(super) pace: f64,
-    /// One along each axis, zero where the last step was a single count back: that says nothing of a velocity.
+    /// One along each axis, or zero where the last step was a single count back: such a count tells nothing of a
+    /// velocity.
     pub(super) onward: Vec3,
     /// The last count along each axis.
     pub(super) edges: [Edge; 3],
-    /// Force of the springs held last.
+    /// Spring force of the last command.
     pub(super) spring: Vec3,
-    /// How far it may get in a tick, in any direction: the longest of its last steps, forgotten by and by.
+    /// Largest motion in a tick, in any direction: the longest of the last steps, with a memory that decays.
     pub(super) reach: [f64; 2],
 }
 
@@ -112,8 +113,8 @@ impl Hand {
         }
     }
 
-    /// A newer wrench is held, `weight` of it weight; the oldest is forgotten. Returns what the change of weight adds
-    /// to the potential (J).
+    /// Takes the newest wrench, in which `weight` is the weight, and forgets the oldest. Returns the change of the
+    /// potential by the change of weight (J).
     pub(super) fn push(&mut self, wrench: &Wrench, weight: &Vec3) -> f64 {
         let [before, ..] = self.weights;
         let mut newer = *wrench;
@@ -132,8 +133,8 @@ impl Hand {
         -change.dot(&(pose.position - from))
     }
 
-    /// Work that the wrench held now will do (J) before it can be taken away, moving on at `velocity`: it falls by
-    /// `slew` (N/s) at most.
+    /// Work that the wrench held now will do (J) before it can vanish, while the hand moves on at `velocity`. The force
+    /// falls by `slew` (N/s) at most.
     pub(super) fn lingering(&self, velocity: &Vec6, slew: f64) -> f64 {
         let [held, ..] = &self.held;
         let power = held

@@ -40,10 +40,10 @@ fn a_wrench_that_is_not_a_number_becomes_zero_and_the_force_comes_back_smoothly(
     assert_eq!(limiter.pass(&push(f64::NAN), Some(&here())), Wrench::zero());
     assert_eq!(limiter.state(), SafetyState::NotANumber);
     let mut last = 0.0;
-    // Ten tenths round to just below one: the eleventh tick completes the way back.
+    // Ten tenths round to just below one: the eleventh tick completes the return.
     for _ in 0..11 {
         let now = limiter.pass(&push(2.0), Some(&here())).force.x;
-        // Ten steps of a smooth step: none larger than 1.5 times the even step.
+        // Ten ticks of a smooth step: none changes the force by more than 1.5 times the mean change.
         assert!(now >= last && now - last <= 2.0 * 0.15 + 1e-12);
         last = now;
     }
@@ -81,7 +81,7 @@ fn a_silent_device_gets_zero_after_its_patience() {
     assert_eq!((counters.missed_reads, counters.stale), (4, 1));
 }
 
-/// The largest change between forces in a row.
+/// The largest change between consecutive forces.
 fn largest_step(forces: &[f64]) -> f64 {
     let steps = forces.windows(2).map(|pair| (pair[1] - pair[0]).abs());
     steps.fold(0.0, f64::max)
@@ -92,7 +92,7 @@ fn the_force_fades_while_the_device_is_too_fast_and_comes_back_without_a_jump() 
     let mut limiter = Limiter::new(config());
     let mut forces = [limiter.pass(&push(2.0), Some(&here())).force.x; 61];
     for k in 0..60 {
-        // Between nine tenths of the limit and the limit nothing changes sides.
+        // Between nine tenths of the limit and the limit, the state stays as it is.
         let speed = [1.5, 0.95, 0.5][k / 20];
         forces[k + 1] = limiter.pass(&push(2.0), Some(&moving(speed))).force.x;
         if k == 30 {
@@ -100,7 +100,7 @@ fn the_force_fades_while_the_device_is_too_fast_and_comes_back_without_a_jump() 
         }
     }
     assert_eq!((forces[30], forces[60]), (0.0, 2.0));
-    // Ten steps of a smooth step each way: none larger than 1.5 times the even step.
+    // Ten ticks of a smooth step in each direction: none changes the force by more than 1.5 times the mean change.
     assert!(largest_step(&forces) <= 2.0 * 0.15 + 1e-12);
     assert_eq!(limiter.counters().too_fast, 1);
     assert_eq!(

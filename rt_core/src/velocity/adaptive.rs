@@ -1,20 +1,19 @@
-//! First-order adaptive windowing: a straight line through as many of the last positions as one
-//! describes.
+//! First-order adaptive windowing: a straight line through as many of the last positions as one line describes.
 //!
-//! F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen, "Discrete-time adaptive windowing for velocity
-//! estimation" (2000). The line from the newest position `y_0` to the one `n` ticks ago is
-//! lengthened as long as every position between is within a band of it. Slow motion gets long
-//! windows, whose counts average out; quick motion short ones, which lag less. The line may be the
-//! one between the ends (end fit) or that of least squares (best fit).
+//! F. Janabi-Sharifi, V. Hayward and C.-S. J. Chen, "Discrete-time adaptive windowing for velocity estimation" (2000).
+//! A line leads from the newest position `y_0` to the position `n` ticks ago. The window grows as long as every
+//! position between lies within a band about this line. Slow motion gets long windows, whose counts average out. Quick
+//! motion gets short windows, which lag less. The line may connect the ends of the window (end fit) or be that of least
+//! squares (best fit).
 //!
-//! The paper checks every point anew for every `n`. It is the same to keep the slopes that the
-//! points so far leave (each `i` leaves `(y_0 - y_i -+ band) / i`), which takes one pass of the
-//! same length whatever the positions are.
+//! For every `n`, the paper checks all points again. This module keeps the range of slopes that the points so far
+//! permit: each point `i` permits `(y_0 - y_i -+ band) / i`. The result is the same, and takes one pass whose length
+//! does not depend on the positions.
 
-/// Most ticks that a window is long.
+/// Largest length of a window (ticks).
 pub const LONGEST: usize = 16;
 
-/// One axis.
+/// The window of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Window {
     /// Earlier positions, newest first.
@@ -26,8 +25,8 @@ pub(super) struct Window {
 }
 
 impl Window {
-    /// Windows of `longest` ticks, at most [`LONGEST`], with a `band` (m) about the line; least
-    /// squares if `best`.
+    /// A window of at most `longest` ticks, itself at most [`LONGEST`], with a `band` (m) about the line. `best`
+    /// selects the line of least squares.
     pub(super) fn new(longest: usize, band: f64, best: bool) -> Self {
         Self {
             past: [0.0; LONGEST],
@@ -38,7 +37,7 @@ impl Window {
         }
     }
 
-    /// Takes the next position (m); returns the slope a tick (m), and over how many ticks.
+    /// Takes the next position (m). Returns the slope (m per tick) and the length of the window (ticks).
     pub(super) fn update(&mut self, position: f64) -> (f64, f64) {
         let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
         let (mut sum, mut moment) = (0.0, 0.0);
@@ -53,7 +52,7 @@ impl Window {
             sum += rise;
             moment += n * rise;
             let found = if self.best {
-                // Least squares with a free intercept; `y_0` itself rises by nothing.
+                // Least squares with a free intercept; the rise of `y_0` itself is zero.
                 12.0 * (moment - 0.5 * n * sum) / (n * (n + 1.0) * (n + 2.0))
             } else {
                 steep

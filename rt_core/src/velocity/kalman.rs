@@ -1,10 +1,10 @@
-//! Kalman filters of position, in their steady state: constant velocity and constant acceleration.
+//! Kalman filters of position in their steady state: constant velocity and constant acceleration.
 //!
-//! The motion is taken to be one of constant velocity (acceleration) whose acceleration (change of
-//! acceleration a tick) is white noise, and encoder counts to be white noise of `step / sqrt(12)`.
-//! Then the gains depend on one number only, the tracking index of P. R. Kalata, "The tracking
-//! index: a generalized parameter for alpha-beta and alpha-beta-gamma target trackers" (1984), and
-//! settle, so that a tick takes a few operations:
+//! The constant-velocity filter takes the acceleration to be white noise. The constant-acceleration filter takes the
+//! change of the acceleration in a tick to be white noise. Both take encoder counts to be white noise of
+//! `step / sqrt(12)`. The gains then depend on one number, the tracking index (P. R. Kalata, "The tracking index: a
+//! generalized parameter for alpha-beta and alpha-beta-gamma target trackers", 1984). The gains settle, so that a tick
+//! takes a few operations:
 //!
 //! ```text
 //! x+ = x + v T + a T^2 / 2, v+ = v + a T        predicted
@@ -14,22 +14,22 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Iterations after which gains have settled: of a tracking index of a millionth, too.
+/// Number of iterations after which the gains have settled, even for a tracking index of 1e-6.
 const SETTLED: usize = 20_000;
 
 /// The gains of a filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
-    /// Of the position.
+    /// Gain of the position.
     pub alpha: f64,
-    /// Of the velocity, over the period.
+    /// Gain of the velocity, times the period.
     pub beta: f64,
-    /// Of the acceleration, over the period squared; zero where it is not estimated.
+    /// Gain of the acceleration, times the period squared; zero where the acceleration is not estimated.
     pub gamma: f64,
 }
 
 impl Gains {
-    /// Constant velocity, with a tracking index `sigma_a T^2 / sigma_y` above zero (Kalata's closed
+    /// The gains for constant velocity, with a tracking index `sigma_a T^2 / sigma_y` above zero (Kalata's closed
     /// form).
     pub fn constant_velocity(index: f64) -> Self {
         let r = (4.0 + index - libm::sqrt(index * (8.0 + index))) / 4.0;
@@ -41,8 +41,8 @@ impl Gains {
         }
     }
 
-    /// Constant acceleration, with a tracking index as above, `sigma_a` being how much the
-    /// acceleration changes a tick. The Riccati equation is iterated until it stands.
+    /// The gains for constant acceleration. In the tracking index, `sigma_a` is here the change of the acceleration in
+    /// a tick. The Riccati equation is iterated to its steady state.
     pub fn constant_acceleration(index: f64) -> Self {
         let motion = Matrix3::new(1.0, 1.0, 0.5, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0);
         let noise = Vector3::new(0.5, 1.0, 1.0) * index;
@@ -62,11 +62,11 @@ impl Gains {
         }
     }
 
-    /// By how many ticks the velocity lags where it grows steadily.
+    /// The lag (ticks) of a velocity that grows steadily.
     ///
-    /// A steady acceleration leaves a steady error `e` of the prediction. Where acceleration is not
-    /// estimated, `beta e = a T^2` keeps the velocity growing, and what the position then needs is
-    /// `v T + a T^2 / 2 = v_e T + alpha e`. Where it is, `e` is zero.
+    /// A steady acceleration leaves a steady error `e` of the prediction. Where the acceleration is not estimated,
+    /// `beta e = a T^2` makes the velocity grow, and the position then requires `v T + a T^2 / 2 = v_e T + alpha e`,
+    /// with `v_e` the estimated velocity. Where the acceleration is estimated, `e` is zero.
     pub fn lag(&self) -> f64 {
         if self.gamma > 0.0 {
             0.0
@@ -76,11 +76,11 @@ impl Gains {
     }
 }
 
-/// One axis.
+/// The filter of one axis.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Filter {
     gains: Gains,
-    /// Position (m), velocity a tick, acceleration a tick and tick; none before the first position.
+    /// Position (m), velocity (m per tick) and acceleration (m per tick squared); `None` before the first position.
     state: Option<[f64; 3]>,
 }
 
@@ -89,7 +89,7 @@ impl Filter {
         Self { gains, state: None }
     }
 
-    /// Takes the next position (m); returns the velocity a tick (m).
+    /// Takes the next position (m). Returns the velocity (m per tick).
     pub(super) fn update(&mut self, position: f64) -> f64 {
         let Gains { alpha, beta, gamma } = self.gains;
         let [x, v, a] = self.state.unwrap_or([position, 0.0, 0.0]);

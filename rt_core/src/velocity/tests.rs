@@ -24,8 +24,8 @@ fn last(method: Method, position: impl Fn(f64) -> f64) -> f64 {
 #[test]
 fn a_ramp_is_recovered_by_all() {
     for method in METHODS {
-        // A second is at least 30 time constants of each filter; windows are exact but for rounding
-        // of 0.1 m over 1 ms.
+        // A second is at least 30 time constants of each filter. Windows are exact up to the rounding of 0.1 m over 1
+        // ms.
         let v = last(method, |t| 0.1 * t);
         assert!((v - 0.1).abs() < 1e-9, "{method:?}: {v}");
     }
@@ -33,7 +33,7 @@ fn a_ramp_is_recovered_by_all() {
 
 #[test]
 fn a_steady_acceleration_is_late_by_the_stated_delay() {
-    // So small that every window is full.
+    // The acceleration is so small that every window is full.
     let a = 0.1;
     for method in METHODS {
         let v = last(method, |t| 0.5 * a * t * t);
@@ -63,8 +63,7 @@ fn windows_are_long_where_a_line_describes_and_short_where_none_does() {
             (_, length) = window.update(f64::from(k / 5));
         }
         assert_eq!(length, 8.0);
-        // A reversal at ten counts a tick: the line may reach back by what the band hides, no
-        // further.
+        // A reversal at ten counts a tick: the line reaches back no farther than the band hides the reversal.
         let mut window = Window::new(8, 1.0, best);
         for k in 0..20_i32 {
             (_, length) = window.update(-10.0 * f64::from((k - 15).abs()));
@@ -87,7 +86,7 @@ fn the_line_of_least_squares_is_that() {
 
 #[test]
 fn settled_gains_are_kalatas() {
-    // Relations between the gains and the index that hold whichever way the gains were found.
+    // Relations between the gains and the index that hold for any derivation of the gains.
     for index in [0.02, 0.5, 4.0] {
         let Gains { alpha, beta, .. } = Gains::constant_velocity(index);
         // Constant velocity, from a closed form: index^2 = beta^2 / (1 - alpha).
@@ -106,7 +105,7 @@ fn drivers_look_back_four_milliseconds() {
     let delay = |period| VelocityEstimator::for_encoder(period, STEP).delay();
     assert!((delay(1e-3) - 2e-3).abs() < 1e-15);
     assert!((delay(2.5e-4) - 2e-3).abs() < 1e-15);
-    // As far as the longest window reaches; and at least to the last position.
+    // The longest window is the upper bound, the last position the lower one.
     assert!((delay(1e-4) - 0.8e-3).abs() < 1e-15);
     assert!((delay(1e-2) - 5e-3).abs() < 1e-15);
 }

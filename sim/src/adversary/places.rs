@@ -1,11 +1,11 @@
-//! The best motion among given places, where the force held after a place is a function of that place alone.
+//! The best motion among given positions, where the held force depends only on the last position.
 
 use super::port::Port;
 
-/// The motion of `ticks` steps at most over `places` (m), from the first of them, that gets most out of forces that
-/// depend on the place alone (`forces`, N, held from the tick at that place to the next), and what it gets (J). No
-/// step is longer than `step` (m). By dynamic programming (R. Bellman, 1957) backwards in time; without delay only,
-/// for a delayed force depends on earlier places.
+/// Returns the largest energy (J) of a motion over `places` (m), and that motion. The motion starts at the first place,
+/// has at most `ticks` steps, and no step is longer than `step` (m). `forces` (N) are the forces held from the tick at
+/// each place to the next tick. The method is dynamic programming (R. Bellman, 1957), backwards in time. It holds
+/// without delay only, because a delayed force depends on earlier places.
 pub fn best_among(
     port: &Port,
     places: &[f64],
@@ -14,7 +14,7 @@ pub fn best_among(
     ticks: usize,
 ) -> (f64, Vec<f64>) {
     let count = places.len().min(forces.len());
-    // What can still be got with so many ticks left, by place, and where to go for it.
+    // The largest energy that the remaining ticks can give, by place, and the next place to go to.
     let mut value = vec![0.0; count];
     let mut choices: Vec<Vec<usize>> = Vec::with_capacity(ticks);
     for _ in 0..ticks {

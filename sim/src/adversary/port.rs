@@ -1,16 +1,16 @@
-//! The hand's port: what a motion gets out of a controller through a device.
+//! The port of the hand: the energy that a motion gets out of a controller through a device.
 
-/// A controller as a hand meets it, along one axis. The device is where the hand leads it, and what the encoders
-/// make of that is the controller's business.
+/// A controller as a hand meets it, along one axis. The hand imposes the position of the device. The controller itself
+/// models the encoders.
 pub trait Rendering {
-    /// Back to the start, at rest at position zero.
+    /// Resets the controller to its start, at rest at position zero.
     fn reset(&mut self);
 
-    /// One tick with the device at `position` (m): the force commanded (N), along the same axis.
+    /// One tick with the device at `position` (m). Returns the commanded force (N), along the same axis.
     fn tick(&mut self, position: f64) -> f64;
 }
 
-/// What lies between the commands and the hand.
+/// The device between the commands and the hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Port {
     /// The tick's period (s).
@@ -19,25 +19,27 @@ pub struct Port {
     pub damping: f64,
     /// Coulomb friction of the mechanism (N).
     pub friction: f64,
-    /// Ticks between a command and when the device holds it.
+    /// Ticks from a command to when the device holds it.
     pub delay: usize,
 }
 
-/// What a motion brought.
+/// The outcome of a motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
-    /// Net energy (J): the largest over time of the work done on the hand; zero at least, for it may stay at rest.
+    /// Net energy (J): the maximum over time of the work done on the hand. At least zero, since the hand may stay at
+    /// rest.
     pub energy: f64,
-    /// When that was: the number of samples up to it.
+    /// The number of samples up to that maximum.
     pub at: usize,
-    /// The largest over time of the work done on the hand, as a share of what the mechanism dissipated till then:
-    /// from -1, where the controller does nothing, to 0, where it makes up for all losses, and beyond.
-    pub share: f64,
+    /// The maximum over time of the work done on the hand, as a fraction of the energy that the mechanism had
+    /// dissipated by then. The fraction is -1 where the controller does nothing, 0 where it makes up for all losses,
+    /// and positive beyond.
+    pub fraction: f64,
 }
 
 impl Port {
-    /// Work done on the hand over a step `by` (m) under a held `force` (N): the motor's, less what the mechanism
-    /// dissipates on the cheapest way, the straight one.
+    /// Work done on the hand over a step `by` (m) under a held `force` (N): the motor's work, minus the energy that the
+    /// mechanism dissipates along the cheapest path, the straight one.
     pub fn work(&self, force: f64, by: f64) -> f64 {
         force * by - self.losses(by)
     }
@@ -46,15 +48,15 @@ impl Port {
         self.damping * by * by / self.period + self.friction * by.abs()
     }
 
-    /// Leads the device along `motion` (m, one sample a tick), from rest at zero.
+    /// Leads the device along `motion` (m, one sample a tick), from rest at zero. Returns the outcome.
     pub fn play(&self, rendering: &mut impl Rendering, motion: &[f64]) -> Outcome {
-        // Commands that the device does not hold yet, oldest first; a ring over the delay.
+        // Commands that the device does not hold yet, oldest first, in a ring over the delay.
         let mut commands = [0.0; Self::MOST_DELAY + 1];
         let delay = self.delay.min(Self::MOST_DELAY);
         rendering.reset();
         commands[0] = rendering.tick(0.0);
         let mut outcome = Outcome {
-            share: -1.0,
+            fraction: -1.0,
             ..Outcome::default()
         };
         let (mut energy, mut lost, mut last) = (0.0, 0.0, 0.0);
@@ -70,8 +72,8 @@ impl Port {
             if energy > outcome.energy {
                 (outcome.energy, outcome.at) = (energy, k);
             }
-            if energy > outcome.share * lost {
-                outcome.share = energy / lost;
+            if energy > outcome.fraction * lost {
+                outcome.fraction = energy / lost;
             }
             commands[k % (delay + 1)] = rendering.tick(position);
             last = position;
@@ -79,6 +81,6 @@ impl Port {
         outcome
     }
 
-    /// The longest delay that is played (ticks); longer ones count as this.
+    /// The longest delay that is played (ticks). Longer delays count as this one.
     pub const MOST_DELAY: usize = 15;
 }

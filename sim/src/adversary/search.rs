@@ -1,55 +1,55 @@
-//! The search: sweep frequencies, draw, evolve, refine, within a budget of ticks.
+//! The search: sweep frequencies, draw, evolve and refine, within a budget of ticks.
 
 use super::port::{Outcome, Port, Rendering};
 use super::shapes::{Family, GENES, Limits, Shape};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
 
-/// The generator's stream: the adversary draws from no other part's numbers.
+/// The stream of the random generator: no other part of the program draws from it.
 const STREAM: u128 = 0x6164_7665_7273;
-/// How many of the best motions of each family are kept and varied: families are not to crowd each other out.
+/// Number of the best motions of each family that are kept and varied, so that families do not crowd each other out.
 const ELITE: usize = 3;
-/// Less than this (J) is rounding.
+/// Energies below this one (J) are rounding.
 const FLOOR: f64 = 1e-12;
 
-/// What is searched for.
+/// The goal of a search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// Any motion that gets more than so much (J) out: the search ends with the first.
+    /// Any motion that gets more than this energy (J): the search ends with the first.
     MoreThan(f64),
-    /// The motion that gets most.
+    /// The motion that gets the most energy.
     Most,
 }
 
-/// A search.
+/// A search for the motion of a hand that gets the most energy; the module [`crate::adversary`] has an example.
 #[derive(Clone, Debug)]
 pub struct Adversary {
-    /// What lies between controller and hand.
+    /// The device between controller and hand.
     pub port: Port,
-    /// What motions may be.
+    /// Limits of the motions.
     pub limits: Limits,
-    /// Ticks of the controller that may be spent.
+    /// Number of the controller's ticks that the search may spend.
     pub budget: u64,
-    /// Fixes every random choice.
+    /// The seed, which fixes every random choice.
     pub seed: u64,
 }
 
-/// What a search found.
+/// The result of a search.
 #[derive(Clone, Debug)]
 pub struct Found {
-    /// What the motion brought.
+    /// The outcome of the best motion.
     pub outcome: Outcome,
-    /// The best motion (m, one sample a tick), up to where its energy is largest.
+    /// The best motion (m, one sample a tick), up to the maximum of its energy.
     pub motion: Vec<f64>,
-    /// The family that it comes from.
+    /// The family of the best motion.
     pub family: Family,
-    /// The same to begin another search with, such as on a softer wall.
+    /// The best motion as the start of another search, such as on a softer wall.
     pub start: Start,
-    /// Ticks spent.
+    /// Number of ticks spent.
     pub spent: u64,
 }
 
-/// A motion to begin with.
+/// A motion that a search starts from.
 #[derive(Clone, Debug, Default)]
 pub struct Start {
     shape: Option<Shape>,
@@ -57,7 +57,7 @@ pub struct Start {
 }
 
 impl From<Vec<f64>> for Start {
-    /// Of bare samples (m, one a tick).
+    /// A start from bare samples (m, one a tick).
     fn from(motion: Vec<f64>) -> Self {
         Self {
             shape: None,
@@ -91,12 +91,12 @@ struct Run<'a, R> {
     goal: Goal,
     random: Pcg64,
     spent: u64,
-    /// Best first.
+    /// The best candidates, best first.
     elite: Vec<Candidate>,
 }
 
 impl Adversary {
-    /// Searches, beginning with the motions of `first`.
+    /// Searches, starting from the motions of `first`.
     pub fn search(&self, rendering: &mut impl Rendering, goal: Goal, first: &[Start]) -> Found {
         let mut run = Run {
             adversary: self,
@@ -160,7 +160,7 @@ impl<R: Rendering> Run<'_, R> {
         }
         let mut reach = 0.3;
         while self.spent < budget && !self.done() {
-            // The reach of changes grows with success and shrinks without.
+            // The size of the changes grows with success and shrinks without.
             reach = if self.vary_samples(reach) {
                 f64::min(reach * 1.5, 0.5)
             } else {
@@ -179,31 +179,31 @@ impl<R: Rendering> Run<'_, R> {
         }
     }
 
-    /// From zero to one.
+    /// A uniform draw from zero to one.
     fn uniform(&mut self) -> f64 {
         (self.random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// About zero, mostly within one: the sum of three even draws.
+    /// A draw about zero, mostly within one: the sum of three uniform draws.
     fn bell(&mut self) -> f64 {
         (0..3).map(|_| 2.0 * self.uniform() - 1.0).sum::<f64>() / 1.5
     }
 
     fn pick(&mut self, count: usize) -> usize {
-        // The better, the likelier.
+        // Better candidates are more likely.
         let u = self.uniform();
         ((u * u * count as f64) as usize).min(count.saturating_sub(1))
     }
 
-    /// Plays a motion; says whether it is the best so far.
+    /// Plays a motion. Returns whether it is the best so far.
     fn try_motion(&mut self, mut start: Start) -> bool {
         self.adversary.limits.bend(&mut start.motion);
         self.spent += start.motion.len() as u64 + 1;
         let outcome = self.adversary.port.play(self.rendering, &start.motion);
-        // Energy counts once there is some; before, how near it is.
+        // The energy counts once it is positive. Until then, the score is how near it is.
         let score = match self.goal {
             Goal::Most if outcome.energy > FLOOR => 1e3 + outcome.energy,
-            _ => outcome.share,
+            _ => outcome.fraction,
         };
         let at = self.elite.partition_point(|other| other.score >= score);
         let family = start.family();
@@ -232,7 +232,7 @@ impl<R: Rendering> Run<'_, R> {
         })
     }
 
-    /// One of the best shapes, a little different.
+    /// Varies one of the best shapes slightly.
     fn vary_shape(&mut self) {
         let at = self.pick(self.elite.len());
         let Some(mut shape) = self.elite.get(at).and_then(|one| one.start.shape) else {
@@ -250,8 +250,8 @@ impl<R: Rendering> Run<'_, R> {
         self.try_shape(shape);
     }
 
-    /// One of the best motions, its samples a little different: bent over a stretch, led faster or slower through it,
-    /// or with a stretch repeated.
+    /// Varies the samples of one of the best motions: bends a stretch, passes through it faster or slower, or repeats
+    /// it. Returns whether the result is the best so far.
     fn vary_samples(&mut self, reach: f64) -> bool {
         let at = self.pick(self.elite.len());
         let Some(mut motion) = self.elite.get(at).map(|one| one.start.motion.clone()) else {
@@ -264,8 +264,8 @@ impl<R: Rendering> Run<'_, R> {
         let from = (self.uniform() * length as f64) as usize;
         let span = libm::exp(self.uniform() * libm::log(length as f64)) as usize;
         let to = (from + span.max(1)).min(length);
-        let way = self.uniform();
-        if way < 0.6 {
+        let change = self.uniform();
+        if change < 0.6 {
             let deep = motion.iter().fold(0.0, |deep, x| f64::max(deep, x.abs()));
             let by = reach * self.bell() * deep;
             let middle = 0.5 * (to - from) as f64;
@@ -274,7 +274,7 @@ impl<R: Rendering> Run<'_, R> {
                 let off = ((k as f64 + 0.5 - middle) / middle).abs();
                 *sample += by * if flat { 1.0 } else { 1.0 - off };
             }
-        } else if way < 0.85 {
+        } else if change < 0.85 {
             let kept = ((to - from) as f64 * libm::exp(2.0 * reach * self.bell())).round() as usize;
             let stretch: Vec<f64> = (0..kept)
                 .map(|k| motion[from + k * (to - from) / kept.max(1)])

@@ -1,23 +1,23 @@
 //! Families of motions, each described by a few numbers from zero to one that can be drawn and varied.
 //!
-//! Depth is counted towards negative positions: a wall begins at zero and pushes towards positive ones.
+//! Depth counts towards negative positions: a wall begins at zero and pushes towards positive positions.
 
 use core::f64::consts::{PI, TAU};
 
-/// What a motion may be.
+/// Limits of a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// The tick's period (s).
     pub period: f64,
-    /// Deepest place (m).
+    /// Largest depth (m).
     pub deepest: f64,
     /// Fastest speed (m/s).
     pub speed: f64,
-    /// Largest acceleration (m/s^2); infinite for a hand that may do anything.
+    /// Largest acceleration (m/s^2); infinite for a hand without that limit.
     pub acceleration: f64,
-    /// Most samples.
+    /// Largest number of samples.
     pub longest: usize,
-    /// Encoder step (m), zero if there are none.
+    /// Encoder count (m); zero where there are no counts.
     pub count: f64,
 }
 
@@ -27,14 +27,14 @@ impl Limits {
         self.speed * self.period
     }
 
-    /// Bends a motion so that it keeps to the limits; up to a hundredth of the depth may be outside the wall.
+    /// Bends a motion to keep the limits. Up to a hundredth of the depth may be outside the wall.
     pub(super) fn bend(&self, motion: &mut Vec<f64>) {
         motion.truncate(self.longest);
         let (step, surge) = (self.step(), self.acceleration * self.period * self.period);
         let (mut last, mut last_by) = (0.0, 0.0);
         for position in motion {
             let wanted = position.clamp(-self.deepest, 0.01 * self.deepest) - last;
-            // No faster than the rest of the way allows it to stop.
+            // The step is small enough for the motion to stop within the remaining distance.
             let fastest = step.min(libm::sqrt(2.0 * surge * wanted.abs()));
             let by = wanted.clamp(-fastest, fastest);
             last_by = by.clamp(last_by - surge, last_by + surge);
@@ -44,26 +44,26 @@ impl Limits {
     }
 }
 
-/// The families.
+/// The families of motions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Family {
-    /// Sinusoids about a depth, and slowly in and out.
+    /// Sinusoids about a depth, with slow ramps in and out.
     Sines,
-    /// The same with a period that changes.
+    /// As [`Family::Sines`], with a period that changes.
     Chirps,
     /// A short cycle of steps about a depth, repeated.
     Steps,
     /// In, wait, out, wait: slow in and fast out, taps that leave the wall, strokes inside it.
     Strokes,
-    /// In and out from edge to edge of encoder counts, so that what is shown lags on the way in and leads on the way
-    /// out.
+    /// In and out from edge to edge of encoder counts, so that the shown position lags on the path in and leads on the
+    /// path out.
     Edges,
-    /// Given from outside, or bare samples after refinement.
+    /// Motions from outside, or bare samples after refinement.
     Samples,
 }
 
 impl Family {
-    /// Those that are drawn from.
+    /// The families that the search draws from.
     pub(super) const DRAWN: [Self; 5] = [
         Self::Sines,
         Self::Strokes,
@@ -72,7 +72,7 @@ impl Family {
         Self::Chirps,
     ];
 
-    /// How many of the numbers mean something.
+    /// Number of the parameters that the family uses.
     pub(super) fn genes(self) -> usize {
         match self {
             Self::Sines | Self::Edges => 6,
@@ -82,7 +82,7 @@ impl Family {
         }
     }
 
-    /// Its name.
+    /// The name of the family.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sines => "sines",
@@ -95,42 +95,42 @@ impl Family {
     }
 }
 
-/// How many numbers describe a motion.
+/// Number of parameters of a motion.
 pub(super) const GENES: usize = 12;
 
 /// A motion of a family.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shape {
     pub(super) family: Family,
-    /// From zero to one.
+    /// The parameters, from zero to one.
     pub(super) genes: [f64; GENES],
 }
 
-/// From `low` to `high`, in equal ratios.
+/// Interpolates from `low` to `high` in equal ratios.
 fn between(low: f64, high: f64, gene: f64) -> f64 {
     low * libm::exp(gene * libm::log(high / low))
 }
 
 impl Shape {
-    /// Sinusoids to begin with: all frequencies, from strokes out of the wall to small motions deep in it.
+    /// Sinusoids to start with: all frequencies, from strokes out of the wall to small motions deep inside it.
     pub(super) fn sweep(limits: &Limits) -> impl Iterator<Item = Self> {
         const FREQUENCIES: u32 = 24;
         let longest = f64::from(u32::try_from(limits.longest).unwrap_or(u32::MAX));
-        // All of the depth, a third of it, a twentieth: see `about`.
+        // The whole depth, a third of it, a twentieth: see `about`.
         let amplitudes = [1.0, 0.77, 0.43];
         (0..FREQUENCIES).flat_map(move |k| {
-            // Those that follow each other lie far apart: a small budget sees all of the range.
+            // Consecutive frequencies lie far apart: a small budget covers the whole range.
             let k = 7 * k % FREQUENCIES + 1;
-            // Evenly in frequency up to half the rate: the period as a gene, see `waves`.
+            // Uniform in frequency up to half the rate. The period is expressed as a parameter, see `waves`.
             let period = 2.0 * f64::from(FREQUENCIES) / f64::from(k);
-            let share = libm::log(period / 2.0) / libm::log(longest / 2.0);
+            let fraction = libm::log(period / 2.0) / libm::log(longest / 2.0);
             amplitudes.into_iter().map(move |amplitude| {
                 let mut genes = [0.25; GENES];
-                // Long ones, with long ways in and out where they are deep.
+                // Long motions, with long ramps in and out where they are deep.
                 genes[0] = 0.4;
                 genes[1] = if amplitude < 1.0 { 0.9 } else { 0.2 };
                 (genes[2], genes[4]) = (1.0, amplitude);
-                genes[3] = libm::sqrt(share.clamp(0.0, 1.0));
+                genes[3] = libm::sqrt(fraction.clamp(0.0, 1.0));
                 Self {
                     family: Family::Sines,
                     genes,
@@ -139,7 +139,7 @@ impl Shape {
         })
     }
 
-    /// Its samples (m), within the limits.
+    /// The samples of the motion (m), within the limits.
     pub(super) fn samples(&self, limits: &Limits) -> Vec<f64> {
         let mut motion = match self.family {
             Family::Sines | Family::Chirps => self.waves(limits),
@@ -152,7 +152,7 @@ impl Shape {
     }
 
     fn length(&self, limits: &Limits) -> usize {
-        // Long ones find more, short ones are cheap: half of them long.
+        // Long motions find more, and short motions are cheap: half of the motions are long.
         let longest = limits.longest as f64;
         between(
             (longest / 32.0).max(8.0),
@@ -161,27 +161,27 @@ impl Shape {
         ) as usize
     }
 
-    /// A smooth way in, `inner` of size one there, and the same way out. No larger than `most` (m): the whole motion
-    /// shrinks with what it has inside, for a way in that is too long is not made up for.
+    /// A smooth ramp in, `inner` of size one at the depth, and the same ramp out. The amplitude is at most `most` (m).
+    /// The whole motion shrinks with the amplitude, because the energy lost on a ramp that is too long is not regained.
     fn about(&self, limits: &Limits, most: f64, inner: impl Fn(usize, usize) -> f64) -> Vec<f64> {
         let deepest = between(0.02, 1.0, self.genes[2]) * limits.deepest;
-        // At most half of the depth, so that it goes all the way to the surface.
-        let share = between(0.005, 1.0, self.genes[4]);
-        let amplitude = most.min(deepest * share / (1.0 + share));
-        let depth = amplitude / share;
+        // At most half of the depth, so that the motion reaches the surface.
+        let fraction = between(0.005, 1.0, self.genes[4]);
+        let amplitude = most.min(deepest * fraction / (1.0 + fraction));
+        let depth = amplitude / fraction;
         let length = self.length(limits);
         let ramp = (between(0.01, 0.33, self.genes[1]) * length as f64) as usize;
         let run = length - 2 * ramp;
-        let share = |k: usize| 0.5 * (1.0 - libm::cos(PI * (k + 1) as f64 / ramp as f64));
-        let way_in = (0..ramp).map(|k| depth * share(k));
+        let rise = |k: usize| 0.5 * (1.0 - libm::cos(PI * (k + 1) as f64 / ramp as f64));
+        let path_in = (0..ramp).map(|k| depth * rise(k));
         let inside = (0..run).map(|k| depth + amplitude * inner(k, run));
-        let way_out = (0..ramp).map(|k| depth * (1.0 - share(k)));
-        way_in.chain(inside).chain(way_out).map(|x| -x).collect()
+        let path_out = (0..ramp).map(|k| depth * (1.0 - rise(k)));
+        path_in.chain(inside).chain(path_out).map(|x| -x).collect()
     }
 
     fn waves(&self, limits: &Limits) -> Vec<f64> {
         let longest = limits.longest as f64;
-        // Squared: most of them fast, where a little more or less makes a difference.
+        // Squared: most motions are fast, since small differences matter there.
         let period = |gene: f64| between(2.0, longest, gene * gene);
         let first = period(self.genes[3]);
         let last = match self.family {
@@ -189,10 +189,10 @@ impl Shape {
             _ => first,
         };
         let start = TAU * self.genes[5];
-        // No faster than the limits allow, or it would be bent out of shape.
+        // No faster than the limits allow; otherwise `bend` would deform the motion.
         let most = 0.49 * limits.step() / libm::sin(PI / first.min(last));
         self.about(limits, most, |k, run| {
-            // A speed in radians a tick that changes evenly.
+            // An angular speed (rad per tick) that changes uniformly.
             let (from, to) = (TAU / first, TAU / last);
             let k = k as f64;
             let phase = start + from * k + 0.5 * (to - from) * k * k / run as f64;
@@ -213,14 +213,14 @@ impl Shape {
         let ticks = |gene: f64| between(1.0, length as f64, gene) as usize;
         let dwell = |gene: f64| ticks(gene) - 1;
         let depth = between(0.005, 1.0, self.genes[2]) * limits.deepest;
-        // Mostly all the way out, or a little further.
+        // Mostly out to the surface, or a little beyond.
         let back = match self.genes[8] {
             part if part < 0.3 => part / 0.3 * 0.95,
             part if part < 0.7 => 0.0,
             part => -0.03 * (part - 0.7),
         } * depth;
-        let (way_in, inside) = (ticks(self.genes[3]), dwell(self.genes[4] * 0.9));
-        let (way_out, outside) = (ticks(self.genes[5]), dwell(self.genes[6] * 0.9));
+        let (path_in, inside) = (ticks(self.genes[3]), dwell(self.genes[4] * 0.9));
+        let (path_out, outside) = (ticks(self.genes[5]), dwell(self.genes[6] * 0.9));
         let mut motion = Vec::with_capacity(length);
         let mut last = 0.0;
         while motion.len() < length {
@@ -231,16 +231,16 @@ impl Shape {
                     motion.push(*last);
                 }
             };
-            lead(&mut motion, &mut last, -depth, way_in);
+            lead(&mut motion, &mut last, -depth, path_in);
             lead(&mut motion, &mut last, -depth, inside);
-            lead(&mut motion, &mut last, -back, way_out);
+            lead(&mut motion, &mut last, -back, path_out);
             lead(&mut motion, &mut last, -back, outside);
         }
         motion
     }
 
-    /// In steps of whole counts, every sample just before the next count shows on the way in, and just after it
-    /// shows on the way out; or most of the step at once and the rest slowly.
+    /// Steps of whole counts. On the path in, every sample lies just before the next count shows; on the path out, just
+    /// after it shows. Alternatively, most of the step is made at once and the rest slowly.
     fn edges(&self, limits: &Limits) -> Vec<f64> {
         let length = self.length(limits);
         let most = (limits.step() / limits.count).floor().max(1.0);
@@ -252,9 +252,9 @@ impl Shape {
         let hair = 1e-3;
         let mut motion = Vec::with_capacity(length);
         let mut go = |from: f64, to: f64| {
-            let way = to - from;
+            let displacement = to - from;
             if creep > 0.0 {
-                let jump = from + way * (1.0 - creep / stride);
+                let jump = from + displacement * (1.0 - creep / stride);
                 for k in 0..creeping {
                     motion.push(jump + (to - jump) * k as f64 / creeping as f64);
                 }

@@ -3,10 +3,10 @@ use core::f64::consts::PI;
 
 const PERIOD: f64 = 1e-3;
 const DAMPING: f64 = 0.5;
-/// What a search may spend in these tests (ticks).
+/// Budget of a search in these tests (ticks).
 const BUDGET: u64 = 300_000;
 
-/// A sampled spring and damper on one side of zero; shows `count`s if there are any.
+/// A sampled spring and damper on one side of zero, which sees whole `count`s if there are any.
 struct Wall {
     stiffness: f64,
     damping: f64,
@@ -63,7 +63,7 @@ fn adversary(delay: usize) -> Adversary {
     }
 }
 
-/// The largest passive stiffness: the smallest over the frequency of what `b > K T / 2 s - B c` allows.
+/// The largest passive stiffness: the minimum over frequency of the stiffness that `b > K T / 2 s - B c` allows.
 fn exact(damping: f64, delay: usize) -> f64 {
     let n = (2 * delay + 1) as f64;
     let bound = |k: i32| {
@@ -82,14 +82,14 @@ fn exact(damping: f64, delay: usize) -> f64 {
 #[test]
 fn a_violation_two_percent_outside_is_found_within_the_budget() {
     for delay in [0, 1, 3] {
-        for share in [0.0, 0.3, 0.5, 0.7] {
-            let stiffness = 1.02 * exact(share * DAMPING, delay);
-            let mut wall = Wall::new(stiffness, share * DAMPING);
+        for fraction in [0.0, 0.3, 0.5, 0.7] {
+            let stiffness = 1.02 * exact(fraction * DAMPING, delay);
+            let mut wall = Wall::new(stiffness, fraction * DAMPING);
             let found = adversary(delay).search(&mut wall, Goal::MoreThan(0.0), &[]);
-            assert!(found.outcome.energy > 0.0, "{delay} {share} {found:?}");
-            // The last motion may run over by its own length.
+            assert!(found.outcome.energy > 0.0, "{delay} {fraction} {found:?}");
+            // The last motion may exceed the budget by its own length.
             assert!(found.spent <= BUDGET + 2001, "{}", found.spent);
-            // What is handed back gets it out again.
+            // The returned motion gets the energy out again.
             let again = adversary(delay).port.play(&mut wall, &found.motion);
             assert_eq!(again.energy, found.outcome.energy);
             assert_eq!(found.motion.len(), found.outcome.at);
@@ -100,14 +100,14 @@ fn a_violation_two_percent_outside_is_found_within_the_budget() {
 #[test]
 fn nothing_is_found_two_percent_inside() {
     for delay in [0, 1, 3] {
-        for share in [0.0, 0.5] {
-            let stiffness = 0.98 * exact(share * DAMPING, delay);
-            let mut wall = Wall::new(stiffness, share * DAMPING);
+        for fraction in [0.0, 0.5] {
+            let stiffness = 0.98 * exact(fraction * DAMPING, delay);
+            let mut wall = Wall::new(stiffness, fraction * DAMPING);
             let found = adversary(delay).search(&mut wall, Goal::Most, &[]);
             // Rounding of sums over thousands of steps of a few millijoules.
-            assert!(found.outcome.energy < 1e-15, "{delay} {share} {found:?}");
-            // But it came near: the boundary is what stopped it.
-            assert!(found.outcome.share > -0.1, "{}", found.outcome.share);
+            assert!(found.outcome.energy < 1e-15, "{delay} {fraction} {found:?}");
+            // The search came near the boundary, but not beyond.
+            assert!(found.outcome.fraction > -0.1, "{}", found.outcome.fraction);
             assert!(found.spent >= BUDGET);
         }
     }
@@ -115,7 +115,7 @@ fn nothing_is_found_two_percent_inside() {
 
 #[test]
 fn the_account_is_the_work_less_the_losses_and_knows_the_delay() {
-    // Pushes with 1 N from the third tick on, wherever it is.
+    // Pushes with 1 N from the third tick on, at every position.
     struct Late(u32);
     impl Rendering for Late {
         fn reset(&mut self) {
@@ -133,7 +133,7 @@ fn the_account_is_the_work_less_the_losses_and_knows_the_delay() {
             ..adversary(delay).port
         };
         let outcome = port.play(&mut Late(0), &motion);
-        // Ticks 0 and 1 command nothing: of ten steps 8 - d are pushed, and all pay b D^2 / T + f_c D.
+        // Ticks 0 and 1 command nothing: of ten steps 8 - d are pushed, and all lose b D^2 / T + f_c D.
         let expected = (8 - delay) as f64 * 1e-4 - 10.0 * (0.5 * 1e-8 / 1e-3 + 0.2 * 1e-4);
         assert!((outcome.energy - expected).abs() < 1e-18, "{outcome:?}");
         assert_eq!(outcome.at, 10);
@@ -208,7 +208,7 @@ fn dynamic_programming_finds_the_boundary_of_a_quantized_wall() {
             .collect();
         let (value, motion) = best_among(&port, &places, &forces, step, 60);
         assert_eq!(value > 1e-12, out, "{times} {value}");
-        // What it promises is what its motion gets.
+        // The motion gets the energy that the method promises.
         let outcome = port.play(&mut wall, &motion);
         assert!(
             (outcome.energy - value).abs() < 1e-15,

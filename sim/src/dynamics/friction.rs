@@ -1,17 +1,16 @@
-//! When Coulomb friction brings something to rest and when it lets go, as times within a step.
+//! The times within a step at which Coulomb friction stops a motion or releases it.
 //!
-//! Between two events the steps of [`super`] are smooth; an event is where a step must be split. Both times
-//! are roots of the step's own equations, so a step of that length ends exactly at rest or exactly at the
-//! limit of friction.
+//! Between two events, the steps of [`super`] are smooth. At an event, a step must be split. Both times are roots of
+//! the step's own equations, so a step of that length ends exactly at rest or exactly at the limit of friction.
 
 use rt_core::Vec3;
 
-/// Most pieces that one step is split into. A handle that slides to a stop and leaves again takes three; the
-/// rest is for a direction that turns within the step. What is left after the last is taken in one.
+/// Largest number of pieces of one step. A handle that slides to a stop and leaves again takes three pieces; the other
+/// pieces are for a direction that turns within the step. The remainder of the step is taken as the last piece.
 pub(super) const PIECES: u32 = 8;
-/// Speed left where a step was to end at rest, as a share of the speed before, that is rounding.
+/// Fraction of the earlier speed that is rounding, where a step should end at rest.
 pub(super) const ROUNDING: f64 = 1e-9;
-/// The same, that is a small enough part for friction to take where the other forces do not move it.
+/// Fraction of the earlier speed that friction may take, where the other forces do not move the handle.
 pub(super) const SMALL: f64 = 0.125;
 
 /// A slide along one direction that may come to rest.
@@ -27,15 +26,15 @@ pub(super) struct Slide {
     pub(super) friction: f64,
     /// The other forces along the motion at the start (N).
     pub(super) drive: f64,
-    /// Stiffness of the spring that acts on it (N/m).
+    /// Stiffness of the spring that acts on the mass (N/m).
     pub(super) stiffness: f64,
-    /// How fast the spring's other end moves along the motion (m/s).
+    /// Speed of the spring's other end along the motion (m/s).
     pub(super) aim_speed: f64,
 }
 
 impl Slide {
-    /// How long a step of the midpoint rule must be for the speed at its end to be zero (s), if it is below
-    /// `within`. With mean velocity `v / 2` the step's equation reads, times `h`,
+    /// Duration of a step of the midpoint rule at whose end the speed is zero (s), if it is below `within`. With mean
+    /// velocity `v / 2`, the step's equation times `h` reads
     ///
     /// ```text
     /// -M v + h (b v / 2 + f_c - r) + h^2 k (v / 4 - a' / 2) = 0
@@ -47,10 +46,11 @@ impl Slide {
     }
 }
 
-/// How long friction still holds what pulls with `pull` (N) now and with `rate` (N/s) more every second, if
-/// it is below `within` (s). `pull` must not be beyond `friction`.
+/// Time for which friction holds a pull of `pull` (N) that changes at `rate` (N/s), if it is below `within` (s). `pull`
+/// must not exceed `friction`.
 pub(super) fn holds_for(pull: &Vec3, rate: &Vec3, friction: f64, within: f64) -> Option<f64> {
-    // It holds to the end where it holds there: what friction can hold is a ball, which is convex.
+    // The forces that friction can hold form a ball, which is convex: if friction holds at the end, it holds
+    // throughout.
     if (pull + rate * within).norm() <= friction {
         return None;
     }
@@ -67,7 +67,7 @@ fn first_root(c0: f64, c1: f64, c2: f64, within: f64) -> Option<f64> {
     if discriminant < 0.0 {
         return None;
     }
-    // The sum that does not cancel, then the other root by their product.
+    // Computes the sum that does not cancel, then the other root from the product of the roots.
     let q = -0.5 * (c1 + discriminant.sqrt().copysign(c1));
     let inside = |t: &f64| *t > 0.0 && *t < within;
     let (a, b) = (q / c2, c0 / q);
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn the_first_root_is_found_wherever_it_lies() {
-        // (t - 1)(t - 3), its negative, a line, a double root, none, one that cancels badly.
+        // (t - 1)(t - 3), its negative, a line, a double root, no root, and a root with bad cancellation.
         for (c, expected) in [
             ([3.0, -4.0, 1.0], Some(1.0)),
             ([-3.0, 4.0, -1.0], Some(1.0)),

@@ -15,12 +15,12 @@ fn a_free_mass_under_a_constant_force_follows_the_parabola() {
     for _ in 0..20_000 {
         body.step(50e-6, &force, &Vec3::zeros());
     }
-    // The midpoint rule is exact here; 20,000 roundings at one metre a second.
+    // The midpoint rule is exact here; 20,000 roundings at one metre per second.
     assert!((body.position() - force / (2.0 * 0.15)).norm() < 1e-11);
     assert!((body.velocity() - force / 0.15).norm() < 1e-11);
 }
 
-/// Largest distance over a second from the closed-form answer to a step of force on a held device.
+/// Largest distance over a second from the closed-form response to a step of force on a held device.
 fn oscillator_error(steps_per_ms: u32) -> f64 {
     let (mass, damping) = (0.15, 0.5);
     let arm = Arm::TYPICAL;
@@ -37,8 +37,8 @@ fn oscillator_error(steps_per_ms: u32) -> f64 {
         let t = h * f64::from(n);
         let (sin, cos) = libm::sincos(damped * t);
         let decay = libm::exp(-ratio * natural * t);
-        let share = 1.0 - decay * (cos + ratio * natural / damped * sin);
-        worst = worst.max((body.position() - force * (share / k)).norm());
+        let fraction = 1.0 - decay * (cos + ratio * natural / damped * sin);
+        worst = worst.max((body.position() - force * (fraction / k)).norm());
     }
     worst
 }
@@ -51,8 +51,8 @@ fn a_held_device_follows_the_closed_form_to_second_order() {
         // Second order; the next term is a relative (omega h)^2 = 2e-4 at the coarsest step.
         assert!((order - 2.0).abs() < 0.01, "{order} {errors:?}");
     }
-    // (omega h)^2 / 12 * omega t * amplitude = 1.6e-5 * 13.8 * 15 mm = 3.3 um before damping at 1 ms;
-    // a 400th of it at 20 steps a millisecond, far below an encoder count.
+    // (omega h)^2 / 12 * omega t * amplitude = 1.6e-5 * 13.8 * 15 mm = 3.3 um before damping at 1 ms; a 400th of that
+    // at 20 steps per millisecond, far below an encoder count.
     assert!(oscillator_error(20) < 10e-9);
 }
 
@@ -75,17 +75,17 @@ fn coulomb_friction_brings_it_to_rest_at_the_analytic_place_and_time() {
         }
     }
     let stop = along(speed * speed / (2.0 * deceleration));
-    // It may stop up to a step early or late, at less than f_c h / M: f_c h^2 / M = 3.75 nm.
+    // The stop may come up to a step early or late, at less than f_c h / M: f_c h^2 / M = 3.75 nm.
     assert!((body.position() - stop).norm() < friction * h * h / mass);
-    // All of the kinetic energy is friction's now; 5,000 roundings.
+    // The whole kinetic energy is lost to friction; 5,000 roundings.
     assert!((body.energy().friction_loss - 0.5 * mass * speed * speed).abs() < 1e-13);
 }
 
 #[test]
-fn the_work_on_the_hand_is_what_the_arm_gained_and_lost() {
-    // Known by two ways: at the port from the device's side, and from the arm's side. A constant force holds
-    // device and arm against the arm's spring: motors do F d, of which half ends in the spring and half in
-    // what damps the swing, shared as the dampers are; friction takes nothing where there is none.
+fn the_work_on_the_hand_equals_the_gains_and_losses_of_the_arm() {
+    // Two computations of the same work: from the device's side of the port, and from the arm's side. A constant force
+    // holds device and arm against the arm's spring. The motors do the work F d. Half of it ends in the spring, and
+    // half in the dampers, in proportion to their damping. There is no friction.
     let (mass, damping, force) = (0.15, 0.5, 2.0);
     let arm = Arm::TYPICAL;
     let mut body = Dynamics::new(mass, damping, 0.0, arm, Vec3::zeros());
@@ -98,16 +98,16 @@ fn the_work_on_the_hand_is_what_the_arm_gained_and_lost() {
         throughput += (energy.motor_work - before.motor_work).abs();
         let arm_side = energy.kinetic - energy.device_kinetic + energy.spring + energy.arm_loss
             - energy.hand_work;
-        // Both ways are the same identity: rounding of the sums, as for the residual.
+        // Both computations express the same identity: rounding of the sums, as for the residual.
         assert!((energy.on_hand() - arm_side).abs() < 5e-13 * throughput);
         if n % 1000 == 0 {
-            let share = mass / (mass + arm.mass);
-            assert!((energy.device_kinetic - share * energy.kinetic).abs() <= 1e-16);
+            let fraction = mass / (mass + arm.mass);
+            assert!((energy.device_kinetic - fraction * energy.kinetic).abs() <= 1e-16);
         }
     }
     let work = force * force / arm.stiffness;
     let exact = work - 0.5 * work * damping / (damping + arm.damping);
-    // The swing has died (e^(-2 rate t) at 10 s: e^-99) and the mean rule holds for any step: rounding.
+    // The swing has decayed (e^(-2 rate t) at 10 s: e^-99), and the midpoint rule is an identity at any step: rounding.
     assert!(rate * 10.0 > 45.0);
     assert!((body.energy().on_hand() - exact).abs() < 1e-12);
 }
@@ -124,17 +124,17 @@ fn a_free_device_does_no_work_on_a_hand_that_is_not_there() {
         };
         body.step(50e-6, &along(push), &Vec3::zeros());
         let energy = body.energy();
-        // No arm: the port passes nothing, whatever the motors do. Rounding of the account.
+        // Without an arm, the port passes no energy, whatever the motors do. Rounding of the account.
         assert!(energy.on_hand().abs() < 5e-13 * energy.lost().max(1e-3));
     }
-    // The motors did work, more than the 3 mJ that it started with.
+    // The motors did work: the losses exceed the initial 3 mJ.
     assert!(body.energy().lost() > 0.004, "{}", body.energy().lost());
 }
 
 #[test]
-fn what_a_throw_gives_the_hand_is_the_devices_loss_of_speed() {
-    // Device and arm fly together, stopped by friction alone: the arm's part of the kinetic energy passes
-    // through the port into friction, so the hand does that much work on the device.
+fn a_throw_gives_the_device_the_kinetic_energy_of_the_arm() {
+    // Device and arm move together, stopped by friction alone. The arm's part of the kinetic energy passes through the
+    // port into friction, so the hand does that much work on the device.
     let (mass, friction, speed) = (0.2, 0.3, 0.4);
     let arm = Arm {
         mass: 0.6,
@@ -168,7 +168,7 @@ fn friction_holds_up_to_its_limit_for_ever_and_not_beyond() {
 
 #[test]
 fn friction_acts_against_the_motion_whatever_its_direction() {
-    // Pushed sideways while it slides: the path stays in the plane, and speed falls at f_c / M at first.
+    // The path stays straight, and the speed falls at f_c / M at first.
     let mut body = Dynamics::new(0.2, 0.0, 0.3, Arm::NONE, Vec3::zeros());
     body.push(Vec3::new(0.3, 0.4, 0.0));
     body.step(50e-6, &Vec3::zeros(), &Vec3::zeros());
@@ -178,7 +178,7 @@ fn friction_acts_against_the_motion_whatever_its_direction() {
     assert!((body.velocity().y / body.velocity().x - 4.0 / 3.0).abs() < 1e-14);
 }
 
-/// A busy second: friction, both dampings, a moving aim and a force that switches.
+/// Two busy seconds: friction, both dampings, a moving aim and a force that switches.
 fn busy(steps_per_ms: u32, friction: f64) -> (Vec3, EnergyAccount, f64) {
     let mut body = Dynamics::new(0.045, 0.05, friction, Arm::TYPICAL, along(0.01));
     let h = 1e-3 / f64::from(steps_per_ms);
@@ -208,8 +208,8 @@ fn busy(steps_per_ms: u32, friction: f64) -> (Vec3, EnergyAccount, f64) {
 fn the_energy_account_closes_to_rounding_at_any_step() {
     for steps_per_ms in [1, 5, 20, 80] {
         let (_, energy, throughput) = busy(steps_per_ms, 0.26);
-        // An identity of the discrete motion. Each of at most 160,000 steps rounds sums that stay below the
-        // throughput at 1.1e-16, and the roundings are independent: 400 * 1.1e-16, and ten times that.
+        // An identity of the discrete motion. Each of at most 160,000 steps rounds sums that stay below the throughput
+        // at 1.1e-16. The roundings are independent: 400 * 1.1e-16, with a margin of ten.
         assert!(
             energy.residual().abs() < 5e-13 * throughput,
             "{} {throughput}",
@@ -252,8 +252,8 @@ proptest! {
             prop_assert!(after.lost() >= lost);
             lost = after.lost();
         }
-        // Rounding of at most 100 steps. A step's momentum 2 M v / h cancels to a few parts in 1e16 of
-        // itself, at worst a factor of some thousand above the forces: 1e-16 * 100 * 1e3 and to spare.
+        // Rounding of at most 100 steps. A step's momentum 2 M v / h cancels to a few parts in 1e16. At worst, the
+        // momentum exceeds the forces by a factor of some thousand: 1e-16 * 100 * 1e3, with a margin.
         prop_assert!(body.energy().residual().abs() < 1e-11 * throughput);
     }
 }

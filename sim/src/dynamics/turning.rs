@@ -1,20 +1,20 @@
-//! The rotation of a handle, and where its energy goes.
+//! The rotation of a handle, and its energy.
 //!
-//! One moment of inertia, the same about all axes (device and hand together), so that no gyroscopic moments
-//! arise: with angular velocity `w` and orientation `q` (unit quaternion, scalar part `q_0`, vector part `q_v`)
+//! There is one moment of inertia, the same about all axes (device and hand together), so that no gyroscopic moments
+//! arise. With angular velocity `w` and orientation `q` (unit quaternion, scalar part `q_0`, vector part `q_v`),
 //!
 //! ```text
 //! J w' = m - (b + b_w) w - 2 k q_v - t_c w / |w|,     q' = w q / 2
 //! ```
 //!
-//! The wrist's spring pulls back to the orientation at the start, which the hand goes on wanting. Its
-//! potential `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`, its moment `2 k sin(a / 2)`: 1 % below
-//! `k a` at 28 degrees, 5 % at 63. It needs no angle, and the implicit midpoint rule on `q` keeps it: from
-//! `q_1 - q_0 = h u q_m / 2` with `q_m = (q_0 + q_1) / 2` follows that the potential changes by exactly
-//! `2 k q_m,v . u h`, the work of the mean moment, and that `q` keeps its length. So this
-//! [`EnergyAccount`] closes to rounding at any step, as that of the translation.
+//! The wrist's spring pulls back to the orientation at the start, which remains the aim of the hand. Its potential
+//! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
+//! 5 % The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1 - q_0 = h u q_m / 2`
+//! with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly `2 k q_m,v . u h`, the
+//! work of the mean moment. This [`EnergyAccount`] therefore closes up to rounding at any step, as that of the
+//! translation does.
 //!
-//! Stops and starts are events, as there.
+//! Stops and starts are events, as in the translation.
 
 use super::friction::{PIECES, ROUNDING, SMALL, Slide};
 use crate::arm::Wrist;
@@ -23,19 +23,19 @@ use crate::models::RotationModel;
 use nalgebra::{Quaternion, Unit, UnitQuaternion};
 use rt_core::Vec3;
 
-/// Most rounds in which the mean orientation of a step is found. Each gains a factor of about
-/// `4 J / (h^2 k)`, some hundred thousand; they end where only rounding changes.
+/// Largest number of iterations for the mean orientation of a step. Each iteration reduces the error by a factor of
+/// about `4 J / (h^2 k)`, some hundred thousand. The iterations end where only rounding changes.
 const ROUNDS: u32 = 12;
-/// Square of the share of the velocity that is rounding.
+/// Square of the relative change of the velocity that counts as rounding.
 const SETTLED: f64 = 1e-30;
 
-/// Handle and wrist as one turning body.
+/// Handle and wrist as one rotating body.
 #[derive(Clone, Debug)]
 pub(crate) struct Turning {
-    /// Of device and wrist together (kg m^2).
+    /// Moment of inertia of device and wrist together (kg m^2).
     inertia: f64,
-    /// The device's part of it.
-    share: f64,
+    /// The device's fraction of that inertia.
+    fraction: f64,
     damping: f64,
     friction: f64,
     wrist: Wrist,
@@ -44,19 +44,19 @@ pub(crate) struct Turning {
     energy: EnergyAccount,
 }
 
-/// What a step does: its mean angular velocity (rad/s) and mean orientation.
+/// The result of a step: its mean angular velocity (rad/s) and mean orientation.
 struct Mean {
     velocity: Vec3,
     orientation: Quaternion<f64>,
 }
 
 impl Turning {
-    /// At rest and unturned.
+    /// A handle at rest, at the identity.
     pub(crate) fn new(model: &RotationModel, wrist: Wrist) -> Self {
         let inertia = model.inertia + wrist.inertia;
         Self {
             inertia,
-            share: model.inertia / inertia,
+            fraction: model.inertia / inertia,
             damping: model.damping,
             friction: model.friction,
             wrist,
@@ -78,18 +78,18 @@ impl Turning {
         &self.energy
     }
 
-    /// Moves on by `h` (s) under the motors' moment (N m).
+    /// Advances by `h` (s) under the motors' moment (N m).
     pub(crate) fn step(&mut self, h: f64, motor: &Vec3) {
         let mut left = h;
         for _ in 1..PIECES {
             let at_rest = self.velocity == Vec3::zeros();
             if at_rest && self.pull(motor).norm() <= self.friction {
-                // Neither the moment nor the wrist's aim changes within a step: it stays.
+                // Neither the moment nor the wrist's aim changes within a step: the handle stays at rest.
                 return;
             }
             let mean = self.mean(left, motor);
             let before = self.velocity;
-            // The velocity at the end is as far beyond the mean as that is beyond the one before.
+            // The velocity at the end lies as far beyond the mean as the mean lies beyond the velocity before.
             let goes_on = at_rest || before.dot(&(mean.velocity * 2.0 - before)) > 0.0;
             let rest = if self.friction <= 0.0 || goes_on {
                 None
@@ -116,12 +116,12 @@ impl Turning {
         self.commit(left, motor, &mean);
     }
 
-    /// What friction must hold for the handle to stay as it is (N m).
+    /// The moment that friction must hold for the handle to stay at rest (N m).
     fn pull(&self, motor: &Vec3) -> Vec3 {
         motor - self.orientation.imag() * (2.0 * self.wrist.stiffness)
     }
 
-    /// The rotation along its present direction. Along it the spring's moment changes by `k q_0` an angle.
+    /// The rotation along its present direction. In that direction, the spring's moment changes by `k q_0` per radian.
     fn slide(&self, motor: &Vec3) -> Slide {
         let speed = self.velocity.norm();
         Slide {
@@ -135,8 +135,8 @@ impl Turning {
         }
     }
 
-    /// The mean of a step of `h`: by rounds, each with the spring's moment at the last one's mean
-    /// orientation but for the part that is linear in the velocity, which is solved for.
+    /// The mean of a step of `h`, by fixed-point iteration. Each iteration takes the spring's moment at the previous
+    /// mean orientation, except for the part that is linear in the velocity, which is solved for.
     fn mean(&self, h: f64, motor: &Vec3) -> Mean {
         let stiffness = self.wrist.stiffness;
         let from = self.orientation;
@@ -158,7 +158,7 @@ impl Turning {
                 } else {
                     drive
                 };
-                // Solved for the change, as in the translation.
+                // Solved for the change of velocity, as in the translation.
                 self.velocity + (outer - self.velocity * drag - friction) / (inertia + drag)
             };
             let settled = (next - velocity).norm_squared() <= SETTLED * next.norm_squared();
@@ -187,22 +187,22 @@ impl Turning {
         energy.arm_loss += self.wrist.damping * turned.norm_squared() / h;
         energy.spring = 4.0 * self.wrist.stiffness * versine(&self.orientation);
         energy.kinetic = 0.5 * self.inertia * self.velocity.norm_squared();
-        energy.device_kinetic = self.share * energy.kinetic;
+        energy.device_kinetic = self.fraction * energy.kinetic;
     }
 
-    /// Gives it an angular velocity (rad/s) to start with.
+    /// Gives the handle an initial angular velocity (rad/s).
     #[cfg(test)]
     pub(crate) fn push(&mut self, velocity: Vec3) {
         self.velocity = velocity;
         self.energy.kinetic = 0.5 * self.inertia * velocity.norm_squared();
-        self.energy.device_kinetic = self.share * self.energy.kinetic;
+        self.energy.device_kinetic = self.fraction * self.energy.kinetic;
         self.energy.initial = self.energy.stored();
         self.energy.device_initial = self.energy.device_kinetic;
     }
 }
 
-/// The mean of the orientations before and after a step of `h` with mean angular velocity `velocity`: the
-/// solution of `q_m = q + h u q_m / 4`.
+/// The mean of the orientations before and after a step of `h` with mean angular velocity `velocity`: the solution of
+/// `q_m = q + h u q_m / 4`.
 fn midway(from: &Quaternion<f64>, velocity: &Vec3, h: f64) -> Quaternion<f64> {
     let quarter = velocity * (0.25 * h);
     let turn = Quaternion::from_parts(1.0, quarter);

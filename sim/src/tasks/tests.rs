@@ -22,9 +22,9 @@ fn names_are_those_of_the_kinds() {
 }
 
 #[test]
-fn each_task_does_what_it_says() {
+fn each_task_follows_its_description() {
     let close = |a: Vec3, b: [f64; 3]| (a - Vec3::from(b)).norm() < 1e-15;
-    // 0.3 s of rest, 0.1 s in, 0.1 s out; the fifth as the first.
+    // 0.3 s of rest, 0.1 s in, 0.1 s out; the fifth tap repeats the first.
     let tap = exact(TaskKind::Tap).trajectory(1).unwrap();
     for start in [0.0, 0.5, 2.0, 500.0] {
         assert_eq!(at(&tap, start + 0.25), Vec3::zeros());
@@ -36,7 +36,7 @@ fn each_task_does_what_it_says() {
     assert_eq!(at(&press, 0.2), Vec3::zeros());
     assert!(close(at(&press, 0.41), [0.0, 0.0, -0.01]));
     assert!(close(at(&press, 1e4), [0.0, 0.0, -0.01]));
-    // Stays in while it swings sideways by 10 mm, once a second.
+    // The hand stays in while it swings sideways by 10 mm, once a second.
     let rub = exact(TaskKind::Rub).trajectory(1).unwrap();
     let sideways: Vec<_> = (0..1000)
         .map(|k| at(&rub, 1.0 + 1e-3 * f64::from(k)))
@@ -46,11 +46,11 @@ fn each_task_does_what_it_says() {
     let most = sideways.iter().copied().fold(0.0, f64::max);
     // A peak lies within half a millisecond of a sample: (2 pi 0.5 ms)^2 / 2 = 5e-6 of it.
     assert!((most / 0.01 - 1.0).abs() < 1e-5, "{most}");
-    // Half a second of rest, 0.67 s out, half a second there, 0.67 s back.
+    // Half a second of rest, 0.67 s out, half a second of rest there, 0.67 s back.
     let pull = exact(TaskKind::PullApart).trajectory(1).unwrap();
     assert!(close(at(&pull, 1.4), [0.0, 0.0, -0.02]));
     assert!(close(at(&pull, 2.4), [0.0; 3]));
-    // Out, across, back, home: 0.6, 0.4, 0.6 and 0.4 s with their rests.
+    // Out, across, back, home: 0.6, 0.4, 0.6 and 0.4 s including their rests.
     let round = exact(TaskKind::MoveTogether).trajectory(1).unwrap();
     assert!(close(at(&round, 0.65), [0.0, 0.0, -0.02]));
     let across = at(&round, 1.05);
@@ -68,7 +68,7 @@ fn each_task_does_what_it_says() {
 }
 
 #[test]
-fn seeds_vary_within_the_share_and_repeat() {
+fn seeds_vary_within_the_fraction_and_repeat() {
     for (name, kind) in TaskKind::ALL {
         let task = Task::new(kind, Vec3::new(1.0, 2.0, 0.5));
         let places = |seed| {
@@ -82,8 +82,8 @@ fn seeds_vary_within_the_share_and_repeat() {
         let along = task.direction.normalize();
         let deepest = places(1).iter().map(|p| p.dot(&along)).fold(0.0, f64::max);
         // The depth varies by a tenth.
-        let share = deepest / task.depth;
-        assert!((0.89..1.101).contains(&share), "{name} {share}");
+        let fraction = deepest / task.depth;
+        assert!((0.89..1.101).contains(&fraction), "{name} {fraction}");
     }
 }
 
@@ -142,16 +142,15 @@ proptest! {
     ) {
         let direction = Vec3::new(direction.0, direction.1, direction.2);
         let task = Task { pause, variation, ..Task::new(TaskKind::ALL[kind].1, direction) };
-        // The reaches of some tasks at some variations are too fast, and refused.
+        // Some tasks at some variations have reaches that are too fast, and are refused.
         if let Ok(trajectory) = task.trajectory(seed) {
             prop_assert_eq!(trajectory.at(0.0), (Vec3::zeros(), Vec3::zeros()));
             let mut before = trajectory.at(0.0);
             for k in 1..5000 {
                 let now = trajectory.at(2e-3 * f64::from(k));
-                // 20 mm in 2 ms at most even for the fastest reach: 1.875 * 0.1 / 0.5 m/s = 0.4 m/s, and
-                // 0.01 * 2 pi 4.5 Hz for a shake: less.
+                // The fastest reach has 1.875 * 0.1 / 0.5 m/s = 0.4 m/s. A shake has less: 0.01 * 2 pi 4.5 Hz.
                 prop_assert!((now.0 - before.0).norm() < 0.4 * 2e-3);
-                // Velocity without a jump: up to 5.8 d / T^2 = 5.8 * 0.015 / 0.05^2 = 35 m/s^2.
+                // The velocity does not jump: its slope is at most 5.8 d / T^2 = 5.8 * 0.015 / 0.05^2 = 35 m/s^2.
                 prop_assert!((now.1 - before.1).norm() < 35.0 * 2e-3);
                 before = now;
             }

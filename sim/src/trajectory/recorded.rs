@@ -1,29 +1,29 @@
-//! A recorded motion, band-limited to what a hand does on purpose.
+//! A recorded motion, band-limited to voluntary motion.
 //!
-//! Done once, when it is built:
+//! The limitation is done once, when the trajectory is built:
 //!
-//! 1. The samples are joined by a cubic Hermite curve whose slope at each sample is that of the parabola
-//!    through it and its neighbours (Catmull–Rom for even spacing), and read off every millisecond.
-//! 2. A second-order Butterworth low-pass runs over them forwards, then backwards: no delay, and the gain
-//!    `1 / (1 + (f / 6.23 Hz)^4)`, which is -3 dB at 5 Hz after both passes (Winter, Biomechanics and Motor
-//!    Control of Human Movement: a cut-off of 5 Hz / 0.802). It passes 1 Hz to 0.07 %, 2 Hz to 1.1 %, and
-//!    leaves 0.9 % at 20 Hz. The first and last positions are taken to last for ever.
+//! 1. A cubic Hermite curve joins the samples. Its slope at each sample is that of the parabola through the sample and
+//!    its neighbours (Catmull–Rom for even spacing). The curve is sampled every millisecond.
+//! 2. A second-order Butterworth low-pass runs over the samples forwards, then backwards. Both passes together have no
+//!    delay and the gain `1 / (1 + (f / 6.23 Hz)^4)`, which is -3 dB at 5 Hz (Winter, Biomechanics and Motor Control of
+//!    Human Movement: a cut-off of 5 Hz / 0.802). The gain falls short of one by 0.07 % at 1 Hz and by 1.1 % at 2 Hz,
+//!    and is 0.9 % at 20 Hz. The first and last positions are taken to last for ever.
 //!
-//! Reading off every millisecond folds what a recording holds above 500 Hz down into the band, so that must
-//! be gone before. Between milliseconds the curve is Catmull–Rom again.
+//! Sampling every millisecond aliases the part of a recording above 500 Hz into the band, so the recording must not
+//! have such a part. Between milliseconds, the curve is Catmull–Rom again.
 
 use super::{BAND_HZ, TrajectoryError, check_timed};
 use crate::curve::{Knot, hermite};
 use core::f64::consts::{PI, SQRT_2};
 use rt_core::Vec3;
 
-/// Longest recording that is taken (s); an hour takes 86 MB.
+/// Largest duration of a recording (s); an hour takes 86 MB.
 pub const MAX_DURATION: f64 = 3600.0;
 
-/// Distance of the stored points (s).
+/// Interval between the stored points (s).
 const STEP: f64 = 1e-3;
-/// How far the held ends reach beyond the recording (points). The filter's transient falls as
-/// `exp(-27.7 t)`, to 1e-12 in a second.
+/// Number of points by which the held ends extend the recording. The filter's transient decays as `exp(-27.7 t)`, to
+/// 1e-12 in a second.
 const MARGIN: usize = 1000;
 /// Two passes of a second-order Butterworth filter at `f` have -3 dB at 0.802 f.
 const TWO_PASSES: f64 = 0.802;
@@ -92,7 +92,7 @@ fn resample(samples: &[(f64, Vec3)], first: &(f64, Vec3), points: &mut Vec<Vec3>
     for (k, pair) in samples.windows(2).enumerate() {
         let [a, b] = pair else { continue };
         let here = slope(a, b);
-        // The slope at `a`, then at `b`, of the parabola through it and its neighbours.
+        // The slope at `a`, then at `b`, of the parabola through the point and its neighbours.
         let at_a = slope_before.unwrap_or(here);
         let at_b = samples.get(k + 2).map_or(here, |c| {
             let (h0, h1) = (b.0 - a.0, c.0 - b.0);
@@ -117,8 +117,8 @@ fn resample(samples: &[(f64, Vec3)], first: &(f64, Vec3), points: &mut Vec<Vec3>
     }
 }
 
-/// A second-order Butterworth low-pass (bilinear transform, direct form II transposed) in place, started
-/// as if the first value had lasted for ever.
+/// A second-order Butterworth low-pass (bilinear transform, direct form II transposed) in place. It starts as if the
+/// first value had lasted for ever.
 fn low_pass(values: &mut [Vec3]) {
     let k = libm::tan(PI * (BAND_HZ / TWO_PASSES) * STEP);
     let scale = 1.0 / (1.0 + SQRT_2 * k + k * k);
@@ -166,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn the_band_passes_without_delay_and_what_is_above_is_cut() {
+    fn the_band_passes_without_delay_and_higher_frequencies_are_cut() {
         for (frequency, tolerance) in [
             (0.5, 1e-6),
             (1.0, 2e-6),
@@ -176,13 +176,13 @@ mod tests {
         ] {
             let (in_phase, quadrature) = gain(frequency);
             let expected = 1.0 / (1.0 + (frequency * 0.802 / 5.0_f64).powi(4));
-            // The bilinear transform bends the frequency axis by (pi f dt)^2 / 3 and the gain falls by four
-            // times its loss, 1e-8, 5e-7, 2e-5, 7e-5 and 5e-5 in turn; the interpolations err by less.
+            // The bilinear transform warps the frequency axis by (pi f dt)^2 / 3, and the gain falls by four times its
+            // loss: 1e-8, 5e-7, 2e-5, 7e-5 and 5e-5 in turn. The interpolations err by less.
             assert!(
                 (in_phase - expected).abs() < tolerance,
                 "{frequency} {in_phase} {expected}"
             );
-            // No delay at all: rounding, and what is left of the transient at the ends.
+            // No delay: only rounding, and the rest of the transient at the ends.
             assert!(quadrature.abs() < 1e-11, "{frequency} {quadrature}");
         }
         assert!(gain(20.0).0 < 0.01);
@@ -203,26 +203,26 @@ mod tests {
             .iter()
             .map(|(t, p)| (recorded.at(*t).0 - p).norm())
             .fold(0.0, f64::max);
-        // Inside, the filter takes away f^(4)(t) / (2 pi 6.23)^4 = 0.1 * 360 / 16 / 2.35e6 = 1 µm; the jump
-        // of jerk at the ends, 60 d / T^3 = 0.75 m/s^3 over (2 pi 6.23)^3, up to 13 µm.
+        // Inside, the filter removes f^(4)(t) / (2 pi 6.23)^4 = 0.1 * 360 / 16 / 2.35e6 = 1 µm. The jump of the jerk at
+        // the ends, 60 d / T^3 = 0.75 m/s^3 over (2 pi 6.23)^3, adds up to 13 µm.
         assert!(worst < 1.5e-5, "{worst}");
         assert!(worst > 1e-9, "the filter must have been at work");
     }
 
     #[test]
     fn it_starts_at_zero_and_comes_to_rest_after_the_end() {
-        // Cut off in full motion.
+        // The recording ends in full motion.
         let recorded = sampled(1e-2, 200, |t| 0.05 * t);
         assert_eq!(recorded.at(0.0).0, Vec3::zeros());
         assert_eq!(recorded.at(-1.0).0, Vec3::zeros());
         let (held, velocity) = recorded.at(50.0);
-        // The straight line reaches 0.05 * 1.99; at the start the filter had rounded its corner by
-        // less than velocity / (2 pi 6.23 Hz) = 1.3 mm.
+        // The straight line reaches 0.05 * 1.99. At the start, the filter rounds the corner by less than velocity / (2
+        // pi 6.23 Hz) = 1.3 mm.
         assert!((held.x - 0.0995).abs() < 1.3e-3 && velocity == Vec3::zeros());
         let mut last = recorded.at(2.0).1;
         for k in 1..4000 {
             let now = recorded.at(2.0 + 1e-3 * f64::from(k)).1;
-            // No jump of velocity: from 0.05 m/s to rest at less than 0.05 * 2 pi 6.23 = 2 m/s^2.
+            // No jump of the velocity: from 0.05 m/s to rest at less than 0.05 * 2 pi 6.23 = 2 m/s^2.
             assert!((now - last).norm() < 2e-3);
             last = now;
         }

@@ -8,7 +8,7 @@ use rt_core::Vec3;
 /// One sinusoid, `amplitude sin(2 pi frequency t + phase)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sine {
-    /// Direction and size (m).
+    /// Direction and amplitude (m).
     pub amplitude: Vec3,
     /// Frequency (Hz), above zero and at most [`BAND_HZ`].
     pub frequency: f64,
@@ -56,10 +56,10 @@ impl Sines {
             position += sine.amplitude * sin;
             velocity += sine.amplitude * (speed * cos);
         }
-        let (share, slope) = minimum_jerk(time / self.fade);
+        let (weight, slope) = minimum_jerk(time / self.fade);
         (
-            position * share,
-            velocity * share + position * (slope / self.fade),
+            position * weight,
+            velocity * weight + position * (slope / self.fade),
         )
     }
 }
@@ -91,8 +91,8 @@ mod tests {
             let t = 0.01 * f64::from(k);
             let h = 1e-5;
             let slope = (sines.at(t + h).0 - sines.at(t - h).0) / (2.0 * h);
-            // Central difference: h^2 / 6 times a jerk of (2 pi 5)^3 * 0.0045 = 140 m/s^3 is 2.4e-9; the
-            // fade adds less than as much again; rounding 2e-18 / h.
+            // Central difference: h^2 / 6 times a jerk of (2 pi 5)^3 * 0.0045 = 140 m/s^3 is 2.4e-9. The fade adds less
+            // than the same again; rounding adds 2e-18 / h.
             assert!((slope - sines.at(t).1).norm() < 5e-9);
         }
     }

@@ -1,7 +1,7 @@
 //! Reaches: minimum-jerk segments between points of rest (Flash & Hogan 1985).
 //!
-//! A hand that reaches a distance `d` in time `T` moves along `d (10 s^3 - 15 s^4 + 6 s^5)`, `s = t / T`;
-//! its peak velocity is `1.875 d / T`, at half time.
+//! A hand that reaches a distance `d` in the time `T` moves along `d (10 s^3 - 15 s^4 + 6 s^5)` with `s = t / T`. Its
+//! peak velocity is `1.875 d / T`, at half time.
 
 use super::{TrajectoryError, check_timed};
 use crate::curve::{Knot, minimum_jerk};
@@ -9,9 +9,9 @@ use rt_core::Vec3;
 
 #[derive(Clone, Debug)]
 pub(super) struct Waypoints {
-    /// Time (s) and displacement from the first (m).
+    /// Time (s) and displacement from the first waypoint (m).
     points: Vec<(f64, Vec3)>,
-    /// Whether they begin anew after the last.
+    /// Whether the motion repeats after the last waypoint.
     again: bool,
 }
 
@@ -30,7 +30,7 @@ impl Waypoints {
         })
     }
 
-    /// The same over and over; it must end where it begins.
+    /// A motion that repeats; it must end where it begins.
     pub(super) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         check_timed(waypoints, 2)?;
         let path = Self::new(waypoints)?;
@@ -58,8 +58,8 @@ impl Waypoints {
             (Some((t0, p0)), Some((t1, p1))) => {
                 let duration = t1 - t0;
                 let (value, slope) = minimum_jerk((time - t0) / duration);
-                let way = p1 - p0;
-                (p0 + way * value, way * (slope / duration))
+                let displacement = p1 - p0;
+                (p0 + displacement * value, displacement * (slope / duration))
             }
             (Some((_, held)), None) | (None, Some((_, held))) => (*held, Vec3::zeros()),
             (None, None) => (Vec3::zeros(), Vec3::zeros()),
@@ -88,7 +88,7 @@ mod tests {
         assert!((v.norm() - 1.875 * 0.05 / 0.8).abs() < 1e-14);
         let peak = (0..=800).map(|k| reach.at(0.5 + 1e-3 * f64::from(k)).1.norm());
         assert!(peak.fold(0.0, f64::max) <= 1.875 * 0.05 / 0.8 + 1e-14);
-        // Curvature vanishes at the ends: close to one, velocity grows as the square of time, 30 d t^2 / T^3.
+        // The acceleration vanishes at the ends: near them, the velocity grows as the square of time, 30 d t^2 / T^3.
         let (_, v) = reach.at(0.5 + 1e-4);
         // The next term is 2 t / T = 2.5e-4 of it; rounding of t about 1e-12.
         assert!((v.norm() / (30.0 * 0.05 * 1e-8 / 0.512) - 1.0).abs() < 3e-4);
@@ -118,7 +118,7 @@ mod tests {
         #[test]
         fn each_point_is_met_at_rest_and_velocity_is_the_slope(
             steps in proptest::collection::vec((0.1..2.0_f64, -0.1..0.1_f64, -0.1..0.1_f64), 1..8),
-            share in 0.05..0.95_f64,
+            fraction in 0.05..0.95_f64,
         ) {
             let mut time = 0.0;
             let mut points = vec![(0.0, Vec3::zeros())];
@@ -130,11 +130,11 @@ mod tests {
             for (t, p) in &points {
                 prop_assert_eq!(path.at(*t), (*p, Vec3::zeros()));
             }
-            let t = share * time;
+            let t = fraction * time;
             let h = 1e-5;
             let slope = (path.at(t + h).0 - path.at(t - h).0) / (2.0 * h);
-            // Central difference: h^2 / 6 times the largest jerk (60 d / T^3 = 12,000 m/s^3) is 2e-7; across
-            // a waypoint, where jerk jumps, not more than three times that; rounding 1e-17 / h = 1e-12.
+            // Central difference: h^2 / 6 times the largest jerk (60 d / T^3 = 12,000 m/s^3) is 2e-7. Across a
+            // waypoint, where the jerk jumps, the error is at most three times as large; rounding 1e-17 / h = 1e-12.
             prop_assert!((slope - path.at(t).1).norm() < 6e-7 * 2.0);
         }
     }

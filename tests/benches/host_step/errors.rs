@@ -6,8 +6,7 @@ use crate::stages::product_time;
 use crate::stretch::{
     BEGIN, BENDING, CELLS, Case, DAMPING, MATERIAL, PULL, PULLS_PER_SECOND, STEPS, TREMOR, case,
 };
-use physics::Vec3;
-use physics::fem::{Body, Budget, HandlePose, Material, SolveReport};
+use physics::{Body, Budget, HandlePose, Material, SolveReport, Vec3};
 
 /// Measured steps.
 const COUNT: usize = 100;

@@ -17,8 +17,7 @@ mod stretch;
 
 use common::tables_wanted;
 use divan::{Bencher, black_box};
-use physics::Vec3;
-use physics::fem::{Body, Budget, Condenser};
+use physics::{Body, Budget, Condenser, Vec3};
 use stretch::{BEGIN, BENDING, Case, STEPS, case};
 
 /// Sheets, as divan names them.

@@ -4,8 +4,7 @@ use crate::common::{Spread, timed};
 use crate::product;
 use crate::stretch::{BENDING, STEPS, case};
 use divan::black_box;
-use physics::Vec3;
-use physics::fem::{Body, Condenser};
+use physics::{Body, Condenser, Vec3};
 
 const REPEATS: usize = 100;
 

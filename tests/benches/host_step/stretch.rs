@@ -1,9 +1,8 @@
 //! The sheet that is stepped, and the hands that stretch it.
 
-use physics::Vec3;
-use physics::fem::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
+use physics::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, Vec3};
 use sim::Tremor;
 use std::sync::LazyLock;
 

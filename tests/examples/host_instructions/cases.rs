@@ -4,13 +4,12 @@
 //! to tell of the code, and not jump where rounding lets a residual pass under its goal. What is left of the
 //! residual is checked against [`MOST_RESIDUAL`], so that nothing is counted that solves less.
 
-use physics::Vec3;
-use physics::fast::{Real, ShapeOptions, Stepper, StepperOptions};
-use physics::fem::{
-    Body, BodyConfig, Budget, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial,
-};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Budget, Freedom, HandlePose, HandleSpec, Material, Real, ShapeOptions,
+    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+};
 use std::error::Error;
 use std::hint::black_box;
 
@@ -221,11 +220,12 @@ fn local_model() -> Result<Case, Failure> {
         ..ShapeOptions::default()
     };
     // The first model has its shapes from nowhere.
-    stepper.condense(&pulled.body, H, &ShapeOptions::default())?;
+    let mut shapes = Shapes::default();
+    shapes.condense(&mut stepper, &pulled.body, H, &ShapeOptions::default())?;
     pulled.pull();
     stepper.step(&mut pulled.body, H, &pulled.poses, || false)?;
     Ok(Case::new(pulled.body.element_count(), move || {
-        let (model, report) = stepper.condense(&pulled.body, H, &options)?;
+        let (model, report) = shapes.condense(&mut stepper, &pulled.body, H, &options)?;
         black_box(model);
         solved(report.residual)?;
         Ok(report.iterations)

@@ -12,7 +12,7 @@ pub const MAX_VERTICES: u64 = 5_000_000;
 pub enum Pattern {
     /// Diagonals change direction from cell to cell, like a row of Union Jacks: the sheet is equally
     /// stiff along both diagonals. Against bending it is too soft by half or more: see
-    /// [`bending`](crate::fem::bending).
+    /// [`bending`](crate::element::bending).
     #[default]
     Alternating,
     /// All diagonals run from the lower left to the upper right. Simpler, and stiffer along one diagonal

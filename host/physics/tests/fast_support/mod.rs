@@ -1,13 +1,10 @@
 //! From meshes to the elements and node vectors of the fast step.
 #![allow(dead_code)]
 
-use physics::fast::Node;
-use physics::fast::lanes::Real;
-use physics::fast::tet::Tet;
-use physics::fem::SolidMaterial;
-use physics::fem::law::Lame;
+use physics::element::tet4::Tet;
+use physics::material::law::Lame;
 use physics::mesh::{Cells, TetMesh};
-use physics::{Mat3, Vec3};
+use physics::{Mat3, Node, Real, SolidMaterial, Vec3};
 
 /// The largest norm.
 pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {

@@ -1,12 +1,11 @@
 //! Small meshes, a generator of numbers and norms that the tests of the sheet share.
 #![allow(dead_code)]
 
-use physics::fem::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SolveReport, StepError,
-};
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, TetMesh, TriMesh};
-use physics::{Mat3, Vec3};
+use physics::{
+    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Mat3, Material, SolveReport, StepError, Vec3,
+};
 
 /// How each cell of a grid is cut into triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

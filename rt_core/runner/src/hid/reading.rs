@@ -1,16 +1,16 @@
-//! From a queue of reports to the newest state, and from a wrench to the report for it.
+//! From a queue of reports to the newest state, and from a wrench to its report.
 //!
-//! No HID here: the bytes come from a closure, so that byte arrays can stand in for a device. Never
-//! allocates; reads at most [`QUEUE`] reports a tick, so a device that floods cannot hold the tick.
+//! The bytes come from a closure rather than from HID, so that byte arrays can stand in for a device. The module never
+//! allocates. It reads at most [`QUEUE`] reports a tick, so a device that floods cannot stall the tick.
 
 use firmware_proto::report::{self, ReportError, StateReport, WrenchReport, status};
 use rt_core::wire::{DeviceClock, report_of, state_of};
 use rt_core::{DeviceError, DeviceState, Freedom, Wrench};
 
-/// Most reports read in one tick: as many as the kernel queues.
+/// Largest number of reports read in one tick: as many as the kernel queues.
 pub const QUEUE: usize = 64;
 
-/// What a device's reports brought. Counts only grow.
+/// Counts of a device's reports, and its status. The counts only grow.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Reports {
     clock: DeviceClock,
@@ -18,13 +18,13 @@ pub struct Reports {
     last: Option<u16>,
     /// Good reports.
     pub good: u64,
-    /// Good reports passed over, because a newer one came in the same tick.
+    /// Good reports that a newer one in the same tick superseded.
     pub superseded: u64,
-    /// Reports that were sent but never came (gaps in their sequence), those that came corrupt included.
+    /// Reports that were sent but never came (gaps in their sequence), including corrupt ones.
     pub lost: u64,
     /// Reports that could not be used.
     pub corrupt: u64,
-    /// What the device said of itself last; see [`status`](firmware_proto::report::status).
+    /// The device's last report of its own status; see [`status`](firmware_proto::report::status).
     pub status: u8,
 }
 
@@ -34,17 +34,17 @@ impl Reports {
         Self::default()
     }
 
-    /// Reads until `next` has no more (it fills the buffer and says how long the report is; zero for
-    /// none), and returns the newest good state.
+    /// Reads until `next` has no more reports, and returns the newest good state. `next` fills the buffer and returns
+    /// the length of the report, or zero for none.
     ///
-    /// A device that has not found its reference has no position that could be trusted: its states count
-    /// as none.
+    /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
+    /// as missing.
     pub(super) fn newest(
         &mut self,
         sensed: Freedom,
         mut next: impl FnMut(&mut [u8]) -> Result<usize, DeviceError>,
     ) -> Result<DeviceState, DeviceError> {
-        // A byte more than a report has, so that one that is too long shows.
+        // One byte more than a report, so that a report that is too long shows.
         let mut buffer = [0_u8; report::LENGTH + 1];
         let mut newest: Option<StateReport> = None;
         let mut fault: Option<ReportError> = None;
@@ -52,7 +52,7 @@ impl Reports {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
                 Ok(length) => length,
-                // What came before it went away is still good; the next read tells.
+                // A report that came before the device disappeared is still good. The next read returns the error.
                 Err(_) if newest.is_some() => break,
                 Err(error) => return Err(error),
             };
@@ -86,7 +86,7 @@ impl Reports {
         self.status = report.status;
         if let Some(last) = self.last {
             let step = report.sequence.wrapping_sub(last);
-            // More than half the range ahead is a device that was restarted, not a loss.
+            // A step of more than half the range is a restart of the device, not a loss.
             if step <= u16::MAX / 2 {
                 self.lost += u64::from(step.saturating_sub(1));
             }
@@ -95,15 +95,15 @@ impl Reports {
     }
 }
 
-/// A report to write, with the report number 0 before it that unnumbered reports have.
+/// A report to write, after the report number 0 of unnumbered reports.
 pub(super) type Command = [u8; report::LENGTH + 1];
 
-/// The report that asks for `wrench` (device axes).
+/// The report that commands `wrench` (device axes).
 pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
     numbered(&report_of(wrench, sequence))
 }
 
-/// The report that asks the device to let go.
+/// The report that commands the device to let go.
 pub(super) fn let_go() -> Command {
     numbered(&WrenchReport {
         sequence: 0,
@@ -173,7 +173,7 @@ mod tests {
         assert_eq!(state.pose.position, Vec3::new(0.01, -0.02, 1e-7));
         assert_eq!(state.twist.linear, Vec3::new(0.05, 0.0, -1e-6));
         assert_eq!(state.twist.angular, Vec3::new(0.0, 0.0, 1.5));
-        // The quaternion's integers are equal, so the angle is exact but for rounding.
+        // The quaternion's integers are equal, so the angle is exact up to rounding.
         let axis = state.pose.rotation.scaled_axis();
         let quarter = std::f64::consts::FRAC_PI_2;
         assert!(
@@ -255,7 +255,7 @@ mod tests {
     }
 
     #[test]
-    fn a_device_that_goes_away_is_told_after_its_last_report() {
+    fn a_disconnection_is_told_after_the_last_report() {
         let mut reads = [Ok(()), Err(DeviceError::Disconnected(19))]
             .into_iter()
             .cycle();
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(clock.advance(4_294_000_000), 4_294_000_000_000);
         assert_eq!(clock.advance(32_704), 4_295_000_000_000);
         assert_eq!(clock.advance(33_704), 4_295_001_000_000);
-        // Back by little, as a device does that was restarted: on from there.
+        // A restarted device sets its counter back by a little: the time continues from there.
         assert_eq!(clock.advance(100), 4_295_001_000_000);
         assert_eq!(clock.advance(1_100), 4_295_002_000_000);
     }

@@ -1,9 +1,9 @@
-//! A thread that writes to one device, so that the tick does not.
+//! A thread that writes to one device in place of the tick.
 //!
-//! Writing a HID report may take as long as the device likes (the kernel waits for it, up to five seconds).
-//! The tick puts its command into a small ring and wakes this thread, which writes the newest command that
-//! waits. The tick's part is a copy and, only where the thread sleeps, one futex wake-up: the single named
-//! wake-up that a tick may make. It never waits.
+//! A write of a HID report may take as long as the device likes: the kernel waits for the device, for up to five
+//! seconds. The tick puts its command into a small ring and wakes this thread, which writes the newest waiting command.
+//! The tick's part is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that a tick
+//! may make. The tick never waits.
 
 use crate::ring::{prefaulted, take_newest};
 use crate::schedule::realtime;
@@ -13,26 +13,26 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::thread::{JoinHandle, park};
 
-/// Commands that may wait. A healthy device is never behind by more than one or two.
+/// Number of commands that may wait. A healthy device is never behind by more than one or two.
 const SLOTS: usize = 4;
 
-/// Priority of the thread under SCHED_FIFO, where allowed: above everything ordinary, below the tick. A
-/// refusal is not reported; the tick, which asks for more, reports it.
+/// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
+/// reported here: the tick asks for more and reports its own refusal.
 const PRIORITY: u8 = 45;
 
-/// The tick's end of the writing thread. Dropping it writes a last command and waits for the thread to
-/// end, which takes as long as the device takes; never drop it inside the tick.
+/// The tick's end of the writing thread. Dropping it writes a last command and waits for the thread to end, which takes
+/// as long as the device takes. Never drop it inside the tick.
 #[derive(Debug)]
 pub(super) struct Writer<T> {
     ring: Option<Producer<T>>,
     thread: Option<JoinHandle<()>>,
-    /// The system's error number of the last write; zero where it went well.
+    /// The system's error number of the last write; zero if the write succeeded.
     failure: Arc<AtomicI32>,
 }
 
 impl<T: Copy + Send + 'static> Writer<T> {
-    /// Starts the thread. `write` sends one command or gives the system's error number; `last` is what it
-    /// sends at the end, whatever else waits.
+    /// Starts the thread. `write` sends one command, or returns the system's error number. `last` is the command that
+    /// the thread sends at the end, whatever else waits.
     pub(super) fn start(
         mut write: impl FnMut(&T) -> Result<(), i32> + Send + 'static,
         last: T,
@@ -43,13 +43,13 @@ impl<T: Copy + Send + 'static> Writer<T> {
         let work = move || {
             let _ = realtime(PRIORITY);
             loop {
-                // Asked first: what was put in before the end is still found below.
+                // Read this first: commands that came before the end are then still found below.
                 let over = ring.is_abandoned();
-                // Out of the ring before it is written, so that its slot is free while the device dawdles.
+                // The command leaves the ring before it is written, so that its slot is free while the device delays.
                 let command = match take_newest(&mut ring, |command, _| *command) {
                     None if over => last,
                     None => {
-                        // A wake-up that came since the look into the ring makes this return at once.
+                        // A wake-up since the look into the ring makes this call return at once.
                         park();
                         continue;
                     }
@@ -76,9 +76,8 @@ impl<T: Copy + Send + 'static> Writer<T> {
     /// Hands a command to the thread. For the hot path.
     ///
     /// # Errors
-    /// [`DeviceError::Busy`] where the device has not taken the last ones yet; the command is dropped.
-    /// [`DeviceError::Disconnected`] where the last write before this failed; the command is tried all
-    /// the same.
+    /// [`DeviceError::Busy`] where the device has not taken the last commands yet; the command is dropped.
+    /// [`DeviceError::Disconnected`] where the previous write failed; the command is tried all the same.
     pub(super) fn hand_on(&mut self, command: T) -> Result<(), DeviceError> {
         let (Some(ring), Some(thread)) = (&mut self.ring, &self.thread) else {
             return Err(DeviceError::Busy);
@@ -115,14 +114,14 @@ mod tests {
         let (free, stuck) = sync_channel::<()>(0);
         let write = move |command: &u32| {
             written.send(*command).map_err(|_| 1)?;
-            // Stuck until freed; free for good once the other side is gone.
+            // The device is stuck until it is freed, and free for good once the other side is gone.
             let _ = stuck.recv();
             Ok(())
         };
         let mut writer = Writer::start(write, 0).expect("a thread");
         assert_eq!(writer.hand_on(1), Ok(()));
         assert_eq!(seen.recv(), Ok(1));
-        // The device holds the first; four may wait, and the tick gets every answer at once.
+        // The device holds the first command; four may wait, and the tick gets every answer at once.
         for command in 2..=5 {
             assert_eq!(writer.hand_on(command), Ok(()));
         }
@@ -131,7 +130,7 @@ mod tests {
         assert_eq!(seen.recv(), Ok(5));
         drop(free);
         drop(writer);
-        // The last word is no force.
+        // The last command is no force.
         assert_eq!(seen.iter().last(), Some(0));
     }
 
@@ -145,7 +144,7 @@ mod tests {
         let mut writer = Writer::start(write, 0).expect("a thread");
         assert_eq!(writer.hand_on(1), Ok(()));
         assert_eq!(seen.recv(), Ok(1));
-        // The answer is stored after the write; ask until it is there.
+        // The answer is stored after the write: ask until the answer is there.
         while writer.hand_on(1) != Err(DeviceError::Disconnected(19)) {
             std::thread::yield_now();
         }

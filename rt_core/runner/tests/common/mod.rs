@@ -1,39 +1,39 @@
-//! A device that does as it is told, and a controller for it.
+//! A device that follows a script, and a controller for it.
 
-// Each test file takes what it needs.
+// Each test file uses a part of this module.
 #![allow(dead_code)]
 
 use rt_core::controller::DeviceConfig;
 use rt_core::coupling::CouplingConfig;
 use rt_core::device::DeviceError;
-use rt_core::proxy::Proxy;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
     Capabilities, Controller, ControllerConfig, Device, DeviceState, Freedom, HandleReference,
     LocalModel, PassivityConfig, Scheme, Vec3, Wrench,
 };
 
-/// What a [`Puppet`] does in one of its reads.
+/// The action of a [`Puppet`] in one of its reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Trick {
     None,
-    /// Spins for so long (ns) in the read with this number.
+    /// Spins for this time (ns) in the read with this number.
     Spin(u64, u64),
     /// Panics in the read with this number.
     Panic(u64),
-    /// Asks the system for something it does not need in the read with this number.
+    /// Makes a needless system call in the read with this number.
     Call(u64),
-    /// Takes more memory than the heap has in the read with this number.
+    /// Allocates more memory than the heap has in the read with this number.
     Allocate(u64),
 }
 
-/// A device that stands still.
+/// A device at rest.
 #[derive(Debug)]
 pub(crate) struct Puppet {
     pub(crate) trick: Trick,
     pub(crate) reads: u64,
     pub(crate) writes: u64,
-    /// Shared, so that it can be seen after a panic.
+    /// The last command; shared, so that it is visible after a panic.
     pub(crate) last: std::sync::Arc<std::sync::Mutex<Option<Wrench>>>,
     pub(crate) times_ns: Vec<u64>,
 }
@@ -113,7 +113,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
             period: 1e-3,
         };
         let device = DeviceConfig {
-            proxy: Proxy::at(Vec3::zeros()),
+            frame: DeviceFrame::at(Vec3::zeros()),
             safety,
         };
         assert!(config.devices.push(device).is_ok());
@@ -132,7 +132,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
     Controller::new(&config)
 }
 
-/// A model of one handle that pushes with one newton along x wherever it is.
+/// A model of one handle that pushes with one newton along x at every pose.
 pub(crate) fn pushing(sequence: u64, time_ns: u64) -> LocalModel {
     let mut model = LocalModel {
         sequence,

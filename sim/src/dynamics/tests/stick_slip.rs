@@ -1,8 +1,8 @@
-//! Stops and starts against closed forms, and how the rest converges.
+//! Stops and starts against closed forms, and the convergence of other motions.
 
 use super::*;
 
-/// An arm that is a spring alone.
+/// An arm that is only a spring and a mass.
 fn spring(mass: f64, stiffness: f64) -> Arm {
     Arm {
         mass,
@@ -24,7 +24,7 @@ fn it_stops_at_the_analytic_place_whatever_the_step() {
             time += h;
         }
         assert_eq!(body.velocity(), Vec3::zeros());
-        // Deceleration is constant, for which the rule is exact: rounding of up to 21,000 steps.
+        // The deceleration is constant, for which the rule is exact: rounding of up to 21,000 steps.
         assert!((body.position() - place).norm() < 1e-12, "{h}");
         assert!((body.energy().friction_loss - 0.5 * mass * speed * speed).abs() < 1e-13);
     }
@@ -34,13 +34,13 @@ fn it_stops_at_the_analytic_place_whatever_the_step() {
 fn a_swing_loses_twice_friction_over_stiffness_each_half_and_stops() {
     let (mass, friction, stiffness, speed) = (0.3_f64, 0.5_f64, 400.0_f64, 0.9_f64);
     let dead = friction / stiffness;
-    // The first turn by energy, k x^2 / 2 + f x = M v^2 / 2; then 2 f / k less each half swing, until the
-    // spring is held.
+    // The first reversal by energy: k x^2 / 2 + f x = M v^2 / 2. Each half swing is then shorter by 2 f / k, until
+    // friction holds the spring.
     let mut place = (dead * dead + mass * speed * speed / stiffness).sqrt() - dead;
-    let mut way = place;
+    let mut travel = place;
     while place.abs() > dead {
         let next = -place.signum() * (place.abs() - 2.0 * dead);
-        way += (next - place).abs();
+        travel += (next - place).abs();
         place = next;
     }
     for h in [10e-6, 50e-6, 0.4e-3, 3e-3] {
@@ -60,23 +60,23 @@ fn a_swing_loses_twice_friction_over_stiffness_each_half_and_stops() {
             before = body.velocity();
         }
         assert_eq!(body.velocity(), Vec3::zeros(), "{h}");
-        // The rule keeps energy and each turn is met at rest, so turns lie where energy puts them at any
-        // step: rounding only (up to 200,000 steps).
+        // The rule conserves energy and each reversal is met at rest, so energy determines the reversals at any step:
+        // rounding only (up to 200,000 steps).
         assert!((body.position() - along(place)).norm() < 1e-11, "{h}");
         assert!(
-            (body.energy().friction_loss - friction * way).abs() < 1e-11,
+            (body.energy().friction_loss - friction * travel).abs() < 1e-11,
             "{h}"
         );
-        // It did swing.
+        // The handle did swing.
         assert!(turns > 5, "{turns}");
     }
 }
 
-/// Largest distance from the closed form of a mass that a spring, drawn out evenly, pulls loose.
+/// Largest distance from the closed form of a mass that a steadily drawn spring pulls loose.
 fn loose_error(h: f64) -> f64 {
     let (mass, friction, stiffness, speed) = (0.4_f64, 0.3, 500.0_f64, 0.05);
     let natural = (stiffness / mass).sqrt();
-    // Held until the spring pulls with the friction.
+    // Friction holds the mass until the spring's pull equals the friction.
     let loose = friction / (stiffness * speed);
     let mut body = Dynamics::new(0.1, 0.0, friction, spring(0.3, stiffness), Vec3::zeros());
     let mut worst: f64 = 0.0;
@@ -92,16 +92,17 @@ fn loose_error(h: f64) -> f64 {
 
 #[test]
 fn it_breaks_loose_at_the_analytic_time() {
-    // 12 ms fall on no step's end but the finest's. The mass comes to rest just once a swing, touching it.
+    // 12 ms coincide with the end of a step only at the finest step. The mass comes to rest once a swing, for an
+    // instant.
     let errors = [0.7e-3, 0.35e-3, 0.175e-3].map(loose_error);
     for pair in errors.windows(2) {
         let order = libm::log2(pair[0] / pair[1]);
-        // Second order, the start included; the next term is (omega h)^2 = 6e-4 of it.
+        // Second order, including the start; the next term is (omega h)^2 = 6e-4 of it.
         assert!((order - 2.0).abs() < 0.05, "{order} {errors:?}");
     }
 }
 
-/// A task along a line: a hand that goes to and fro, with rests, under a force that switches.
+/// A task along a line: a hand that moves to and fro, with rests, under a force that switches.
 fn to_and_fro(steps_per_ms: u32) -> (Vec<Vec3>, EnergyAccount) {
     let mut body = Dynamics::new(0.15, 0.5, 0.4, Arm::TYPICAL, Vec3::zeros());
     let h = 1e-3 / f64::from(steps_per_ms);
@@ -133,17 +134,17 @@ fn a_line_with_stops_and_starts_converges_to_second_order() {
     let errors = [5, 10, 20, 40].map(error);
     for pair in errors.windows(2) {
         let order = libm::log2(pair[0] / pair[1]);
-        // Second order, with what an event that falls into another step changes; the reference errs by
-        // (40 / 320)^2 of the finest, 2 %.
+        // Second order, changed by events that fall into another step. The reference errs by (40 / 320)^2 of the
+        // finest, 2 %.
         assert!((order - 2.0).abs() < 0.25, "{order} {errors:?}");
     }
-    // It stuck and slid: friction took its part, and the places hold still for a while.
+    // The handle stuck and slid: friction took a part of the energy, and the position is constant for a while.
     let still = exact.windows(2).filter(|pair| pair[0] == pair[1]).count();
     assert!((300..1700).contains(&still), "{still}");
     assert!(energy.friction_loss > 0.2 * energy.lost());
 }
 
-/// The same in the plane, where a direction turns before it stops.
+/// As [`to_and_fro`], in the plane, where a direction turns before it stops.
 fn round_and_round(steps_per_ms: u32) -> (Vec<Vec3>, EnergyAccount, u32) {
     let mut body = Dynamics::new(0.15, 0.5, 0.4, Arm::TYPICAL, Vec3::zeros());
     let h = 1e-3 / f64::from(steps_per_ms);
@@ -173,30 +174,30 @@ fn round_and_round(steps_per_ms: u32) -> (Vec<Vec3>, EnergyAccount, u32) {
 #[test]
 fn in_the_plane_halving_the_step_changes_next_to_nothing() {
     let (exact, energy, stops) = round_and_round(320);
-    // There is something to get wrong.
+    // The motion has stops.
     assert!(stops >= 5, "{stops}");
     let mut errors = Vec::new();
     for n in [10, 20, 40] {
         let (places, account, found) = round_and_round(n);
-        // Stop for stop the same motion, and no chatter.
+        // The same motion, stop for stop, without chatter.
         assert_eq!(found, stops);
         let pairs = places.iter().zip(&exact);
         errors.push(pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max));
         let loss = (account.friction_loss / energy.friction_loss - 1.0).abs();
         assert!(loss < 1e-4, "{n} {loss}");
     }
-    // At 50 us below a nanometre, of a stroke of some millimetres.
+    // At 50 us, the error is below a nanometre, for a stroke of some millimetres.
     assert!(errors[1] < 1e-9, "{errors:?}");
     for pair in errors.windows(2) {
         let order = libm::log2(pair[0] / pair[1]);
-        // Second order; a stop in the plane is not at the end of a straight line, which may cost a little.
+        // Second order; a stop in the plane is not at the end of a straight line, which may reduce the order slightly.
         assert!((order - 2.0).abs() < 0.25, "{order} {errors:?}");
     }
 }
 
 #[test]
 fn at_rest_it_is_at_rest_to_the_last_bit() {
-    // Thrown obliquely to a force that friction holds, it stops, and then nothing moves for ever.
+    // Thrown obliquely to a force that friction holds, the handle stops, and then never moves again.
     let force = Vec3::new(0.1, 0.25, 0.0);
     let mut body = Dynamics::new(0.2, 0.1, 0.3, spring(0.5, 50.0), Vec3::zeros());
     body.push(Vec3::new(0.02, -0.01, 0.015));

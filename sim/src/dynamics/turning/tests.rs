@@ -31,8 +31,8 @@ fn a_constant_moment_turns_it_along_the_parabola() {
     for _ in 0..10_000 {
         body.step(h, &along(0.02));
     }
-    // 0.5 * 10 rad/s^2 * (0.5 s)^2 = 1.25 rad. The velocity is exact; a step turns by 4 atan(h u / 4) for
-    // h u, short by (h u)^2 / 48 of it: 1e-9 at 5 rad/s, and rounding.
+    // 0.5 * 10 rad/s^2 * (0.5 s)^2 = 1.25 rad. The velocity is exact. A step turns by 4 atan(h u / 4) instead of h u,
+    // which is less by a fraction of (h u)^2 / 48: 1e-9 at 5 rad/s, and rounding.
     assert!((body.velocity() - along(5.0)).norm() < 1e-11);
     let turn = body.orientation().scaled_axis();
     assert!((turn - along(1.25)).norm() < 2e-9);
@@ -55,7 +55,7 @@ fn it_comes_to_rest_at_the_analytic_angle_whatever_the_step() {
         assert!((turn - along(angle)).norm() < short + 1e-11, "{h}");
         let lost = body.energy().friction_loss;
         assert!((lost - 0.5 * inertia * speed * speed).abs() < 1e-14);
-        // Held from then on, and let go beyond.
+        // Friction holds the handle from then on, and releases it beyond its limit.
         body.step(h, &along(0.0199));
         assert_eq!(body.velocity(), Vec3::zeros());
         body.step(h, &along(0.0201));
@@ -81,7 +81,7 @@ fn swing_error(steps_per_ms: u32) -> f64 {
         body.step(h, &Vec3::zeros());
         let t = h * f64::from(n);
         let exact = speed / damped * libm::exp(-rate * t) * libm::sin(damped * t);
-        // For small angles the vector part is half the angle; its cube is 1e-17.
+        // For small angles, the vector part is half of the angle; its cube is 1e-17.
         worst = worst.max((body.orientation().imag() * 2.0 - along(exact)).norm());
     }
     worst
@@ -99,7 +99,7 @@ fn a_wrist_swings_as_the_closed_form_to_second_order() {
 
 #[test]
 fn far_from_rest_the_potential_is_a_cosine() {
-    // A free swing without losses about one axis: energy says how far. 4 k (1 - cos(a / 2)) = J w^2 / 2.
+    // A free swing without losses about one axis. Energy gives the largest angle: 4 k (1 - cos(a / 2)) = J w^2 / 2.
     let (inertia, stiffness, speed) = (2e-3, 1.0, 40.0_f64);
     let wrist = Wrist { stiffness, ..FREE };
     let mut body = Turning::new(&model(inertia, 0.0, 0.0), wrist);
@@ -111,7 +111,7 @@ fn far_from_rest_the_potential_is_a_cosine() {
         farthest = farthest.max(body.orientation().angle());
         assert!(body.energy().residual().abs() < 1e-12);
     }
-    // 1.85 rad, 106 degrees. At the turn a step of 10 us misses a w' h^2 / 8 = 8e-9 rad at most.
+    // 1.85 rad, 106 degrees. At the reversal, a step of 10 us misses at most a w' h^2 / 8 = 8e-9 rad.
     assert!(
         most > 1.8 && (farthest - most).abs() < 1e-8,
         "{farthest} {most}"

@@ -1,0 +1,331 @@
+//! From a mesh, materials and handles to a body at rest.
+
+use super::guard::Guard;
+use super::handle::{Handle, HandleSpec};
+use super::support::Supports;
+use super::{Body, BodyConfig};
+use crate::Vec3;
+use crate::element::bending::{self, Bending, Patch};
+use crate::element::elements::Elements;
+use crate::element::tet::shape::{Tet4, Tet10};
+use crate::element::tet::solid::Solid;
+use crate::element::triangle::membrane::Membrane;
+use crate::element::triangle::woven::Woven;
+use crate::element::truss::Truss;
+use crate::error::BodyError;
+use crate::linear::block_matrix::BlockMatrix;
+use crate::linear::pcg::Pcg;
+use crate::material::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
+use crate::material::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
+use crate::material::weave::Weave;
+use crate::material::{Material, SolidMaterial, ThreadMaterial};
+use crate::mesh::{Cells, LineMesh, TetMesh, TriMesh};
+
+/// The laws of solids, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SolidLaw {
+    /// [`Linear`]: small strains and rotations.
+    Linear,
+    /// [`Corotational`]: small strains, any rotation.
+    #[default]
+    Corotational,
+    /// [`StVenantKirchhoff`]: for verification; softens under compression until it collapses.
+    StVenantKirchhoff,
+    /// [`StableNeoHookean`]: large strains, recovers from any inversion.
+    StableNeoHookean,
+}
+
+/// The laws of woven sheets, by name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SheetLawName {
+    /// [`CorotationalSheet`]: linear in the stretch; for cloth that is not soft in shear.
+    Corotational,
+    /// [`StVenantKirchhoffSheet`]: linear in the Green strain.
+    #[default]
+    StVenantKirchhoff,
+}
+
+impl Body {
+    /// A woven sheet at rest in the shape of `mesh`, with one material for all triangles or one for each.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`]; bending has no model for a weave, so `config.bending` must be 0.
+    pub fn woven(
+        mesh: &TriMesh,
+        weaves: &[Weave],
+        law: SheetLawName,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        if config.bending != 0.0 {
+            return Err(BodyError::Config {
+                field: "bending",
+                found: config.bending,
+                expected: "0 for a woven sheet: its bending has no model",
+            });
+        }
+        check_positions(&mesh.positions)?;
+        let elements: Box<dyn Elements> = match law {
+            SheetLawName::Corotational => Box::new(Woven::<CorotationalSheet>::new(mesh, weaves)?),
+            SheetLawName::StVenantKirchhoff => {
+                Box::new(Woven::<StVenantKirchhoffSheet>::new(mesh, weaves)?)
+            }
+        };
+        Self::from_elements(&mesh.positions, vec![elements], config, handles)
+    }
+
+    /// A sheet at rest in the shape of `mesh`.
+    ///
+    /// `materials` holds one for all triangles or one for each. `handles` may be empty: a free sheet.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError`], for a mesh, material, configuration or handle that cannot be simulated; it says
+    /// which and why.
+    pub fn sheet(
+        mesh: &TriMesh,
+        materials: &[Material],
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        config.check()?;
+        check_positions(&mesh.positions)?;
+        let membrane = Membrane::new(mesh, materials)?;
+        let material = |triangle: usize| materials[if materials.len() == 1 { 0 } else { triangle }];
+        let patches = if config.bending > 0.0 {
+            bending::patches(&mesh.positions, &mesh.triangles, material, config.bending)?
+        } else {
+            Vec::new()
+        };
+        Self::build(
+            &mesh.positions,
+            vec![Box::new(membrane)],
+            patches,
+            config,
+            handles,
+        )
+    }
+
+    /// A solid at rest in the shape of `mesh`.
+    ///
+    /// `materials` holds one for all cells or one for each. `handles` may be empty: a free solid.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`].
+    pub fn solid(
+        mesh: &TetMesh,
+        materials: &[SolidMaterial],
+        law: SolidLaw,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        check_positions(&mesh.positions)?;
+        let elements = match law {
+            SolidLaw::Linear => cells(Linear, mesh, materials),
+            SolidLaw::Corotational => cells(Corotational, mesh, materials),
+            SolidLaw::StVenantKirchhoff => cells(StVenantKirchhoff, mesh, materials),
+            SolidLaw::StableNeoHookean => cells(StableNeoHookean, mesh, materials),
+        }?;
+        Self::from_elements(&mesh.positions, vec![elements], config, handles)
+    }
+
+    /// A thread at rest in the shape of `mesh`.
+    ///
+    /// `materials` holds one for all lines or one for each. `handles` may be empty: a free thread.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`].
+    pub fn thread(
+        mesh: &LineMesh,
+        materials: &[ThreadMaterial],
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        check_positions(&mesh.positions)?;
+        let truss = Truss::new(mesh, materials)?;
+        Self::from_elements(&mesh.positions, vec![Box::new(truss)], config, handles)
+    }
+
+    /// A body at rest of any elements over vertices at `positions` (m).
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`].
+    pub fn from_elements(
+        positions: &[Vec3],
+        elements: Vec<Box<dyn Elements>>,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        Self::build(positions, elements, Vec::new(), config, handles)
+    }
+
+    fn build(
+        positions: &[Vec3],
+        mut elements: Vec<Box<dyn Elements>>,
+        mut patches: Vec<Patch>,
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        config.check()?;
+        check_positions(positions)?;
+        let count = positions.len();
+        check_elements(&elements, count)?;
+        let (node_of_vertex, free) = number_nodes(count, handles)?;
+        let node = |vertex: u32| node_of_vertex[vertex as usize];
+        for set in &mut elements {
+            set.renumber(&node_of_vertex);
+        }
+        for vertex in patches.iter_mut().flat_map(|patch| &mut patch.vertices) {
+            *vertex = node(*vertex);
+        }
+        let mut mass = vec![0.0; count];
+        let mut load = vec![0.0; count];
+        for set in &elements {
+            set.add_mass(&mut mass, &mut load);
+        }
+        if let Some(vertex) = (0..count).find(|&vertex| mass[node(vertex as u32) as usize] == 0.0) {
+            return Err(BodyError::Unreferenced { vertex });
+        }
+
+        let cliques = elements
+            .iter()
+            .flat_map(|set| (0..set.count()).map(|element| set.nodes(element)))
+            .chain(patches.iter().map(|patch| patch.vertices.as_slice()));
+        let stiffness = BlockMatrix::new(count, free, cliques);
+        for set in &mut elements {
+            set.bind(&stiffness);
+        }
+        let bending = (!patches.is_empty()).then(|| Bending::new(&stiffness, &patches));
+
+        let mut x = vec![Vec3::zeros(); count];
+        for (vertex, &position) in positions.iter().enumerate() {
+            x[node(vertex as u32) as usize] = position;
+        }
+        let mut first = free;
+        let handles: Vec<Handle> = handles
+            .iter()
+            .map(|spec| {
+                let offset = |&vertex: &u32| positions[vertex as usize] - spec.origin;
+                let handle = Handle::new(first, spec.vertices.iter().map(offset).collect(), spec);
+                first += spec.vertices.len();
+                handle
+            })
+            .collect();
+        Ok(Self {
+            config,
+            node_of_vertex,
+            elements,
+            bending,
+            stiffness,
+            handles,
+            supports: Supports::default(),
+            rest: x.clone(),
+            x,
+            v: vec![Vec3::zeros(); count],
+            external: load.iter().map(|&load| config.gravity * load).collect(),
+            load_factor: 1.0,
+            mass,
+            load,
+            internal: vec![Vec3::zeros(); count],
+            revision: 0,
+            displacement: vec![Vec3::zeros(); count],
+            promised: vec![Vec3::zeros(); count],
+            promised_over: None,
+            missed: vec![Vec3::zeros(); count],
+            clock: 0.0,
+            guard: Guard::default(),
+            ahead: vec![Vec3::zeros(); count],
+            pcg: Pcg::new(free),
+            grip: vec![Vec3::zeros(); count - free],
+            fresh: false,
+            assembled: false,
+        })
+    }
+}
+
+/// The cells of `mesh` under one law.
+fn cells<L: Law>(
+    law: L,
+    mesh: &TetMesh,
+    materials: &[SolidMaterial],
+) -> Result<Box<dyn Elements>, BodyError> {
+    let x = &mesh.positions;
+    Ok(match &mesh.cells {
+        Cells::Linear(cells) => Box::new(Solid::<4, 1, Tet4, L>::new(law, x, cells, materials)?),
+        Cells::Quadratic(cells) => {
+            Box::new(Solid::<10, 4, Tet10, L>::new(law, x, cells, materials)?)
+        }
+    })
+}
+
+fn check_positions(positions: &[Vec3]) -> Result<(), BodyError> {
+    let finite = |position: &Vec3| position.iter().all(|c| c.is_finite());
+    match positions.iter().position(|position| !finite(position)) {
+        Some(vertex) => Err(BodyError::Position { vertex }),
+        None => Ok(()),
+    }
+}
+
+fn check_elements(elements: &[Box<dyn Elements>], count: usize) -> Result<(), BodyError> {
+    if elements.iter().all(|set| set.count() == 0) {
+        return Err(BodyError::Empty);
+    }
+    for set in elements {
+        for element in 0..set.count() {
+            let beyond = |vertex: &&u32| **vertex as usize >= count;
+            if let Some(&vertex) = set.nodes(element).iter().find(beyond) {
+                return Err(BodyError::ElementVertex {
+                    element,
+                    vertex,
+                    count,
+                });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The node of each vertex, and how many nodes are free.
+fn number_nodes(count: usize, handles: &[HandleSpec]) -> Result<(Vec<u32>, usize), BodyError> {
+    let mut holder = vec![None; count];
+    let mut held = 0;
+    for (handle, spec) in handles.iter().enumerate() {
+        if spec.vertices.is_empty() {
+            return Err(BodyError::EmptyHandle { handle });
+        }
+        if !spec.origin.iter().all(|c| c.is_finite()) {
+            return Err(BodyError::HandleOrigin { handle });
+        }
+        for &vertex in &spec.vertices {
+            let Some(entry) = holder.get_mut(vertex as usize) else {
+                return Err(BodyError::HandleVertex {
+                    handle,
+                    vertex,
+                    count,
+                });
+            };
+            if let Some(first) = entry.replace(handle) {
+                return Err(BodyError::SharedVertex {
+                    vertex,
+                    first,
+                    second: handle,
+                });
+            }
+            held += 1;
+        }
+    }
+    let free = count - held;
+    let mut nodes = vec![0; count];
+    let unheld = (0..count as u32).filter(|&vertex| holder[vertex as usize].is_none());
+    let in_handles = handles
+        .iter()
+        .flat_map(|spec| spec.vertices.iter().copied());
+    for (node, vertex) in unheld.chain(in_handles).enumerate() {
+        nodes[vertex as usize] = node as u32;
+    }
+    Ok((nodes, free))
+}

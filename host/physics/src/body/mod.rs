@@ -1,0 +1,428 @@
+//! The body: its state and what can be read from it.
+//!
+//! Nodes are the vertices renumbered, free ones first in the mesh's order, then those of each handle.
+//! Everything public counts vertices, in the mesh's order.
+//!
+//! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
+//! - `build`: from a mesh, materials and handles to a body at rest; `exchange`: the same body made of something else.
+//! - [`load`]: tractions as forces on vertices.
+//! - `energy`, `weight`, `memory`: its sums, and what it holds.
+//! - `guard`: a bound on the energy that a step may leave.
+//! - `rounding`: what rounding leaves unknown of positions, forces and energies.
+
+mod build;
+mod energy;
+mod exchange;
+pub(crate) mod guard;
+pub mod handle;
+pub mod load;
+mod memory;
+pub(crate) mod rounding;
+pub(crate) mod support;
+mod weight;
+
+pub use build::{SheetLawName, SolidLaw};
+
+use crate::Vec3;
+use crate::body::guard::Guard;
+use crate::body::handle::{Handle, HandleReport};
+use crate::body::support::Supports;
+use crate::element::bending::Bending;
+use crate::element::elements::Elements;
+use crate::error::BodyError;
+use crate::linear::block_matrix::BlockMatrix;
+use crate::linear::pcg::{Budget, Pcg};
+use crate::material::Tangent;
+
+/// How a body moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BodyConfig {
+    /// Acceleration of gravity (m/s^2), a vector.
+    pub gravity: Vec3,
+    /// Rayleigh damping by mass, alpha (1/s), not negative.
+    pub mass_damping: f64,
+    /// Rayleigh damping by stiffness, beta (s), not negative.
+    pub stiffness_damping: f64,
+    /// Sheets: factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`; 0 leaves bending out and costs
+    /// nothing.
+    pub bending: f64,
+    /// The solver stops at this share of the residual of its guess.
+    pub tolerance: f64,
+    /// The solver stops below this residual (N).
+    pub absolute_tolerance: f64,
+    /// The solver stops after this many iterations.
+    pub max_iterations: usize,
+}
+
+impl Default for BodyConfig {
+    /// Earth's gravity along -z, no damping, no bending; residual down to 1e-6 of the guess's.
+    fn default() -> Self {
+        Self {
+            gravity: Vec3::new(0.0, 0.0, -9.81),
+            mass_damping: 0.0,
+            stiffness_damping: 0.0,
+            bending: 0.0,
+            tolerance: 1e-6,
+            absolute_tolerance: 1e-12,
+            max_iterations: 1000,
+        }
+    }
+}
+
+impl BodyConfig {
+    pub(crate) fn check(&self) -> Result<(), BodyError> {
+        let fields = [
+            ("gravity", self.gravity.norm()),
+            ("mass_damping", self.mass_damping),
+            ("stiffness_damping", self.stiffness_damping),
+            ("bending", self.bending),
+            ("tolerance", self.tolerance),
+            ("absolute_tolerance", self.absolute_tolerance),
+        ];
+        for (field, found) in fields {
+            if !(found >= 0.0 && found.is_finite()) {
+                let expected = "a finite number, not negative";
+                return Err(BodyError::Config {
+                    field,
+                    found,
+                    expected,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn budget(&self) -> Budget {
+        Budget {
+            tolerance: self.tolerance,
+            absolute_tolerance: self.absolute_tolerance,
+            max_iterations: self.max_iterations,
+        }
+    }
+}
+
+/// A deformable body, a sheet or a solid, with handles and supports.
+///
+/// A step is [`assemble`](Self::assemble), then [`solve`](Self::solve). Neither allocates.
+#[derive(Clone, Debug)]
+pub struct Body {
+    pub(crate) config: BodyConfig,
+    pub(crate) node_of_vertex: Vec<u32>,
+    pub(crate) elements: Vec<Box<dyn Elements>>,
+    pub(crate) bending: Option<Bending>,
+    pub(crate) stiffness: BlockMatrix,
+    pub(crate) handles: Vec<Handle>,
+    pub(crate) supports: Supports,
+
+    // State and constants by node.
+    /// Positions at rest (m).
+    pub(crate) rest: Vec<Vec3>,
+    pub(crate) x: Vec<Vec3>,
+    pub(crate) v: Vec<Vec3>,
+    pub(crate) mass: Vec<f64>,
+    /// What gravity is multiplied by (kg): not the lumped mass where elements are quadratic.
+    pub(crate) load: Vec<f64>,
+    /// Gravity and what the host adds (N).
+    pub(crate) external: Vec<Vec3>,
+    /// Share of `external` that acts.
+    pub(crate) load_factor: f64,
+    /// Elastic forces where `assemble` last ran (N).
+    pub(crate) internal: Vec<Vec3>,
+
+    /// How often something was set from outside.
+    pub(crate) revision: u64,
+
+    // What a step writes.
+    pub(crate) displacement: Vec<Vec3>,
+    pub(crate) pcg: Pcg,
+    /// Force of the hand on each handle node less the node's inertia, in the last step (N).
+    pub(crate) grip: Vec<Vec3>,
+    /// By node, the elastic force that the last step's linearization promised for its end (N); how long that step was
+    /// (s), where it was a whole one.
+    pub(crate) promised: Vec<Vec3>,
+    pub(crate) promised_over: Option<f64>,
+    /// By node, the rate at which forces change along the motion beside what the tangent makes of it (N/s), as far as
+    /// is known.
+    pub(crate) missed: Vec<Vec3>,
+    /// How much time steps have taken (s).
+    pub(crate) clock: f64,
+    pub(crate) guard: Guard,
+    /// Positions after the step, before it is taken.
+    pub(crate) ahead: Vec<Vec3>,
+    /// Whether stiffness and internal forces are those of the present state.
+    pub(crate) fresh: bool,
+    /// Whether `assemble` has ever run.
+    pub(crate) assembled: bool,
+}
+
+impl Body {
+    /// Computes elastic forces and stiffness at the present state, the stiffness with its negative parts
+    /// clipped.
+    pub fn assemble(&mut self) {
+        self.assemble_with(Tangent::Clipped);
+    }
+
+    /// The same, with a choice of the tangent.
+    pub fn assemble_with(&mut self, tangent: Tangent) {
+        self.internal.fill(Vec3::zeros());
+        if let Some(bending) = &self.bending {
+            self.stiffness.load_scalar(bending.weights());
+            bending.add_force(&self.stiffness, &self.x, &mut self.internal);
+        } else {
+            self.stiffness.clear();
+        }
+        for elements in &self.elements {
+            elements.assemble(&self.x, tangent, &mut self.internal, &mut self.stiffness);
+        }
+        self.fresh = true;
+        self.assembled = true;
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.x.len()
+    }
+
+    /// Number of scalars that a solve finds: three a vertex, less those that handles and supports prescribe.
+    pub fn unknown_count(&self) -> usize {
+        let free = 3 * self.stiffness.free();
+        let mask = self.supports.mask().unwrap_or_default();
+        let guided = mask.iter().flat_map(Vec3::iter).filter(|m| **m == 0.0);
+        free - guided.count()
+    }
+
+    /// Number of elements, of all kinds together.
+    pub fn element_count(&self) -> usize {
+        self.elements.iter().map(|elements| elements.count()).sum()
+    }
+
+    /// The elements, one set a kind, over [node positions](Self::node_positions).
+    pub fn elements(&self) -> &[Box<dyn Elements>] {
+        &self.elements
+    }
+
+    /// Number of elements that are turned inside out at present.
+    pub fn inverted_count(&self) -> usize {
+        self.elements.iter().map(|set| set.inverted(&self.x)).sum()
+    }
+
+    /// Number of handles.
+    pub fn handle_count(&self) -> usize {
+        self.handles.len()
+    }
+
+    /// What the last step did at a handle, or `None` past the last. Before any step: the rest pose and
+    /// no forces.
+    pub fn handle_report(&self, handle: usize) -> Option<&HandleReport> {
+        self.handles.get(handle).map(|handle| &handle.report)
+    }
+
+    /// The configuration.
+    pub fn config(&self) -> &BodyConfig {
+        &self.config
+    }
+
+    /// Replaces what stops the solver.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Config`] for a tolerance that is negative or not finite.
+    pub fn set_budget(&mut self, budget: Budget) -> Result<(), BodyError> {
+        let config = BodyConfig {
+            tolerance: budget.tolerance,
+            absolute_tolerance: budget.absolute_tolerance,
+            max_iterations: budget.max_iterations,
+            ..self.config
+        };
+        config.check()?;
+        self.config = config;
+        Ok(())
+    }
+
+    /// The stiffness as last assembled, by node.
+    pub fn stiffness(&self) -> &BlockMatrix {
+        &self.stiffness
+    }
+
+    /// The node that a vertex became, or `None` past the last vertex.
+    pub fn node(&self, vertex: usize) -> Option<usize> {
+        self.node_of_vertex.get(vertex).map(|&node| node as usize)
+    }
+
+    /// Positions (m) by node.
+    pub fn node_positions(&self) -> &[Vec3] {
+        &self.x
+    }
+
+    /// Masses (kg) by node.
+    pub fn node_masses(&self) -> &[f64] {
+        &self.mass
+    }
+
+    fn by_vertex<'a>(&'a self, values: &'a [Vec3]) -> impl ExactSizeIterator<Item = Vec3> + 'a {
+        self.node_of_vertex
+            .iter()
+            .map(|&node| values[node as usize])
+    }
+
+    /// Positions of the vertices (m).
+    pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
+        self.by_vertex(&self.x)
+    }
+
+    /// Velocities of the vertices (m/s).
+    pub fn velocities(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
+        self.by_vertex(&self.v)
+    }
+
+    /// Elastic forces on the vertices where [`assemble`](Self::assemble) last ran (N).
+    pub fn internal_forces(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
+        self.by_vertex(&self.internal)
+    }
+
+    /// Replaces positions (m), one per vertex. Vertices of a handle return to its pose in the next step.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
+        check_vectors("positions", positions, self.x.len())?;
+        scatter(&self.node_of_vertex, positions, &mut self.x);
+        self.forget_promise();
+        self.revision += 1;
+        self.fresh = false;
+        Ok(())
+    }
+
+    /// Replaces velocities (m/s), one per vertex.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
+        check_vectors("velocities", velocities, self.x.len())?;
+        scatter(&self.node_of_vertex, velocities, &mut self.v);
+        self.forget_promise();
+        self.revision += 1;
+        Ok(())
+    }
+
+    /// Sets a constant force (N) on each vertex, beside gravity.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
+        check_vectors("external forces", forces, self.x.len())?;
+        scatter(&self.node_of_vertex, forces, &mut self.external);
+        self.revision += 1;
+        for (external, &load) in self.external.iter_mut().zip(&self.load) {
+            *external += self.config.gravity * load;
+        }
+        Ok(())
+    }
+
+    /// Sets which share of gravity and the host's forces acts; 1 at first. Load steps raise it from 0.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Config`] where it is not finite.
+    pub fn set_load_factor(&mut self, factor: f64) -> Result<(), BodyError> {
+        if !factor.is_finite() {
+            return Err(BodyError::Config {
+                field: "load_factor",
+                found: factor,
+                expected: "a finite number",
+            });
+        }
+        self.load_factor = factor;
+        self.revision += 1;
+        Ok(())
+    }
+
+    /// Guides vertices along those world axes that are `true`, where they are at rest until
+    /// [`set_support`](Self::set_support) moves them. Returns the support's number.
+    ///
+    /// Where supports share an axis of a vertex, the later one guides it.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Support`], [`BodyError::HeldAndGuided`].
+    pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
+        let support = self.supports.list.len();
+        let free = self.stiffness.free();
+        let mut nodes = Vec::with_capacity(vertices.len());
+        for &vertex in vertices {
+            let Some(&node) = self.node_of_vertex.get(vertex as usize) else {
+                return Err(BodyError::Support {
+                    support,
+                    found: "it names a vertex that does not exist",
+                });
+            };
+            let holds = |handle: &Handle| handle.nodes().contains(&(node as usize));
+            if let Some(handle) = self.handles.iter().position(holds) {
+                return Err(BodyError::HeldAndGuided {
+                    vertex,
+                    handle,
+                    support,
+                });
+            }
+            nodes.push(node);
+        }
+        self.supports.add(&nodes, axes, free, &self.x)
+    }
+
+    /// Moves a support's vertices to `displacement` (m) from where they were when it was added, in the next
+    /// solve; along axes that it does not guide, nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Support`] for a support that does not exist or a displacement that is not finite.
+    pub fn set_support(&mut self, support: usize, displacement: Vec3) -> Result<(), BodyError> {
+        let fail = |found| Err(BodyError::Support { support, found });
+        if !displacement.iter().all(|c| c.is_finite()) {
+            return fail("its displacement is not finite");
+        }
+        match self.supports.list.get_mut(support) {
+            Some(entry) => {
+                entry.displacement = displacement;
+                self.revision += 1;
+            }
+            None => return fail("it does not exist"),
+        }
+        Ok(())
+    }
+
+    /// Number of supports.
+    pub fn support_count(&self) -> usize {
+        self.supports.list.len()
+    }
+
+    /// Force of a support on the body along its axes in the last solve (N), or `None` past the last.
+    pub fn support_reaction(&self, support: usize) -> Option<Vec3> {
+        self.supports.list.get(support).map(|s| s.reaction)
+    }
+}
+
+fn scatter(node_of_vertex: &[u32], values: &[Vec3], nodes: &mut [Vec3]) {
+    for (&node, value) in node_of_vertex.iter().zip(values) {
+        nodes[node as usize] = *value;
+    }
+}
+
+fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result<(), BodyError> {
+    if values.len() != expected {
+        return Err(BodyError::Length {
+            what,
+            found: values.len(),
+            expected,
+        });
+    }
+    match values
+        .iter()
+        .position(|value| !value.iter().all(|c| c.is_finite()))
+    {
+        Some(vertex) => Err(BodyError::NotFinite { what, vertex }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,104 @@
+//! What rounding leaves unknown of positions, forces and energies.
+//!
+//! A coordinate `x` is kept to `eps |x|`. Elements compute from differences of positions, so their deformation gradient,
+//! whose entries are about one, is known to `eps`, as if their nodes were known to `eps` times the length of their
+//! edges. Both together are the uncertainty of a node's place; forces are known to the matrix times that, energies to
+//! the work of forces over that. How far a body lies from the origin therefore counts as much as rounding makes it
+//! count, and no body is so stiff that its forces are taken for rounding for that alone.
+
+use super::Body;
+use crate::Vec3;
+
+/// A few times the unit of rounding, 1.1e-16: what a sum over the entries of a gradient and over the elements at a node
+/// adds up to.
+const ROUNDING: f64 = 1e-15;
+/// Energies are sums over elements; each sum rounds.
+const SUMS: f64 = 1e-13;
+
+/// The lengths on which a body's rounding depends, for one topology.
+#[derive(Clone, Debug)]
+pub(crate) struct Rounding {
+    /// By free node, the longest way at rest to a node that it shares an element with (m).
+    reach: Vec<f64>,
+}
+
+/// What a change of energy loses by rounding (J).
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lost {
+    /// Twice the elastic energy of the uncertainty of all places.
+    pub(crate) elastic: f64,
+    /// What the elements' energies round to where they are: a law may be a difference of terms as large as its
+    /// modulus, whatever the strain.
+    pub(crate) elements: f64,
+    /// Work of the other forces over it.
+    pub(crate) work: f64,
+}
+
+/// The longest way at rest from a node to one that it shares an element with (m).
+pub(crate) fn reach(body: &Body, node: usize) -> f64 {
+    let (columns, _) = body.stiffness.row(node);
+    let way = |column: &u32| (body.rest[*column as usize] - body.rest[node]).amax();
+    columns.iter().map(way).fold(0.0, f64::max)
+}
+
+impl Rounding {
+    pub(crate) fn new(body: &Body) -> Self {
+        let nodes = 0..body.stiffness.free();
+        Self {
+            reach: nodes.map(|node| reach(body, node)).collect(),
+        }
+    }
+
+    /// Uncertainty of the place of a free node (m).
+    pub(crate) fn of_place(&self, body: &Body, node: usize) -> f64 {
+        ROUNDING * (body.x[node].amax() + self.reach[node])
+    }
+
+    /// What the energy of the elements at a free node of this stiffness rounds to (J).
+    pub(crate) fn of_element(&self, node: usize, stiffness: f64) -> f64 {
+        ROUNDING * stiffness * self.reach[node] * self.reach[node]
+    }
+
+    /// Norm of the residual that may be rounding (N), of a matrix `mass M + stiffness K`.
+    pub(crate) fn of_forces(&self, body: &Body, mass: f64, stiffness: f64) -> f64 {
+        let square = |node: usize| {
+            let matrix = body.stiffness.diagonal(node).amax() * stiffness + body.mass[node] * mass;
+            // Neighbours are as uncertain as the node itself.
+            let force = 2.0 * matrix * self.of_place(body, node);
+            force * force
+        };
+        libm::sqrt((0..self.reach.len()).map(square).sum())
+    }
+}
+
+impl Lost {
+    /// What cannot be told of a change from the elastic energy `elastic` (J). Forces do no more work over a motion than
+    /// twice the geometric mean of the body's energy and the motion's (Cauchy and Schwarz, for a quadratic energy).
+    pub(crate) fn of_energy(self, elastic: f64) -> f64 {
+        let elastic = elastic.abs();
+        SUMS * elastic
+            + libm::sqrt(2.0 * elastic * self.elastic)
+            + self.elastic
+            + self.elements
+            + self.work
+    }
+}
+
+impl Body {
+    /// The largest motion of a node from rest along an axis (m).
+    pub(crate) fn moved(&self) -> f64 {
+        let ways = self.x.iter().zip(&self.rest);
+        ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)
+    }
+
+    /// Longest edge of the box around the body at rest (m).
+    pub(crate) fn size(&self) -> f64 {
+        let corner = |pick: fn(f64, f64) -> f64| {
+            let first = self.rest.first().copied().unwrap_or_default();
+            self.rest
+                .iter()
+                .fold(first, |corner: Vec3, x| corner.zip_map(x, pick))
+        };
+        (corner(f64::max) - corner(f64::min)).amax()
+    }
+}

@@ -1,0 +1,137 @@
+//! Supports: vertices whose motion is prescribed along some of the world's axes and free along the others.
+//!
+//! A handle holds its vertices in all three axes and turns them with it; a support guides: a face that may
+//! slide, a plane of symmetry, a prescribed displacement. Guided nodes stay among the free ones; the solvers
+//! leave out what is guided (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
+
+use crate::Vec3;
+use crate::error::BodyError;
+
+/// Where a support guides its nodes, and what that took.
+#[derive(Clone, Debug)]
+pub(crate) struct Support {
+    /// From the rest shape (m); only the guided axes count.
+    pub(crate) displacement: Vec3,
+    /// Force of the support on the body in the last solve (N).
+    pub(crate) reaction: Vec3,
+}
+
+/// All supports of a body; empty vectors where there are none.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Supports {
+    pub(crate) list: Vec<Support>,
+    /// By free node and axis: 1 where it is free, 0 where it is guided.
+    mask: Vec<Vec3>,
+    /// By free node and axis: the support that guides it, counted from 1; 0 for none.
+    owner: Vec<[u16; 3]>,
+    /// Guided nodes, ascending.
+    guided: Vec<u32>,
+    /// Their rest positions (m).
+    rest: Vec<Vec3>,
+}
+
+impl Supports {
+    /// Memory that they hold (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.list.as_slice())
+            + size_of_val(self.mask.as_slice())
+            + size_of_val(self.owner.as_slice())
+            + size_of_val(self.guided.as_slice())
+            + size_of_val(self.rest.as_slice())
+    }
+
+    /// Adds a support of free nodes with the given rest positions, by node. Where supports share an axis of
+    /// a node, the later one guides it.
+    pub(crate) fn add(
+        &mut self,
+        nodes: &[u32],
+        axes: [bool; 3],
+        free: usize,
+        rest: &[Vec3],
+    ) -> Result<usize, BodyError> {
+        let support = self.list.len();
+        let fail = |found| Err(BodyError::Support { support, found });
+        if nodes.is_empty() {
+            return fail("it has no vertices");
+        }
+        if axes == [false; 3] {
+            return fail("it guides no axis");
+        }
+        if support >= usize::from(u16::MAX) {
+            return fail("there are too many supports");
+        }
+        self.mask.resize(free, Vec3::repeat(1.0));
+        self.owner.resize(free, [0; 3]);
+        for &node in nodes {
+            for axis in 0..3 {
+                if axes[axis] {
+                    self.mask[node as usize][axis] = 0.0;
+                    self.owner[node as usize][axis] = support as u16 + 1;
+                }
+            }
+        }
+        self.guided = (0..free as u32)
+            .filter(|&node| self.owner[node as usize] != [0; 3])
+            .collect();
+        self.rest = self
+            .guided
+            .iter()
+            .map(|&node| rest[node as usize])
+            .collect();
+        self.list.push(Support {
+            displacement: Vec3::zeros(),
+            reaction: Vec3::zeros(),
+        });
+        Ok(support)
+    }
+
+    /// By free node and axis: 1 where it is free, 0 where it is guided; `None` without supports.
+    pub(crate) fn mask(&self) -> Option<&[Vec3]> {
+        (!self.mask.is_empty()).then_some(&self.mask)
+    }
+
+    /// Sets the guided parts of `u` to what takes the nodes at `x` to where they are guided, `share` of the
+    /// way.
+    pub(crate) fn prescribe(&self, x: &[Vec3], share: f64, u: &mut [Vec3]) {
+        for (&node, rest) in self.guided.iter().zip(&self.rest) {
+            let node = node as usize;
+            for axis in 0..3 {
+                let owner = self.owner[node][axis];
+                if owner > 0 {
+                    let support = &self.list[usize::from(owner) - 1];
+                    let way = rest[axis] + support.displacement[axis] - x[node][axis];
+                    u[node][axis] = way * share;
+                }
+            }
+        }
+    }
+
+    /// The most work (J) that the supports can have done where they gave `force` and moved a node by `moved`.
+    pub(crate) fn work(&self, force: impl Fn(usize) -> Vec3, moved: impl Fn(usize) -> Vec3) -> f64 {
+        let nodes = self.guided.iter().map(|&node| node as usize);
+        nodes
+            .map(|node| {
+                let guided = Vec3::repeat(1.0) - self.mask[node];
+                let work = force(node).component_mul(&moved(node)).abs();
+                work.dot(&guided)
+            })
+            .sum()
+    }
+
+    /// Sums the forces that the supports must give, from the imbalance of each guided node.
+    pub(crate) fn collect_reactions(&mut self, imbalance: impl Fn(usize) -> Vec3) {
+        for support in &mut self.list {
+            support.reaction = Vec3::zeros();
+        }
+        for &node in &self.guided {
+            let node = node as usize;
+            let force = imbalance(node);
+            for axis in 0..3 {
+                let owner = self.owner[node][axis];
+                if owner > 0 {
+                    self.list[usize::from(owner) - 1].reaction[axis] += force[axis];
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,397 @@
+//! What the shapes that hands give a body come to between handles: small dense matrices.
+//!
+//! See [`condense`](crate::condense::condenser) for the method. This half knows nothing of how the shapes were found: it
+//! needs them on the free nodes, and what the stiffness makes of them on the held ones.
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::handle::Freedom;
+use crate::linear::dense::{Clip, Clipper, Square};
+
+/// The condensed matrices of all handles of a body.
+///
+/// Each is 6 H x 6 H for H handles: three translations (m, N), then three rotations (rad, N m) about the
+/// handle's origin, in world axes, for each handle in turn. Rows and columns of motions that a handle does
+/// not answer to are zero. They give the wrench of the hand on the body for a motion of the handle;
+/// the wrench on the hand has the opposite sign.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Condensed {
+    /// Tangent stiffness, symmetric and positive semidefinite.
+    pub stiffness: Square,
+    /// Tangent damping, symmetric and positive semidefinite.
+    pub damping: Square,
+    /// `Psi^T K Psi` with the lever term, neither symmetrized nor clipped.
+    pub raw_stiffness: Square,
+    /// `Psi^T C Psi`, neither symmetrized nor clipped.
+    pub raw_damping: Square,
+    /// `Psi^T M Psi`: for checks, it is not to be extrapolated.
+    pub mass: Square,
+    /// Rate of the wrench on the hand beside what the stiffness makes of the handles' velocities (N/s, N m/s), 6 H
+    /// numbers: `w0' + K v0`, where `w0'` is the mean rate of the wrench over the period if the handles go on at `v0`.
+    pub drift: Vec<f64>,
+    /// What clipping took from the stiffness.
+    pub stiffness_clip: Clip,
+    /// What clipping took from the damping.
+    pub damping_clip: Clip,
+    /// The length (m) by which rotations were made comparable to translations for clipping.
+    pub length: f64,
+}
+
+/// A motion of a handle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Column {
+    pub(crate) handle: usize,
+    /// 0 to 2: translation; 3 to 5: rotation.
+    pub(crate) motion: usize,
+}
+
+impl Column {
+    fn slot(self) -> usize {
+        6 * self.handle + self.motion
+    }
+
+    /// The velocity of a point at `arm` from the origin.
+    pub(crate) fn at(self, arm: &Vec3) -> Vec3 {
+        let axis = Vec3::ith(self.motion % 3, 1.0);
+        if self.motion < 3 {
+            axis
+        } else {
+            axis.cross(arm)
+        }
+    }
+}
+
+/// When the last model was told (s of the body's clock), and for which ratio of mass to stiffness.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    at: f64,
+    ratio: f64,
+}
+
+/// Rates of forces are smoothed over so many periods, for a jolt of one step is no trend,
+const SMOOTHED: f64 = 2.0;
+/// and over this time at most (s).
+const LONGEST_SMOOTHED: f64 = 0.01;
+
+/// What is added to the drift is at most this fraction of the rate at which the stiffness lets the wrench change. In steady
+/// motion it is some hundredths; where a strip snaps a step misses far more than it promised, and that is no trend.
+const MOST_BESIDE: f64 = 0.25;
+
+/// Shapes of one body, and the matrices that follow from them.
+#[derive(Clone, Debug)]
+pub(crate) struct Reduction {
+    pub(crate) columns: Vec<Column>,
+    /// The handle of each handle node.
+    pub(crate) holder: Vec<u32>,
+    /// For each handle, its columns as a range.
+    pub(crate) range: Vec<core::ops::Range<usize>>,
+    /// `Psi` on the free nodes, by columns.
+    pub(crate) shapes: Vec<f64>,
+    /// `K Psi` on the held nodes, by columns.
+    pub(crate) pulls: Vec<Vec3>,
+    /// Present arm of each handle node from its handle's origin (m).
+    pub(crate) arms: Vec<Vec3>,
+    /// `Psi_f^T M Psi_f` over columns.
+    inner: Square,
+    clipper: Clipper,
+    scale: Vec<f64>,
+    /// Velocities of the handles, by columns.
+    speeds: Vec<f64>,
+    /// The drift that inertia makes, and what is added to it, in the last model; by columns.
+    inertia: Vec<f64>,
+    trend: Vec<f64>,
+    told: Told,
+    pub(crate) condensed: Condensed,
+}
+
+impl Reduction {
+    pub(crate) fn new(body: &Body) -> Self {
+        let mut columns = Vec::new();
+        let mut range = Vec::new();
+        let mut holder = Vec::new();
+        let mut squares = 0.0;
+        let mut counted = 0;
+        for (handle, held) in body.handles.iter().enumerate() {
+            let first = columns.len();
+            columns.extend((0..held.freedom.count()).map(|motion| Column { handle, motion }));
+            range.push(first..columns.len());
+            holder.extend(held.offsets.iter().map(|_| handle as u32));
+            if held.freedom == Freedom::Rigid {
+                squares += held.offsets.iter().map(Vec3::norm_squared).sum::<f64>();
+                counted += held.offsets.len();
+            }
+        }
+        let size = 6 * body.handles.len();
+        let length = characteristic_length(squares, counted, &body.x);
+        let zeros = || Square::zeros(size);
+        Self {
+            shapes: vec![0.0; columns.len() * 3 * body.stiffness.free()],
+            pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
+            arms: vec![Vec3::zeros(); holder.len()],
+            inner: Square::zeros(columns.len()),
+            clipper: Clipper::new(size),
+            scale: (0..size)
+                .map(|slot| if slot % 6 < 3 { 1.0 } else { length })
+                .collect(),
+            speeds: vec![0.0; columns.len()],
+            inertia: vec![0.0; columns.len()],
+            trend: vec![0.0; columns.len()],
+            told: Told {
+                at: f64::NAN,
+                ratio: f64::NAN,
+            },
+            columns,
+            holder,
+            range,
+            condensed: Condensed {
+                stiffness: zeros(),
+                damping: zeros(),
+                raw_stiffness: zeros(),
+                raw_damping: zeros(),
+                mass: zeros(),
+                drift: vec![0.0; size],
+                stiffness_clip: Clip::default(),
+                damping_clip: Clip::default(),
+                length,
+            },
+        }
+    }
+
+    /// Whether it was made for such a body.
+    pub(crate) fn fits(&self, body: &Body) -> bool {
+        self.holder.len() == body.grip.len() && self.range.len() == body.handles.len()
+    }
+
+    /// The arms as they are now.
+    pub(crate) fn take_arms(&mut self, body: &Body) {
+        let free = body.stiffness.free();
+        for handle in &body.handles {
+            for node in handle.nodes() {
+                self.arms[node - free] = body.x[node] - handle.report.pose.position;
+            }
+        }
+    }
+
+    /// The matrices, from shapes, pulls and arms; `ratio` is that of mass to stiffness in the matrix for which
+    /// the shapes were found (1/s^2); `missed`, by node, is what the tangent misses (N/s).
+    pub(crate) fn reduce(
+        &mut self,
+        body: &Body,
+        ratio: f64,
+        period: f64,
+        missed: &[Vec3],
+    ) -> &Condensed {
+        self.products(body, ratio);
+        self.publish(body);
+        self.foresee(body, ratio, period, missed);
+        &self.condensed
+    }
+
+    /// The drift, from the shapes and the velocities of the free nodes.
+    ///
+    /// One implicit Euler step of the linearized body as long as the period, with the handles going on at `v0`, makes
+    /// the wrench on the hands change by
+    ///
+    /// ```text
+    /// w0' t = -(K_c + r Psi_f^T M Psi_f) v0 t + r t Psi_f^T M v_f + Psi_f^T M a_f
+    /// ```
+    ///
+    /// with `K_c = Psi^T K Psi`, `r` the ratio of mass to stiffness in the matrix of the shapes, and `v_f`, `a_f` the
+    /// present velocities and accelerations of the free nodes (`K_hf A_ff^-1` is `-Psi_f^T` but for a factor, so that no
+    /// element is asked again). The accelerations are left out: they hold the tremor of the hand, and nothing of a
+    /// steady motion. What is left beside the stiffness is `p = r Psi_f^T M (v_f - Psi_f v0)`: nothing where the body
+    /// moves as its shapes say, and motions quicker than the period count the less the quicker they are.
+    ///
+    /// Two things are added to it, smoothed over a few periods. What the tangent misses along the motion changes the
+    /// wrench by `Psi^T g`, where `g` is its rate on the nodes: a force on a free node reaches the hands by the shapes.
+    /// And what `p` is to the stiffness, `beta p` is to the damping: it takes all of a change of the hands' velocities
+    /// for news, though the body follows. Its rate is that of `p` since the last model.
+    fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
+        let rows = 3 * body.stiffness.free();
+        for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
+            let report = &body.handles[column.handle].report;
+            *speed = if column.motion < 3 {
+                report.linear_velocity[column.motion]
+            } else {
+                report.angular_velocity[column.motion - 3]
+            };
+        }
+        let Condensed {
+            stiffness,
+            raw_stiffness,
+            drift,
+            ..
+        } = &mut self.condensed;
+        drift.fill(0.0);
+        let since = body.clock - self.told.at;
+        let goes_on = self.told.ratio == ratio && since >= 0.0;
+        self.told = Told {
+            at: body.clock,
+            ratio,
+        };
+        // Without a model before, what is missed now is all there is.
+        let share = if goes_on {
+            since / (since + (SMOOTHED * period).min(LONGEST_SMOOTHED))
+        } else {
+            1.0
+        };
+        let damped = if goes_on && since > 0.0 {
+            body.config.stiffness_damping / since
+        } else {
+            0.0
+        };
+        for (c, column) in self.columns.iter().enumerate() {
+            let shape = &self.shapes[c * rows..(c + 1) * rows];
+            let mut sum = momentum(shape, &body.v, &body.mass);
+            let (mut clipped, mut rate) = (0.0, 0.0);
+            for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
+                let at = (column.slot(), other.slot());
+                sum -= self.inner[(c, r)] * speed;
+                clipped += (stiffness[at] - raw_stiffness[at]) * speed;
+                rate += (stiffness[at] * speed).abs();
+            }
+            let inertia = ratio * sum;
+            let mut beside = along(shape, missed) + damped * (inertia - self.inertia[c]);
+            for ((&holder, arm), missed) in
+                self.holder.iter().zip(&self.arms).zip(&missed[rows / 3..])
+            {
+                if holder as usize == column.handle {
+                    beside += column.at(arm).dot(missed);
+                }
+            }
+            let most = MOST_BESIDE * rate;
+            let beside = beside.max(-most).min(most);
+            let trend = self.trend[c] + share * (beside - self.trend[c]);
+            // A number that overflowed must not live on in all that follow.
+            self.trend[c] = if trend.is_finite() { trend } else { 0.0 };
+            self.inertia[c] = inertia;
+            drift[column.slot()] = inertia + clipped + self.trend[c];
+        }
+    }
+
+    /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
+    fn products(&mut self, body: &Body, ratio: f64) {
+        let free = body.stiffness.free();
+        let rows = 3 * free;
+        let count = self.columns.len();
+        for c in 0..count {
+            for r in 0..=c {
+                let left = &self.shapes[r * rows..(r + 1) * rows];
+                let right = &self.shapes[c * rows..(c + 1) * rows];
+                let value = mass_product(left, right, &body.mass[..free]);
+                self.inner[(r, c)] = value;
+                self.inner[(c, r)] = value;
+            }
+        }
+        let stiffness = &mut self.condensed.raw_stiffness;
+        let mass = &mut self.condensed.mass;
+        stiffness.fill(0.0);
+        mass.fill(0.0);
+        for c in 0..count {
+            for r in 0..count {
+                let at = (self.columns[r].slot(), self.columns[c].slot());
+                stiffness[at] = -ratio * self.inner[(r, c)];
+                mass[at] = self.inner[(r, c)];
+            }
+        }
+        for (held, arm) in self.arms.iter().enumerate() {
+            let row = free + held;
+            let own = self.range[self.holder[held] as usize].clone();
+            if own.is_empty() {
+                continue;
+            }
+            for (c, column) in self.columns.iter().enumerate() {
+                let force = self.pulls[c * self.holder.len() + held];
+                for motion in &self.columns[own.clone()] {
+                    stiffness[(motion.slot(), column.slot())] += motion.at(arm).dot(&force);
+                }
+            }
+            for column in &self.columns[own.clone()] {
+                let shape = column.at(arm);
+                for motion in &self.columns[own.clone()] {
+                    let at = (motion.slot(), column.slot());
+                    mass[at] += body.mass[row] * motion.at(arm).dot(&shape);
+                }
+            }
+        }
+    }
+
+    /// Damping, lever term, symmetrizing and clipping.
+    fn publish(&mut self, body: &Body) {
+        let Condensed {
+            stiffness,
+            damping,
+            raw_stiffness,
+            raw_damping,
+            mass,
+            stiffness_clip,
+            damping_clip,
+            ..
+        } = &mut self.condensed;
+        let (alpha, beta) = (body.config.mass_damping, body.config.stiffness_damping);
+        for j in 0..mass.size() {
+            for i in 0..mass.size() {
+                raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
+            }
+        }
+        for (held, (arm, force)) in self.arms.iter().zip(&body.grip).enumerate() {
+            let own = self.range[self.holder[held] as usize].clone();
+            for column in self.columns[own.clone()]
+                .iter()
+                .filter(|column| column.motion >= 3)
+            {
+                let change = column.at(arm).cross(force);
+                for motion in self.columns[own.clone()]
+                    .iter()
+                    .filter(|row| row.motion >= 3)
+                {
+                    raw_stiffness[(motion.slot(), column.slot())] += change[motion.motion - 3];
+                }
+            }
+        }
+        stiffness.copy_from(raw_stiffness);
+        stiffness.symmetrize();
+        damping.copy_from(raw_damping);
+        damping.symmetrize();
+        *stiffness_clip = self.clipper.clip(stiffness, &self.scale);
+        *damping_clip = self.clipper.clip(damping, &self.scale);
+    }
+}
+
+/// `sum m_i a_i . b_i`, in three running sums so that additions need not wait for each other.
+fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
+    let mut sum = [0.0; 3];
+    for ((a, b), &mass) in a.chunks_exact(3).zip(b.chunks_exact(3)).zip(mass) {
+        for axis in 0..3 {
+            sum[axis] += mass * a[axis] * b[axis];
+        }
+    }
+    sum[0] + sum[1] + sum[2]
+}
+
+/// `sum a_i . f_i` over the free nodes.
+fn along(shape: &[f64], force: &[Vec3]) -> f64 {
+    let mut sum = Vec3::zeros();
+    for (a, f) in shape.chunks_exact(3).zip(force) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(f);
+    }
+    sum.sum()
+}
+
+/// `sum m_i a_i . v_i` over the free nodes.
+fn momentum(shape: &[f64], velocity: &[Vec3], mass: &[f64]) -> f64 {
+    let mut sum = Vec3::zeros();
+    for ((a, v), &mass) in shape.chunks_exact(3).zip(velocity).zip(mass) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(v) * mass;
+    }
+    sum.sum()
+}
+
+/// The root mean square of the rigid handles' offsets, or of the body's extent where they have none.
+fn characteristic_length(squares: f64, count: usize, x: &[Vec3]) -> f64 {
+    if squares > 0.0 {
+        return libm::sqrt(squares / count as f64);
+    }
+    let centre = x.iter().sum::<Vec3>() / x.len() as f64;
+    libm::sqrt(x.iter().map(|x| (x - centre).norm_squared()).sum::<f64>() / x.len() as f64)
+}

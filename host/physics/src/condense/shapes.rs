@@ -1,0 +1,253 @@
+//! Local models at the rate of the steps: shapes that are kept up instead of found anew.
+//!
+//! What [`Condenser`](crate::condense::condenser::Condenser) finds with a factorization of its own, conjugate gradients on the
+//! stepper's frozen factor find from the shapes of last time: a body's shapes change little from one model to
+//! the next. Columns may be renewed in turn, a few with each model; the others are then a little older.
+
+use super::reduction::{Condensed, Reduction};
+use crate::Vec3;
+use crate::body::Body;
+use crate::error::CondenseError;
+use crate::lanes::{Real, to_node, to_vec};
+use crate::motion::stepper::{Limits, Stepper};
+
+/// How shapes are kept up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShapeOptions {
+    /// The residual of a shape to reach, as a share of the forces that make it.
+    pub tolerance: f64,
+    /// Most iterations for a shape at a time.
+    pub max_iterations: usize,
+    /// How many shapes are renewed with each model, in turn; the first model has them all.
+    pub at_a_time: usize,
+}
+
+impl Default for ShapeOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-5,
+            max_iterations: 50,
+            at_a_time: usize::MAX,
+        }
+    }
+}
+
+/// How a model was found.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ShapeReport {
+    /// Shapes renewed.
+    pub renewed: usize,
+    /// Iterations, all together.
+    pub iterations: usize,
+    /// The worst residual of a renewed shape, as a share of the forces that make it.
+    pub residual: f64,
+}
+
+/// The shapes of a body, kept from one local model to the next; none at first.
+#[derive(Debug, Default)]
+pub struct Shapes {
+    kept: Option<Box<Kept>>,
+}
+
+/// The shapes of a body that one stepper moves.
+#[derive(Debug)]
+struct Kept {
+    reduction: Reduction,
+    /// Factors of mass and stiffness for which they are found.
+    factors: (f64, f64),
+    /// The norm of the forces that make each, from when it was first found (N).
+    references: Vec<f64>,
+    next: usize,
+    /// The linearization for which they are found, and how many of them.
+    state: u64,
+    current: usize,
+    /// What the tangent misses, by node (N/s).
+    missed: Vec<Vec3>,
+}
+
+/// A turn makes forces of at least this share of what a translation by the handles' length makes: a handle whose
+/// vertices lie on its axis makes none, and a share of none is no goal.
+const LEAST_TURN: f64 = 1e-3;
+
+impl Kept {
+    /// The least norm of the forces that a column is taken to make (N).
+    fn least_reference(&self, column: usize) -> f64 {
+        let found = self.references[..column].iter().copied();
+        let largest = found.fold(f64::MIN_POSITIVE, f64::max);
+        if self.reduction.columns[column].motion < 3 {
+            f64::MIN_POSITIVE
+        } else {
+            LEAST_TURN * self.reduction.condensed.length * largest
+        }
+    }
+}
+
+impl Shapes {
+    /// Condenses the body that `stepper` moves onto its handles as they are after the last step, for local models published every
+    /// `period` seconds. Allocates the first time.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`].
+    pub fn condense<T: Real>(
+        &mut self,
+        stepper: &mut Stepper<T>,
+        body: &Body,
+        period: f64,
+        options: &ShapeOptions,
+    ) -> Result<(&Condensed, ShapeReport), CondenseError> {
+        if !(period > 0.0 && period.is_finite()) {
+            return Err(CondenseError::Period { found: period });
+        }
+        if !stepper.is_ready() {
+            return Err(CondenseError::NotAssembled);
+        }
+        let factors = (
+            1.0 / (period * period) + body.config.mass_damping / period,
+            1.0 + body.config.stiffness_damping / period,
+        );
+        let mut shapes = match self.kept.take() {
+            Some(shapes) if shapes.factors == factors => shapes,
+            _ => {
+                let reduction = Reduction::new(body);
+                Box::new(Kept {
+                    references: vec![0.0; reduction.columns.len()],
+                    reduction,
+                    factors,
+                    next: 0,
+                    state: 0,
+                    current: 0,
+                    missed: vec![Vec3::zeros(); body.x.len()],
+                })
+            }
+        };
+        stepper.see_missed(body, &mut shapes.missed);
+        let report = stepper.renew(body, &mut shapes, options);
+        let shapes = self.kept.insert(shapes);
+        let condensed =
+            shapes
+                .reduction
+                .reduce(body, factors.0 / factors.1, period, &shapes.missed);
+        Ok((condensed, report))
+    }
+}
+
+impl<T: Real> Stepper<T> {
+    /// Finds by how much elastic forces at the end of the last step are not those that its linearization promised; nothing
+    /// where shapes have been renewed since. The step's own equation tells what `K u` was: no product is needed.
+    fn see_missed(&mut self, body: &Body, missed: &mut [Vec3]) {
+        let Some(step) = self.stepped.take() else {
+            return;
+        };
+        if !step.whole {
+            missed.fill(Vec3::zeros());
+            return;
+        }
+        let h = step.length;
+        let drag = body.config.mass_damping;
+        let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        for (place, &node) in self.node.iter().enumerate() {
+            let node = node as usize;
+            let (old, new) = (to_vec(&self.history[place][0]), body.v[node]);
+            let inertia = (old - new) / h - new * drag;
+            let external = body.external[node] * body.load_factor;
+            let before = to_vec(&self.began[place]);
+            let acting = before + external + inertia * self.mass[place];
+            let fallen = (acting - to_vec(&self.residual[place])) / stiffness_factor;
+            missed[node] = (to_vec(&self.force[place]) - before + fallen) / h;
+        }
+    }
+
+    fn renew(&mut self, body: &Body, shapes: &mut Kept, options: &ShapeOptions) -> ShapeReport {
+        let count = shapes.reduction.columns.len();
+        shapes.reduction.take_arms(body);
+        let cold = shapes.references.contains(&0.0);
+        if shapes.state != self.state {
+            shapes.state = self.state;
+            shapes.current = 0;
+        }
+        // A body that has not moved keeps its shapes.
+        let left = count - shapes.current;
+        let turns = if cold {
+            left
+        } else {
+            options.at_a_time.min(left)
+        };
+        shapes.current += turns;
+        let mut report = ShapeReport::default();
+        for _ in 0..turns {
+            let column = shapes.next;
+            shapes.next = (column + 1) % count;
+            if shapes.references[column] == 0.0 {
+                self.lay(body, shapes, column);
+                let found = self.norm().max(shapes.least_reference(column));
+                shapes.references[column] = found;
+            }
+            self.lay(body, shapes, column);
+            let goal = options.tolerance * shapes.references[column];
+            let limits = Limits {
+                goal,
+                start: goal,
+                max_iterations: options.max_iterations,
+            };
+            let found = self.iterate(shapes.factors, limits, &mut || false);
+            self.keep(shapes, column);
+            report.renewed += 1;
+            report.iterations += found.iterations;
+            report.residual = report
+                .residual
+                .max(found.residual / shapes.references[column]);
+        }
+        report
+    }
+
+    /// Puts a column and its residual where conjugate gradients work; a column never found is zero.
+    fn lay(&mut self, body: &Body, shapes: &Kept, column: usize) {
+        let Kept {
+            reduction,
+            factors: (mass_factor, stiffness_factor),
+            ..
+        } = shapes;
+        let free = self.free;
+        let shape = &reduction.shapes[3 * free * column..3 * free * (column + 1)];
+        let motion = reduction.columns[column];
+        for place in 0..self.u.len() {
+            let node = self.node[place] as usize;
+            let u = if node < free {
+                Vec3::new(shape[3 * node], shape[3 * node + 1], shape[3 * node + 2])
+            } else if reduction.holder[node - free] as usize == motion.handle {
+                motion.at(&reduction.arms[node - free])
+            } else {
+                Vec3::zeros()
+            };
+            self.u[place] = to_node(&u);
+            self.residual[place] = to_node(&(u * (-mass_factor * body.mass[node])));
+        }
+        for kernel in &self.kernels {
+            kernel.product(T::of(-stiffness_factor), &self.u, &mut self.residual);
+        }
+    }
+
+    /// Takes a column back, with what the stiffness makes of it on held nodes.
+    fn keep(&mut self, shapes: &mut Kept, column: usize) {
+        let (mass_factor, stiffness_factor) = shapes.factors;
+        let free = self.free;
+        let Reduction {
+            shapes: all,
+            pulls,
+            holder,
+            ..
+        } = &mut shapes.reduction;
+        let shape = &mut all[3 * free * column..3 * free * (column + 1)];
+        for place in 0..self.u.len() {
+            let node = self.node[place] as usize;
+            let u = to_vec(&self.u[place]);
+            if node < free {
+                shape[3 * node..3 * node + 3].copy_from_slice(u.as_slice());
+            } else {
+                let force = -to_vec(&self.residual[place]) - u * (mass_factor * self.mass[place]);
+                pulls[column * holder.len() + node - free] = force / stiffness_factor;
+            }
+        }
+    }
+}

@@ -1,0 +1,72 @@
+//! Bytes and operations of a pass over arrays.
+
+use core::ops::Add;
+
+/// What a pass must do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Bytes read.
+    pub read: usize,
+    /// Bytes written.
+    pub written: usize,
+    /// Bytes of the memory in which both lie: what a cache would have to hold.
+    pub touched: usize,
+    /// Operations on floating-point numbers.
+    pub flops: usize,
+}
+
+impl Cost {
+    /// Something of so many bytes is read.
+    pub(crate) fn read(bytes: usize) -> Self {
+        Self {
+            read: bytes,
+            touched: bytes,
+            ..Self::default()
+        }
+    }
+
+    /// Something of so many bytes is written.
+    pub(crate) fn write(bytes: usize) -> Self {
+        Self {
+            written: bytes,
+            touched: bytes,
+            ..Self::default()
+        }
+    }
+
+    /// Something of so many bytes is read and written.
+    pub(crate) fn update(bytes: usize) -> Self {
+        Self {
+            read: bytes,
+            written: bytes,
+            touched: bytes,
+            flops: 0,
+        }
+    }
+
+    /// So many operations.
+    pub(crate) fn flops(flops: usize) -> Self {
+        Self {
+            flops,
+            ..Self::default()
+        }
+    }
+
+    /// The same with nothing touched: another pass over what is counted already.
+    pub(crate) fn again(self) -> Self {
+        Self { touched: 0, ..self }
+    }
+}
+
+impl Add for Cost {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            read: self.read + other.read,
+            written: self.written + other.written,
+            touched: self.touched + other.touched,
+            flops: self.flops + other.flops,
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! A set of elements of one kind, as a body sees it.
+//!
+//! A body is one or more such sets over the same nodes. Each set keeps its own arrays over its elements
+//! and runs its own loops; the body asks for whole sums only, so nothing is decided element by element.
+//! Constructors number vertices as the mesh does; the body then renumbers them into nodes.
+
+use super::tet4::Tet;
+use super::tet10::QuadraticTet;
+use super::triangle::triangles::Triangle;
+use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
+use crate::material::Tangent;
+use crate::material::law::Frame;
+use crate::material::law::isotropic::PointLaw;
+use crate::{Mat3, Vec3};
+use core::fmt;
+
+/// A set of elements of one kind.
+pub trait Elements: fmt::Debug + Send + Sync {
+    /// Number of elements.
+    fn count(&self) -> usize;
+
+    /// Nodes of an element.
+    fn nodes(&self, element: usize) -> &[u32];
+
+    /// Replaces each vertex by its node.
+    fn renumber(&mut self, node_of_vertex: &[u32]);
+
+    /// Looks up where the elements' blocks lie in `matrix`.
+    fn bind(&mut self, matrix: &BlockMatrix);
+
+    /// Adds each node's lumped mass (kg) to `mass`, and to `load` what a body force is multiplied by: the
+    /// integral of the density times the node's shape function (kg). The two differ for quadratic elements.
+    fn add_mass(&self, mass: &mut [f64], load: &mut [f64]);
+
+    /// Elastic energy (J) at node positions `x`.
+    fn energy(&self, x: &[Vec3]) -> f64;
+
+    /// Adds the elastic forces (N) at node positions `x` to `force`, and the tangent (N/m) to `stiffness`.
+    fn assemble(
+        &self,
+        x: &[Vec3],
+        tangent: Tangent,
+        force: &mut [Vec3],
+        stiffness: &mut BlockMatrix,
+    );
+
+    /// Memory that they hold (bytes).
+    fn bytes(&self) -> usize;
+
+    /// Number of elements that are turned inside out at `x`. A sheet has no inside.
+    fn inverted(&self, x: &[Vec3]) -> usize;
+
+    /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
+    fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
+
+    /// The elements as linear tetrahedra under Hooke's law in a frame, where that is what they are.
+    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
+        None
+    }
+
+    /// The elements as quadratic tetrahedra under Hooke's law in a frame, where that is what they are.
+    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
+        None
+    }
+
+    /// The elements as linear tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
+        None
+    }
+
+    /// The elements as quadratic tetrahedra of a law in principal axes, where that is what they are.
+    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
+        None
+    }
+
+    /// The elements as corotational membrane triangles, where that is what they are.
+    fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
+        None
+    }
+
+    /// A copy.
+    fn boxed(&self) -> Box<dyn Elements>;
+}
+
+impl Clone for Box<dyn Elements> {
+    fn clone(&self) -> Self {
+        self.boxed()
+    }
+}
+
+/// Replaces each vertex by its node.
+pub(crate) fn renumber<const N: usize>(elements: &mut [[u32; N]], node_of_vertex: &[u32]) {
+    for nodes in elements {
+        *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
+    }
+}
+
+/// Where the blocks of each element lie in `matrix`; of none where it lacks some.
+pub(crate) fn slots<const N: usize>(
+    elements: impl Iterator<Item = [u32; N]>,
+    matrix: &BlockMatrix,
+) -> Vec<ElementSlots<N>> {
+    let slots = elements.map(|nodes| matrix.element_slots(nodes));
+    slots.collect::<Option<_>>().unwrap_or_default()
+}

@@ -1,0 +1,45 @@
+//! A triangle at rest: an orthonormal frame in its plane, the gradients of its hat functions there, its area.
+
+use crate::Vec3;
+use crate::error::BodyError;
+
+/// `g_1`, `g_2` in the triangle's rest frame and its rest area, or `None` where it has none.
+///
+/// The frame's first axis runs along the first edge; the triangle is counterclockwise in it.
+pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
+    let e1 = x[1] - x[0];
+    let e2 = x[2] - x[0];
+    let longest = e1.norm().max(e2.norm()).max((e2 - e1).norm());
+    let twice_area = e1.cross(&e2).norm();
+    // Thinner than this, the gradients would carry no correct digits in strain.
+    if twice_area <= 1e-10 * longest * longest || twice_area.is_nan() {
+        return None;
+    }
+    let length = e1.norm();
+    let along = e1.dot(&e2) / length;
+    let height = twice_area / length;
+    Some((
+        [
+            [1.0 / length, -along / (length * height)],
+            [0.0, 1.0 / height],
+        ],
+        0.5 * twice_area,
+    ))
+}
+
+/// The axes in space of the frame of [`rest_frame`], of a triangle that has one.
+pub(crate) fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
+    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
+    let along = e1.normalize();
+    [along, e1.cross(&e2).normalize().cross(&along)]
+}
+
+/// The error that names a triangle without a frame.
+pub(crate) fn degenerate(triangle: usize, x: [&Vec3; 3]) -> BodyError {
+    let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
+    BodyError::Degenerate {
+        triangle,
+        area: 0.5 * e1.cross(&e2).norm(),
+        edge: e1.norm().max(e2.norm()).max((e2 - e1).norm()),
+    }
+}

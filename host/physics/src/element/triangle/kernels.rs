@@ -1,0 +1,271 @@
+//! What is computed on blocks of triangles, once for each width of vector instructions.
+//!
+//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet_kernels`), so nothing branches:
+//! both sides of a choice are computed and one is selected.
+
+use crate::lanes::block::{LANES, Lanes, less, plus};
+use crate::lanes::{Node, Real};
+use crate::polar::surface_lanes::{Vector, combine, dot, larger, out_of_plane, polar, sum, times};
+#[cfg(not(palpate_one_version))]
+use multiversion::multiversion;
+
+/// The vectors of two nodes of each element, filled up like nodes.
+type Pairs<T> = [[Node<T>; LANES]; 2];
+
+/// The stiffness by displacements of the second and third node from the first: a symmetric 6 x 6 matrix, that is
+/// block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
+pub(crate) const ENTRIES: usize = 21;
+pub(crate) const BLOCK_11: usize = 0;
+pub(crate) const BLOCK_12: usize = 6;
+pub(crate) const BLOCK_22: usize = 15;
+
+/// Operations of a linearization for each element: differences 6, `F - I` 18, the polar decomposition 147, stress,
+/// energy and forces 45, the tangent in its plane and out of it 216, and the sums of forces 12.
+pub(crate) const LINEARIZE_FLOPS: usize = 6 + 18 + 147 + 45 + 216 + 12;
+
+/// Of a product: differences 6, scaled 6, times a symmetric matrix of 6 x 6 66, and the sums of forces 12.
+pub(crate) const PRODUCT_FLOPS: usize = 6 + 6 + 66 + 12;
+
+/// What does not change of a block.
+#[derive(Clone, Debug)]
+pub(crate) struct Rest<T> {
+    /// Component `j` of the gradient of node `a + 1` in row `2 a + j` (1/m).
+    pub(crate) gradients: [Lanes<T>; 4],
+    /// The two axes of the rest frame in space.
+    pub(crate) frame: [Lanes<T>; 6],
+    /// Lamé's parameters times the volume (N m); zero where the block is filled up.
+    pub(crate) mu: Lanes<T>,
+    pub(crate) lambda: Lanes<T>,
+}
+
+/// Elements by block.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Blocks<T> {
+    pub(crate) nodes: Vec<[[u32; 3]; LANES]>,
+    pub(crate) rest: Vec<Rest<T>>,
+    pub(crate) stiffness: Vec<[Lanes<T>; ENTRIES]>,
+}
+
+/// One element of a block at rest.
+struct Shape<T> {
+    g: [[T; 2]; 2],
+    frame: [Vector<T>; 2],
+    mu: T,
+    lambda: T,
+}
+
+/// See [`Triangles::linearize`](crate::element::triangle::triangles::Triangles::linearize).
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
+pub(crate) fn linearize<T: Real>(
+    blocks: &mut Blocks<T>,
+    d: &[Node<T>],
+    force: &mut [Node<T>],
+) -> T {
+    let mut energies = [T::ZERO; LANES];
+    let mut vectors = [[[T::ZERO; 4]; LANES]; 2];
+    let mut forces = vectors;
+    let elements = blocks.nodes.iter().zip(&blocks.rest);
+    for ((nodes, rest), stiffness) in elements.zip(&mut blocks.stiffness) {
+        gather(nodes, d, &mut vectors);
+        respond(rest, &vectors, &mut forces, stiffness, &mut energies);
+        scatter(nodes, &forces, force);
+    }
+    let mut sum = T::ZERO;
+    for energy in energies {
+        sum += energy;
+    }
+    sum
+}
+
+/// See [`Triangles::product`](crate::element::triangle::triangles::Triangles::product).
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets(
+        "x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl+avx2+bmi1+bmi2",
+        "x86_64+avx2+bmi1+bmi2"
+    ))
+)]
+pub(crate) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    let mut differences = [[[T::ZERO; 4]; LANES]; 2];
+    let mut forces = differences;
+    for (nodes, k) in blocks.nodes.iter().zip(&blocks.stiffness) {
+        gather(nodes, u, &mut differences);
+        for lane in 0..LANES {
+            let [a, b] = vectors_at(&differences, lane).map(|v| times(v, factor));
+            let k11 = symmetric_at(k, BLOCK_11, lane);
+            let k22 = symmetric_at(k, BLOCK_22, lane);
+            let mut k12 = [[T::ZERO; 3]; 3];
+            let mut k21 = [[T::ZERO; 3]; 3];
+            for i in 0..3 {
+                for j in 0..3 {
+                    k12[i][j] = k[BLOCK_12 + 3 * i + j][lane];
+                    k21[j][i] = k12[i][j];
+                }
+            }
+            forces[0][lane] = node(sum(rows(&k11, a), rows(&k12, b)));
+            forces[1][lane] = node(sum(rows(&k21, a), rows(&k22, b)));
+        }
+        scatter(nodes, &forces, y);
+    }
+}
+
+/// Forces on the last two nodes of each element of a block, its stiffness, and its energies, which it adds.
+#[inline(always)]
+fn respond<T: Real>(
+    rest: &Rest<T>,
+    differences: &Pairs<T>,
+    forces: &mut Pairs<T>,
+    stiffness: &mut [Lanes<T>; ENTRIES],
+    energies: &mut Lanes<T>,
+) {
+    for lane in 0..LANES {
+        let shape = shape_at(rest, lane);
+        let (g, mu, lambda) = (shape.g, shape.mu, shape.lambda);
+        let [d1, d2] = vectors_at(differences, lane);
+        let polar = polar(
+            &shape.frame,
+            &[0, 1].map(|j| combine(d1, g[0][j], d2, g[1][j])),
+        );
+        let [xx, xy, yy] = polar.strain;
+
+        let pressure = lambda * (xx + yy);
+        let twice = mu + mu;
+        let stress = [twice * xx + pressure, twice * xy, twice * yy + pressure];
+        energies[lane] += T::of(0.5) * (stress[0] * xx + stress[2] * yy) + stress[1] * xy;
+        let [r1, r2] = polar.r;
+        let pull = |g: [T; 2]| {
+            let along = stress[0] * g[0] + stress[1] * g[1];
+            let across = stress[1] * g[0] + stress[2] * g[1];
+            node(combine(r1, -along, r2, -across))
+        };
+        forces[0][lane] = pull(g[0]);
+        forces[1][lane] = pull(g[1]);
+
+        let spin = larger(
+            T::ZERO,
+            T::of(0.5) * (stress[0] + stress[2]) * polar.over_trace,
+        );
+        let taut = out_of_plane(&polar.strain, twice, pressure);
+        // A block is, with the turned gradients b_a = R g_a and w = g_a^T taut g_c,
+        // (mu + spin) (g_a . g_c) (I - n n^T) + (mu - spin) b_c b_a^T + lambda b_a b_c^T + w n n^T.
+        let n = polar.n;
+        let turned = |g: [T; 2]| combine(r1, g[0], r2, g[1]);
+        let (b1, b2) = (turned(g[0]), turned(g[1]));
+        let parts = |a: [T; 2], c: [T; 2]| {
+            let same = (mu + spin) * (a[0] * c[0] + a[1] * c[1]);
+            let w =
+                a[0] * (taut[0] * c[0] + taut[1] * c[1]) + a[1] * (taut[1] * c[0] + taut[2] * c[1]);
+            (same, times(n, w - same))
+        };
+        let diagonal = |g: [T; 2], b: Vector<T>| {
+            let (same, normal) = parts(g, g);
+            let own = times(b, mu - spin + lambda);
+            let entry = |i: usize, j: usize| own[i] * b[j] + normal[i] * n[j];
+            [
+                same + entry(0, 0),
+                same + entry(1, 1),
+                same + entry(2, 2),
+                entry(1, 2),
+                entry(0, 2),
+                entry(0, 1),
+            ]
+        };
+        put(stiffness, BLOCK_11, lane, diagonal(g[0], b1));
+        put(stiffness, BLOCK_22, lane, diagonal(g[1], b2));
+        let (same, normal) = parts(g[0], g[1]);
+        let (swapped, straight) = (times(b2, mu - spin), times(b1, lambda));
+        let entry =
+            |i: usize, j: usize| swapped[i] * b1[j] + straight[i] * b2[j] + normal[i] * n[j];
+        let mixed = [
+            same + entry(0, 0),
+            entry(0, 1),
+            entry(0, 2),
+            entry(1, 0),
+            same + entry(1, 1),
+            entry(1, 2),
+            entry(2, 0),
+            entry(2, 1),
+            same + entry(2, 2),
+        ];
+        put(stiffness, BLOCK_12, lane, mixed);
+    }
+}
+
+/// Differences of the vectors `of` at each element's last two nodes from that at its first.
+#[inline(always)]
+fn gather<T: Real>(nodes: &[[u32; 3]; LANES], of: &[Node<T>], differences: &mut Pairs<T>) {
+    for lane in 0..LANES {
+        let [n0, n1, n2] = nodes[lane];
+        let first = of[n0 as usize];
+        differences[0][lane] = less(of[n1 as usize], first);
+        differences[1][lane] = less(of[n2 as usize], first);
+    }
+}
+
+/// Adds `vectors` to the vectors `to` at each element's last two nodes, and subtracts their sum at its first.
+#[inline(always)]
+fn scatter<T: Real>(nodes: &[[u32; 3]; LANES], vectors: &Pairs<T>, to: &mut [Node<T>]) {
+    for lane in 0..LANES {
+        let [n0, n1, n2] = nodes[lane].map(|node| node as usize);
+        let [v1, v2] = [vectors[0][lane], vectors[1][lane]];
+        to[n1] = plus(to[n1], v1);
+        to[n2] = plus(to[n2], v2);
+        to[n0] = less(to[n0], plus(v1, v2));
+    }
+}
+
+#[inline(always)]
+fn shape_at<T: Real>(rest: &Rest<T>, lane: usize) -> Shape<T> {
+    let g = [0, 1, 2, 3].map(|row: usize| rest.gradients[row][lane]);
+    let axes = [0, 1, 2, 3, 4, 5].map(|row: usize| rest.frame[row][lane]);
+    Shape {
+        g: [[g[0], g[1]], [g[2], g[3]]],
+        frame: [[axes[0], axes[1], axes[2]], [axes[3], axes[4], axes[5]]],
+        mu: rest.mu[lane],
+        lambda: rest.lambda[lane],
+    }
+}
+
+/// The vectors of one element. The fill, zero, is read too: where one entry in four is left out, the compiler does
+/// the last lanes one by one.
+#[inline(always)]
+fn vectors_at<T: Real>(vectors: &Pairs<T>, lane: usize) -> [Vector<T>; 2] {
+    [0, 1].map(|a: usize| {
+        let node = &vectors[a][lane];
+        [node[0] + node[3], node[1], node[2]]
+    })
+}
+
+#[inline(always)]
+fn symmetric_at<T: Real>(k: &[Lanes<T>; ENTRIES], first: usize, lane: usize) -> [Vector<T>; 3] {
+    let [xx, yy, zz, yz, xz, xy] = [0, 1, 2, 3, 4, 5].map(|entry: usize| k[first + entry][lane]);
+    [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+}
+
+#[inline(always)]
+fn put<T: Real, const N: usize>(
+    k: &mut [Lanes<T>; ENTRIES],
+    first: usize,
+    lane: usize,
+    entries: [T; N],
+) {
+    for i in 0..N {
+        k[first + i][lane] = entries[i];
+    }
+}
+
+#[inline(always)]
+fn node<T: Real>(v: Vector<T>) -> Node<T> {
+    [v[0], v[1], v[2], T::ZERO]
+}
+
+#[inline(always)]
+fn rows<T: Real>(m: &[Vector<T>; 3], v: Vector<T>) -> Vector<T> {
+    [dot(m[0], v), dot(m[1], v), dot(m[2], v)]
+}

@@ -1,0 +1,337 @@
+//! What can be wrong with a body, a step or a condensation.
+
+use thiserror::Error;
+
+/// Why a body could not be built, or an input to it was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum BodyError {
+    /// The mesh has no element.
+    #[error("the mesh has no elements; a body needs at least one")]
+    Empty,
+    /// A vertex position is not a finite number.
+    #[error("vertex {vertex} has a position that is not finite")]
+    Position {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// An element names a vertex that does not exist.
+    #[error("element {element} names vertex {vertex}, but the mesh has {count} vertices")]
+    ElementVertex {
+        /// The triangle or cell.
+        element: usize,
+        /// The vertex that it names.
+        vertex: u32,
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// A triangle has no area at rest.
+    #[error(
+        "triangle {triangle} has no area at rest ({area:e} m^2 for edges of {edge:e} m); \
+         remove it or move its vertices apart"
+    )]
+    Degenerate {
+        /// The triangle.
+        triangle: usize,
+        /// Its area (m^2).
+        area: f64,
+        /// Its longest edge (m).
+        edge: f64,
+    },
+    /// A line has no length at rest, or so little that its stiffness is infinite.
+    #[error(
+        "line {line} has no length at rest ({length:e} m); remove it or move its vertices apart"
+    )]
+    NoLength {
+        /// The line.
+        line: usize,
+        /// Its length (m).
+        length: f64,
+    },
+    /// A cell is flat or turned inside out at rest.
+    #[error(
+        "cell {cell} is flat or turned inside out at rest; remove it, move its vertices apart, or \
+         exchange two of them"
+    )]
+    FlatCell {
+        /// The cell.
+        cell: usize,
+    },
+    /// A vertex belongs to no element, so that it has no mass.
+    #[error("vertex {vertex} belongs to no element and so has no mass; remove it from the mesh")]
+    Unreferenced {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// A material parameter is out of range.
+    #[error("material of element {element}: `{field}` is {found}, expected {expected}")]
+    Material {
+        /// The triangle or cell.
+        element: usize,
+        /// The field of [`Material`](crate::material::Material).
+        field: &'static str,
+        /// Its value.
+        found: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// The warp of a woven material has no direction in the plane of a triangle.
+    #[error(
+        "the warp of triangle {triangle} stands on it: {share:e} of its length lies in the triangle's \
+         plane; give a direction along the cloth"
+    )]
+    Warp {
+        /// The triangle.
+        triangle: usize,
+        /// Sine of the angle between the warp and the triangle's normal; not a number for a warp that has
+        /// no direction at all.
+        share: f64,
+    },
+    /// The number of materials is neither one nor that of the elements.
+    #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
+    MaterialCount {
+        /// How many were given.
+        found: usize,
+        /// Number of triangles or cells.
+        elements: usize,
+    },
+    /// A field of the configuration is out of range.
+    #[error("configuration: `{field}` is {found}, expected {expected}")]
+    Config {
+        /// The field of [`BodyConfig`](crate::body::BodyConfig).
+        field: &'static str,
+        /// Its value.
+        found: f64,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A handle holds no vertex.
+    #[error("handle {handle} holds no vertices; give it at least one")]
+    EmptyHandle {
+        /// The handle.
+        handle: usize,
+    },
+    /// A handle names a vertex that does not exist.
+    #[error("handle {handle} names vertex {vertex}, but the mesh has {count} vertices")]
+    HandleVertex {
+        /// The handle.
+        handle: usize,
+        /// The vertex that it names.
+        vertex: u32,
+        /// Number of vertices in the mesh.
+        count: usize,
+    },
+    /// A vertex is held more than once.
+    #[error(
+        "vertex {vertex} is held by handle {first} and again by handle {second}; a vertex may be held once"
+    )]
+    SharedVertex {
+        /// The vertex.
+        vertex: u32,
+        /// The handle that holds it first.
+        first: usize,
+        /// The handle that names it again (the same one, if it lists the vertex twice).
+        second: usize,
+    },
+    /// A support holds no vertex, no axis, or a vertex that does not exist.
+    #[error("support {support}: {found}; give it at least one vertex of the mesh and one axis")]
+    Support {
+        /// The support.
+        support: usize,
+        /// What is wrong with it.
+        found: &'static str,
+    },
+    /// A vertex belongs to a handle and to a support.
+    #[error(
+        "vertex {vertex} is held by handle {handle} and guided by support {support}; choose one"
+    )]
+    HeldAndGuided {
+        /// The vertex.
+        vertex: u32,
+        /// The handle.
+        handle: usize,
+        /// The support.
+        support: usize,
+    },
+    /// The origin of a handle is not a finite number.
+    #[error("handle {handle} has an origin that is not finite")]
+    HandleOrigin {
+        /// The handle.
+        handle: usize,
+    },
+    /// Bending was asked for, but the sheet is folded at rest.
+    #[error(
+        "the sheet is folded by {angle} rad at rest across the edge between vertices {a} and {b}, and \
+         the bending model needs a flat rest shape; flatten the mesh or set `bending` to 0"
+    )]
+    Folded {
+        /// One end of the edge.
+        a: u32,
+        /// The other end.
+        b: u32,
+        /// Angle between the two triangles (rad); 0 is flat.
+        angle: f64,
+    },
+    /// Bending was asked for, but more than two triangles meet at an edge.
+    #[error(
+        "{count} triangles meet at the edge between vertices {a} and {b}, and the bending model allows \
+         two; repair the mesh or set `bending` to 0"
+    )]
+    NonManifold {
+        /// One end of the edge.
+        a: u32,
+        /// The other end.
+        b: u32,
+        /// How many triangles meet there.
+        count: usize,
+    },
+    /// An array that should hold one entry per vertex has another length.
+    #[error("`{what}` has {found} entries, expected one for each of {expected} vertices")]
+    Length {
+        /// The array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// Number of vertices.
+        expected: usize,
+    },
+    /// An array holds a number that is not finite.
+    #[error("`{what}` of vertex {vertex} is not finite")]
+    NotFinite {
+        /// The array.
+        what: &'static str,
+        /// The vertex.
+        vertex: usize,
+    },
+}
+
+/// Why a step was refused. The body keeps its last good state.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum StepError {
+    /// The step length is not positive.
+    #[error("the step length is {found} s, expected a positive, finite number")]
+    StepLength {
+        /// The length (s).
+        found: f64,
+    },
+    /// The share of the loads is not finite.
+    #[error("the load factor is {found}, expected a finite number")]
+    Load {
+        /// The factor.
+        found: f64,
+    },
+    /// The number of target poses differs from that of the handles.
+    #[error("{found} target poses given for {expected} handles")]
+    Targets {
+        /// How many were given.
+        found: usize,
+        /// Number of handles.
+        expected: usize,
+    },
+    /// A target pose is not finite.
+    #[error("the target pose of handle {handle} is not finite")]
+    Target {
+        /// The handle.
+        handle: usize,
+    },
+    /// The forces that should act at the end of the step.
+    #[error(transparent)]
+    Forces(BodyError),
+    /// `solve` was called without `assemble` since the state last changed.
+    #[error(
+        "forces and stiffness are not those of the present state; call `assemble` before `solve`"
+    )]
+    NotAssembled,
+    /// The solution is not finite: a target leapt too far, or the state had already blown up.
+    #[error(
+        "the step gave a motion that is not finite after {iterations} iterations; the last state is kept"
+    )]
+    Diverged {
+        /// Iterations spent.
+        iterations: usize,
+    },
+    /// Newton's method did not reach its tolerance, however small the step was made.
+    #[error(
+        "no balance was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
+         {iterations} iterations of the smallest step; the last state is kept. Is the body held, and can \
+         what is asked of it be reached?"
+    )]
+    NotConverged {
+        /// Iterations of the last attempt.
+        iterations: usize,
+        /// Norm of the residual (N).
+        residual: f64,
+        /// Norm of the forces that should balance (N).
+        reference: f64,
+    },
+    /// Rounding leaves so much of the motion open that it is not solved.
+    #[error(
+        "too few digits: the body moves by {moved:e} m, of which rounding leaves {open:e} m open, for its coordinates \
+         go up to {place:e} m and numbers of that size are {:.1e} m apart; the last state is kept. {}",
+        place * f64::EPSILON,
+        rounding_advice(*place, *size)
+    )]
+    Rounding {
+        /// The motion of a node that was still asked for, or that its coordinates cannot tell (m).
+        open: f64,
+        /// The largest motion of a node from rest (m).
+        moved: f64,
+        /// The largest coordinate (m).
+        place: f64,
+        /// Longest edge of the box around the body at rest (m).
+        size: f64,
+    },
+    /// Every balance that was found turns further elements inside out, however small the step was made.
+    #[error(
+        "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
+         a law that bears it (stable neo-Hookean), or ask for less"
+    )]
+    Inverted {
+        /// Elements inside out after the last attempt.
+        count: usize,
+    },
+    /// The matrix could not be factorized.
+    #[error(transparent)]
+    Matrix(#[from] CondenseError),
+}
+
+/// What to do where digits do not suffice.
+fn rounding_advice(place: f64, size: f64) -> &'static str {
+    if place > 10.0 * size {
+        "Move the body nearer to the origin"
+    } else {
+        "Ask for larger loads or displacements: the body is too stiff for these"
+    }
+}
+
+/// Why a condensation was refused.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum CondenseError {
+    /// The publication period is not positive.
+    #[error("the publication period is {found} s, expected a positive, finite number")]
+    Period {
+        /// The period (s).
+        found: f64,
+    },
+    /// The body was never assembled.
+    #[error("the body has no stiffness yet; call `assemble` before `condense`")]
+    NotAssembled,
+    /// The body is not the one for which the condenser was made.
+    #[error("the body's topology is not the one for which this condenser was made")]
+    Topology,
+    /// The symbolic factorization failed: out of memory, or too many entries for its index type.
+    #[error("the symbolic factorization of {unknowns} unknowns failed: {reason}")]
+    Symbolic {
+        /// Number of scalar unknowns.
+        unknowns: usize,
+        /// What the linear algebra library says.
+        reason: String,
+    },
+    /// The matrix of the free vertices is not positive definite, or not finite.
+    #[error(
+        "the matrix of the free vertices is not positive definite (pivot {pivot}); the state is not usable"
+    )]
+    NotPositiveDefinite {
+        /// The pivot at which the factorization stopped, in elimination order.
+        pivot: usize,
+    },
+}

@@ -1,0 +1,37 @@
+//! Numbers laid out for vector instructions and for the caches.
+//!
+//! - [`Real`]: numbers of either precision.
+//! - [`Node`]: the vector of a node, padded.
+//! - [`block`]: node vectors to and from arrays over elements.
+
+pub mod block;
+mod real;
+
+pub use real::Real;
+
+use crate::Vec3;
+
+/// Three numbers of a node (x, y, z) and a fourth, zero, that fills a vector register.
+pub type Node<T> = [T; 4];
+
+#[inline(always)]
+pub(crate) fn to_vec<T: Real>(node: &Node<T>) -> Vec3 {
+    Vec3::new(node[0].to_f64(), node[1].to_f64(), node[2].to_f64())
+}
+
+#[inline(always)]
+pub(crate) fn to_node<T: Real>(v: &Vec3) -> Node<T> {
+    [T::of(v.x), T::of(v.y), T::of(v.z), T::ZERO]
+}
+
+#[inline(always)]
+pub(crate) fn add<T: Real>(sum: &mut Node<T>, other: &Node<T>) {
+    for i in 0..4 {
+        sum[i] += other[i];
+    }
+}
+
+#[inline(always)]
+pub(crate) fn dot<T: Real>(a: &Node<T>, b: &Node<T>) -> T {
+    (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
+}

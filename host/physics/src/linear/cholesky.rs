@@ -1,0 +1,125 @@
+//! Sparse Cholesky factorization of the free nodes' step matrix, numbered as the nodes are.
+//!
+//! The fill-reducing order (approximate minimum degree) and the symbolic factorization are computed once
+//! per topology; each factorization then only fills numbers into memory set aside for it.
+
+use super::block_matrix::BlockMatrix;
+pub use super::sparse_cholesky::Kernels;
+use super::sparse_cholesky::{Elimination, SparseCholesky};
+use crate::Vec3;
+use crate::error::CondenseError;
+
+/// A factorization of `mass_factor M + stiffness_factor K` on the free nodes, refreshed in place.
+#[derive(Debug)]
+pub struct Cholesky {
+    /// Upper triangle by columns.
+    sparse: SparseCholesky,
+}
+
+impl Cholesky {
+    /// Analyzes the pattern of `matrix` and sets memory aside, for solves of up to `columns` right-hand
+    /// sides.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
+    pub fn new(
+        matrix: &BlockMatrix,
+        columns: usize,
+        kernels: Kernels,
+    ) -> Result<Self, CondenseError> {
+        let unknowns = 3 * matrix.free();
+        let mut column_start = Vec::with_capacity(unknowns + 1);
+        let mut row_index = Vec::new();
+        column_start.push(0);
+        for node in 0..matrix.free() {
+            for axis in 0..3 {
+                for (row, _) in matrix.free_blocks(node).filter(|&(row, _)| row <= node) {
+                    let end = if row == node { axis + 1 } else { 3 };
+                    row_index.extend((0..end).map(|i| (3 * row + i) as u32));
+                }
+                column_start.push(row_index.len() as u32);
+            }
+        }
+        let elimination = Elimination::MinimumDegree;
+        let sparse = SparseCholesky::new(column_start, row_index, elimination, kernels, columns)?;
+        Ok(Self { sparse })
+    }
+
+    /// Number of scalar unknowns.
+    pub fn unknowns(&self) -> usize {
+        self.sparse.unknowns()
+    }
+
+    /// Number of entries of the factor.
+    pub fn factor_entries(&self) -> usize {
+        self.sparse.numbers.len()
+    }
+
+    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`.
+    ///
+    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are
+    /// uncoupled, with 1 on the diagonal.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Topology`] when the pattern has another size, and
+    /// [`CondenseError::NotPositiveDefinite`].
+    pub fn factorize(
+        &mut self,
+        matrix: &BlockMatrix,
+        mass: &[f64],
+        mass_factor: f64,
+        stiffness_factor: f64,
+        mask: Option<&[Vec3]>,
+    ) -> Result<(), CondenseError> {
+        if 3 * matrix.free() != self.unknowns() {
+            return Err(CondenseError::Topology);
+        }
+        let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
+        let mut next = 0;
+        for node in 0..matrix.free() {
+            for axis in 0..3 {
+                // The matrix is symmetric: row `node` read along is column `node` read down.
+                for (row, block) in matrix.free_blocks(node).filter(|&(row, _)| row <= node) {
+                    let end = if row == node { axis + 1 } else { 3 };
+                    for i in 0..end {
+                        let Some(value) = self.sparse.values.get_mut(next) else {
+                            return Err(CondenseError::Topology);
+                        };
+                        let coupled = !is_guided(node, axis) && !is_guided(row, i);
+                        *value = if coupled {
+                            stiffness_factor * block[(axis, i)]
+                        } else {
+                            0.0
+                        };
+                        next += 1;
+                    }
+                }
+                // The diagonal closes each column.
+                if let Some(value) = next
+                    .checked_sub(1)
+                    .and_then(|last| self.sparse.values.get_mut(last))
+                {
+                    if is_guided(node, axis) {
+                        *value = 1.0;
+                    } else {
+                        *value += mass_factor * mass[node];
+                    }
+                }
+            }
+        }
+        if next != self.sparse.values.len() {
+            return Err(CondenseError::Topology);
+        }
+        self.sparse.factorize()
+    }
+
+    /// Solves in place for the right-hand sides in `columns`, one after the other, each with
+    /// [`unknowns`](Self::unknowns) entries (x, y, z of each free node).
+    ///
+    /// More of them than `new` was told of are solved in several goes.
+    pub fn solve(&mut self, columns: &mut [f64]) {
+        self.sparse.solve(columns);
+    }
+}

@@ -1,0 +1,305 @@
+//! Incomplete Cholesky factorization on 3 x 3 blocks with the pattern of the matrix.
+//!
+//! `A ~ L L^T`, where `L` has blocks only where `A` has (J. A. Meijerink and H. A. van der Vorst, "An iterative
+//! solution method for linear systems of which the coefficient matrix is a symmetric M-matrix", 1977). The step matrix
+//! is no M-matrix, so that a pivot may come out too small; then the diagonal blocks are enlarged, more and more, until
+//! none does (T. A. Manteuffel, "An incomplete factorization technique for positive definite linear systems", 1980).
+//!
+//! Numbers are kept in f32, as an iteration in f64 needs no more of its preconditioner, and summed in f64.
+
+use super::sweep;
+use crate::cost::Cost;
+use crate::error::CondenseError;
+use crate::lanes::Node;
+use crate::linear::block_matrix::BlockMatrix;
+use crate::{Mat3, Vec3};
+
+/// Numbers of a block.
+pub(crate) const BLOCK: usize = 9;
+
+/// A row of a block is read as four numbers, the last of which is not used.
+pub(crate) const PADDING: usize = 3;
+
+/// The least share of a pivot of a diagonal block by itself that must be left once all other rows are taken off: less
+/// is more rounding and dropped fill than matrix.
+const LEAST_PIVOT: f64 = 1e-4;
+
+/// The first share by which diagonal blocks are enlarged; it doubles from trial to trial.
+const FIRST_SHIFT: f64 = 1e-3;
+
+/// The last. With this any block is many times as large as what its row could take off a matrix that is positive
+/// definite with some tens of neighbours to a node.
+const LAST_SHIFT: f64 = 1e3;
+
+/// `mass_factor M + stiffness_factor K` on free nodes; see [`Blocks::factorize`].
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct StepMatrix<'a> {
+    pub(crate) matrix: &'a BlockMatrix,
+    pub(crate) mass: &'a [f64],
+    pub(crate) mass_factor: f64,
+    pub(crate) stiffness_factor: f64,
+    pub(crate) mask: Option<&'a [Vec3]>,
+}
+
+impl StepMatrix<'_> {
+    /// Its block at (`row`, `column`), where the stiffness has `block`; `alone` is put on the diagonal of guided axes.
+    #[inline(always)]
+    pub(crate) fn block(&self, row: usize, column: usize, block: &Mat3, alone: f64) -> Mat3 {
+        let mut block = block * self.stiffness_factor;
+        if row == column {
+            let inertia = self.mass_factor * self.mass[row];
+            for i in 0..3 {
+                block[(i, i)] += inertia;
+            }
+        }
+        if let Some(mask) = self.mask {
+            let (left, right) = (mask[row], mask[column]);
+            block = Mat3::from_fn(|i, j| block[(i, j)] * left[i] * right[j]);
+            if row == column {
+                for i in 0..3 {
+                    block[(i, i)] += alone * (1.0 - left[i]);
+                }
+            }
+        }
+        block
+    }
+}
+
+/// The factor: rows of blocks, each row's last the inverse of its diagonal block.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    /// Where the columns of each row end.
+    row_end: Vec<u32>,
+    /// Columns before the diagonal, by rows, ascending.
+    columns: Vec<u32>,
+    /// Blocks row by row, as they are read, and `PADDING`.
+    values: Vec<f32>,
+    shift: f64,
+}
+
+/// The Cholesky factor of a diagonal block, inverted, and its pivots; none where one is too small a share of `alone`'s.
+fn inverse_root(block: &Mat3, alone: Option<&Vec3>) -> Option<(Mat3, Vec3)> {
+    let mut root = Mat3::zeros();
+    let mut pivots = Vec3::zeros();
+    for j in 0..3 {
+        let mut pivot = block[(j, j)];
+        for k in 0..j {
+            pivot -= root[(j, k)] * root[(j, k)];
+        }
+        let least = alone.map_or(0.0, |alone| LEAST_PIVOT * alone[j]);
+        if !(pivot > least && pivot.is_finite()) {
+            return None;
+        }
+        pivots[j] = pivot;
+        root[(j, j)] = pivot.sqrt();
+        for i in j + 1..3 {
+            let mut sum = block[(i, j)];
+            for k in 0..j {
+                sum -= root[(i, k)] * root[(j, k)];
+            }
+            root[(i, j)] = sum / root[(j, j)];
+        }
+    }
+    let mut inverse = Mat3::zeros();
+    for j in 0..3 {
+        for i in j..3 {
+            let mut sum = if i == j { 1.0 } else { 0.0 };
+            for k in j..i {
+                sum -= root[(i, k)] * inverse[(k, j)];
+            }
+            inverse[(i, j)] = sum / root[(i, i)];
+        }
+    }
+    Some((inverse, pivots))
+}
+
+/// The block at `at`, which counts blocks.
+#[inline(always)]
+fn load(values: &[f32], at: usize) -> Mat3 {
+    let block = &values[BLOCK * at..BLOCK * (at + 1)];
+    Mat3::from_fn(|i, j| f64::from(block[3 * i + j]))
+}
+
+#[inline(always)]
+fn store(values: &mut [f32], at: usize, block: &Mat3) {
+    let values = &mut values[BLOCK * at..BLOCK * (at + 1)];
+    for i in 0..3 {
+        for j in 0..3 {
+            values[3 * i + j] = block[(i, j)] as f32;
+        }
+    }
+}
+
+impl Blocks {
+    /// For the free nodes of `matrix` in their order, without numbers.
+    pub fn new(matrix: &BlockMatrix) -> Self {
+        let mut row_end = Vec::with_capacity(matrix.free());
+        let mut columns = Vec::new();
+        for row in 0..matrix.free() {
+            let before = matrix.free_blocks(row).map(|(column, _)| column);
+            columns.extend(before.take_while(|&column| column < row).map(|c| c as u32));
+            row_end.push(columns.len() as u32);
+        }
+        columns.shrink_to_fit();
+        let blocks = columns.len() + row_end.len();
+        Self {
+            values: vec![0.0; BLOCK * blocks + PADDING],
+            row_end,
+            columns,
+            shift: 0.0,
+        }
+    }
+
+    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and `mass` is by
+    /// its nodes.
+    ///
+    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are uncoupled,
+    /// with 1 on the diagonal. After an error the numbers are of no use until it succeeds again.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Topology`] when the pattern has another size, and [`CondenseError::NotPositiveDefinite`] when
+    /// not even diagonal blocks are.
+    pub fn factorize(
+        &mut self,
+        matrix: &BlockMatrix,
+        mass: &[f64],
+        mass_factor: f64,
+        stiffness_factor: f64,
+        mask: Option<&[Vec3]>,
+    ) -> Result<(), CondenseError> {
+        let free = matrix.free();
+        let short = mass.len() < free || mask.is_some_and(|mask| mask.len() < free);
+        if free != self.row_end.len() || short {
+            return Err(CondenseError::Topology);
+        }
+        let step = StepMatrix {
+            matrix,
+            mass,
+            mass_factor,
+            stiffness_factor,
+            mask,
+        };
+        self.shift = 0.0;
+        loop {
+            match self.attempt(&step) {
+                Err(CondenseError::NotPositiveDefinite { .. }) if self.shift < LAST_SHIFT => {
+                    self.shift = (2.0 * self.shift).max(FIRST_SHIFT);
+                }
+                result => return result,
+            }
+        }
+    }
+
+    /// The share by which diagonal blocks were enlarged in the last factorization; 0 where none had to be.
+    pub fn shift(&self) -> f64 {
+        self.shift
+    }
+
+    fn attempt(&mut self, step: &StepMatrix<'_>) -> Result<(), CondenseError> {
+        let mut start = 0;
+        for row in 0..self.row_end.len() {
+            let end = self.row_end[row] as usize;
+            // Each row before this one has had its diagonal's block.
+            let first = start + row;
+            let mut at = start;
+            let mut diagonal = Mat3::zeros();
+            let mut alone = Vec3::zeros();
+            for (column, block) in step.matrix.free_blocks(row) {
+                if column > row {
+                    break;
+                }
+                let mut block = step.block(row, column, block, 1.0);
+                if column == row {
+                    block *= 1.0 + self.shift;
+                    let (_, pivots) = inverse_root(&block, None)
+                        .ok_or(CondenseError::NotPositiveDefinite { pivot: 3 * row })?;
+                    alone = pivots;
+                    diagonal += block;
+                    break;
+                }
+                if self.columns.get(at) != Some(&(column as u32)) {
+                    return Err(CondenseError::Topology);
+                }
+                block -= self.product_of_rows((start, at), first, column);
+                let inverse = load(&self.values, self.row_end[column] as usize + column);
+                let entry = block * inverse.transpose();
+                store(&mut self.values, first + at - start, &entry);
+                diagonal -= entry * entry.transpose();
+                at += 1;
+            }
+            if at != end {
+                return Err(CondenseError::Topology);
+            }
+            let (inverse, _) = inverse_root(&diagonal, Some(&alone))
+                .ok_or(CondenseError::NotPositiveDefinite { pivot: 3 * row })?;
+            store(&mut self.values, end + row, &inverse);
+            start = end;
+        }
+        Ok(())
+    }
+
+    /// `sum L_rk L_ck^T` over the columns `k` that both rows have; of the row at hand those in `range` are there yet,
+    /// whose blocks begin at `first`.
+    #[inline(always)]
+    fn product_of_rows(&self, range: (usize, usize), first: usize, other: usize) -> Mat3 {
+        let other_start = other
+            .checked_sub(1)
+            .map_or(0, |before| self.row_end[before] as usize);
+        let ours = &self.columns[range.0..range.1];
+        let theirs = &self.columns[other_start..self.row_end[other] as usize];
+        let mut sum = Mat3::zeros();
+        let (mut a, mut b) = (0, 0);
+        while a < ours.len() && b < theirs.len() {
+            if ours[a] == theirs[b] {
+                let right = load(&self.values, other_start + other + b);
+                sum += load(&self.values, first + a) * right.transpose();
+            }
+            let (left, right) = (ours[a], theirs[b]);
+            a += usize::from(left <= right);
+            b += usize::from(right <= left);
+        }
+        sum
+    }
+
+    /// Solves `L L^T x = r` in place, by places; those past the factor's are left as they are. With fewer, nothing is
+    /// done.
+    pub fn solve(&self, r: &mut [Node<f32>]) {
+        if let Some(r) = r.get_mut(..self.row_end.len()) {
+            sweep::solve(&self.row_end, &self.columns, &self.values, r);
+        }
+    }
+
+    /// Memory that it holds (bytes).
+    pub fn bytes(&self) -> usize {
+        size_of_val(self.row_end.as_slice())
+            + size_of_val(self.columns.as_slice())
+            + size_of_val(self.values.as_slice())
+    }
+
+    /// What a solve costs: all blocks are read forward and backward, with a product and a sum for each number each time.
+    pub(crate) fn solve_cost(&self) -> Cost {
+        let factor = Cost::read(self.bytes());
+        let r = Cost::update(size_of::<Node<f32>>() * self.row_end.len());
+        factor + factor.again() + r + r.again() + Cost::flops(4 * self.values.len())
+    }
+
+    /// What a factorization costs without enlarged diagonals: for each block before the diagonal two products of
+    /// blocks, and one for each column that two of a row's columns have in common.
+    pub(crate) fn factorize_cost(&self) -> Cost {
+        let mut products = 0;
+        let mut start = 0;
+        for &end in &self.row_end {
+            let row = &self.columns[start..end as usize];
+            for &column in row {
+                let before = (column as usize).checked_sub(1);
+                let first = before.map_or(0, |before| self.row_end[before] as usize);
+                let other = &self.columns[first..self.row_end[column as usize] as usize];
+                products += other.iter().filter(|c| row.contains(c)).count();
+            }
+            products += 2 * row.len();
+            start = end as usize;
+        }
+        Cost::update(self.bytes()) + Cost::flops(54 * products)
+    }
+}

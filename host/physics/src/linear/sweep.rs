@@ -1,0 +1,305 @@
+//! The forward and the backward pass through panels, for one right-hand side or for three at once.
+//!
+//! Loops are shaped so that the compiler makes vector instructions of them: over the lanes of a line outside
+//! and over the columns of a block inside, whose number it knows.
+
+use super::supernodes::{Supernode, Supernodes};
+use crate::lanes::Node;
+#[cfg(not(palpate_one_version))]
+use multiversion::multiversion;
+
+/// Numbers in a line of the cache, and rows of a strip of a panel.
+pub(crate) const LANES: usize = 16;
+
+/// Most right-hand sides at once.
+const MOST: usize = 3;
+
+/// Columns of a panel that are worked on together: two nodes.
+const PAIR: usize = 6;
+/// Three nodes: the last block where their number is odd.
+const TRIPLE: usize = 9;
+
+/// Sixteen rows of a column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(align(64))]
+pub(crate) struct Line(pub(super) [f32; LANES]);
+
+impl Line {
+    pub(crate) const ZERO: Self = Self([0.0; LANES]);
+}
+
+/// Strips of a panel.
+pub(crate) fn strips(block: &Supernode) -> usize {
+    (3 * (block.width() + block.height())).div_ceil(LANES)
+}
+
+/// First column and width of each block of `count` columns; a single node is filled up to two.
+#[inline(always)]
+pub(crate) fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut first = 0;
+    core::iter::from_fn(move || {
+        let width = match count - first.min(count) {
+            0 => return None,
+            TRIPLE => TRIPLE,
+            _ => PAIR,
+        };
+        let block = (first, width);
+        first += width;
+        Some(block)
+    })
+}
+
+/// The same from the last to the first.
+#[inline(always)]
+fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    let mut end = count.max(PAIR);
+    let mut width = if end.is_multiple_of(PAIR) {
+        PAIR
+    } else {
+        TRIPLE
+    };
+    core::iter::from_fn(move || {
+        let block = (end.checked_sub(width)?, width);
+        (end, width) = (block.0, PAIR);
+        Some(block)
+    })
+}
+
+/// Lines of a panel.
+pub(crate) fn lines(block: &Supernode) -> usize {
+    let strips = strips(block);
+    column_blocks(3 * block.width())
+        .map(|(first, width)| width * (strips - first / LANES))
+        .sum()
+}
+
+/// Adds a block of columns times `x` to the rows from its first strip on.
+#[inline(always)]
+fn forward_block<const C: usize, const K: usize>(
+    lines: &[Line],
+    x: [&[f32]; K],
+    rows: &mut [&mut [[f32; LANES]]; K],
+) {
+    let x: [[f32; C]; K] = x.map(|x| x.first_chunk::<C>().copied().unwrap_or([0.0; C]));
+    for (strip, lines) in lines.as_chunks::<C>().0.iter().enumerate() {
+        for k in 0..K {
+            let row = &mut rows[k][strip];
+            for lane in 0..LANES {
+                let mut sum = row[lane];
+                for c in 0..C {
+                    sum += lines[c].0[lane] * x[k][c];
+                }
+                row[lane] = sum;
+            }
+        }
+    }
+}
+
+/// The sum of all lanes, halves first.
+#[inline(always)]
+fn sum(line: [f32; LANES]) -> f32 {
+    let eight: [f32; 8] = core::array::from_fn(|i| line[i] + line[i + 8]);
+    let four: [f32; 4] = core::array::from_fn(|i| eight[i] + eight[i + 4]);
+    (four[0] + four[2]) + (four[1] + four[3])
+}
+
+/// Sets `x` to a block of columns, transposed, times the rows from its first strip on.
+#[inline(always)]
+fn backward_block<const C: usize, const K: usize>(
+    lines: &[Line],
+    x: [&mut [f32]; K],
+    rows: [&[[f32; LANES]]; K],
+) {
+    let mut sums = [[[0.0_f32; LANES]; C]; K];
+    for (strip, lines) in lines.as_chunks::<C>().0.iter().enumerate().rev() {
+        let rows: [[f32; LANES]; K] = core::array::from_fn(|k| rows[k][strip]);
+        for k in 0..K {
+            for lane in 0..LANES {
+                for c in 0..C {
+                    sums[k][c][lane] += lines[c].0[lane] * rows[k][lane];
+                }
+            }
+        }
+    }
+    for (x, sums) in x.into_iter().zip(sums) {
+        for (x, line) in x.iter_mut().zip(sums) {
+            *x = sum(line);
+        }
+    }
+}
+
+/// Calls the block's kernel for its width.
+macro_rules! by_width {
+    ($width:expr, $kernel:ident($($argument:expr),*)) => {
+        match $width {
+            TRIPLE => $kernel::<TRIPLE, K>($($argument),*),
+            _ => $kernel::<PAIR, K>($($argument),*),
+        }
+    };
+}
+
+/// Nodes' three numbers one after the other; each writes four, the next overwrites the last.
+#[inline(always)]
+fn pack(nodes: &[Node<f32>], flat: &mut [f32]) {
+    for (at, node) in nodes.iter().enumerate() {
+        if let Some(row) = flat[3 * at..].first_chunk_mut::<4>() {
+            *row = *node;
+        }
+    }
+}
+
+/// The reverse of [`pack`]; the fourth number of a node is the next one's first.
+#[inline(always)]
+fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
+    for (at, node) in nodes.iter_mut().enumerate() {
+        if let Some(row) = flat[3 * at..].first_chunk::<4>() {
+            *node = *row;
+        }
+    }
+}
+
+/// Numbers of the supernode at hand, for each right-hand side.
+#[derive(Clone, Debug)]
+pub(crate) struct Work {
+    /// Rows, with room to begin at a line of the cache.
+    rows: [Vec<f32>; MOST],
+    columns: [Vec<f32>; MOST],
+}
+
+impl Work {
+    /// Room for supernodes of up to `width` columns and `strips` strips.
+    pub(crate) fn new(width: usize, strips: usize) -> Self {
+        // Packing writes a number too many.
+        let rows = || vec![0.0; LANES * (strips + 2)];
+        Self {
+            rows: core::array::from_fn(|_| rows()),
+            columns: core::array::from_fn(|_| vec![0.0; width + 4]),
+        }
+    }
+}
+
+impl Work {
+    /// Memory that it holds (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        let both = self.rows.iter().chain(&self.columns);
+        both.map(|numbers| size_of_val(numbers.as_slice())).sum()
+    }
+}
+
+/// The part of `buffer` that begins at a line of the cache, in strips.
+#[inline(always)]
+fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
+    let skip = buffer.as_ptr().align_offset(64).min(LANES - 1);
+    buffer[skip..].as_chunks_mut::<LANES>().0
+}
+
+#[inline(always)]
+fn both_ways<const K: usize>(
+    supernodes: &Supernodes,
+    values: &[Line],
+    rows: [&mut [f32]; K],
+    mut columns: [&mut [f32]; K],
+    r: [&mut [Node<f32>]; K],
+) {
+    let mut rows = rows.map(aligned);
+    let mut rest = values;
+    for block in &supernodes.blocks {
+        let (first, end) = (block.first as usize, block.end as usize);
+        let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
+        let width = 3 * block.width();
+        let strips = strips(block);
+        for k in 0..K {
+            pack(&r[k][first..end], columns[k]);
+            columns[k][width..width + 3].fill(0.0);
+            rows[k][..strips].fill([0.0; LANES]);
+        }
+        for (column, count) in column_blocks(width) {
+            let strip = column / LANES;
+            let lines;
+            (lines, rest) = rest.split_at(count * (strips - strip));
+            let x = columns.each_ref().map(|columns| &columns[column..]);
+            let mut rows = rows.each_mut().map(|rows| &mut rows[strip..strips]);
+            by_width!(count, forward_block(lines, x, &mut rows));
+        }
+        for k in 0..K {
+            let flat = rows[k].as_flattened();
+            unpack(flat, &mut r[k][first..end]);
+            for (at, &place) in below.iter().enumerate() {
+                if let Some(row) = flat[width + 3 * at..].first_chunk::<4>() {
+                    // The fourth is the next node's; it is never read.
+                    let node = &mut r[k][place as usize];
+                    *node = core::array::from_fn(|i| node[i] + row[i]);
+                }
+            }
+        }
+    }
+    let mut rest = values;
+    for block in supernodes.blocks.iter().rev() {
+        let (first, end) = (block.first as usize, block.end as usize);
+        let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
+        let width = 3 * block.width();
+        let strips = strips(block);
+        for k in 0..K {
+            let flat = rows[k].as_flattened_mut();
+            pack(&r[k][first..end], flat);
+            for (at, &place) in below.iter().enumerate() {
+                if let Some(row) = flat[width + 3 * at..].first_chunk_mut::<4>() {
+                    *row = r[k][place as usize];
+                }
+            }
+            flat[width + 3 * below.len()..LANES * strips].fill(0.0);
+        }
+        for (column, count) in column_blocks_reversed(width) {
+            let strip = column / LANES;
+            let lines;
+            (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
+            let x = columns.each_mut().map(|x| &mut x[column..column + count]);
+            let rows = rows.each_ref().map(|rows| &rows[strip..strips]);
+            by_width!(count, backward_block(lines, x, rows));
+        }
+        for k in 0..K {
+            unpack(columns[k], &mut r[k][first..end]);
+        }
+    }
+    let count = supernodes
+        .blocks
+        .last()
+        .map_or(0, |block| block.end as usize);
+    for r in r {
+        for node in &mut r[..count] {
+            node[3] = 0.0;
+        }
+    }
+}
+
+/// Solves for one right-hand side in place.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn solve(
+    supernodes: &Supernodes,
+    values: &[Line],
+    work: &mut Work,
+    r: &mut [Node<f32>],
+) {
+    let [rows, ..] = &mut work.rows;
+    let [columns, ..] = &mut work.columns;
+    both_ways(supernodes, values, [rows], [columns], [r]);
+}
+
+/// Solves for three right-hand sides in place.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn solve_three(
+    supernodes: &Supernodes,
+    values: &[Line],
+    work: &mut Work,
+    r: [&mut [Node<f32>]; 3],
+) {
+    let rows = work.rows.each_mut().map(Vec::as_mut_slice);
+    let columns = work.columns.each_mut().map(Vec::as_mut_slice);
+    both_ways(supernodes, values, rows, columns, r);
+}

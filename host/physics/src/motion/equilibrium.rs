@@ -1,0 +1,187 @@
+//! Quasi-static equilibrium: Newton's method under loads and displacements that grow in steps.
+//!
+//! Handles, supports and loads go from where they are to where they should be along a straight line, first
+//! in one step; a step that does not converge is halved, and grows again after a success (the usual
+//! incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures",
+//! chapter 9). Bodies come to rest: velocities are zero afterwards.
+
+use super::integrator::between;
+use super::newton::{Newton, NewtonOptions, NewtonReport};
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::handle::HandlePose;
+use crate::error::{CondenseError, StepError};
+
+/// How equilibrium is sought.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EquilibriumOptions {
+    /// When a solve stops.
+    pub newton: NewtonOptions,
+    /// Load steps to begin with, at least one.
+    pub load_steps: u32,
+    /// How often a load step may be halved.
+    pub max_halvings: u32,
+    /// Whether a load step that turns further elements inside out is halved too.
+    pub refuse_inversion: bool,
+}
+
+impl Default for EquilibriumOptions {
+    fn default() -> Self {
+        Self {
+            newton: NewtonOptions::default(),
+            load_steps: 1,
+            max_halvings: 10,
+            refuse_inversion: true,
+        }
+    }
+}
+
+/// How it went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EquilibriumReport {
+    /// Load steps taken.
+    pub load_steps: usize,
+    /// Load steps thrown away.
+    pub refused: usize,
+    /// Newton iterations, all together.
+    pub iterations: usize,
+    /// The last solve.
+    pub last: NewtonReport,
+}
+
+/// Brings one body to equilibrium again and again.
+#[derive(Debug)]
+pub struct Equilibrium {
+    options: EquilibriumOptions,
+    newton: Newton,
+    first: Vec<Vec3>,
+    last: Vec<Vec3>,
+    held: Vec<Vec3>,
+}
+
+impl Equilibrium {
+    /// Memory for `body`'s topology.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Symbolic`].
+    pub fn new(body: &Body, options: EquilibriumOptions) -> Result<Self, CondenseError> {
+        Ok(Self {
+            options,
+            newton: Newton::new(body, options.newton)?,
+            first: body.x.clone(),
+            last: body.x.clone(),
+            held: vec![Vec3::zeros(); body.grip.len()],
+        })
+    }
+
+    /// Brings `body` to equilibrium with its handles at `targets`, its supports where they were set, and
+    /// `load_factor` of its loads. Loads start from the body's present load factor.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`]; the body keeps its state then.
+    pub fn solve(
+        &mut self,
+        body: &mut Body,
+        targets: &[HandlePose],
+        load_factor: f64,
+    ) -> Result<EquilibriumReport, StepError> {
+        body.check_step(1.0, targets)?;
+        if !load_factor.is_finite() {
+            return Err(StepError::Load { found: load_factor });
+        }
+        self.first.copy_from_slice(&body.x);
+        let load = body.load_factor;
+        let result = self.advance(body, targets, load, load_factor);
+        if result.is_ok() {
+            body.v.fill(Vec3::zeros());
+            // Where velocities are zero, what is reported has no damping and no inertia.
+            self.last.fill(Vec3::zeros());
+            body.report_stage(f64::INFINITY, targets, &self.last);
+        } else {
+            body.x.copy_from_slice(&self.first);
+            body.load_factor = load;
+        }
+        body.fresh = false;
+        result
+    }
+
+    fn advance(
+        &mut self,
+        body: &mut Body,
+        targets: &[HandlePose],
+        load: f64,
+        goal: f64,
+    ) -> Result<EquilibriumReport, StepError> {
+        let free = body.stiffness.free();
+        let mut report = EquilibriumReport::default();
+        let widest = 1.0 / f64::from(self.options.load_steps.max(1));
+        let narrowest = widest * libm::exp2(-f64::from(self.options.max_halvings));
+        let (mut done, mut size) = (0.0, widest);
+        while done < 1.0 {
+            self.last.copy_from_slice(&body.x);
+            let inverted = if self.options.refuse_inversion {
+                body.inverted_count()
+            } else {
+                0
+            };
+            // The last step ends exactly where it should.
+            let next = if done + size > 1.0 - 0.5 * narrowest {
+                1.0
+            } else {
+                done + size
+            };
+            for (handle, target) in body.handles.iter().zip(targets) {
+                let pose = between(&handle.report.pose, target, next);
+                for (node, offset) in handle.nodes().zip(&handle.offsets) {
+                    self.held[node - free] = pose.position + pose.rotation * offset;
+                }
+            }
+            body.load_factor = if next == 1.0 {
+                goal
+            } else {
+                load + (goal - load) * next
+            };
+            let share = if next == 1.0 {
+                1.0
+            } else {
+                (next - done) / (1.0 - done)
+            };
+            let outcome = self.newton.solve(body, None, &self.held, share);
+            let good = |newton: &NewtonReport| {
+                newton.converged
+                    && !(self.options.refuse_inversion && body.inverted_count() > inverted)
+            };
+            match outcome {
+                Ok(newton) if good(&newton) => {
+                    done = next;
+                    report.load_steps += 1;
+                    report.iterations += newton.iterations;
+                    report.last = newton;
+                    size = (2.0 * size).min(widest);
+                }
+                // A shorter load step has fewer digits still.
+                Err(error @ StepError::Rounding { .. }) => return Err(error),
+                other => {
+                    report.refused += 1;
+                    let count = body.inverted_count();
+                    body.x.copy_from_slice(&self.last);
+                    size *= 0.5;
+                    if size < narrowest {
+                        return Err(match other {
+                            Ok(newton) if newton.converged => StepError::Inverted { count },
+                            Ok(newton) => StepError::NotConverged {
+                                iterations: newton.iterations,
+                                residual: newton.residual,
+                                reference: newton.reference,
+                            },
+                            Err(error) => error,
+                        });
+                    }
+                }
+            }
+        }
+        Ok(report)
+    }
+}

@@ -1,0 +1,229 @@
+//! One substep: by implicit Euler, or by TR-BDF2.
+//!
+//! TR-BDF2 (Bank et al., "Transient simulation of silicon devices and circuits", 1985; Hosea and Shampine,
+//! "Analysis and implementation of TR-BDF2", 1996) takes a trapezoidal stage over `gamma h` and a BDF2 stage
+//! to `h`; with `gamma = 2 - sqrt 2` both have the same matrix. It was chosen over BDF2 because it needs no
+//! past: a step may be halved, a handle let go or a mesh torn without starting again at first order. It is
+//! L-stable, so by von Neumann's theorem the energy of a linear, dissipative body never grows. It costs two
+//! solves a step.
+//!
+//! A substep of TR-BDF2 that would make energy in a body that is not linear is taken by implicit Euler instead
+//! (`guard`).
+
+use super::{Integrator, Scheme, between};
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::guard::Energy;
+use crate::error::StepError;
+use crate::motion::newton::{NewtonReport, Stage};
+
+/// 1 - 1 / sqrt 2: half of `gamma`, and the share of the step in both stages' matrix.
+const D: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
+const GAMMA: f64 = 2.0 * D;
+
+impl Integrator {
+    /// One substep of `h`, guided axes going `share` of what is left; whether it had to be taken by implicit
+    /// Euler instead of the scheme.
+    pub(super) fn substep(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        share: f64,
+    ) -> Result<(NewtonReport, bool), StepError> {
+        let scheme = self.options.scheme;
+        // Energies are compared under the loads of the substep's end.
+        self.load(body, 1.0);
+        if scheme == Scheme::ImplicitEuler {
+            return Ok((self.attempt(body, scheme, h, share)?, false));
+        }
+        self.guard.begin(Energy::now(body));
+        let found = self.attempt(body, scheme, h, share)?;
+        if !found.converged {
+            return Ok((found, false));
+        }
+        let after = Energy::now(body);
+        if self.guard.allows(body, after, self.work) {
+            self.guard.end(after, self.work);
+            return Ok((found, false));
+        }
+        body.x.copy_from_slice(&self.x);
+        body.v.copy_from_slice(&self.v);
+        let mut safer = self.attempt(body, Scheme::ImplicitEuler, h, share)?;
+        safer.iterations += found.iterations;
+        self.guard.end(Energy::now(body), self.work);
+        Ok((safer, true))
+    }
+
+    /// One substep of `h` by `scheme`, guided axes going `share` of what is left.
+    fn attempt(
+        &mut self,
+        body: &mut Body,
+        scheme: Scheme,
+        h: f64,
+        share: f64,
+    ) -> Result<NewtonReport, StepError> {
+        let mut report = match scheme {
+            Scheme::ImplicitEuler => {
+                for node in 0..self.x.len() {
+                    self.anchor[node] = self.x[node];
+                    self.predicted[node] = self.x[node] + self.v[node] * h;
+                }
+                let report = self.solve(body, h, 1.0, share, h)?;
+                self.work = self.hands(body, &self.x);
+                report
+            }
+            Scheme::TrBdf2 => {
+                let g = D * h;
+                body.assemble();
+                self.load(body, 0.0);
+                for node in 0..self.x.len() {
+                    let acceleration = acceleration(body, node);
+                    self.anchor[node] = self.x[node] + self.v[node] * g;
+                    self.predicted[node] =
+                        self.anchor[node] + (self.v[node] + acceleration * g) * g;
+                }
+                self.load(body, GAMMA);
+                let first = self.solve(body, g, GAMMA, share * GAMMA, h)?;
+                if !first.converged {
+                    return Ok(first);
+                }
+                self.work = self.hands(body, &self.x);
+                self.middle.copy_from_slice(&body.x);
+                let to_middle = 1.0 / (GAMMA * (2.0 - GAMMA));
+                let to_start = to_middle - 1.0;
+                for node in 0..self.x.len() {
+                    let velocity = (self.middle[node] - self.anchor[node]) / g;
+                    let v = velocity * to_middle - self.v[node] * to_start;
+                    self.anchor[node] = self.middle[node] * to_middle - self.x[node] * to_start;
+                    self.predicted[node] = self.anchor[node] + v * g;
+                }
+                // What is left of the way after the first stage.
+                let left = share * (1.0 - GAMMA) / (1.0 - share * GAMMA);
+                self.load(body, 1.0);
+                let mut second = self.solve(body, g, 1.0, left, h)?;
+                self.work += self.hands(body, &self.middle);
+                second.iterations += first.iterations;
+                second.clipped += first.clipped;
+                second.halvings += first.halvings;
+                second
+            }
+        };
+        let g = if scheme == Scheme::TrBdf2 { D * h } else { h };
+        for (node, v) in body.v.iter_mut().enumerate() {
+            *v = (body.x[node] - self.anchor[node]) / g;
+        }
+        self.work += self.push(body) + self.ramp(body);
+        report.converged &= body.v.iter().flat_map(Vec3::iter).all(|v| v.is_finite());
+        body.fresh = false;
+        Ok(report)
+    }
+
+    /// The most work (J) that handles and supports can have done on what they hold `from` these positions to
+    /// the end of the stage just solved, its inertia left out.
+    fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
+        let force = self.newton.residual();
+        let moved = |node: usize| body.x[node] - from[node];
+        let held = body.stiffness.free()..body.x.len();
+        let work: f64 = held
+            .map(|node| force[node].norm() * moved(node).norm())
+            .sum();
+        work + body.supports.work(|node| force[node], moved)
+    }
+
+    /// The same that its inertia took.
+    fn push(&self, body: &Body) -> f64 {
+        let gained = |node: usize| {
+            let (now, then) = (&body.v[node], &self.v[node]);
+            (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.mass[node])
+        };
+        let held = body.stiffness.free()..body.x.len();
+        let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
+        work + body.supports.work(gained, |_| Vec3::repeat(1.0))
+    }
+
+    /// Sets the loads to those at `part` of the substep.
+    fn load(&self, body: &mut Body, part: f64) {
+        if !self.ramped {
+            return;
+        }
+        let share = self.span.0 + (self.span.1 - self.span.0) * part;
+        if share == 1.0 {
+            body.external.copy_from_slice(&self.loads.1);
+            return;
+        }
+        let loads = self.loads.0.iter().zip(&self.loads.1);
+        for (external, (from, to)) in body.external.iter_mut().zip(loads) {
+            *external = from + (to - from) * share;
+        }
+    }
+
+    /// The most work (J) that loads can have done beyond what those of the end would have.
+    fn ramp(&self, body: &Body) -> f64 {
+        if !self.ramped {
+            return 0.0;
+        }
+        let loads = self.loads.0.iter().zip(&self.loads.1);
+        let changed = loads.map(|(from, to)| (to - from).norm());
+        let moved = body
+            .x
+            .iter()
+            .zip(&self.x)
+            .map(|(x, from)| (x - from).norm());
+        let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
+        work * (self.span.1 - self.span.0) * body.load_factor.abs()
+    }
+
+    /// Solves a stage that ends `part` of a substep of `h` after its start.
+    fn solve(
+        &mut self,
+        body: &mut Body,
+        g: f64,
+        part: f64,
+        share: f64,
+        h: f64,
+    ) -> Result<NewtonReport, StepError> {
+        let free = body.stiffness.free();
+        for (handle, aim) in body.handles.iter().zip(&self.aims) {
+            let pose = between(&handle.report.pose, aim, part);
+            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+                let goal = pose.position + pose.rotation * offset;
+                let velocity = (goal - self.x[node]) / (part * h);
+                self.held[node - free] = goal;
+                self.anchor[node] = goal - velocity * g;
+                self.predicted[node] = goal;
+            }
+        }
+        if let Some(mask) = body.supports.mask() {
+            // Where the guided axes will be, by the same rule as the solver's.
+            body.displacement[..free].fill(Vec3::zeros());
+            body.supports
+                .prescribe(&body.x, share, &mut body.displacement);
+            for node in 0..free {
+                for axis in 0..3 {
+                    if mask[node][axis] == 0.0 {
+                        let goal = body.x[node][axis] + body.displacement[node][axis];
+                        let velocity = (goal - self.x[node][axis]) / (part * h);
+                        self.anchor[node][axis] = goal - velocity * g;
+                        self.predicted[node][axis] = goal;
+                    }
+                }
+            }
+        }
+        let stage = Stage {
+            anchor: &self.anchor,
+            predicted: &self.predicted,
+            g,
+        };
+        self.newton.solve(body, Some(stage), &self.held, share)
+    }
+}
+
+/// Acceleration of a node at the present state, from forces as just assembled.
+fn acceleration(body: &Body, node: usize) -> Vec3 {
+    let mut force = body.internal[node] + body.external[node] * body.load_factor
+        - body.v[node] * (body.config.mass_damping * body.mass[node]);
+    if body.config.stiffness_damping > 0.0 {
+        force -= body.stiffness.row_product(node, &body.v) * body.config.stiffness_damping;
+    }
+    force / body.mass[node]
+}

@@ -1,0 +1,475 @@
+//! Newton's method for one implicit equation of motion, or for equilibrium.
+//!
+//! Every scheme here asks for positions `x'` with `v' = (x' - a) / g` that satisfy
+//!
+//! ```text
+//! M (x' - p) / g^2 + C v' = f(x') + load,      C = alpha M + beta K(x')
+//! ```
+//!
+//! with an anchor `a`, a prediction `p` and a time `g` that the scheme chooses; equilibrium leaves the left
+//! side out. Each iteration solves with the tangent by sparse Cholesky and searches along the result for a
+//! decrease of the incremental potential (Nocedal and Wright, "Numerical optimization", 2006, algorithm 3.1;
+//! the potential is that of Radovitzky and Ortiz, 1999), the damping's matrix held over one search. The
+//! exact tangent gives the quadratic end; where it is not positive definite the clipped one takes its place,
+//! so every direction descends.
+//!
+//! Below some residual nothing but rounding is left (`rounding`). There the method goes on as long as a step halves
+//! the residual. Its last direction then tells how much of the motion is still open, and an equilibrium of which more
+//! than a hundredth is open has not been solved: [`StepError::Rounding`]. A stage of a motion may well move by less than
+//! numbers can tell; of a motion it is the whole that counts (`Integrator::check_digits`).
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::rounding::{Lost, Rounding};
+use crate::error::{CondenseError, StepError};
+use crate::linear::cholesky::Cholesky;
+use crate::linear::sparse_cholesky::Kernels;
+use crate::material::Tangent;
+
+/// Share of the promised decrease that a step must bring (Armijo).
+const ARMIJO: f64 = 1e-4;
+/// A residual that is rounding and no larger a share of the forces that balance is not worth another step.
+const FINE: f64 = 1e-6;
+/// Share of the motion that rounding may leave open: two digits of it must be right.
+const MOST_OPEN: f64 = 0.01;
+/// Mass added to a static matrix, as a share of the mean diagonal: what no support holds stays where it is
+/// instead of making the matrix singular. The residual does not know of it.
+const STATIC_SHIFT: f64 = 1e-11;
+
+/// When Newton's method stops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewtonOptions {
+    /// Residual as a share of the forces that balance.
+    pub tolerance: f64,
+    /// Most iterations.
+    pub max_iterations: usize,
+}
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-9,
+            max_iterations: 50,
+        }
+    }
+}
+
+/// How a solve went.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NewtonReport {
+    /// Iterations spent.
+    pub iterations: usize,
+    /// Iterations in which the exact tangent was not positive definite.
+    pub clipped: usize,
+    /// Halvings of the line search, all together.
+    pub halvings: usize,
+    /// Norm of the residual at the end (N).
+    pub residual: f64,
+    /// Norm of the forces that balance (N).
+    pub reference: f64,
+    /// Whether the tolerance was met, or all that is left over is rounding.
+    pub converged: bool,
+    /// Whether the residual is above the tolerance, and rounding.
+    pub rounded: bool,
+    /// Where rounding stopped the solve: the largest motion of a node that was still asked for, or that its coordinates
+    /// cannot tell (m).
+    pub open: f64,
+}
+
+/// The equation of one stage, by node.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stage<'a> {
+    /// `a` (m).
+    pub(crate) anchor: &'a [Vec3],
+    /// `p` (m).
+    pub(crate) predicted: &'a [Vec3],
+    /// `g` (s).
+    pub(crate) g: f64,
+}
+
+/// The memory of the method for one topology.
+#[derive(Debug)]
+pub(crate) struct Newton {
+    pub(crate) options: NewtonOptions,
+    cholesky: Cholesky,
+    /// `A u - ...` by node.
+    residual: Vec<Vec3>,
+    /// Velocity of the damping, by node.
+    velocity: Vec<Vec3>,
+    step: Vec<Vec3>,
+    start: Vec<Vec3>,
+    flat: Vec<f64>,
+    rounding: Rounding,
+    /// Norm of the right-hand side of the last direction (N).
+    asked: f64,
+}
+
+/// Factors of a stage in the matrix.
+#[derive(Clone, Copy, Debug)]
+struct Factors {
+    mass: f64,
+    stiffness: f64,
+}
+
+impl Newton {
+    pub(crate) fn new(body: &Body, options: NewtonOptions) -> Result<Self, CondenseError> {
+        let count = body.x.len();
+        Ok(Self {
+            options,
+            cholesky: Cholesky::new(&body.stiffness, 1, Kernels::default())?,
+            residual: vec![Vec3::zeros(); count],
+            velocity: vec![Vec3::zeros(); count],
+            step: vec![Vec3::zeros(); count],
+            start: vec![Vec3::zeros(); count],
+            flat: vec![0.0; 3 * body.stiffness.free()],
+            rounding: Rounding::new(body),
+            asked: 0.0,
+        })
+    }
+
+    /// Moves the free nodes of `body` to where the stage is solved, and those that handles hold to `held`.
+    /// Guided axes go `share` of the way that is left. Assembled at the end.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError::Diverged`], [`StepError::Rounding`] and [`StepError::Matrix`]; positions are then anywhere.
+    pub(crate) fn solve(
+        &mut self,
+        body: &mut Body,
+        stage: Option<Stage<'_>>,
+        held: &[Vec3],
+        share: f64,
+    ) -> Result<NewtonReport, StepError> {
+        let free = body.stiffness.free();
+        let exact = stage.is_none() || body.config.stiffness_damping == 0.0;
+        let factors = stage.map_or(
+            Factors {
+                mass: 0.0,
+                stiffness: 1.0,
+            },
+            |stage| Factors {
+                mass: 1.0 / (stage.g * stage.g) + body.config.mass_damping / stage.g,
+                stiffness: 1.0 + body.config.stiffness_damping / stage.g,
+            },
+        );
+        self.step.fill(Vec3::zeros());
+        body.supports.prescribe(&body.x, share, &mut self.step);
+        for (node, goal) in (free..).zip(held) {
+            self.step[node] = goal - body.x[node];
+        }
+        let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());
+        let loaded = body.load_factor != 0.0 && body.external.iter().any(|f| *f != Vec3::zeros());
+        // What is asked of the solve beside its loads (N).
+        let mut asked = 0.0;
+        let quiet = !prescribed && !loaded;
+        let tangent = if exact {
+            Tangent::Exact
+        } else {
+            Tangent::Clipped
+        };
+        let mut report = NewtonReport::default();
+        let mut last = f64::INFINITY;
+        body.assemble_with(tangent);
+        loop {
+            self.balance(body, stage);
+            self.judge(body, stage, &mut report);
+            // Held nodes have no residual; their forces are in the reference.
+            if !(report.residual.is_finite() && report.reference.is_finite()) {
+                return Err(StepError::Diverged {
+                    iterations: report.iterations,
+                });
+            }
+            let met = report.residual <= self.options.tolerance * report.reference;
+            let floor = self
+                .rounding
+                .of_forces(body, factors.mass, factors.stiffness);
+            report.rounded = !met && report.residual <= floor;
+            if !prescribed {
+                let fine = report.residual <= FINE * report.reference.max(asked);
+                report.converged = met || (report.rounded && (quiet || fine));
+                if !report.converged && report.rounded && report.residual > 0.5 * last {
+                    return self.end_at_rounding(body, stage, tangent, last, report);
+                }
+            }
+            if report.converged || report.iterations >= self.options.max_iterations {
+                return Ok(report);
+            }
+            last = if report.rounded && !prescribed {
+                report.residual
+            } else {
+                f64::INFINITY
+            };
+            report.iterations += 1;
+            self.direction(body, factors, exact, prescribed, stage, &mut report)?;
+            self.start.copy_from_slice(&body.x);
+            if prescribed {
+                asked = self.asked;
+                for (x, u) in body.x.iter_mut().zip(&self.step) {
+                    *x += u;
+                }
+                prescribed = false;
+            } else if !self.search(body, factors, stage, &mut report) {
+                // No decrease that can be told from rounding: as far as it goes.
+                body.x.copy_from_slice(&self.start);
+                if report.rounded {
+                    body.assemble_with(tangent);
+                    return self.end_at_rounding(body, stage, tangent, f64::INFINITY, report);
+                }
+                body.assemble_with(Tangent::Clipped);
+                return Ok(report);
+            }
+            body.assemble_with(tangent);
+        }
+    }
+
+    /// Ends a solve of which only rounding is left, at the better of the present positions and those before the last
+    /// step, where the residual was `last` (N).
+    fn end_at_rounding(
+        &mut self,
+        body: &mut Body,
+        stage: Option<Stage<'_>>,
+        tangent: Tangent,
+        last: f64,
+        mut report: NewtonReport,
+    ) -> Result<NewtonReport, StepError> {
+        if last < report.residual {
+            body.x.copy_from_slice(&self.start);
+            body.assemble_with(tangent);
+            self.balance(body, stage);
+            self.judge(body, stage, &mut report);
+        }
+        let free = body.stiffness.free();
+        let open = self.step[..free].iter().map(Vec3::amax);
+        // No place is known better than numbers of its size are apart.
+        let place = body.x.iter().map(Vec3::amax).fold(0.0, f64::max);
+        report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
+        if stage.is_none() {
+            check_digits(body, report.open, body.moved())?;
+        }
+        report.converged = true;
+        Ok(report)
+    }
+
+    /// What the last solve left over, by node (N): on held nodes and guided axes the force of hand or support,
+    /// the node's inertia left out.
+    pub(crate) fn residual(&self) -> &[Vec3] {
+        &self.residual
+    }
+
+    /// The residual at the present positions, by node: on held nodes the force of the hand.
+    fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
+        let damping = body.config.stiffness_damping;
+        if let Some(stage) = stage {
+            for (node, velocity) in self.velocity.iter_mut().enumerate() {
+                *velocity = (body.x[node] - stage.anchor[node]) / stage.g;
+            }
+        }
+        for node in 0..body.x.len() {
+            let mut r = -body.internal[node] - body.external[node] * body.load_factor;
+            if let Some(stage) = stage {
+                let acceleration = (body.x[node] - stage.predicted[node]) / (stage.g * stage.g);
+                let drag = self.velocity[node] * body.config.mass_damping;
+                r += (acceleration + drag) * body.mass[node];
+                if damping > 0.0 {
+                    r += body.stiffness.row_product(node, &self.velocity) * damping;
+                }
+            }
+            self.residual[node] = r;
+        }
+    }
+
+    /// Residual and reference into `report`.
+    fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
+        let free = body.stiffness.free();
+        let mask = body.supports.mask();
+        let (mut residual, mut reference) = (0.0, 0.0);
+        for node in 0..body.x.len() {
+            let external = body.external[node] * body.load_factor;
+            reference += body.internal[node].norm_squared() + external.norm_squared();
+            if node >= free {
+                continue;
+            }
+            let r = self.residual[node];
+            residual += mask
+                .map_or(r, |mask| r.component_mul(&mask[node]))
+                .norm_squared();
+            if let Some(stage) = stage {
+                let moved = (body.x[node] - stage.predicted[node]) / (stage.g * stage.g);
+                reference += (moved * body.mass[node]).norm_squared();
+            }
+        }
+        report.residual = libm::sqrt(residual);
+        report.reference = libm::sqrt(reference);
+    }
+
+    /// Newton's direction into `step`, whose prescribed parts are given.
+    fn direction(
+        &mut self,
+        body: &mut Body,
+        factors: Factors,
+        exact: bool,
+        prescribed: bool,
+        stage: Option<Stage<'_>>,
+        report: &mut NewtonReport,
+    ) -> Result<(), StepError> {
+        if exact && !self.factorize(body, factors, stage)? {
+            report.clipped += 1;
+            body.assemble_with(Tangent::Clipped);
+            self.factorize_clipped(body, factors, stage)?;
+        } else if !exact {
+            self.factorize_clipped(body, factors, stage)?;
+        }
+        let free = body.stiffness.free();
+        let mask = body.supports.mask();
+        if !prescribed {
+            self.step.fill(Vec3::zeros());
+        }
+        for node in 0..free {
+            let mut rhs = -self.residual[node];
+            if prescribed {
+                rhs -= body.stiffness.row_product(node, &self.step) * factors.stiffness;
+            }
+            if let Some(mask) = mask {
+                rhs.component_mul_assign(&mask[node]);
+            }
+            self.flat[3 * node..3 * node + 3].copy_from_slice(rhs.as_slice());
+        }
+        self.asked = libm::sqrt(self.flat.iter().map(|f| f * f).sum());
+        self.cholesky.solve(&mut self.flat);
+        for (u, flat) in self.step.iter_mut().zip(self.flat.chunks_exact(3)) {
+            *u += Vec3::new(flat[0], flat[1], flat[2]);
+        }
+        if self.flat.iter().all(|value| value.is_finite()) {
+            Ok(())
+        } else {
+            Err(StepError::Diverged {
+                iterations: report.iterations,
+            })
+        }
+    }
+
+    /// Whether the matrix is positive definite; factorized then.
+    fn factorize(
+        &mut self,
+        body: &Body,
+        factors: Factors,
+        stage: Option<Stage<'_>>,
+    ) -> Result<bool, StepError> {
+        let mass = if stage.is_some() {
+            factors.mass
+        } else {
+            STATIC_SHIFT * stiffness_per_mass(body)
+        };
+        match self.cholesky.factorize(
+            &body.stiffness,
+            &body.mass,
+            mass,
+            factors.stiffness,
+            body.supports.mask(),
+        ) {
+            Ok(()) => Ok(true),
+            Err(CondenseError::NotPositiveDefinite { .. }) => Ok(false),
+            Err(error) => Err(StepError::Matrix(error)),
+        }
+    }
+
+    /// The clipped matrix, with as much mass as rounding asks for.
+    fn factorize_clipped(
+        &mut self,
+        body: &Body,
+        factors: Factors,
+        stage: Option<Stage<'_>>,
+    ) -> Result<(), StepError> {
+        let unit = stiffness_per_mass(body) * factors.stiffness;
+        let mut last = CondenseError::NotPositiveDefinite { pivot: 0 };
+        for shift in [STATIC_SHIFT, 1e-9, 1e-7, 1e-5, 1e-3] {
+            let extra = if stage.is_some() && shift == STATIC_SHIFT {
+                0.0
+            } else {
+                shift * unit
+            };
+            match self.cholesky.factorize(
+                &body.stiffness,
+                &body.mass,
+                factors.mass + extra,
+                factors.stiffness,
+                body.supports.mask(),
+            ) {
+                Ok(()) => return Ok(()),
+                Err(error) => last = error,
+            }
+        }
+        Err(StepError::Matrix(last))
+    }
+
+    /// Moves along `step` as far as the potential decreases; whether it does.
+    fn search(
+        &mut self,
+        body: &mut Body,
+        factors: Factors,
+        stage: Option<Stage<'_>>,
+        report: &mut NewtonReport,
+    ) -> bool {
+        let free = body.stiffness.free();
+        let elastic = body.elastic_energy();
+        let (mut slope, mut linear, mut quadratic) = (0.0, 0.0, 0.0);
+        let mut lost = Lost::default();
+        for node in 0..free {
+            let u = self.step[node];
+            let place = self.rounding.of_place(body, node);
+            let stiffness = body.stiffness.diagonal(node).amax();
+            let matrix = stiffness * factors.stiffness + body.mass[node] * factors.mass;
+            lost.elastic += stiffness * place * place;
+            lost.elements += self.rounding.of_element(node, stiffness);
+            lost.work += (self.residual[node] + body.internal[node]).norm() * place
+                + matrix * place * u.norm();
+            slope += self.residual[node].dot(&u);
+            linear += (self.residual[node] + body.internal[node]).dot(&u);
+            if stage.is_some() {
+                quadratic += factors.mass * body.mass[node] * u.norm_squared();
+                let damping = factors.stiffness - 1.0;
+                if damping > 0.0 {
+                    quadratic += damping * u.dot(&body.stiffness.row_product(node, &self.step));
+                }
+            }
+        }
+        let slack = lost.of_energy(elastic);
+        let mut share = 1.0;
+        for _ in 0..40 {
+            for (node, x) in body.x.iter_mut().enumerate().take(free) {
+                *x = self.start[node] + self.step[node] * share;
+            }
+            let change =
+                body.elastic_energy() - elastic + share * linear + 0.5 * share * share * quadratic;
+            if change <= ARMIJO * share * slope.min(0.0) + slack {
+                return true;
+            }
+            share *= 0.5;
+            report.halvings += 1;
+        }
+        false
+    }
+}
+
+/// Refuses a solution of which rounding leaves `open` (m) of the `moved` (m) open.
+pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), StepError> {
+    if open <= MOST_OPEN * moved {
+        return Ok(());
+    }
+    Err(StepError::Rounding {
+        open,
+        moved,
+        place: body.x.iter().map(Vec3::amax).fold(0.0, f64::max),
+        size: body.size(),
+    })
+}
+
+/// Mean diagonal of the stiffness over the mean mass (1/s^2).
+fn stiffness_per_mass(body: &Body) -> f64 {
+    let free = body.stiffness.free();
+    let diagonal: f64 = (0..free)
+        .map(|node| body.stiffness.diagonal(node).trace() / 3.0)
+        .sum();
+    let mass: f64 = body.mass[..free].iter().sum();
+    if mass > 0.0 { diagonal / mass } else { 0.0 }
+}

@@ -1,0 +1,306 @@
+//! The time step: implicit Euler with one linearization.
+//!
+//! With the displacement over the step `u = h v'` as the unknown, Rayleigh damping `C = alpha M + beta K`
+//! and the matrix `A = M / h^2 + C / h + K`,
+//!
+//! ```text
+//! A u = M v / h + f_internal + f_external        x' = x + u        v' = u / h
+//! ```
+//!
+//! on the free nodes, while the handle nodes move as their handles prescribe (Baraff and Witkin, "Large
+//! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
+//! that the hand had to give. A step that would make energy is shortened (`guard`).
+
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::handle::{Handle, HandlePose, HandleReport, Wrench};
+use crate::error::StepError;
+use crate::linear::pcg::{SolveReport, StepMatrix};
+
+impl Body {
+    /// Assembles and solves: one whole step of `h` seconds.
+    ///
+    /// # Errors
+    ///
+    /// As [`solve`](Self::solve).
+    pub fn step(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
+        self.assemble();
+        self.solve(h, targets)
+    }
+
+    /// Advances the body by `h` seconds to the handle poses `targets`, one per handle, from forces and
+    /// stiffness as just assembled.
+    ///
+    /// A solve that runs out of iterations is no error: the report says how far it came.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`]; the body keeps its state then.
+    pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
+        self.check_step(h, targets)?;
+        if !self.fresh {
+            return Err(StepError::NotAssembled);
+        }
+        let free = self.stiffness.free();
+        let mass_factor = 1.0 / (h * h) + self.config.mass_damping / h;
+        let stiffness_factor = 1.0 + self.config.stiffness_damping / h;
+        self.see_missed();
+
+        for (u, v) in self.displacement[..free].iter_mut().zip(&self.v) {
+            *u = v * h;
+        }
+        self.prescribe(targets);
+        for node in 0..free {
+            self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
+        }
+        let matrix = StepMatrix {
+            stiffness: &self.stiffness,
+            mass: &self.mass,
+            stiffness_factor,
+            mass_factor,
+            mask: self.supports.mask(),
+        };
+        let mut report = self.pcg.solve(
+            &matrix,
+            &mut self.displacement[..free],
+            &self.config.budget(),
+        );
+
+        let mut work = self.take_grip(h, mass_factor, stiffness_factor);
+        let moves = self.displacement.iter().flat_map(Vec3::iter);
+        let grip = self.grip.iter().flat_map(Vec3::iter);
+        // The velocity leaves the range of numbers before the motion; a residual that has left it has been
+        // no guide.
+        let mut all = moves.map(|u| u / h).chain(grip.copied());
+        if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
+            // They are not those of the state kept; without them a condensation has no lever term.
+            self.grip.fill(Vec3::zeros());
+            return Err(StepError::Diverged {
+                iterations: report.iterations,
+            });
+        }
+        work += self.supports.work(
+            |node| self.imbalance(node, h, mass_factor, stiffness_factor),
+            |node| self.displacement[node],
+        );
+        report.held_back = self.hold_back(h, work);
+        if report.held_back > 0.0 {
+            self.take_grip(h, mass_factor, stiffness_factor);
+        }
+        self.report_handles(h, targets);
+        let mut supports = core::mem::take(&mut self.supports);
+        supports.collect_reactions(|node| self.imbalance(node, h, mass_factor, stiffness_factor));
+        self.supports = supports;
+        if report.held_back == 0.0 {
+            self.promise(h, mass_factor, stiffness_factor);
+        }
+        for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
+            *x += u;
+            *v = u / h;
+        }
+        self.fresh = false;
+        Ok(report)
+    }
+
+    /// Keeps by how much the step's linearization lets the elastic forces fall, and from where. The step's own equation
+    /// tells what `K u` was: no product is needed.
+    fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
+        let free = self.stiffness.free();
+        for node in 0..self.x.len() {
+            let left = match node.checked_sub(free) {
+                None => self.pcg.residual[node],
+                Some(held) => -self.grip[held] - self.inertia(node, h),
+            };
+            let momentum = self.v[node] / h - self.displacement[node] * mass_factor;
+            let acting = self.internal[node]
+                + self.external[node] * self.load_factor
+                + momentum * self.mass[node];
+            self.promised[node] = self.internal[node] - (acting - left) / stiffness_factor;
+        }
+        self.promised_over = Some(h);
+    }
+
+    /// Finds by how much elastic forces at the end of the last step, where the elements have just been assembled, are not
+    /// those that its linearization promised.
+    fn see_missed(&mut self) {
+        let Some(h) = self.promised_over.take() else {
+            self.missed.fill(Vec3::zeros());
+            return;
+        };
+        let ends = self.internal.iter().zip(&self.promised);
+        for (missed, (force, promised)) in self.missed.iter_mut().zip(ends) {
+            *missed = (force - promised) / h;
+        }
+    }
+
+    /// What the last step promised says nothing of the state any more.
+    pub(crate) fn forget_promise(&mut self) {
+        self.promised_over = None;
+        self.missed.fill(Vec3::zeros());
+    }
+
+    /// Sets the displacements that handles and supports prescribe.
+    pub(crate) fn prescribe(&mut self, targets: &[HandlePose]) {
+        for (handle, target) in self.handles.iter().zip(targets) {
+            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+                self.displacement[node] = target.position + target.rotation * offset - self.x[node];
+            }
+        }
+        self.supports
+            .prescribe(&self.x, 1.0, &mut self.displacement);
+    }
+
+    /// Refuses a step length or targets that make no sense.
+    pub(crate) fn check_step(&self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
+        if !(h > 0.0 && h.is_finite()) {
+            return Err(StepError::StepLength { found: h });
+        }
+        if targets.len() != self.handles.len() {
+            let (found, expected) = (targets.len(), self.handles.len());
+            return Err(StepError::Targets { found, expected });
+        }
+        if let Some(handle) = targets.iter().position(|target| !target.is_finite()) {
+            return Err(StepError::Target { handle });
+        }
+        Ok(())
+    }
+
+    /// Finds what the hands have to give; returns the most work (J) that they can have done.
+    fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
+        let free = self.stiffness.free();
+        let mut work = 0.0;
+        for node in free..self.x.len() {
+            let force = self.imbalance(node, h, mass_factor, stiffness_factor);
+            self.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.displacement[node].norm();
+        }
+        work
+    }
+
+    /// The same from a step that was solved elsewhere, of which `imbalance` is what is left over; the work of
+    /// supports with it.
+    pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
+        let free = self.stiffness.free();
+        let mut work = 0.0;
+        for node in free..self.x.len() {
+            let force = imbalance(node);
+            self.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.displacement[node].norm();
+        }
+        work + self
+            .supports
+            .work(imbalance, |node| self.displacement[node])
+    }
+
+    /// Reports handles and supports of such a step, before it is taken.
+    pub(crate) fn report_step(
+        &mut self,
+        h: f64,
+        targets: &[HandlePose],
+        imbalance: impl Fn(usize) -> Vec3,
+    ) {
+        self.report_handles(h, targets);
+        self.supports.collect_reactions(imbalance);
+    }
+
+    /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force
+    /// of the hand on a handle node.
+    fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
+        let mass = self.mass[node];
+        self.stiffness.row_product(node, &self.displacement) * stiffness_factor
+            + self.displacement[node] * (mass_factor * mass)
+            - self.v[node] * (mass / h)
+            - self.internal[node]
+            - self.external[node] * self.load_factor
+    }
+
+    /// Mass times acceleration of a node over the step.
+    fn inertia(&self, node: usize, h: f64) -> Vec3 {
+        (self.displacement[node] / h - self.v[node]) * (self.mass[node] / h)
+    }
+
+    fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
+        self.clock += h;
+        let mut handles = core::mem::take(&mut self.handles);
+        for (handle, target) in handles.iter_mut().zip(targets) {
+            self.report_handle(handle, h, target, |node| {
+                (
+                    self.x[node] + self.displacement[node],
+                    self.inertia(node, h),
+                )
+            });
+        }
+        self.handles = handles;
+    }
+
+    /// Reports handles and supports after a solve that has moved the body already, over a step of `h` from
+    /// velocities `before`; forces are those just assembled. An infinite `h` is equilibrium.
+    pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
+        let free = self.stiffness.free();
+        self.forget_promise();
+        let (alpha, beta) = (self.config.mass_damping, self.config.stiffness_damping);
+        let pull = |node: usize| {
+            let damping = if beta > 0.0 {
+                self.stiffness.row_product(node, &self.v) * beta
+            } else {
+                Vec3::zeros()
+            };
+            self.v[node] * (alpha * self.mass[node]) + damping
+                - self.internal[node]
+                - self.external[node] * self.load_factor
+        };
+        let inertia = |node: usize| (self.v[node] - before[node]) * (self.mass[node] / h);
+        let mut grip = core::mem::take(&mut self.grip);
+        for (held, force) in grip.iter_mut().enumerate() {
+            *force = pull(free + held);
+        }
+        let mut supports = core::mem::take(&mut self.supports);
+        supports.collect_reactions(|node| pull(node) + inertia(node));
+        self.supports = supports;
+        self.grip = grip;
+        let mut handles = core::mem::take(&mut self.handles);
+        for (handle, target) in handles.iter_mut().zip(targets) {
+            self.report_handle(handle, h, target, |node| {
+                (
+                    self.x[node],
+                    (self.v[node] - before[node]) * (self.mass[node] / h),
+                )
+            });
+        }
+        self.handles = handles;
+    }
+
+    /// Sums what `state` says of the handle's nodes: position at the end of the step, and inertia.
+    fn report_handle(
+        &self,
+        handle: &mut Handle,
+        h: f64,
+        target: &HandlePose,
+        state: impl Fn(usize) -> (Vec3, Vec3),
+    ) {
+        let free = self.stiffness.free();
+        let old = handle.report.pose;
+        let mut grip = Wrench::default();
+        let mut inertia = Wrench::default();
+        for node in handle.nodes() {
+            let (position, force) = state(node);
+            let arm = position - target.position;
+            grip.add(&self.grip[node - free], &arm);
+            inertia.add(&force, &arm);
+        }
+        handle.report = HandleReport {
+            pose: *target,
+            linear_velocity: (target.position - old.position) / h,
+            angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
+            wrench_on_hand: Wrench {
+                force: -grip.force,
+                moment: -grip.moment,
+            },
+            reaction: Wrench {
+                force: grip.force + inertia.force,
+                moment: grip.moment + inertia.moment,
+            },
+            inertia,
+        };
+    }
+}

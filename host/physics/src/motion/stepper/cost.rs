@@ -1,0 +1,143 @@
+//! What the parts of a step cost: bytes and operations, counted from the data, and each part alone, to be timed.
+//!
+//! Bytes are those of every array once for each pass that reads or writes it. Nodes are gathered many times in a
+//! pass and counted once: the other times the nearest cache has them. Operations are additions, subtractions,
+//! multiplications, divisions and roots as they are written, one each; comparisons, changes of sign and the fill of
+//! nodes are none. Over the time of a part they tell what limits it: see S. Williams, A. Waterman and D. Patterson,
+//! "Roofline: an insightful visual performance model for multicore architectures" (2009).
+
+use super::Stepper;
+use crate::cost::Cost;
+use crate::error::CondenseError;
+use crate::lanes::{Node, Real};
+use crate::linear::vectors;
+
+/// A part of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Forces and tangent of all elements.
+    Linearize,
+    /// The stiffness times a vector.
+    Product,
+    /// The preconditioner: a solve with the factor, the residual rounded before, the product of both after.
+    Precondition,
+    /// What an iteration does with whole vectors otherwise.
+    Vectors,
+    /// A new factor, of a complete one its panels, too: not a part of every step.
+    Refresh,
+}
+
+impl<T: Real> Stepper<T> {
+    /// What a part costs; `None` where that has not been counted (elements without a kernel of their own) or the
+    /// refresher is lent.
+    ///
+    /// A refresh counts the factorization and the panels. Assembling what is factorized is left out: it takes some
+    /// hundredths of their operations.
+    pub fn cost(&self, part: Part) -> Option<Cost> {
+        let node = size_of::<Node<T>>();
+        let all = node * self.node.len();
+        let free = node * self.free;
+        match part {
+            Part::Linearize | Part::Product => {
+                // The forces, or the result, begin at zero; what is multiplied is counted with the first kernel.
+                let mut sum = Cost::write(all) + Cost::read(all).again();
+                sum.touched += all;
+                for (i, kernel) in self.kernels.iter().enumerate() {
+                    let own = match part {
+                        Part::Linearize => kernel.linearize_cost()?,
+                        _ => kernel.product_cost()?,
+                    };
+                    sum = sum + own + Cost::update(all).again();
+                    if i > 0 {
+                        sum = sum + Cost::read(all).again();
+                    }
+                }
+                Some(sum)
+            }
+            Part::Precondition => {
+                let z = size_of::<Node<f32>>() * self.free;
+                let ends = Cost::read(free) + Cost::read(free).again() + Cost::write(z);
+                let dot = Cost::read(z).again() + Cost::flops(6 * self.free);
+                Some(self.solves.cost() + ends + dot)
+            }
+            Part::Vectors => {
+                let turn = Cost::read((size_of::<Node<f32>>() + size_of::<T>()) * self.free)
+                    + Cost::update(free)
+                    + Cost::write(free)
+                    + Cost::flops(9 * self.free);
+                let dot = Cost::read(2 * free).again() + Cost::flops(6 * self.free);
+                let advance = Cost::read(2 * free).again()
+                    + Cost::update(2 * free)
+                    + Cost::flops(18 * self.free);
+                Some(turn + dot + advance)
+            }
+            Part::Refresh => self.refresher.as_ref().map(|refresher| refresher.cost()),
+        }
+    }
+
+    /// Does a part once more where the body is, which changes nothing of what the next step finds.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::lanes::Refresher::work).
+    pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
+        let factors = self.factors.ok_or(CondenseError::NotAssembled)?;
+        match part {
+            Part::Linearize => self.linearize_elements(),
+            Part::Product => {
+                self.q.fill([T::ZERO; 4]);
+                for kernel in &self.kernels {
+                    kernel.product(T::of(1.0), &self.u, &mut self.q);
+                }
+            }
+            Part::Precondition => {
+                self.precondition();
+            }
+            Part::Vectors => {
+                let free = self.free;
+                let (p, q) = (&mut self.p[..free], &mut self.q[..free]);
+                vectors::turn(&self.z, T::ZERO, &self.inertia, p, q);
+                // A step of no length; the product is used, so that it is made.
+                let none = T::of(0.0 * vectors::dot(p, q).clamp(0.0, 1.0));
+                vectors::advance(none, p, q, &mut self.u[..free], &mut self.residual[..free]);
+            }
+            Part::Refresh => self.refresh(factors)?,
+        }
+        Ok(())
+    }
+
+    /// Memory of what makes a factor (bytes); 0 while that is lent.
+    pub fn refresher_bytes(&self) -> usize {
+        let refresher = self.refresher.as_ref();
+        refresher.map_or(0, |refresher| refresher.bytes())
+    }
+
+    /// Memory that it holds (bytes): its own arrays and those of the refresher, where that is not lent, without the
+    /// shapes of local models.
+    pub fn bytes(&self) -> usize {
+        let kernels: usize = self.kernels.iter().map(|kernel| kernel.bytes()).sum();
+        let by_place = [
+            &self.mask,
+            &self.d,
+            &self.force,
+            &self.u,
+            &self.residual,
+            &self.p,
+            &self.q,
+        ];
+        let nodes: usize = by_place.iter().map(|v| size_of_val(v.as_slice())).sum();
+        size_of::<Self>()
+            + kernels
+            + self.refresher_bytes()
+            + self.solves.bytes()
+            + nodes
+            + size_of_val(self.history.as_slice())
+            + size_of_val(self.z.as_slice())
+            + size_of_val(self.inertia.as_slice())
+            + size_of_val(self.mass.as_slice())
+            + size_of_val(self.place.as_slice())
+            + size_of_val(self.node.as_slice())
+            + size_of_val(self.at.as_slice())
+            + size_of_val(self.rest.as_slice())
+    }
+}

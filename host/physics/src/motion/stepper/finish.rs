@@ -1,0 +1,136 @@
+//! The end of a step: what it says of hands and supports, and how much of it energy allows.
+
+use super::{Stepped, Stepper, StepperReport};
+use crate::Vec3;
+use crate::body::Body;
+use crate::body::guard::Energy;
+use crate::body::handle::HandlePose;
+use crate::error::StepError;
+use crate::lanes::{Real, to_node, to_vec};
+
+impl<T: Real> Stepper<T> {
+    /// Takes the step into `body`, and linearizes where it ends.
+    pub(crate) fn finish(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+        factors: (f64, f64),
+        report: &mut StepperReport,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> Result<(), StepError> {
+        let mut work = self.take(body, h, report)?;
+        let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
+        // A hand decides where a body goes that it tears along.
+        let promised = (work == 0.0)
+            .then(|| self.promise(body, h, factors))
+            .flatten();
+        let mut after = self.energy_ahead(body, h);
+        let breaks = promised.is_some_and(|promised| self.breaks(body, promised));
+        if breaks {
+            (work, after) = self.correct(body, h, factors, report, out_of_time)?;
+        }
+        report.held_back = self.end_where_energy_allows(body, h, (before, after), work);
+        if report.held_back > 0.0 {
+            self.pull_at_the_end(body, h);
+            body.take_grip_from(h, |node| self.pull(node));
+        }
+        self.stepped = Some(Stepped {
+            length: h,
+            whole: !breaks && report.held_back == 0.0,
+        });
+        body.report_step(h, targets, |node| self.pull(node));
+        body.x.copy_from_slice(&self.at);
+        for (v, u) in body.v.iter_mut().zip(&body.displacement) {
+            *v = u / h;
+        }
+        body.fresh = false;
+        Ok(())
+    }
+
+    /// Takes the displacement that was found into `body`; returns the most work (J) that hands can have done.
+    pub(crate) fn take(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        report: &StepperReport,
+    ) -> Result<f64, StepError> {
+        for (u, &node) in self.u.iter().zip(&self.node) {
+            body.displacement[node as usize] = to_vec(u);
+        }
+        let work = body.take_grip_from(h, |node| self.pull(node));
+        let mut moves = body.displacement.iter().flat_map(Vec3::iter);
+        let sound = moves.all(|u| (u / h).is_finite())
+            && body.grip.iter().flat_map(Vec3::iter).all(|f| f.is_finite())
+            && report.residual.is_finite();
+        if sound {
+            return Ok(work);
+        }
+        body.grip.fill(Vec3::zeros());
+        Err(StepError::Diverged {
+            iterations: report.iterations,
+        })
+    }
+
+    /// The force of a hand or support on a node (N): what the equation leaves over.
+    fn pull(&self, node: usize) -> Vec3 {
+        -to_vec(&self.residual[self.place[node] as usize])
+    }
+
+    /// Linearizes where the step ends, which is nearer than the solver found where that would make energy;
+    /// returns the share held back. Given are the energies before the step and after the whole of it, where the
+    /// elements are linearized.
+    fn end_where_energy_allows(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        (before, after): (Energy, Energy),
+        work: f64,
+    ) -> f64 {
+        let mut guard = body.guard;
+        guard.begin(before);
+        let mut whole = Some(after);
+        let held = guard.hold_back(body, work, |body| {
+            whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
+        });
+        // What is linearized must be where the step ends, not where the last look was.
+        let after = if held.returned {
+            self.energy_ahead(body, h)
+        } else {
+            held.energy
+        };
+        guard.end(after, work);
+        body.guard = guard;
+        1.0 - held.kept
+    }
+
+    /// Energy after the displacement as it is; linearized there.
+    pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
+        for ((at, x), u) in self.at.iter_mut().zip(&body.x).zip(&body.displacement) {
+            *at = x + u;
+        }
+        self.linearize();
+        let moving = body.displacement.iter().zip(&body.mass);
+        let kinetic: f64 = moving
+            .map(|(u, mass)| 0.5 * mass * (u / h).norm_squared())
+            .sum();
+        Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
+    }
+
+    /// The residual of the equation of motion with forces as they are at the end of the step.
+    pub(crate) fn pull_at_the_end(&mut self, body: &Body, h: f64) {
+        let drag = body.config.mass_damping / h;
+        for (place, r) in self.residual.iter_mut().enumerate() {
+            let node = self.node[place] as usize;
+            let u = body.displacement[node];
+            let inertia = (body.v[node] - u / h) / h - u * drag;
+            let external = body.external[node] * body.load_factor;
+            *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
+            self.u[place] = to_node(&u);
+        }
+        let damping = T::of(-body.config.stiffness_damping / h);
+        for kernel in &self.kernels {
+            kernel.product(damping, &self.u, &mut self.residual);
+        }
+    }
+}

@@ -1,0 +1,341 @@
+//! Where conjugate gradients start: the velocity of the last step, and what its history says of the next.
+//!
+//! The last four velocities are kept as differences (this one, how it changed, how that changed, ...), as in
+//! extrapolation by polynomials. How much of each is to be added is no constant but fitted by least squares: free
+//! nodes tell how much of them the last step would have needed, and held nodes, whose motion is prescribed, how much
+//! this one does. So a smooth motion is followed closely, and where a hand begins to move or stops nothing is taken
+//! for a trend that is none. Extrapolation from earlier solutions with fitted factors is as old as time-dependent
+//! solvers (for instance P. F. Fischer, "Projection techniques for iterative solution of A x = b with successive
+//! right-hand sides", 1998, who fits the residual, at a product for each; this takes vectors alone).
+//!
+//! [`follow`] and [`extrapolate`] stop at AVX2: AVX-512 makes them three and two times as long, for the reason that
+//! `vectors` gives.
+
+use super::Stepper;
+use super::options::Guess;
+use crate::body::Body;
+use crate::body::handle::HandlePose;
+use crate::lanes::{Node, Real, to_node};
+#[cfg(not(palpate_one_version))]
+use multiversion::multiversion;
+
+/// Differences kept, of which the first is the velocity itself.
+const KEPT: usize = 4;
+
+/// Products of pairs of them.
+const PAIRS: usize = KEPT * (KEPT + 1) / 2;
+
+/// Nodes that are summed in the vectors' own precision: few, so that single precision loses no more than [`CUT`].
+const BLOCK: usize = 64;
+
+/// Free nodes of a block that are fitted to: the others, beside them, move alike.
+const SAMPLE: usize = 16;
+
+/// A difference of which no more than this share of its square is new is left out: it says what lower ones do.
+const CUT: f64 = 1e-5;
+
+/// Of them are fitted after a step that ran out of iterations: what it left over is most of the higher ones.
+const AFTER_UNFINISHED: usize = 2;
+
+/// A node's velocity (m/s), how it changed in the last step, how that changed, and so on.
+pub(crate) type Differences<T> = [Node<T>; KEPT];
+
+/// What a fit needs: products of the differences with each other, by rows of the lower triangle, and with what they
+/// are to make up.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    pairs: [f64; PAIRS],
+    wanted: [f64; KEPT],
+}
+
+/// The same of a few nodes.
+struct Lanes<T> {
+    pairs: [Node<T>; PAIRS],
+    wanted: [Node<T>; KEPT],
+}
+
+impl<T: Real> Lanes<T> {
+    const ZERO: Self = Self {
+        pairs: [[T::ZERO; 4]; PAIRS],
+        wanted: [[T::ZERO; 4]; KEPT],
+    };
+
+    #[inline(always)]
+    fn add(&mut self, differences: &Differences<T>, wanted: &Node<T>) {
+        let mut pair = 0;
+        for row in 0..KEPT {
+            for column in 0..=row {
+                for i in 0..4 {
+                    self.pairs[pair][i] += differences[row][i] * differences[column][i];
+                }
+                pair += 1;
+            }
+            for i in 0..4 {
+                self.wanted[row][i] += differences[row][i] * wanted[i];
+            }
+        }
+    }
+}
+
+impl Sums {
+    fn add<T: Real>(&mut self, lanes: &Lanes<T>) {
+        let total = |lanes: &Node<T>| lanes.iter().map(|lane| lane.to_f64()).sum::<f64>();
+        for (sum, lanes) in self.pairs.iter_mut().zip(&lanes.pairs) {
+            *sum += total(lanes);
+        }
+        for (sum, lanes) in self.wanted.iter_mut().zip(&lanes.wanted) {
+            *sum += total(lanes);
+        }
+    }
+
+    /// How much of each of the first `count` differences fits best; nothing where there is nothing to fit.
+    fn shares(self, count: usize) -> [f64; KEPT] {
+        // Gaussian elimination in the order of the differences.
+        let (mut matrix, mut wanted) = ([[0.0; KEPT]; KEPT], self.wanted);
+        let mut pairs = self.pairs.into_iter();
+        for row in 0..KEPT {
+            for (column, pair) in (0..=row).zip(&mut pairs) {
+                matrix[row][column] = pair;
+                matrix[column][row] = pair;
+            }
+        }
+        let whole: [f64; KEPT] = core::array::from_fn(|i| matrix[i][i]);
+        let new =
+            |matrix: &[[f64; KEPT]; KEPT], i: usize| i < count && matrix[i][i] > CUT * whole[i];
+        for i in 0..KEPT {
+            if !new(&matrix, i) {
+                continue;
+            }
+            for row in i + 1..KEPT {
+                let share = matrix[row][i] / matrix[i][i];
+                for column in i..KEPT {
+                    matrix[row][column] -= share * matrix[i][column];
+                }
+                wanted[row] -= share * wanted[i];
+            }
+        }
+        let mut shares = [0.0; KEPT];
+        for i in (0..KEPT).rev() {
+            if new(&matrix, i) {
+                let others = i + 1..KEPT;
+                let made: f64 = others.map(|j| matrix[i][j] * shares[j]).sum();
+                shares[i] = (wanted[i] - made) / matrix[i][i];
+            }
+        }
+        // Numbers too large to be squared fit nothing.
+        if shares.iter().all(|share| share.is_finite()) {
+            shares
+        } else {
+            [0.0; KEPT]
+        }
+    }
+}
+
+/// The differences one step later, where the velocity is `v`.
+#[inline(always)]
+fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
+    let mut new = [*v; KEPT];
+    for order in 1..KEPT {
+        for i in 0..4 {
+            new[order][i] = new[order - 1][i] - old[order - 1][i];
+        }
+    }
+    new
+}
+
+/// Takes free nodes a step further to `velocity`, and sums what it would have taken to foresee that.
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
+fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
+    for (differences, velocity) in differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK)) {
+        let mut lanes = Lanes::ZERO;
+        let sample = SAMPLE.min(differences.len());
+        let (first, others) = differences.split_at_mut(sample);
+        for (kept, v) in first.iter_mut().zip(velocity) {
+            let new = next(kept, v);
+            lanes.add(kept, &new[1]);
+            *kept = new;
+        }
+        for (kept, v) in others.iter_mut().zip(&velocity[sample..]) {
+            *kept = next(kept, v);
+        }
+        sums.add(&lanes);
+    }
+}
+
+/// Takes held nodes a step further to `velocity`, and sums what it takes to foresee the next step, in which they are
+/// displaced by `u` (m) at a `rate` of steps (1/s).
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
+)]
+fn lead<T: Real>(
+    differences: &mut [Differences<T>],
+    velocity: &[Node<T>],
+    u: &[Node<T>],
+    rate: T,
+    sums: &mut Sums,
+) {
+    let nodes = differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK));
+    for ((differences, velocity), u) in nodes.zip(u.chunks(BLOCK)) {
+        let mut lanes = Lanes::ZERO;
+        for ((kept, v), u) in differences.iter_mut().zip(velocity).zip(u) {
+            *kept = next(kept, v);
+            let mut change = *u;
+            for i in 0..4 {
+                change[i] = rate * change[i] - v[i];
+            }
+            lanes.add(kept, &change);
+        }
+        sums.add(&lanes);
+    }
+}
+
+/// `u := h (v + shares . differences)`.
+#[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
+fn extrapolate<T: Real>(
+    differences: &[Differences<T>],
+    h: T,
+    shares: &[T; KEPT],
+    u: &mut [Node<T>],
+) {
+    for (u, kept) in u.iter_mut().zip(differences) {
+        let mut v = kept[0];
+        for order in 0..KEPT {
+            for i in 0..4 {
+                v[i] += shares[order] * kept[order][i];
+            }
+        }
+        *u = v.map(|v| h * v);
+    }
+}
+
+impl<T: Real> Stepper<T> {
+    /// Begins a new history: as if the body had long moved as it does.
+    pub(crate) fn begin_history(&mut self, body: &Body) {
+        for (kept, &node) in self.history.iter_mut().zip(&self.node) {
+            *kept = [[T::ZERO; 4]; KEPT];
+            kept[0] = to_node(&body.v[node as usize]);
+        }
+    }
+
+    /// The displacement to start from, with what handles and supports prescribe.
+    pub(crate) fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
+        let free = self.free;
+        body.prescribe(targets);
+        // Nobody needs the residual and `q` before there is a guess.
+        for ((u, v), &node) in self.u.iter_mut().zip(&mut self.residual).zip(&self.node) {
+            *u = to_node(&body.displacement[node as usize]);
+            *v = to_node(&body.v[node as usize]);
+        }
+        let (free_nodes, held_nodes) = self.history.split_at_mut(free);
+        let mut sums = Sums::default();
+        follow(free_nodes, &self.residual[..free], &mut sums);
+        lead(
+            held_nodes,
+            &self.residual[free..],
+            &self.u[free..],
+            T::of(1.0 / h),
+            &mut sums,
+        );
+        let shares = match self.options.guess {
+            Guess::Velocity => [0.0; KEPT],
+            Guess::Acceleration => [0.0, 1.0, 0.0, 0.0],
+            Guess::Fitted if self.unfinished => sums.shares(AFTER_UNFINISHED),
+            Guess::Fitted => sums.shares(KEPT),
+        };
+        let guided = self.mask.len();
+        self.q[..guided].copy_from_slice(&self.u[..guided]);
+        extrapolate(
+            &self.history[..free],
+            T::of(h),
+            &shares.map(T::of),
+            &mut self.u[..free],
+        );
+        // What supports guide is prescribed, too.
+        for ((u, given), mask) in self.u.iter_mut().zip(&self.q).zip(&self.mask) {
+            for i in 0..4 {
+                if mask[i] == T::ZERO {
+                    u[i] = given[i];
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sums(nodes: &[Differences<f64>], shares: [f64; KEPT]) -> Sums {
+        let (mut lanes, mut sums) = (Lanes::ZERO, Sums::default());
+        for node in nodes {
+            let wanted = core::array::from_fn(|i| (0..KEPT).map(|k| shares[k] * node[k][i]).sum());
+            lanes.add(node, &wanted);
+        }
+        sums.add(&lanes);
+        sums
+    }
+
+    /// Nodes whose differences have nothing to do with each other.
+    fn nodes() -> Vec<Differences<f64>> {
+        let value = |at: usize| f64::from((at * at * 7919 % 1013) as u32) / 1013.0 - 0.5;
+        let node = |n: usize| {
+            core::array::from_fn(|k| core::array::from_fn(|i| value(16 * n + 4 * k + i)))
+        };
+        (0..20).map(node).collect()
+    }
+
+    fn near(found: [f64; KEPT], expected: [f64; KEPT]) -> bool {
+        // The matrix is far from singular: rounding stays rounding.
+        found
+            .iter()
+            .zip(expected)
+            .all(|(a, b)| (a - b).abs() < 1e-12)
+    }
+
+    #[test]
+    fn shares_that_made_the_motion_are_found() {
+        let made = [0.3, -1.2, 0.7, 2.0];
+        let found = sums(&nodes(), made).shares(KEPT);
+        assert!(near(found, made), "{found:?}");
+    }
+
+    #[test]
+    fn a_difference_that_says_nothing_new_is_left_out() {
+        let mut nodes = nodes();
+        for node in &mut nodes {
+            node[1] = node[0].map(|v| 2.0 * v);
+            node[3] = [0.0; 4];
+        }
+        let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).shares(KEPT);
+        // The first does what the second would, and the last does nothing.
+        assert!(near(found, [1.0, 0.0, 0.5, 0.0]), "{found:?}");
+    }
+
+    #[test]
+    fn nothing_is_made_of_rest_and_of_numbers_too_large() {
+        for size in [0.0, 1e-200, 1e200, f64::INFINITY, f64::NAN] {
+            let node = [[size; 4]; KEPT];
+            let found = sums(&[node], [1.0; KEPT]).shares(KEPT);
+            assert_eq!(found, [0.0; KEPT], "{size}");
+        }
+    }
+
+    #[test]
+    fn polynomials_have_the_differences_of_their_last_values() {
+        let mut kept = [[0.0; 4]; KEPT];
+        for t in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] {
+            kept = next(&kept, &[t * t * t, t * t, t, 1.0]);
+        }
+        // Of 216, 125, 64, 27; of 36, 25, 16, 9; of 6, 5, 4, 3.
+        assert_eq!(
+            kept,
+            [
+                [216.0, 36.0, 6.0, 1.0],
+                [91.0, 11.0, 1.0, 0.0],
+                [30.0, 2.0, 0.0, 0.0],
+                [6.0, 0.0, 0.0, 0.0],
+            ]
+        );
+    }
+}

@@ -1,0 +1,119 @@
+//! The solver of a stepper: conjugate gradients, preconditioned by its frozen factor.
+
+use super::{Stepper, StepperReport};
+use crate::lanes::{Real, to_vec};
+use crate::linear::vectors;
+
+/// When conjugate gradients stop.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// At this residual (N).
+    pub(crate) goal: f64,
+    /// Where they start at no more than this residual (N), there is nothing to do.
+    pub(crate) start: f64,
+    pub(crate) max_iterations: usize,
+}
+
+impl<T: Real> Stepper<T> {
+    /// Conjugate gradients from `u` and `residual` (Saad, "Iterative methods for sparse linear systems",
+    /// algorithm 9.1). Held places have no direction; their residual is carried along: minus the hand's force.
+    pub(crate) fn iterate(
+        &mut self,
+        (mass_factor, stiffness_factor): (f64, f64),
+        limits: Limits,
+        out_of_time: &mut impl FnMut() -> bool,
+    ) -> StepperReport {
+        let free = self.free;
+        for (inertia, mass) in self.inertia.iter_mut().zip(&self.mass) {
+            *inertia = T::of(mass_factor * mass);
+        }
+        let mut report = StepperReport {
+            residual: self.norm(),
+            ..StepperReport::default()
+        };
+        let first = report.residual;
+        report.converged = report.residual <= limits.start;
+        let mut rz = 1.0;
+        while !report.converged && report.iterations < limits.max_iterations {
+            let rz_new = self.precondition();
+            let beta = if report.iterations == 0 {
+                0.0
+            } else {
+                rz_new / rz
+            };
+            rz = rz_new;
+            vectors::turn(
+                &self.z,
+                T::of(beta),
+                &self.inertia,
+                &mut self.p[..free],
+                &mut self.q[..free],
+            );
+            self.q[free..].fill([T::ZERO; 4]);
+            for kernel in &self.kernels {
+                kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
+            }
+            let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
+            // The matrix is positive definite: anything else is underflow, or a state that has blown up.
+            if !(curvature > 0.0 && curvature.is_finite()) {
+                // The next solve begins with none of this direction, and none of what is not a number is still one.
+                self.p.fill([T::ZERO; 4]);
+                break;
+            }
+            let alpha = T::of(rz / curvature);
+            // Held places have no direction, but a residual.
+            let (free_residual, held_residual) = self.residual.split_at_mut(free);
+            let (free_q, held_q) = self.q.split_at(free);
+            let square = vectors::advance(
+                alpha,
+                &self.p[..free],
+                free_q,
+                &mut self.u[..free],
+                free_residual,
+            );
+            for (r, q) in held_residual.iter_mut().zip(held_q) {
+                for i in 0..4 {
+                    r[i] -= alpha * q[i];
+                }
+            }
+            report.iterations += 1;
+            report.residual = if self.mask.is_empty() {
+                square.sqrt()
+            } else {
+                self.norm()
+            };
+            report.converged = report.residual <= limits.goal;
+            if out_of_time() {
+                break;
+            }
+        }
+        report.converged |= report.residual <= limits.goal;
+        if report.iterations > 0 {
+            report.rate = libm::pow(report.residual / first, 1.0 / report.iterations as f64);
+        }
+        report
+    }
+
+    /// `z` from the residual, without what is guided; returns their product.
+    pub(crate) fn precondition(&mut self) -> f64 {
+        vectors::round(&self.residual, &mut self.z);
+        vectors::filter(&self.mask, &mut self.z);
+        self.solves.solve(&mut self.z);
+        vectors::filter(&self.mask, &mut self.z);
+        vectors::dot_single(&self.z, &self.residual)
+    }
+
+    /// Norm of the residual on what is free (N).
+    pub(crate) fn norm(&self) -> f64 {
+        let free = &self.residual[..self.free];
+        if self.mask.is_empty() {
+            return vectors::dot(free, free).sqrt();
+        }
+        let mut sum = 0.0;
+        for (r, mask) in free.iter().zip(&self.mask) {
+            let r = to_vec(r).component_mul(&to_vec(mask));
+            sum += r.norm_squared();
+        }
+        sum.sqrt()
+    }
+}

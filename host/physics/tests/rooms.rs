@@ -1,0 +1,125 @@
+//! Rooms of the sources import downwards only: no room imports, directly or through others, one that imports it.
+//!
+//! A room is a folder of `src`, or a file beside `lib.rs`. What counts is `crate::room` in the code; comments may point
+//! anywhere. Inside a room, files may know each other.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+type Graph = BTreeMap<String, BTreeSet<String>>;
+
+/// The sources under `path`, one after another, without comments.
+fn code(path: &Path) -> String {
+    if path.is_dir() {
+        let mut entries: Vec<_> = fs::read_dir(path)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        entries.sort();
+        return entries.iter().map(|path| code(path)).collect();
+    }
+    if path.extension().is_none_or(|extension| extension != "rs") {
+        return String::new();
+    }
+    let text = fs::read_to_string(path).unwrap();
+    let lines = text
+        .lines()
+        .map(|line| line.split("//").next().unwrap_or_default());
+    lines.flat_map(|line| [line, "\n"]).collect()
+}
+
+/// What follows each `crate::` in `code`: the room, or the rooms of a list in braces.
+fn named(code: &str) -> BTreeSet<String> {
+    let word = |text: &str| -> String {
+        text.chars()
+            .take_while(|c| c.is_alphanumeric() || *c == '_')
+            .collect()
+    };
+    let mut found = BTreeSet::new();
+    for rest in code.split("crate::").skip(1) {
+        let Some(list) = rest.strip_prefix('{') else {
+            found.insert(word(rest));
+            continue;
+        };
+        let (mut depth, mut begins) = (0, true);
+        for (at, c) in list.char_indices() {
+            if begins && !c.is_whitespace() {
+                found.insert(word(&list[at..]));
+                begins = false;
+            }
+            match c {
+                '{' => depth += 1,
+                '}' if depth == 0 => break,
+                '}' => depth -= 1,
+                ',' if depth == 0 => begins = true,
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+/// The rooms under `src`, and which each imports.
+fn rooms(src: &Path) -> Graph {
+    let mut paths = BTreeMap::new();
+    for entry in fs::read_dir(src).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+        if name != "lib" {
+            paths.insert(name, path);
+        }
+    }
+    paths
+        .iter()
+        .map(|(room, path)| {
+            let mut imports = named(&code(path));
+            imports.retain(|name| name != room && paths.contains_key(name));
+            (room.clone(), imports)
+        })
+        .collect()
+}
+
+/// Rooms that lie on a circle or above one: what is left when rooms whose imports are all gone are taken away again and
+/// again.
+fn circles(graph: &Graph) -> Vec<String> {
+    let mut left = graph.clone();
+    loop {
+        let kept: BTreeSet<String> = left.keys().cloned().collect();
+        left.retain(|_, imports| imports.iter().any(|room| kept.contains(room)));
+        if left.len() == kept.len() {
+            return kept.into_iter().collect();
+        }
+    }
+}
+
+#[test]
+fn rooms_import_downwards_only() {
+    let graph = rooms(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src"));
+    for (room, imports) in &graph {
+        println!("{room}: {imports:?}");
+    }
+    assert!(graph.len() > 5, "{graph:?}");
+    assert!(graph.values().any(|imports| !imports.is_empty()));
+    assert_eq!(circles(&graph), Vec::<String>::new(), "{graph:#?}");
+}
+
+#[test]
+fn a_circle_is_found() {
+    let imports = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
+    let mut graph = Graph::from([
+        ("body".to_owned(), imports(&["element", "mesh"])),
+        ("element".to_owned(), imports(&["mesh"])),
+        ("mesh".to_owned(), imports(&[])),
+    ]);
+    assert!(circles(&graph).is_empty());
+    graph.insert("mesh".to_owned(), imports(&["body"]));
+    assert_eq!(circles(&graph), ["body", "element", "mesh"]);
+}
+
+#[test]
+fn names_of_rooms_are_read_from_code() {
+    let code = "use crate::{Vec3, mesh::{a, b}, body::Body};\nlet x = crate::linear::dense::f();";
+    let expected = ["Vec3", "body", "linear", "mesh"];
+    assert_eq!(named(code), expected.map(str::to_owned).into());
+}

@@ -1,0 +1,161 @@
+//! `palpate bench accuracy`: how far sheets and solids lie from exact solutions and independent programs.
+
+use super::super::CommandError;
+use super::progress_bar;
+use host::atomic_file::write_atomically;
+use host::plot::{self, Marker, Series};
+use std::path::PathBuf;
+use study::accuracy::{self, Accuracy, Level, LocalModels, Prediction};
+
+/// Arguments of `palpate bench accuracy`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct AccuracyArguments {
+    /// Write the tables as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw error against element size (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Only the coarse meshes: seconds instead of minutes
+    #[arg(long)]
+    quick: bool,
+}
+
+pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
+    let level = if arguments.quick {
+        Level::Quick
+    } else {
+        Level::Full
+    };
+    let bar = progress_bar();
+    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let found = accuracy::run(level, progress);
+    bar.finish_and_clear();
+    let found = found?;
+    print_series(&found);
+    print_local_models(&found.local_models);
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    if let Some(path) = &arguments.plot {
+        write_atomically(path, chart(&found).as_bytes())?;
+    }
+    Ok(())
+}
+
+fn print_series(found: &Accuracy) {
+    println!("| benchmark | mesh | ours | other program | reference | error | order |");
+    println!("|---|---|---|---|---|---|---|");
+    for series in &found.series {
+        for point in &series.points {
+            let ours = value(point.ours);
+            let other = point.independent.map_or(String::new(), value);
+            let reference = series.reference.map_or(String::new(), value);
+            let error = match series.reference {
+                Some(_) => format!("{:+.4} %", 100.0 * point.error),
+                None => format!("{:.3e}", point.error),
+            };
+            let order = point.order.map_or(String::new(), |o| format!("{o:.2}"));
+            println!(
+                "| {} | {} | {ours} | {other} | {reference} | {error} | {order} |",
+                series.title, point.mesh
+            );
+        }
+    }
+    println!();
+    for series in &found.series {
+        println!("- {}: {}", series.title, series.source);
+    }
+}
+
+/// Six digits, without an exponent where that stays short.
+fn value(value: f64) -> String {
+    if value.abs() < 1e-2 {
+        format!("{value:.4e}")
+    } else {
+        format!("{value:.6}")
+    }
+}
+
+fn print_local_models(found: &LocalModels) {
+    println!(
+        "\nLocal model of a solid: error of the change of force foretold, as a share of the change, after a \
+         time (steps of {:.3} ms; holding the force errs by 1)\n",
+        1e3 * found.step
+    );
+    let rows: Vec<&[Prediction]> = found
+        .predictions
+        .chunk_by(|a, b| (a.motion, a.damping) == (b.motion, b.damping))
+        .collect();
+    // Every row has the same periods.
+    let first = rows.first().copied().unwrap_or_default();
+    let heads: Vec<_> = first
+        .iter()
+        .map(|cell| format!("{:.0} ms", 1e3 * cell.period))
+        .collect();
+    println!("| motion | damping (s) | {} |", heads.join(" | "));
+    println!("|---|---|{}", "---|".repeat(heads.len()));
+    let print = |motion: &str, row: &[Prediction], error: fn(&Prediction) -> f64| {
+        let cells: Vec<_> = row
+            .iter()
+            .map(|cell| format!("{:.4}", error(cell)))
+            .collect();
+        let damping = row.first().map_or(0.0, |cell| cell.damping);
+        println!("| {motion} | {damping} | {} |", cells.join(" | "));
+    };
+    for row in rows {
+        if row.first().is_some_and(|cell| cell.motion == "steady") {
+            print("steady", row, |cell| cell.error);
+            print("steady, without drift", row, |cell| {
+                cell.error_without_drift
+            });
+            print("steady, exact tangent", row, |cell| {
+                cell.error_exact_tangent
+            });
+        } else {
+            print("from rest", row, |cell| cell.error);
+        }
+    }
+    println!(
+        "\nWhere the future is one linearized step, and inertia is added: {:.1e}",
+        found.exactness
+    );
+}
+
+/// The series that are drawn, with their names in the legend.
+const DRAWN: [(&str, &str); 6] = [
+    ("manufactured_linear", "manufactured, linear"),
+    ("manufactured_quadratic", "manufactured, quadratic"),
+    ("cook_sheet", "Cook's membrane, sheet"),
+    (
+        "cook_incompressible_linear",
+        "Cook's, nearly incompressible, linear",
+    ),
+    ("plate", "bent plate, diagonals alike"),
+    ("plate_alternating", "bent plate, diagonals alternating"),
+];
+
+fn chart(found: &Accuracy) -> String {
+    let mut drawn = Vec::new();
+    for (name, label) in DRAWN {
+        let Some(series) = found.get(name) else {
+            continue;
+        };
+        let points = series.points.iter().map(|p| (p.size, p.error.abs()));
+        let order = series.finest().and_then(|point| point.order);
+        drawn.push(Series {
+            name: order.map_or(label.to_owned(), |o| format!("{label}: order {o:.1}")),
+            points: points.collect(),
+            marker: Marker::Circle,
+        });
+    }
+    plot::line_chart_svg(
+        "Error against element size",
+        "element size over the length of the problem",
+        "relative error",
+        true,
+        true,
+        &drawn,
+    )
+}

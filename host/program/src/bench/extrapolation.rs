@@ -1,0 +1,111 @@
+//! `palpate bench extrapolation`: how well each force scheme bridges the time between publications.
+
+use super::super::CommandError;
+use super::progress_bar;
+use host::atomic_file::write_atomically;
+use host::plot::{self, Marker, Series};
+use std::path::PathBuf;
+use study::extrapolation::{self, Extrapolation, Motion, RATES};
+
+/// Arguments of `palpate bench extrapolation`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct ExtrapolationArguments {
+    /// Write the table as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw it (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+/// Blends that are compared: the default, and the shortest there is.
+const BLENDS: [f64; 2] = [0.5, 0.0];
+/// Motion that is measured (s).
+const DURATION: f64 = 6.0;
+
+pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
+    let bar = progress_bar();
+    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let found = extrapolation::run(DURATION, &RATES, &BLENDS, progress);
+    bar.finish_and_clear();
+    let found = found?;
+    print_tables(&found);
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    if let Some(path) = &arguments.plot {
+        write_atomically(path, chart(&found).as_bytes())?;
+    }
+    Ok(())
+}
+
+fn print_tables(found: &Extrapolation) {
+    println!(
+        "RMS force error between publications (N); 1 ms physics steps, reference published every step"
+    );
+    println!(
+        "peak force {:.2} N pulling apart, {:.2} N moving together; thesis: k = {:.0} N/m, k_v = {:.2} N s/m",
+        found.peak[0], found.peak[1], found.thesis_gains[0], found.thesis_gains[1]
+    );
+    let resisted = found.rigid_stiffness.iter();
+    let resisted: Vec<_> = resisted
+        .map(|(rate, k)| format!("{k:.1} at {rate} Hz"))
+        .collect();
+    println!(
+        "published stiffness against hands that move together (N/m): {}",
+        resisted.join(", ")
+    );
+    for blend in BLENDS {
+        let over = if blend > 0.0 {
+            "half a period (the default)"
+        } else {
+            "two ticks"
+        };
+        println!("\nA new model takes over within {over}:\n");
+        println!(
+            "| Hz | hold, apart | thesis, apart | linear, apart | hold, together | thesis, together | linear, together |"
+        );
+        println!("|---|---|---|---|---|---|---|");
+        for rate in RATES {
+            print!("| {rate} ");
+            for motion in [Motion::Apart, Motion::Together] {
+                for scheme in ["hold", "thesis", "linear"] {
+                    let rms = found.rms(motion, rate, scheme, blend).unwrap_or(f64::NAN);
+                    print!("| {rms:.4} ");
+                }
+            }
+            println!("|");
+        }
+    }
+}
+
+fn chart(found: &Extrapolation) -> String {
+    let mut series = Vec::new();
+    for motion in [Motion::Apart, Motion::Together] {
+        for scheme in ["hold", "thesis", "linear"] {
+            let name = match motion {
+                Motion::Apart => format!("{scheme}, pulling apart"),
+                Motion::Together => format!("{scheme}, moving together"),
+            };
+            let rms = |rate: f64| found.rms(motion, rate, scheme, BLENDS[0]);
+            let points = RATES
+                .iter()
+                .filter_map(|r| rms(*r).map(|e| (*r, e)))
+                .collect();
+            series.push(Series {
+                name,
+                points,
+                marker: Marker::Circle,
+            });
+        }
+    }
+    plot::line_chart_svg(
+        "Force error between publications",
+        "publication rate (Hz)",
+        "RMS error (N)",
+        true,
+        true,
+        &series,
+    )
+}

@@ -1,0 +1,64 @@
+//! Error against processor time, a chart for each thing that is varied.
+
+use host::plot::{self, Marker, Series};
+use study::speed::{Speed, Varied};
+
+/// File names with their charts.
+pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
+    let step = "processor time of a step (ms)";
+    [
+        (
+            "speed-solver.svg",
+            chart(
+                found,
+                Varied::Solver,
+                "Solver: force error under tremor",
+                step,
+            ),
+        ),
+        (
+            "speed-mesh.svg",
+            chart(
+                found,
+                Varied::Mesh,
+                "Mesh: force error of a pressed cube",
+                step,
+            ),
+        ),
+        (
+            "speed-time-step.svg",
+            chart(
+                found,
+                Varied::TimeStep,
+                "Time step: force error of a swung cube",
+                "processor time of a simulated second (ms)",
+            ),
+        ),
+    ]
+}
+
+fn chart(found: &Speed, varied: Varied, title: &str, x_label: &str) -> String {
+    let curves = found
+        .precision
+        .iter()
+        .filter(|curve| curve.varied == varied);
+    let drawn: Vec<_> = curves
+        .map(|curve| Series {
+            name: curve.name.to_owned(),
+            points: curve
+                .settings
+                .iter()
+                .map(|setting| (1e3 * setting.cpu, setting.error))
+                .collect(),
+            marker: Marker::Circle,
+        })
+        .collect();
+    plot::line_chart_svg(
+        title,
+        x_label,
+        "error over the largest force",
+        true,
+        true,
+        &drawn,
+    )
+}

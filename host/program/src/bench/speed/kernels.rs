@@ -1,0 +1,35 @@
+//! The table of kinds of elements and laws.
+
+use study::speed::KernelRow;
+
+pub(super) fn print(rows: &[KernelRow]) {
+    if rows.is_empty() {
+        return;
+    }
+    println!("\nEach kind of element and law, pressed or pulled by a tenth in 0.5 s:\n");
+    println!(
+        "| elements | law | number | assemble ns | linearize ns | product ns | assembled step ns | fast step ns | times as fast | assembled error | fast error |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    for row in rows {
+        println!(
+            "| {} | {} | {} | {:.0} | {:.0} | {:.1} | {:.0} | {:.0} | {:.1} | {:.1e} | {:.1e} |",
+            row.kind,
+            row.law,
+            row.elements,
+            1e9 * row.assemble,
+            1e9 * row.linearize,
+            1e9 * row.product,
+            1e9 * row.assembled_step,
+            1e9 * row.fast_step,
+            row.assembled_step / row.fast_step,
+            row.assembled_error,
+            row.fast_error,
+        );
+    }
+    println!(
+        "\nMedians of processor time for each element. Linearize and product: those of the fast step, bending included. \
+         Steps: solved to 1e-6. Errors: the largest of the force over the motion against implicit Euler by Newton's \
+         method, as a share of the largest force."
+    );
+}

@@ -1,0 +1,99 @@
+//! `palpate bench speed`: run time against error, on every path.
+
+mod chart;
+mod csv;
+mod kernels;
+mod parts;
+mod table;
+
+use super::super::CommandError;
+use super::progress_bar;
+use host::atomic_file::{AtomicFileError, write_atomically};
+use std::path::PathBuf;
+use study::speed::{self, Level, Section};
+
+/// Arguments of `palpate bench speed`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct SpeedArguments {
+    /// Write everything as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write a line for each scene and path as CSV, too
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Draw error against processor time (SVG): speed-solver, speed-mesh and speed-time-step
+    #[arg(long, value_name = "FOLDER")]
+    plot: Option<PathBuf>,
+    /// Faster motions and fewer meshes: within a minute instead of twenty
+    #[arg(long)]
+    quick: bool,
+    /// Measure one part of the study only
+    #[arg(long, value_name = "PART")]
+    only: Option<Part>,
+}
+
+/// A part of the study, as an argument.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Part {
+    /// The cube's scenes
+    Cube,
+    /// The sheets' scenes
+    Sheets,
+    /// Larger and larger cubes
+    Scaling,
+    /// What is left undone on purpose
+    Skips,
+    /// Error against time
+    Precision,
+    /// Where the time of the fast step goes
+    Parts,
+    /// Each kind of element and law, assembled and not
+    Kernels,
+}
+
+impl From<Part> for Section {
+    fn from(part: Part) -> Self {
+        match part {
+            Part::Cube => Self::Cube,
+            Part::Sheets => Self::Sheets,
+            Part::Scaling => Self::Scaling,
+            Part::Skips => Self::Skips,
+            Part::Precision => Self::Precision,
+            Part::Parts => Self::Parts,
+            Part::Kernels => Self::Kernels,
+        }
+    }
+}
+
+pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
+    let level = if arguments.quick {
+        Level::Quick
+    } else {
+        Level::Full
+    };
+    let bar = progress_bar();
+    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let found = speed::run(level, arguments.only.map(Section::from), progress);
+    bar.finish_and_clear();
+    let found = found?;
+    table::print(&found);
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    if let Some(path) = &arguments.csv {
+        write_atomically(path, csv::rows(&found).as_bytes())?;
+    }
+    // Charts are of that part.
+    let drawn = !found.precision.is_empty();
+    if let Some(folder) = arguments.plot.as_ref().filter(|_| drawn) {
+        std::fs::create_dir_all(folder).map_err(|source| AtomicFileError {
+            path: folder.clone(),
+            source,
+        })?;
+        for (name, svg) in chart::all(&found) {
+            write_atomically(&folder.join(name), svg.as_bytes())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,223 @@
+//! What is printed: the machine, and a table for each part of the study.
+
+use super::{kernels, parts};
+use study::elsewhere::{SPEED, Steps};
+use study::speed::{Machine, Row, Speed, Varied};
+
+pub(super) fn print(found: &Speed) {
+    print_machine(&found.machine);
+    print_scenes(found);
+    print_elsewhere_all(found);
+    print_scaling(found);
+    print_skips(found);
+    print_precision(found);
+    parts::print(&found.parts);
+    kernels::print(&found.kernels);
+}
+
+fn print_scenes(found: &Speed) {
+    if !found.cube.is_empty() {
+        println!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
+        print_rows(&found.cube);
+    }
+    if !found.sheets.is_empty() {
+        println!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
+        print_rows(&found.sheets);
+    }
+    if !(found.cube.is_empty() && found.sheets.is_empty()) {
+        println!(
+            "\nTimes: processor time of one thread for a whole step. Errors: the largest of the force over the motion, as a \
+             share of the largest force: of the solver, against the same equation solved to 1e-12; of the step, \
+             against implicit Euler by Newton's method. JND: the larger of the two in just-noticeable differences \
+             of 10 %."
+        );
+    }
+}
+
+fn print_elsewhere_all(found: &Speed) {
+    if !found.cube.is_empty() {
+        println!("\nOther programs, the cube pressed with steps of 10 ms:\n");
+        print_elsewhere(&found.machine, &SPEED.cube, &found.cube, "press");
+    }
+    if !found.sheets.is_empty() {
+        println!("\nOther programs, sheets:\n");
+        print_elsewhere(&found.machine, &SPEED.sheets, &found.sheets, "sheet_pull");
+    }
+    if !(found.cube.is_empty() && found.sheets.is_empty()) {
+        println!(
+            "\nScaled: times the ratio of the small kernel's times, {:.2}. The ratios on the right: the other program's \
+             scaled time over ours.",
+            found.machine.scaled(1.0)
+        );
+    }
+}
+
+fn print_machine(machine: &Machine) {
+    println!(
+        "{}, {} cores; built for {}, found {}",
+        machine.processor,
+        machine.cores,
+        machine.built_for.join(" "),
+        machine.found.join(" ")
+    );
+    println!(
+        "Small kernel: {:.2} us here, {:.2} us where the other programs' times were taken",
+        1e6 * machine.calibration,
+        1e6 * machine.calibration_elsewhere
+    );
+}
+
+fn print_rows(rows: &[Row]) {
+    println!(
+        "| scene | elements | path | median us | 99 % | 99.9 % | iterations | most | residual | force N | solver error | step error | JND |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    for row in rows {
+        let [median, p99, p999] =
+            [row.times.median, row.times.p99, row.times.p999].map(|time| 1e6 * time);
+        let step_error = row
+            .step_error
+            .map_or(String::new(), |error| format!("{error:.1e}"));
+        println!(
+            "| {} | {} | {} | {median:.0} | {p99:.0} | {p999:.0} | {:.1} | {} | {:.1e} | {:.4} | {:.1e} | {step_error} | {:.1e} |",
+            row.title,
+            row.elements,
+            row.path,
+            row.mean_iterations,
+            row.most_iterations,
+            row.residual,
+            row.force,
+            row.solver_error,
+            row.noticeable(),
+        );
+    }
+}
+
+/// What the others take, beside the ratio of each path that was run on as many elements.
+fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &str) {
+    let mut paths: Vec<&str> = Vec::new();
+    for row in rows.iter().filter(|row| row.scene == scene) {
+        if !paths.contains(&row.path) {
+            paths.push(row.path);
+        }
+    }
+    println!(
+        "| program and setting | elements | ms there | ms scaled | {} |",
+        paths.join(" | ")
+    );
+    println!("|---|---|---|---|{}", "---|".repeat(paths.len()));
+    let each = figures
+        .iter()
+        .flat_map(|figure| figure.times().map(move |time| (figure, time)));
+    for (figure, (elements, step)) in each {
+        let scaled = figure.scalable.then(|| machine.scaled(step));
+        let ratio = |path: &&str| {
+            let same =
+                |row: &&Row| row.scene == scene && row.elements == elements && row.path == *path;
+            let ours = rows.iter().find(same).map(|row| {
+                if figure.p99 {
+                    row.times.p99
+                } else {
+                    row.times.median
+                }
+            });
+            scaled.zip(ours).map_or(String::new(), |(scaled, ours)| {
+                format!("{:.2}", scaled / ours)
+            })
+        };
+        let ratios: Vec<_> = paths.iter().map(ratio).collect();
+        println!(
+            "| {} | {} | {:.2} | {} | {} |",
+            figure.setting,
+            elements,
+            1e3 * step,
+            scaled.map_or(String::new(), |scaled| format!("{:.2}", 1e3 * scaled)),
+            ratios.join(" | ")
+        );
+    }
+}
+
+fn print_scaling(found: &Speed) {
+    if found.scaling.is_empty() {
+        return;
+    }
+    println!("\nLarger cubes, pressed with steps of 10 ms:\n");
+    println!(
+        "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|");
+    for scaling in &found.scaling {
+        for size in &scaling.sizes {
+            let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
+                format!(
+                    "{:.0} | {:.0} | {:.1}",
+                    set_up.bytes as f64 / size.elements as f64,
+                    1e3 * set_up.time,
+                    1e3 * set_up.refresh
+                )
+            });
+            println!(
+                "| {} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
+                scaling.path,
+                size.elements,
+                size.unknowns,
+                1e3 * size.median,
+                size.iterations,
+                1e9 * size.per_element_and_iteration,
+            );
+        }
+    }
+    println!();
+    for scaling in &found.scaling {
+        println!(
+            "- {}: a step's time grows with the power {:.2} of the tetrahedra, an iteration's with {:.2}",
+            scaling.path, scaling.exponent, scaling.exponent_of_iteration
+        );
+    }
+}
+
+fn print_skips(found: &Speed) {
+    if found.skips.is_empty() {
+        return;
+    }
+    println!(
+        "\nLeft undone on purpose (error of the stiffness published, or of the force, as a share):\n"
+    );
+    println!("| what | elements | whole us | done us | error |");
+    println!("|---|---|---|---|---|");
+    for skip in &found.skips {
+        println!(
+            "| {} | {} | {:.1} | {:.1} | {:.1e} |",
+            skip.what,
+            skip.elements,
+            1e6 * skip.whole,
+            1e6 * skip.skipped,
+            skip.error
+        );
+    }
+}
+
+fn print_precision(found: &Speed) {
+    if found.precision.is_empty() {
+        return;
+    }
+    println!("\nError of the force against processor time:\n");
+    println!("| varied | kind | setting | ms | error |");
+    println!("|---|---|---|---|---|");
+    for curve in &found.precision {
+        let varied = match curve.varied {
+            Varied::Solver => "solver (a step)",
+            Varied::Mesh => "mesh (a step)",
+            Varied::TimeStep => "time step (a simulated second)",
+        };
+        for setting in &curve.settings {
+            println!(
+                "| {varied} | {} | {} | {:.3} | {:.1e} |",
+                curve.name,
+                setting.name,
+                1e3 * setting.cpu,
+                setting.error
+            );
+        }
+    }
+}

@@ -1,0 +1,186 @@
+//! `palpate bench stability`: the numerical stress suite, with a verdict and the worst figure for each family.
+
+use super::super::CommandError;
+use super::progress_bar;
+use host::atomic_file::write_atomically;
+use host::plot::{self, Marker, Series};
+use std::path::PathBuf;
+use study::stability::{self, Account, Case, Family, Level, Report, Verdict};
+
+/// Arguments of `palpate bench stability`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct StabilityArguments {
+    /// The corners of each family only, in seconds instead of minutes
+    #[arg(long)]
+    quick: bool,
+    /// One family only, by its name
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(stability::names()))]
+    family: Option<String>,
+    /// Write every case as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Draw how bodies recover from scrambled starts (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
+    let level = if arguments.quick {
+        Level::Quick
+    } else {
+        Level::Full
+    };
+    let bar = progress_bar();
+    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let report = stability::run(level, arguments.family.as_deref(), progress);
+    bar.finish_and_clear();
+    print_families(&report);
+    print_recovery(&report);
+    print_failures(&report);
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&report).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    if let Some(path) = &arguments.plot {
+        write_atomically(path, chart(&report).as_bytes())?;
+    }
+    match report.failures().count() {
+        0 => Ok(()),
+        failed => Err(CommandError::Unstable { failed }),
+    }
+}
+
+fn print_families(report: &Report) {
+    println!(
+        "| family | cases | pass | reported | fail | refused | damped | figure | worst | allowed | where |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    for family in &report.families {
+        let [pass, reported, fail] =
+            [Verdict::Pass, Verdict::Reported, Verdict::Fail].map(|verdict| family.count(verdict));
+        let sum = |count: fn(&Account) -> usize| -> usize {
+            family.cases.iter().map(|case| count(&case.account)).sum()
+        };
+        let refused = sum(|account| account.refused);
+        let damped = sum(|account| account.damped);
+        let (worst, allowed, at) = family.worst().map_or_else(Default::default, |case| {
+            let allowed = case
+                .limit
+                .map_or_else(|| "-".to_owned(), |limit| format!("{limit:.0e}"));
+            (
+                format!("{:.1e} {}", case.figure, family.unit),
+                allowed,
+                describe(case),
+            )
+        });
+        println!(
+            "| {} | {} | {pass} | {reported} | {fail} | {refused} | {damped} | {} | {} | {allowed} | {at} |",
+            family.name,
+            family.cases.len(),
+            family.figure,
+            worst.trim_end(),
+        );
+    }
+    println!(
+        "\nrefused: steps that ended in a typed error; damped: steps that would have made energy.\n"
+    );
+    for family in &report.families {
+        println!("- {}: {}.", family.name, family.stress);
+    }
+}
+
+fn describe(case: &Case) -> String {
+    let Case {
+        body,
+        law,
+        scheme,
+        name,
+        ..
+    } = case;
+    format!("{body}, {law}, {scheme}: {name}")
+}
+
+/// Families whose cases are followed over time.
+fn starts(report: &Report) -> impl Iterator<Item = &Family> {
+    let followed = |family: &&Family| family.cases.iter().any(|case| !case.recovery.is_empty());
+    report.families.iter().filter(followed)
+}
+
+/// The bodies' laws, in the order of the suite.
+fn laws(family: &Family) -> Vec<&'static str> {
+    let mut laws = Vec::new();
+    for case in &family.cases {
+        if !laws.contains(&case.law) {
+            laws.push(case.law);
+        }
+    }
+    laws
+}
+
+fn print_recovery(report: &Report) {
+    for family in starts(report) {
+        println!("\nRecovery, {}:\n", family.name);
+        println!(
+            "| law | body | starts | cells right at the end | all right | back at rest | refused |"
+        );
+        println!("|---|---|---|---|---|---|---|");
+        for law in laws(family) {
+            for body in ["linear tetrahedra", "quadratic tetrahedra"] {
+                let these = || {
+                    family
+                        .cases
+                        .iter()
+                        .filter(|case| case.law == law && case.body == body)
+                };
+                let count = these().count();
+                let right: f64 = these().map(|case| 1.0 - case.figure).sum::<f64>() / count as f64;
+                let all_right = these().filter(|case| case.figure == 0.0).count();
+                let recovered = these().filter(|case| case.recovered()).count();
+                let refused = these().filter(|case| case.account.refused > 0).count();
+                let right = 100.0 * right;
+                println!(
+                    "| {law} | {body} | {count} | {right:.1} % | {all_right} | {recovered} | {refused} |"
+                );
+            }
+        }
+    }
+}
+
+fn print_failures(report: &Report) {
+    for (family, case) in report.failures() {
+        let reason = case.reason.as_deref().unwrap_or_default();
+        println!("\nFAIL {}: {}: {reason}", family.name, describe(case));
+    }
+}
+
+/// Share of the cells that are the right way round over time, by law, over all scrambled starts.
+fn chart(report: &Report) -> String {
+    let mut series = Vec::new();
+    if let Some(family) = starts(report).last() {
+        for law in laws(family) {
+            let these: Vec<_> = family.cases.iter().filter(|case| case.law == law).collect();
+            let samples = these
+                .iter()
+                .map(|case| case.recovery.len())
+                .min()
+                .unwrap_or(0);
+            let mean = |sample: usize| {
+                let sum: f64 = these.iter().map(|case| case.recovery[sample].1).sum();
+                (these[0].recovery[sample].0, sum / these.len() as f64)
+            };
+            series.push(Series {
+                name: law.to_owned(),
+                points: (0..samples).map(mean).collect(),
+                marker: Marker::None,
+            });
+        }
+    }
+    plot::line_chart_svg(
+        "Recovery from scrambled starts",
+        "time (s)",
+        "cells the right way round (share)",
+        false,
+        false,
+        &series,
+    )
+}

@@ -1,0 +1,70 @@
+//! `palpate bench velocity`: how well velocity is estimated from encoder counts.
+
+use super::super::CommandError;
+use super::progress_bar;
+use host::atomic_file::write_atomically;
+use std::path::PathBuf;
+use study::velocity::{self, DAMPING, Motion, RATES, VelocityStudy};
+
+/// Arguments of `palpate bench velocity`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct VelocityArguments {
+    /// Write all figures as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
+    let bar = progress_bar();
+    let found = velocity::run(|share| bar.set_position((1000.0 * share) as u64));
+    bar.finish_and_clear();
+    print_means(&found);
+    print_devices(&found);
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    Ok(())
+}
+
+fn print_means(found: &VelocityStudy) {
+    println!(
+        "RMS error of velocity (mm/s), chatter of {DAMPING} N s/m in a slow press (N), damping \
+         that stops the bare device (N s/m);\ngeometric means over all devices at {} Hz\n",
+        RATES.map(|rate| rate.to_string()).join(" and ")
+    );
+    println!(
+        "| method | longest delay ms | press | rub | hand | tap | hold | all | chatter | stable |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    for mean in &found.means {
+        print!("| {} | {:.1} ", mean.method, 1e3 * mean.delay);
+        for rms in mean.rms.iter().chain([&mean.all]) {
+            print!("| {:.1} ", 1e3 * rms);
+        }
+        println!("| {:.3} | {:.1} |", mean.chatter, mean.stable);
+    }
+}
+
+fn print_devices(found: &VelocityStudy) {
+    println!("\nBy device: error in a hand's motion and lag in it, error of a hold\n");
+    println!("| device | Hz | method | hand mm/s | lag ms | hold mm/s | chatter | stable |");
+    println!("|---|---|---|---|---|---|---|---|");
+    for row in &found.rows {
+        let of = |motion| row.errors.iter().find(|e| e.motion == motion);
+        let (Some(hand), Some(hold)) = (of(Motion::Hand), of(Motion::Hold)) else {
+            continue;
+        };
+        println!(
+            "| {} | {} | {} | {:.1} | {:.2} | {:.1} | {:.3} | {:.1} |",
+            row.device,
+            row.rate,
+            row.method,
+            1e3 * hand.rms,
+            1e3 * hand.lag,
+            1e3 * hold.rms,
+            row.chatter,
+            row.stable
+        );
+    }
+}

@@ -1,0 +1,167 @@
+//! The program `palpate`: one file a command.
+//!
+//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong; 128 and the
+//! number of a signal (130 for Ctrl-C): asked to end before its time, and ended in order.
+#![forbid(unsafe_code)]
+
+mod bench;
+mod mesh;
+mod plan;
+mod replay;
+mod run;
+mod signals;
+mod solve;
+mod stress;
+
+use clap::{Parser, Subcommand};
+use host::scene::{LoadedScene, Scene, SceneError};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// A hard-realtime controller for haptic devices that touch deformable things.
+///
+/// Without a command, runs the built-in scene: two hands, each on a simulated device, stretch a rubber
+/// sheet; the host runs finite elements, and the tick returns forces at 1 kHz.
+#[derive(Debug, Parser)]
+#[command(name = "palpate", version, after_help = EXAMPLES)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate run                                  the built-in scene, as fast as the machine goes
+  palpate run --plot stretch.svg               and draw force and position of both hands
+  palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
+  palpate run --replay run.mcap                the same ticks again, compared bit for bit
+  palpate run my_scene.toml --seed 7           your own scene
+  palpate solve my_scene.toml --vtu out        equilibrium without devices, as files for ParaView
+  palpate plan my_scene.toml                   which stages it needs, and why the others are skipped
+  palpate bench speed --quick                  run time against error, beside other programs
+  palpate stress wall --quick                  how stiff a wall each device renders, against theory";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a scene and print what came of it
+    Run(run::RunArguments),
+    /// Print which stages a scene needs and why the others are skipped
+    Plan(plan::PlanArguments),
+    /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
+    Solve(solve::SolveArguments),
+    /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
+    Mesh(mesh::MeshArguments),
+    /// Measure, and print the tables that the book quotes
+    Bench(bench::BenchArguments),
+    /// Take devices, couplings and scenes to their limits before a person touches them
+    Stress(stress::StressArguments),
+}
+
+/// Why a command ended without its result.
+#[derive(Debug, thiserror::Error)]
+enum CommandError {
+    #[error(transparent)]
+    Run(#[from] host::run::RunError),
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    #[error(transparent)]
+    File(#[from] host::atomic_file::AtomicFileError),
+    #[error("the run ended, but a part of it failed")]
+    Incomplete,
+    #[error("{}: {source}", path.display())]
+    Replay {
+        path: PathBuf,
+        source: Box<replay::ReplayFileError>,
+    },
+    #[error("the replay differs from the log")]
+    Different,
+    #[error("ended by signal {0}, in order")]
+    Signal(u8),
+    #[error(
+        "{0} is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
+         allowed --clock real"
+    )]
+    NeedsRealClock(&'static str),
+    #[error("--core: {0}")]
+    Core(#[from] runner::cores::NoSuchCore),
+    #[error("the system gave no signals: {0}")]
+    Signals(std::io::Error),
+    #[error(transparent)]
+    Solve(physics::CondenseError),
+    #[error("{}: a mesh is written as .msh, .vtk or .vtu; give the file one of these endings", .0.display())]
+    MeshFormat(PathBuf),
+    #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]
+    NoSuchBody { found: String, allowed: Vec<String> },
+    #[error("not everything was solved to the end")]
+    NotSolved,
+    #[error(transparent)]
+    Study(#[from] study::extrapolation::StudyError),
+    #[error(transparent)]
+    Accuracy(#[from] study::accuracy::AccuracyError),
+    #[error(transparent)]
+    Speed(#[from] study::speed::SpeedError),
+    #[error(transparent)]
+    Jobs(#[from] study::stress::jobs::JobError),
+    #[error("{failed} of {of} cells fail")]
+    Stressed { failed: usize, of: usize },
+    #[error(transparent)]
+    StressScene(#[from] study::stress::scene::StressError),
+    #[error("{failed} of the suite's cases fail; they are listed above")]
+    Unstable { failed: usize },
+}
+
+impl CommandError {
+    fn exit_code(&self) -> u8 {
+        match self {
+            Self::Scene(_)
+            | Self::Run(host::run::RunError::Scene(_))
+            | Self::MeshFormat(_)
+            | Self::NoSuchBody { .. }
+            | Self::NeedsRealClock(_)
+            | Self::Core(_) => 2,
+            Self::Signal(number) => 128_u8.saturating_add(*number),
+            _ => 1,
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let command = Arguments::parse().command;
+    let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
+        Command::Run(arguments) => run::run(&arguments),
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Solve(arguments) => solve::run(&arguments),
+        Command::Mesh(arguments) => mesh::run(&arguments),
+        Command::Bench(arguments) => bench::run(&arguments),
+        Command::Stress(arguments) => stress::run(&arguments),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("palpate: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// The scene at `path`, or the built-in one.
+fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
+    path.map_or_else(Scene::embedded_default, Scene::load)
+}
+
+/// A scene file as an argument.
+#[derive(Clone, Debug, Default, clap::Args)]
+struct SceneArgument {
+    /// Scene file (TOML); without one, the built-in scene
+    scene: Option<PathBuf>,
+}
+
+/// A bar of a thousand parts, drawn only where a person looks: on a terminal.
+fn progress_bar() -> ProgressBar {
+    let bar = ProgressBar::new(1000);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,140 @@
+//! `palpate mesh`: the mesh of a scene's body as a file for other programs.
+
+use super::{CommandError, load};
+use host::atomic_file::write_atomically;
+use host::bodies::{self, Built};
+use meshio::write_vtu::Snapshot;
+use meshio::{write_gmsh, write_vtk};
+use physics::mesh::{Bounds, Field, Group, Mesh};
+use std::path::{Path, PathBuf};
+
+/// Arguments of `palpate mesh`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct MeshArguments {
+    /// Scene file (TOML)
+    scene: PathBuf,
+    /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu, all with `young` and `poisson`
+    /// by element
+    file: PathBuf,
+    /// Name of the body, if not the first
+    #[arg(long, value_name = "NAME")]
+    body: Option<String>,
+}
+
+pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
+    let format = Format::of(&arguments.file)?;
+    let loaded = load(Some(&arguments.scene))?;
+    let names = || loaded.scene.bodies.iter().map(|body| &body.name);
+    let index = match &arguments.body {
+        None => 0,
+        Some(name) => {
+            names()
+                .position(|other| other == name)
+                .ok_or_else(|| CommandError::NoSuchBody {
+                    found: name.clone(),
+                    allowed: names().cloned().collect(),
+                })?
+        }
+    };
+    let built = bodies::build(&loaded, index)?;
+    let mesh = with_material(built);
+    write_atomically(&arguments.file, format.write(&mesh).as_bytes())?;
+    print!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
+    println!("  {:<10} {}", "file", arguments.file.display());
+    Ok(())
+}
+
+/// The mesh with what the body is made of, in the place of any values of those names.
+fn with_material(built: Built) -> Mesh {
+    let own = [("young", built.young), ("poisson", built.poisson)];
+    let mut mesh = built.mesh;
+    let fields = mesh.fields_mut();
+    for (name, values) in own {
+        fields.retain(|field| field.name != name);
+        fields.push(Field {
+            name: name.to_owned(),
+            values,
+        });
+    }
+    mesh
+}
+
+enum Format {
+    Gmsh,
+    Legacy,
+    Xml,
+}
+
+impl Format {
+    fn of(file: &Path) -> Result<Self, CommandError> {
+        let ending = file.extension().and_then(|ending| ending.to_str());
+        match ending.map(str::to_ascii_lowercase).as_deref() {
+            Some("msh") => Ok(Self::Gmsh),
+            Some("vtk") => Ok(Self::Legacy),
+            Some("vtu") => Ok(Self::Xml),
+            _ => Err(CommandError::MeshFormat(file.to_owned())),
+        }
+    }
+
+    fn write(&self, mesh: &Mesh) -> String {
+        match (self, mesh) {
+            (Self::Gmsh, mesh) => write_gmsh::write(mesh),
+            (Self::Legacy, mesh) => write_vtk::write(mesh),
+            (Self::Xml, Mesh::Thread(mesh)) => Snapshot::of_thread(mesh).vtu(),
+            (Self::Xml, Mesh::Sheet(mesh)) => Snapshot::of_sheet(mesh).vtu(),
+            (Self::Xml, Mesh::Solid(mesh)) => Snapshot::of_solid(mesh).vtu(),
+        }
+    }
+}
+
+/// What kind of mesh it is, how large, and what it calls its parts.
+fn summary(name: &str, mesh: &Mesh) -> String {
+    let (what, parts) = match mesh {
+        Mesh::Thread(mesh) => ("lines", &mesh.line_groups),
+        Mesh::Sheet(mesh) => ("triangles", &mesh.triangle_groups),
+        Mesh::Solid(mesh) => ("tetrahedra", &mesh.cell_groups),
+    };
+    let (elements, positions) = (mesh.element_count(), mesh.positions());
+    let (groups, fields) = (mesh.vertex_groups(), mesh.fields());
+    let size = Bounds::of(positions).map_or([0.0; 3], |bounds| bounds.size().into());
+    let counted = |groups: &[Group]| {
+        let groups = groups.iter();
+        groups
+            .map(|group| format!("{} ({})", group.name, group.members.len()))
+            .collect::<Vec<_>>()
+    };
+    let range = |field: &Field| {
+        let low = field.values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = field
+            .values
+            .iter()
+            .copied()
+            .fold(f64::NEG_INFINITY, f64::max);
+        if low == high {
+            format!("{} {low}", field.name)
+        } else {
+            format!("{} {low} to {high}", field.name)
+        }
+    };
+    let line = |what: &str, names: &[String]| {
+        let names = if names.is_empty() {
+            "none".to_owned()
+        } else {
+            names.join(", ")
+        };
+        format!("  {what:<10} {names}\n")
+    };
+    [
+        format!(
+            "{name}: {elements} {what}, {} vertices, {:.4} x {:.4} x {:.4} m\n",
+            positions.len(),
+            size[0],
+            size[1],
+            size[2]
+        ),
+        line("vertices", &counted(groups)),
+        line("elements", &counted(parts)),
+        line("values", &fields.iter().map(range).collect::<Vec<_>>()),
+    ]
+    .concat()
+}

@@ -1,0 +1,56 @@
+//! `palpate plan`: which stages a scene needs, and why.
+
+use super::{CommandError, SceneArgument, load};
+use host::atomic_file::write_atomically;
+use host::bodies;
+use host::engine::build;
+use host::engine::choice::choose;
+use host::engine::plan::{Stage, plan};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Arguments of `palpate plan`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct PlanArguments {
+    #[command(flatten)]
+    scene: SceneArgument,
+    /// Write the plan as JSON, too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// What `--json` writes.
+#[derive(Serialize)]
+struct PlanJson<'a> {
+    schema: &'static str,
+    scene: &'a str,
+    stages: &'a [Stage],
+}
+
+pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
+    let loaded = load(arguments.scene.scene.as_deref())?;
+    // No plan for a scene that cannot run: what its meshes lack is said here, too.
+    build::check(&loaded)?;
+    let (mut kinds, mut choices) = (Vec::new(), Vec::new());
+    for index in 0..loaded.scene.bodies.len() {
+        let built = bodies::build(&loaded, index)?;
+        kinds.push(built.kind);
+        choices.push(choose(&loaded.scene, &built.body));
+    }
+    let stages = plan(&loaded, &kinds, &choices);
+    println!("{}: stages of a host step", loaded.scene.name);
+    for stage in &stages {
+        let sign = if stage.needed { "run " } else { "skip" };
+        println!("  {sign}  {:<10} {}", stage.name, stage.why);
+    }
+    if let Some(path) = &arguments.json {
+        let json = PlanJson {
+            schema: "palpate.plan/1",
+            scene: &loaded.scene.name,
+            stages: &stages,
+        };
+        let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    Ok(())
+}

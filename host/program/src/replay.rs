@@ -1,0 +1,51 @@
+//! `palpate run --replay`: a log's ticks again, compared bit for bit.
+
+use super::{CommandError, load};
+use host::atomic_file::write_atomically;
+use host::log::{Log, LogError};
+use host::run::replay::{ReplayError, replay, scene_of};
+use std::io;
+use std::path::Path;
+
+/// Why a log could not be replayed.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ReplayFileError {
+    #[error("cannot read this log: {0}")]
+    Read(#[from] io::Error),
+    #[error(transparent)]
+    Log(#[from] LogError),
+    #[error(transparent)]
+    Replay(#[from] ReplayError),
+}
+
+/// Replays the log at `path` on its own scene, or on the one at `scene`.
+pub(super) fn run(
+    path: &Path,
+    scene: Option<&Path>,
+    json: Option<&Path>,
+) -> Result<(), CommandError> {
+    let refused = |source| CommandError::Replay {
+        path: path.to_owned(),
+        source: Box::new(source),
+    };
+    let log = read(path).map_err(refused)?;
+    let loaded = match scene {
+        Some(_) => load(scene)?,
+        None => scene_of(&log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
+    };
+    let report = replay(&log, &loaded, |_| {}).map_err(|e| refused(e.into()))?;
+    print!("{report}");
+    if let Some(path) = json {
+        let text = serde_json::to_string_pretty(&report).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    if report.is_exact() {
+        Ok(())
+    } else {
+        Err(CommandError::Different)
+    }
+}
+
+fn read(path: &Path) -> Result<Log, ReplayFileError> {
+    Ok(Log::parse(&std::fs::read(path)?)?)
+}

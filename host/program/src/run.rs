@@ -1,0 +1,207 @@
+//! `palpate run`: a scene from beginning to end.
+
+use super::{CommandError, SceneArgument, load, progress_bar, signals};
+use host::engine::faults::HostFault;
+use host::run::{Clock, RunOptions};
+use physics::Kernels;
+use runner::{CallPolicy, CoreChoice, Cores};
+use std::io::Write;
+use std::path::PathBuf;
+
+/// Arguments of `palpate run`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct RunArguments {
+    #[command(flatten)]
+    scene: SceneArgument,
+    /// Which clock: virtual time is exact and repeatable, real time is the machine's
+    #[arg(long, value_enum, default_value_t = ClockName::Virtual)]
+    clock: ClockName,
+    /// Length of the run in seconds, if not the scene's
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    duration: Option<f64>,
+    /// Fixes every random choice, in place of the scene's seed
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Which instructions the linear algebra uses: the machine's fastest, or those that give the same bytes
+    /// on every machine
+    #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
+    instructions: InstructionsName,
+    /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Draw force and position over time (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Write the summary as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Run the ticks of a log again, with its input and its local models, and compare bit for bit; on
+    /// another scene if one is given
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
+    )]
+    replay: Option<PathBuf>,
+    /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
+    #[arg(long, hide = true)]
+    report_progress: bool,
+    /// Make the host fail on purpose, to see what the hand feels: stall@1.5+0.5 stalls it at 1.5 s for 0.5 s;
+    /// nan@T+D and topology@T+D publish bad models; panic@T ends it. May be given several times
+    #[arg(long, value_name = "FAULT", conflicts_with = "replay")]
+    fault: Vec<HostFault>,
+    /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
+    /// not make; or one of the two
+    #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
+          default_missing_value = "all")]
+    strict: Option<Strict>,
+    /// Real clock: the core that the tick has to itself, among the other threads of this program; an isolated one at
+    /// best. If not given: the first isolated core, or else the last that this program may use
+    #[arg(long, value_name = "N", conflicts_with = "replay")]
+    core: Option<usize>,
+    /// Real clock: priority of the tick under SCHED_FIFO, 1 to 99. If not given: 80, above threaded interrupts (50)
+    /// and below the kernel's own watchdogs (99)
+    #[arg(long, value_name = "P", value_parser = priority, conflicts_with = "replay")]
+    priority: Option<u8>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum Strict {
+    /// End the run, without force, at the first system call that the tick may not make
+    Syscalls,
+    /// Do not start unless core, priority, locked memory and a wakeful processor are granted
+    Privileges,
+    /// Both
+    All,
+}
+
+impl Default for RunArguments {
+    fn default() -> Self {
+        Self {
+            scene: SceneArgument::default(),
+            clock: ClockName::Virtual,
+            duration: None,
+            seed: None,
+            instructions: InstructionsName::Auto,
+            log: None,
+            plot: None,
+            json: None,
+            replay: None,
+            report_progress: false,
+            fault: Vec::new(),
+            strict: None,
+            core: None,
+            priority: None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum ClockName {
+    Virtual,
+    Real,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+enum InstructionsName {
+    Auto,
+    Portable,
+}
+
+/// A positive, finite number of seconds, a day at most.
+fn seconds(text: &str) -> Result<f64, String> {
+    let refused = || format!("found {text}, allowed: a number above 0 and up to 86400 (s)");
+    let value: f64 = text.parse().map_err(|_| refused())?;
+    if value > 0.0 && value <= 86_400.0 {
+        Ok(value)
+    } else {
+        Err(refused())
+    }
+}
+
+/// A priority under SCHED_FIFO.
+fn priority(text: &str) -> Result<u8, String> {
+    let allowed = text.parse().ok().filter(|value| (1..=99).contains(value));
+    allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
+}
+
+/// Refuses what is about the tick's own thread where there is none.
+fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
+    let given = [
+        ("--strict", arguments.strict.is_some()),
+        ("--core", arguments.core.is_some()),
+        ("--priority", arguments.priority.is_some()),
+    ];
+    match given.into_iter().find(|(_, given)| *given) {
+        Some((option, _)) if arguments.clock == ClockName::Virtual => {
+            Err(CommandError::NeedsRealClock(option))
+        }
+        _ => Ok(()),
+    }
+}
+
+pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
+    if let Some(path) = &arguments.replay {
+        let (scene, json) = (&arguments.scene.scene, &arguments.json);
+        return super::replay::run(path, scene.as_deref(), json.as_deref());
+    }
+    needs_real_clock(arguments)?;
+    let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
+    Cores::of_this_machine().check(core)?;
+    let loaded = load(arguments.scene.scene.as_deref())?;
+    let mut options = RunOptions {
+        duration: arguments.duration,
+        seed: arguments.seed,
+        log: arguments.log.clone(),
+        plot: arguments.plot.clone(),
+        json: arguments.json.clone(),
+        faults: arguments.fault.clone(),
+        instructions: match arguments.instructions {
+            InstructionsName::Auto => Kernels::Fastest,
+            InstructionsName::Portable => Kernels::Portable,
+        },
+        ..RunOptions::new(match arguments.clock {
+            ClockName::Virtual => Clock::Virtual,
+            ClockName::Real => Clock::Real,
+        })
+    };
+    options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
+    // Scenes have simulated devices only.
+    let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
+    options.runner.calls = watched.then_some(CallPolicy::Simulated);
+    options.runner.core = core;
+    options.runner.priority = arguments.priority.or(options.runner.priority);
+    // Virtual time commands no device: there a signal may end the program as it always does.
+    let signal = match options.clock {
+        Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
+        Clock::Virtual => None,
+    };
+    let bar = progress_bar();
+    let result = host::run::run(&loaded, &options, |progress| {
+        bar.set_position((1000.0 * progress.share()) as u64);
+        if arguments.report_progress {
+            let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
+            // In one piece, so that who reads it never sees half a line; if nobody does, so be it.
+            let _ = std::io::stderr().write_all(line.as_bytes());
+        }
+    });
+    bar.finish_and_clear();
+    let summary = result?;
+    print!("{summary}");
+    for (what, path) in [
+        ("log", &options.log),
+        ("plot", &options.plot),
+        ("json", &options.json),
+    ] {
+        if let Some(path) = path {
+            println!("  {what:<10} {}", path.display());
+        }
+    }
+    if !summary.failures.is_empty() {
+        return Err(CommandError::Incomplete);
+    }
+    match signal.and_then(|signal| signal.number()) {
+        Some(number) if summary.tick.stopped => Err(CommandError::Signal(number)),
+        _ => Ok(()),
+    }
+}

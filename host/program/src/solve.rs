@@ -1,0 +1,106 @@
+//! `palpate solve`: equilibrium or motion of a scene without devices.
+
+use super::{CommandError, load, progress_bar};
+use host::atomic_file::write_atomically;
+use host::plot::{self, Marker, Series};
+use host::scene::spec::Analysis;
+use host::solve::frames::FrameFolder;
+use host::solve::{Solution, SolveError, solve};
+use std::path::PathBuf;
+
+/// Arguments of `palpate solve`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct SolveArguments {
+    /// Scene file (TOML) with supports and loads; `[solve]` in it says what is asked
+    scene: PathBuf,
+    /// Write each frame as VTU into this folder, and the list frames.pvd, for ParaView
+    #[arg(long, value_name = "FOLDER")]
+    vtu: Option<PathBuf>,
+    /// Draw the reactions over the loads or over time (SVG)
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
+    /// Write the solution as JSON
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
+    let loaded = load(Some(&arguments.scene))?;
+    let mut frames = match &arguments.vtu {
+        Some(folder) => Some(FrameFolder::create(folder)?),
+        None => None,
+    };
+    let bar = progress_bar();
+    let solution = solve(
+        &loaded,
+        frames.is_some(),
+        |share| bar.set_position((1000.0 * share) as u64),
+        |frame| match &mut frames {
+            Some(folder) => folder.keep(&frame),
+            None => Ok(()),
+        },
+    );
+    bar.finish_and_clear();
+    let solution = solution.map_err(|error| match error {
+        SolveError::Scene(error) => CommandError::Scene(error),
+        SolveError::Frame(error) => CommandError::File(error),
+        SolveError::Matrix(error) => CommandError::Solve(error),
+    })?;
+    print!("{solution}");
+    if let Some(path) = &arguments.plot {
+        write_atomically(path, chart(&solution).as_bytes())?;
+    }
+    if let Some(path) = &arguments.json {
+        let text = serde_json::to_string_pretty(&solution).unwrap_or_default() + "\n";
+        write_atomically(path, text.as_bytes())?;
+    }
+    let list = frames.map(|folder| folder.list_file());
+    for (what, path) in [
+        ("vtu", &list),
+        ("plot", &arguments.plot),
+        ("json", &arguments.json),
+    ] {
+        if let Some(path) = path {
+            println!("  {what:<10} {}", path.display());
+        }
+    }
+    if solution.failures.is_empty() {
+        Ok(())
+    } else {
+        Err(CommandError::NotSolved)
+    }
+}
+
+/// Most reactions that are drawn: more lines cannot be told apart.
+const MOST_LINES: usize = 8;
+
+/// Size of each reaction over the steps.
+fn chart(solution: &Solution) -> String {
+    let mut series = Vec::new();
+    for body in &solution.bodies {
+        for (index, reaction) in body.reactions.iter().enumerate() {
+            let norm = |f: &[f64; 3]| f.iter().map(|x| x * x).sum::<f64>().sqrt();
+            let points = body.steps.iter();
+            let points: Vec<_> = points
+                .map(|row| (row.at, norm(&row.forces[index])))
+                .collect();
+            let marker = if points.len() > 30 {
+                Marker::None
+            } else {
+                Marker::Circle
+            };
+            series.push(Series {
+                name: format!("{}, {}", body.name, reaction.name),
+                points,
+                marker,
+            });
+        }
+    }
+    series.truncate(MOST_LINES);
+    let x = match solution.analysis {
+        Analysis::Static => "share of displacements and loads",
+        Analysis::Dynamic => "time (s)",
+    };
+    let title = format!("Reactions: {}", solution.scene);
+    plot::line_chart_svg(&title, x, "force (N)", false, false, &series)
+}

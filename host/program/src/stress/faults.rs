@@ -1,0 +1,76 @@
+//! `palpate stress faults`: the tick under input that no device, host or clock should ever give.
+
+use super::{CommandError, Common, progress_bar, show};
+use std::collections::BTreeMap;
+use study::stress::faults::{self, Outcome};
+use study::stress::jobs;
+
+/// Arguments of `palpate stress faults`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct FaultsArguments {
+    #[command(flatten)]
+    common: Common,
+}
+
+pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
+    let common = &arguments.common;
+    let header = faults::header(common.seed, common.quick);
+    let bar = progress_bar();
+    let cells = jobs::run(
+        &header,
+        &common.options(),
+        |cell| faults::run(common.seed, cell),
+        |at| show(&bar, at),
+    );
+    bar.finish_and_clear();
+    let cells: BTreeMap<u64, Outcome> = cells?;
+    print(&cells);
+    let failed = cells.values().filter(|cell| !cell.passed()).count();
+    if failed > 0 {
+        return Err(CommandError::Stressed {
+            failed,
+            of: cells.len(),
+        });
+    }
+    Ok(())
+}
+
+fn print(cells: &BTreeMap<u64, Outcome>) {
+    let mut by_scheme: BTreeMap<&str, [u64; 7]> = BTreeMap::new();
+    let mut met: BTreeMap<&str, u64> = BTreeMap::new();
+    for cell in cells.values() {
+        let sums = by_scheme.entry(&cell.scheme).or_default();
+        let counts = [
+            1,
+            cell.ticks,
+            cell.not_finite,
+            cell.beyond,
+            cell.lost_account,
+            cell.not_back,
+            u64::from(cell.panic.is_some()),
+        ];
+        for (sum, count) in sums.iter_mut().zip(counts) {
+            *sum += count;
+        }
+        for (what, count) in &cell.met {
+            *met.entry(what).or_default() += count;
+        }
+    }
+    println!(
+        "| scheme | cells | ticks | not finite | beyond limits | account lost | not back | panics |"
+    );
+    println!("|---|---|---|---|---|---|---|---|");
+    for (scheme, sums) in by_scheme {
+        let columns: Vec<_> = sums.iter().map(u64::to_string).collect();
+        println!("| {scheme} | {} |", columns.join(" | "));
+    }
+    println!("\nMet on the way:");
+    for (what, count) in met {
+        println!("  {count:>12}  {what}");
+    }
+    for (number, cell) in cells {
+        if let Some(panic) = &cell.panic {
+            println!("  cell {number} panicked: {panic}");
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, nothing going wrong.
+
+use super::scene::{log, picture};
+use super::{CommandError, Common, progress_bar, scheme_of, show};
+use host::atomic_file::write_atomically;
+use host::scene::Scene;
+use host::scene::spec::SchemeName;
+use sim::DeviceModel;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use study::stress::hold::draw::Kind;
+use study::stress::hold::summary::{row, worst};
+use study::stress::hold::verdict::{Failure, failures};
+use study::stress::hold::{CASES, CellResult, SCHEMES, Study, judge};
+use study::stress::jobs::{self, Header};
+
+/// Arguments of `palpate stress hold`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct HoldArguments {
+    /// Judge this scene instead (TOML), with its own hands
+    #[arg(conflicts_with_all = ["runs", "cell", "quick", "seed", "shard", "json", "plot"])]
+    file: Option<PathBuf>,
+    /// How many cells: the cases, and what is drawn; each is run under linear and capped
+    #[arg(long, value_name = "N")]
+    runs: Option<u64>,
+    /// Run one cell again and show it whole: --plot draws it, --log writes every tick, --scene writes its scene file
+    #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
+    cell: Option<u64>,
+    /// The scheme that it is run under: linear or capped, which it is unless told
+    #[arg(long, value_name = "NAME", requires = "cell", value_parser = scheme)]
+    scheme: Option<SchemeName>,
+    /// Write every tick of it (CSV)
+    #[arg(long, value_name = "FILE", requires = "cell")]
+    log: Option<PathBuf>,
+    /// Write its scene, as `palpate run` takes it (TOML)
+    #[arg(long, value_name = "FILE", requires = "cell")]
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+/// Cells unless told.
+const RUNS: u64 = 2000;
+/// The cases, and each specimen on each device.
+const QUICK: u64 = 60;
+/// Most cells that are told of by themselves.
+const TOLD: usize = 12;
+
+fn scheme(text: &str) -> Result<SchemeName, String> {
+    scheme_of(text, &SCHEMES)
+}
+
+pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
+    let common = &arguments.common;
+    if let Some(path) = &arguments.file {
+        let cell = judge(Scene::load(path)?)?;
+        return finish(&BTreeMap::from([(0, cell)]));
+    }
+    let study = Study::new(common.seed);
+    if let Some(cell) = arguments.cell {
+        return show_cell(arguments, study, cell);
+    }
+    let default = if common.quick { QUICK } else { RUNS };
+    let header = Header {
+        study: "hold".to_owned(),
+        schema: 1,
+        seed: common.seed,
+        cells: arguments.runs.unwrap_or(default),
+        settings: serde_json::json!({ "cases": CASES.map(|(name, text, _)| (name, text)) }),
+    };
+    let bar = progress_bar();
+    let work = |cell| study.cell(cell, &SCHEMES);
+    let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
+    bar.finish_and_clear();
+    let cells: BTreeMap<u64, CellResult> = cells?;
+    println!("{} cells, seed {}\n", cells.len(), common.seed);
+    print(&cells);
+    if let Some(path) = &common.plot {
+        write_atomically(path, picture::holds(&cells).as_bytes())?;
+    }
+    finish(&cells)
+}
+
+/// Tells of the cells in which `capped` fails, the cases and the worst.
+fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
+    let failing = worst(cells, "capped");
+    tell(cells, &failing);
+    for (number, cell) in cells {
+        if let Some(why) = &cell.failed {
+            eprintln!("palpate: cell {number}: {why}");
+        }
+    }
+    if failing.is_empty() {
+        return Ok(());
+    }
+    Err(CommandError::Stressed {
+        failed: failing.len(),
+        of: cells.len(),
+    })
+}
+
+/// Prints a table by specimen, by device and by rate, and the worst cells.
+fn print(cells: &BTreeMap<u64, CellResult>) {
+    println!("By specimen:\n");
+    head("specimen");
+    rows("all", cells, |_| true);
+    rows("cases", cells, |cell| cell.case.is_some());
+    for kind in Kind::ALL {
+        rows(kind.name(), cells, |cell| {
+            cell.draw.as_ref().is_some_and(|draw| draw.kind == kind)
+        });
+    }
+    println!("\nBy device:\n");
+    head("device");
+    for (name, _) in DeviceModel::all() {
+        rows(name, cells, |cell| {
+            cell.draw.as_ref().is_some_and(|draw| draw.device == name)
+        });
+    }
+    println!("\nBy publication rate:\n");
+    head("Hz");
+    for (name, low, high) in [
+        ("30 to 60", 0.0, 60.0),
+        ("60 to 125", 60.0, 125.0),
+        ("125 to 250", 125.0, 250.0),
+        ("250 to 1000", 250.0, f64::INFINITY),
+    ] {
+        rows(name, cells, |cell| {
+            cell.draw.is_some() && (low..high).contains(&cell.rate)
+        });
+    }
+}
+
+fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
+    println!("\nCases and worst cells:\n");
+    println!(
+        "| cell | what | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
+    );
+    println!("|{}", "---|".repeat(10));
+    let cases = cells.iter().filter(|(_, cell)| cell.case.is_some());
+    let cases = cases.map(|(number, cell)| (*number, cell));
+    let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
+    let drawn = drawn.map(|(number, cell, _)| (*number, *cell));
+    for (number, cell) in cases.chain(drawn.take(TOLD)) {
+        let what = cell.draw.as_ref().map_or_else(
+            || cell.case.clone().unwrap_or_default(),
+            |draw| format!("{}, {}", draw.kind.name(), draw.device),
+        );
+        for (scheme, outcome) in &cell.schemes {
+            let names = failures(cell, scheme).into_iter().map(Failure::name);
+            println!(
+                "| {number} | {what} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
+                cell.rate,
+                names.collect::<Vec<_>>().join(", "),
+                100.0 * outcome.felt.hold_error,
+                100.0 * outcome.felt.run_error,
+                outcome.felt.worst_ripple,
+                100.0 * outcome.capped,
+                1e3 * outcome.net_energy,
+            );
+        }
+    }
+}
+
+fn head(first: &str) {
+    let failures = Failure::ALL.map(Failure::name).join(" | ");
+    println!(
+        "| {first} | scheme | runs | pass | {failures} | hold error %: median, 90 % | run error % | ripple N | capped %, most | net energy mJ, most |"
+    );
+    println!("|{}", "---|".repeat(9 + Failure::ALL.len()));
+}
+
+fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResult) -> bool) {
+    for (_, scheme) in SCHEMES {
+        let Some(row) = row(cells.values().filter(|cell| which(cell)), scheme) else {
+            continue;
+        };
+        let failed = row.failed.map(|count| count.to_string()).join(" | ");
+        let share = |[a, b]: [f64; 2]| format!("{:.2}, {:.2}", 100.0 * a, 100.0 * b);
+        println!(
+            "| {first} | {scheme} | {} | {} | {failed} | {} | {} | {:.3}, {:.3} | {:.2} | {:.2} |",
+            row.runs,
+            row.passed,
+            share(row.hold),
+            share(row.run),
+            row.ripple[0],
+            row.ripple[1],
+            100.0 * row.capped,
+            1e3 * row.net_energy,
+        );
+    }
+}
+
+/// Runs one cell under one scheme, and shows it.
+fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), CommandError> {
+    let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
+    let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
+    let scheme = known.map_or("", |(_, name)| name);
+    if let Some(path) = &arguments.scene {
+        write_atomically(path, study.scene(cell)?.source.text.as_bytes())?;
+    }
+    let traces = study.traces(cell, &[wanted])?;
+    let draw = study.draw(cell);
+    let title = match (&draw, CASES.get(cell as usize)) {
+        (Some(draw), _) => {
+            println!("{draw:#?}");
+            format!("Cell {cell}: {}, {}", draw.kind.name(), draw.device)
+        }
+        (None, case) => format!("Cell {cell}: {}", case.map_or("", |(name, ..)| name)),
+    };
+    for (run, outcome) in traces.runs.iter().zip(traces.outcomes()) {
+        println!("{title}\n{scheme}: {outcome:#?}");
+        println!(
+            "one count: {:.3} N; reference: net energy {:.3} mJ, {:#?}",
+            traces.count,
+            1e3 * traces.reference.net_energy(),
+            traces.reference.stillness()
+        );
+        if let Some(path) = &arguments.common.plot {
+            let subtitle = format!(
+                "\"{scheme}\": hold off by {:.1} %, run by {:.1} % of its peak, ripple {:.3} N, capped {:.1} %",
+                100.0 * outcome.felt.hold_error,
+                100.0 * outcome.felt.run_error,
+                outcome.felt.worst_ripple,
+                100.0 * outcome.capped
+            );
+            let svg = picture::cell(&title, &subtitle, run, &traces.reference);
+            write_atomically(path, svg.as_bytes())?;
+        }
+        if let Some(path) = &arguments.log {
+            write_atomically(path, log(run, &traces.reference).as_bytes())?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,265 @@
+//! `palpate stress wall`: maps over stiffness and damping, with the theory's line beside what was measured.
+
+use super::{CommandError, Common, progress_bar, show};
+use host::atomic_file::write_atomically;
+use host::plot::{self, Map, MapCell, MapLine, MapPanel};
+use std::collections::BTreeMap;
+use study::stress::wall::{self, Gain, Outcome, Panel, SCHEMES, Setting, Study, passive};
+
+/// Arguments of `palpate stress wall`.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct WallArguments {
+    #[command(flatten)]
+    common: Common,
+    /// Rate of the map (Hz); each device's own unless told
+    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(100..=20_000))]
+    rate: Option<u32>,
+    /// Output delay of the map (ticks)
+    #[arg(long, value_name = "TICKS", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3))]
+    delay: u8,
+}
+
+type Cells = BTreeMap<u64, Outcome>;
+
+pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
+    let common = &arguments.common;
+    let study = Study {
+        quick: common.quick,
+        seed: common.seed,
+        map_rate: arguments.rate,
+        map_delay: usize::from(arguments.delay),
+    };
+    let bar = progress_bar();
+    let cells = study.run(&common.options(), |at| show(&bar, at));
+    bar.finish_and_clear();
+    let cells = cells?;
+    let of = study.header().cells;
+    if (cells.len() as u64) < of {
+        println!(
+            "{} of {of} cells: merge the files of all shards for the rest\n",
+            cells.len()
+        );
+    }
+    print_boundaries(&cells);
+    print_whole(&cells);
+    print_gains(&cells);
+    if let Some(path) = &common.plot {
+        write_atomically(path, plot::map_svg(&map(&cells)).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// The worst of several comparisons with theory.
+#[derive(Default)]
+struct Worst {
+    plain: Option<[f64; 2]>,
+    error: f64,
+    at: f64,
+    count: usize,
+}
+
+impl Worst {
+    fn add(&mut self, setting: &Setting, theory: f64, measured: f64) {
+        let error = measured / theory - 1.0;
+        if setting.damping == 0.0 {
+            self.plain = Some([theory, measured]);
+        }
+        if error.abs() >= self.error.abs() {
+            (self.error, self.at) = (error, setting.damping / setting.device_damping);
+        }
+        self.count += 1;
+    }
+
+    fn columns(&self) -> String {
+        let plain = self.plain.map_or(" |  | ".to_owned(), |[t, m]| {
+            let [theory, measured] =
+                [t, m].map(|k| format!("{k:.4}").chars().take(7).collect::<String>());
+            format!("{theory} | {measured} | {:+.1}", 100.0 * (m / t - 1.0))
+        });
+        format!("{plain} | {:+.1} at {:.1} b", 100.0 * self.error, self.at)
+    }
+}
+
+fn print_boundaries(cells: &Cells) {
+    println!("Largest stiffness (N/m), plain wall, friction and quantization off, error in %:");
+    println!("passive: to a stiff hand that makes any motion; stable: in a typical hand.\n");
+    println!(
+        "| device | rate (Hz) | delay | passive at B = 0, theory | measured | error | worst over B \
+         | stable at B = 0, theory | measured | error | worst over B |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    let mut rows: Vec<(Setting, [Worst; 2])> = Vec::new();
+    for outcome in cells.values() {
+        let (setting, kind, theory, measured) = match outcome {
+            Outcome::Passive {
+                setting,
+                theory,
+                measured: Some(measured),
+                ..
+            } if !setting.whole => (setting, 0, theory, measured),
+            Outcome::Stable {
+                setting,
+                theory,
+                measured,
+            } => (setting, 1, theory, measured),
+            _ => continue,
+        };
+        let same = |(row, _): &(Setting, _)| {
+            row.device == setting.device && (row.rate, row.delay) == (setting.rate, setting.delay)
+        };
+        let at = rows.iter().position(same).unwrap_or_else(|| {
+            rows.push((setting.clone(), Default::default()));
+            rows.len() - 1
+        });
+        rows[at].1[kind].add(setting, *theory, *measured);
+    }
+    for (setting, [passive, stable]) in &rows {
+        println!(
+            "| {} | {} | {} | {} | {} |",
+            setting.device,
+            setting.rate,
+            setting.delay,
+            passive.columns(),
+            stable.columns()
+        );
+    }
+}
+
+fn print_whole(cells: &Cells) {
+    println!(
+        "\nThe same with friction, quantization and the driver's velocity, B = 0, hands up to {} m/s:\n",
+        passive::SPEED
+    );
+    println!(
+        "| device | rate (Hz) | Abbott and Okamura, any speed | theory at this speed | measured | error |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for outcome in cells.values() {
+        if let Outcome::Passive {
+            setting,
+            theory,
+            any_speed: Some(any_speed),
+            measured,
+            ..
+        } = outcome
+        {
+            let measured = measured.unwrap_or(f64::INFINITY);
+            println!(
+                "| {} | {} | {any_speed:.0} | {theory:.0} | {measured:.0} | {:+.1} |",
+                setting.device,
+                setting.rate,
+                100.0 * (measured / theory - 1.0)
+            );
+        }
+    }
+}
+
+fn print_gains(cells: &Cells) {
+    println!(
+        "\nHow many times the plain bound 2 b / T (by 2 d + 1 with delay) until the adversary gets more than {:.0} mJ \
+         out,\nwith at least {:.0} % of the static stiffness; in brackets most energy found (mJ) up to ten times; \
+         no scheme can reach\nmore than the bound against a hand that stands and leaves at once:\n",
+        1e3 * wall::SAFE,
+        100.0 * wall::RENDERED
+    );
+    let names = SCHEMES.map(|scheme| scheme.name());
+    println!(
+        "| device | rate (Hz) | delay | friction, counts | motion | bound | {} |",
+        names.join(" | ")
+    );
+    println!("|---|---|---|---|---|---|{}", "---|".repeat(names.len()));
+    let gains = wall::gains(cells);
+    let key = |gain: &Gain| {
+        (
+            gain.device.clone(),
+            gain.rate,
+            gain.delay,
+            gain.whole,
+            gain.as_hand,
+        )
+    };
+    let mut shown = Vec::new();
+    for gain in &gains {
+        let row = key(gain);
+        if shown.contains(&row) {
+            continue;
+        }
+        let columns = names.map(|name| {
+            let found = gains.iter().find(|g| g.scheme == name && key(g) == row);
+            found.map_or(String::new(), |gain| {
+                let up_to_ten = gain.steps.iter().filter(|step| step.0 <= 10.0);
+                let most = up_to_ten.fold(0.0, |most, step| f64::max(most, step.1));
+                format!("{} ({:.2})", gain.times(), 1e3 * most)
+            })
+        });
+        println!(
+            "| {} | {} | {} | {} | {} | {} | {} |",
+            gain.device,
+            gain.rate,
+            gain.delay,
+            if gain.whole { "on" } else { "off" },
+            if gain.as_hand { "a hand's" } else { "any" },
+            gain.of_any_scheme()
+                .map_or(String::new(), |most| format!("{most:.1}")),
+            columns.join(" | ")
+        );
+        shown.push(row);
+    }
+}
+
+fn map(cells: &Cells) -> Map {
+    let panels = wall::panels(cells).into_iter().map(panel).collect();
+    Map {
+        title: "A wall inside the tick: where energy comes out of it".to_owned(),
+        subtitle:
+            "plain sampled spring and damper; friction and quantization off; most net energy found \
+                   by the adversary at the hand's port"
+                .to_owned(),
+        x_label: "damping of the wall B (N s/m)".to_owned(),
+        y_label: "stiffness K (N/m)".to_owned(),
+        scale_label: "net energy (J)".to_owned(),
+        below_label: "none".to_owned(),
+        decades: [-7, 0],
+        lines: [
+            "passive: exact condition".to_owned(),
+            "stable in a typical hand: eigenvalues".to_owned(),
+        ],
+        panels,
+    }
+}
+
+fn panel(panel: Panel) -> MapPanel {
+    let Setting {
+        device,
+        rate,
+        delay,
+        device_damping,
+        ..
+    } = &panel.setting;
+    let late = match delay {
+        0 => String::new(),
+        1 => ", 1 tick late".to_owned(),
+        d => format!(", {d} ticks late"),
+    };
+    let cell = |(x, y, value): &([f64; 2], [f64; 2], f64)| MapCell {
+        x: *x,
+        y: *y,
+        value: *value,
+    };
+    MapPanel {
+        title: format!(
+            "{}, {} kHz{late}, b = {device_damping} N s/m",
+            device.replace('_', " "),
+            f64::from(*rate) / 1e3
+        ),
+        cells: panel.cells.iter().map(cell).collect(),
+        first: MapLine {
+            line: panel.passive,
+            points: panel.measured,
+        },
+        second: MapLine {
+            line: panel.stable,
+            points: panel.stable_measured,
+        },
+    }
+}

@@ -1,0 +1,334 @@
+//! `palpate solve` and `palpate mesh`: what they print, write and answer.
+
+use host::scene::{LoadedScene, Scene};
+use host::solve::{BodySolution, Frame, Solution, solve};
+use std::collections::BTreeMap;
+use std::convert::Infallible;
+use std::fmt::Write as _;
+use std::process::Command;
+
+fn load(text: &str) -> LoadedScene {
+    match Scene::load_texts("x.toml", text, &BTreeMap::new()) {
+        Ok(loaded) => loaded,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn solved(text: &str) -> Solution {
+    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+    match solve(&load(text), false, |_| {}, keep) {
+        Ok(solution) => solution,
+        Err(error) => panic!("{error}"),
+    }
+}
+
+fn body(text: &str) -> BodySolution {
+    let solution = solved(text);
+    assert!(solution.failures.is_empty(), "{:?}", solution.failures);
+    solution.bodies.into_iter().next().unwrap()
+}
+
+fn force(body: &BodySolution, name: &str) -> [f64; 3] {
+    body.reactions
+        .iter()
+        .find(|reaction| reaction.name == name)
+        .unwrap()
+        .force
+}
+
+/// A cube of 10 cm, 20 kPa, compressed by 10 % between its plates.
+fn cube(law: &str, axes: &str) -> String {
+    format!(
+        r#"
+name = "cube"
+gravity = [0, 0, 0]
+[solve]
+load_steps = 2
+[[body]]
+name = "cube"
+mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [6, 6, 6] }}
+material = {{ law = "{law}", young = 20e3, poisson = 0.3, density = 1000 }}
+[[body.support]]
+name = "bottom"
+group = "bottom"
+axes = {axes}
+[[body.support]]
+name = "top"
+group = "top"
+axes = {axes}
+displacement = [0, 0, -0.01]
+[[body.support]]
+name = "centre line x"
+box = [[-0.001, -1, -1], [0.001, 1, 1]]
+axes = ["x"]
+[[body.support]]
+name = "centre line y"
+box = [[-1, -0.001, -1], [1, 0.001, 1]]
+axes = ["y"]
+"#
+    )
+}
+
+/// The program: what it prints, writes and answers.
+#[test]
+fn the_program_writes_what_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let palpate = |scene: &str| {
+        std::fs::write(file("scene.toml"), scene).unwrap();
+        Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .arg("solve")
+            .arg(file("scene.toml"))
+            .arg("--vtu")
+            .arg(file("frames"))
+            .arg("--plot")
+            .arg(file("plot.svg"))
+            .arg("--json")
+            .arg(file("solution.json"))
+            .output()
+            .unwrap()
+    };
+    let output = palpate(&cube("linear", r#"["z"]"#));
+    assert_eq!(output.status.code(), Some(0));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let bottom = printed
+        .lines()
+        .find(|line| line.contains("bottom"))
+        .unwrap();
+    assert!(
+        bottom.contains("force (0.000, 0.000, 20.000) N"),
+        "{bottom}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(file("solution.json")).unwrap()).unwrap();
+    assert_eq!(json["schema"], "palpate.solve/1");
+    assert_eq!(json["bodies"][0]["elements"], 1296);
+    assert_eq!(json["bodies"][0]["reactions"][1]["name"], "top");
+    assert!(
+        std::fs::read_to_string(file("plot.svg"))
+            .unwrap()
+            .contains("cube, bottom")
+    );
+    let list = std::fs::read_to_string(file("frames/frames.pvd")).unwrap();
+    for number in 0..=2 {
+        let name = format!("cube_{number:04}.vtu");
+        assert!(list.contains(&name), "{list}");
+        let frame = std::fs::read_to_string(file("frames").join(name)).unwrap();
+        assert!(frame.ends_with("</VTKFile>\n"));
+    }
+
+    // One that gets stuck: what it has is written, and the answer is 1.
+    let stuck = cube("st_venant_kirchhoff", r#"["x", "y", "z"]"#).replace("-0.01", "-0.09");
+    let output = palpate(&stuck);
+    assert_eq!(output.status.code(), Some(1));
+    let printed = String::from_utf8(output.stdout).unwrap();
+    assert!(printed.contains("not solved cube: at 0."), "{printed}");
+    assert!(file("frames/cube_0000.vtu").exists());
+
+    // One that is wrong.
+    let output = palpate("name = 3");
+    assert_eq!(output.status.code(), Some(2));
+}
+
+/// What the program says of a scene, and its exit code.
+fn said(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
+    let path = folder.join("scene.toml");
+    std::fs::write(&path, scene).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("solve")
+        .arg(&path)
+        .output()
+        .unwrap();
+    let printed = String::from_utf8(output.stdout).unwrap();
+    (printed, output.status.code())
+}
+
+/// Steel under next to nothing: it moves, the program says that rounding limits the digits, or that they are too few.
+#[test]
+fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |analysis: &str, force: f64| {
+        format!(
+            r#"
+name = "block"
+gravity = [0, 0, 0]
+{analysis}
+[[body]]
+name = "block"
+mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [4, 4, 4] }}
+material = {{ law = "linear", young = 210e9, poisson = 0.3, density = 7850 }}
+[[body.support]]
+name = "floor"
+group = "bottom"
+[[body.load]]
+name = "push"
+group = "top"
+force = [{force}, 0, 0]
+"#
+        )
+    };
+    let moved = |force: f64| body(&scene("", force)).displacement.value / force;
+    let (far, near) = (moved(1e4), moved(1e-4));
+    // Strains of 5e-14 are known to 1.1e-16: 0.2 %; three times that.
+    assert!((near - far).abs() < 7e-3 * far, "{near:e} {far:e}");
+    let (printed, code) = said(folder.path(), &scene("", 1e-4));
+    assert_eq!(code, Some(0), "{printed}");
+    assert!(printed.contains("limited by rounding: "), "{printed}");
+    let (printed, code) = said(folder.path(), &scene("", 1e4));
+    assert_eq!(code, Some(0), "{printed}");
+    assert!(!printed.contains("limited by rounding"), "{printed}");
+
+    let motion = "duration = 1e-4\n[solve]\nanalysis = \"dynamic\"\nstep = 1e-5";
+    for analysis in ["", motion] {
+        let (printed, code) = said(folder.path(), &scene(analysis, 1e-9));
+        assert_eq!(code, Some(1), "{printed}");
+        assert!(printed.contains("too few digits"), "{printed}");
+    }
+}
+
+/// A strip that lies a kilometre from the origin: rubber deforms as at the origin, steel under next to nothing is told.
+#[test]
+fn a_strip_far_away_is_solved_as_far_as_its_digits_allow() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |far: u32, young: f64, force: f64| {
+        let mut mesh = String::new();
+        for column in 0..=8 {
+            for row in 0..=2 {
+                let (x, y) = (f64::from(column) / 64.0, f64::from(row) / 64.0);
+                writeln!(mesh, "v {} {y} 0", f64::from(far) + x).expect("a string takes it");
+            }
+        }
+        for column in 0..8 {
+            for row in 1..=2 {
+                let a = 3 * column + row;
+                writeln!(mesh, "f {a} {} {}\nf {a} {} {}", a + 3, a + 4, a + 4, a + 1)
+                    .expect("a string takes it");
+            }
+        }
+        std::fs::write(folder.path().join("strip.obj"), mesh).unwrap();
+        format!(
+            r#"
+name = "strip"
+gravity = [0, 0, 0]
+[[body]]
+name = "strip"
+mesh.file = "strip.obj"
+material = {{ young = {young:e}, poisson = 0.3, thickness = 1e-3, density = 1000 }}
+[[body.support]]
+name = "wall"
+box = [[{far}, -1, -1], [{far}.001, 1, 1]]
+[[body.support]]
+name = "plane"
+box = [[{far}, -1, -1], [{}, 1, 1]]
+axes = ["z"]
+[[body.load]]
+name = "pull"
+box = [[{far}.124, -1, -1], [{}, 1, 1]]
+force = [{force:e}, 0, 0]
+"#,
+            far + 1,
+            far + 1,
+        )
+    };
+    let moved = |far: u32| {
+        let text = scene(far, 1e6, 1.0);
+        let (printed, code) = said(folder.path(), &text);
+        assert_eq!(code, Some(0), "{printed}");
+        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let loaded = Scene::load(&folder.path().join("scene.toml")).unwrap();
+        solve(&loaded, false, |_| {}, keep).unwrap().bodies[0]
+            .displacement
+            .value
+    };
+    let (near, far) = (moved(0), moved(1000));
+    // Coordinates of 1 km are kept to 6e-14 m, of 4 mm of motion: 1.5e-11; each of eight cells adds as much.
+    assert!((near - far).abs() < 1e-9 * near, "{near} {far}");
+    let (printed, code) = said(folder.path(), &scene(1000, 210e9, 1e-4));
+    assert_eq!(code, Some(1), "{printed}");
+    assert!(printed.contains("too few digits"), "{printed}");
+    assert!(printed.contains("nearer to the origin"), "{printed}");
+}
+
+/// A mesh written in each format and read again, with its material by element, gives the same solution.
+#[test]
+fn a_mesh_travels_with_its_material() {
+    let scene = |mesh: &str, material: &str, region: &str, hold: &str, pull: &str| {
+        format!(
+            r#"
+name = "bar"
+[solve]
+tolerance = 1e-10
+[[body]]
+name = "bar"
+mesh = {{ {mesh} }}
+material = {{ law = "linear", young = 1e6, poisson = 0.3, density = 1000{material} }}
+{region}
+[[body.support]]
+name = "wall"
+{hold}
+[[body.load]]
+name = "pull"
+{pull}
+force = [1, 0, -1]
+"#
+        )
+    };
+    let boxes = [
+        "box = [[-1, -1, -1], [-0.0999, 1, 1]]",
+        "box = [[0.0999, -1, -1], [1, 1, 1]]",
+    ];
+    let core = r"
+[[body.region]]
+box = [[-0.05, -1, -1], [0.05, 1, 1]]
+young = 3e6
+poisson = 0.4
+";
+    let generated = "box = { size = [0.2, 0.04, 0.04], cells = [8, 2, 2] }, order = 2";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scene.toml");
+    let text = scene(generated, "", core, boxes[0], boxes[1]);
+    std::fs::write(&path, &text).unwrap();
+    let expected = body(&text);
+    for (ending, by) in [
+        ("msh", ["group = \"left\"", "group = \"right\""]),
+        ("vtk", boxes),
+        ("vtu", boxes),
+    ] {
+        let file = format!("bar.{ending}");
+        let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+            .arg("mesh")
+            .arg(&path)
+            .arg(folder.path().join(&file))
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{ending}");
+        let printed = String::from_utf8(output.stdout).unwrap();
+        assert!(printed.contains("young 1000000 to 3000000"), "{printed}");
+
+        let fields = ", fields = { young = \"young\", poisson = \"poisson\" }";
+        let text = scene(&format!("file = \"{file}\""), fields, "", by[0], by[1]);
+        let second = folder.path().join("second.toml");
+        std::fs::write(&second, text).unwrap();
+        let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
+        let solution = solve(&Scene::load(&second).unwrap(), false, |_| {}, keep).unwrap();
+        let found = &solution.bodies[0];
+        assert_eq!(
+            (found.elements, found.vertices),
+            (expected.elements, expected.vertices)
+        );
+        // Formats number vertices in another order, so sums round differently, and the tolerance is 1e-10.
+        let (a, b) = (found.displacement.value, expected.displacement.value);
+        assert!((a - b).abs() < 1e-8 * b, "{ending}: {a} {b}");
+        let (a, b) = (force(found, "wall"), force(&expected, "wall"));
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() < 1e-8, "{ending}: {a} {b}");
+        }
+    }
+    let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .arg("mesh")
+        .arg(&path)
+        .arg(folder.path().join("bar.stl"))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+}

@@ -1,0 +1,50 @@
+//! `palpate stress hold` goes on where it was, shows one cell whole, and writes a cell as a scene.
+
+use std::path::Path;
+use std::process::Command;
+
+#[test]
+fn the_program_resumes_and_shows_one_cell_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name);
+    let palpate = |arguments: &[&str], files: &[(&str, &Path)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        command.args(arguments);
+        for (name, file) in files {
+            command.arg(name).arg(file);
+        }
+        let output = command.output().expect("the program starts");
+        let text = String::from_utf8(output.stdout).expect("it prints UTF-8");
+        (output.status.code(), text)
+    };
+    // A block that passes: its cell alone, of the seventh and eighth.
+    let json = path("cells.jsonl");
+    let one = ["stress", "hold", "--runs", "8", "--shard", "8/8"];
+    let (code, first) = palpate(&one, &[("--json", &json)]);
+    assert_eq!(code, Some(0), "{first}");
+    assert!(
+        first.contains("| corotational block | capped | 1 | 1 |"),
+        "{first}"
+    );
+    let written = std::fs::read(&json).expect("it was written");
+    assert_eq!(palpate(&one, &[("--json", &json)]), (code, first));
+    assert_eq!(written, std::fs::read(&json).expect("it is there"));
+
+    let [plot, log, scene] = ["cell.svg", "cell.csv", "cell.toml"].map(path);
+    let (code, shown) = palpate(
+        &["stress", "hold", "--cell", "7", "--scheme", "linear"],
+        &[("--plot", &plot), ("--log", &log), ("--scene", &scene)],
+    );
+    assert_eq!(code, Some(0));
+    assert!(shown.contains("linear: Outcome"), "{shown}");
+    let svg = std::fs::read_to_string(&plot).expect("it was drawn");
+    assert!(svg.contains("own along this run"));
+    // A line for each tick, and the head.
+    let lines = std::fs::read_to_string(&log).expect("it was logged");
+    assert_eq!(lines.lines().count(), 4001);
+    // What was drawn is a scene like any other, and is judged like one.
+    let (code, judged) = palpate(&["stress", "hold", scene.to_str().expect("a path")], &[]);
+    assert_eq!(code, Some(0), "{judged}");
+    let (code, _) = palpate(&["plan", scene.to_str().expect("a path")], &[]);
+    assert_eq!(code, Some(0));
+}

@@ -1,0 +1,42 @@
+//! `palpate stress scene` goes on where it was, and shows one world whole.
+
+use std::path::Path;
+use std::process::Command;
+
+#[test]
+fn the_program_resumes_and_shows_one_world_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes/stress/sheet.toml");
+    let [json, plot, log] = ["cells.jsonl", "cell.svg", "cell.csv"].map(|n| folder.path().join(n));
+    let palpate = |arguments: &[&str], files: &[(&str, &Path)]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
+        command
+            .args(["stress", "scene"])
+            .arg(&scene)
+            .args(arguments);
+        for (name, file) in files {
+            command.arg(name).arg(file);
+        }
+        let output = command.output().expect("the program starts");
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{error}");
+        String::from_utf8(output.stdout).expect("it prints UTF-8")
+    };
+    let two = ["--runs", "2", "--schemes", "linear,capped"];
+    let first = palpate(&two, &[("--json", &json)]);
+    assert!(first.contains("| all | capped | 2 | 100.0 |"), "{first}");
+    let written = std::fs::read(&json).expect("it was written");
+    assert_eq!(first, palpate(&two, &[("--json", &json)]));
+    assert_eq!(written, std::fs::read(&json).expect("it is there"));
+
+    let shown = palpate(
+        &["--cell", "1", "--scheme", "linear"],
+        &[("--plot", &plot), ("--log", &log)],
+    );
+    assert!(shown.contains("linear: Outcome"), "{shown}");
+    let svg = std::fs::read_to_string(&plot).expect("it was drawn");
+    assert!(svg.contains("net work on the hands (mJ)"));
+    // A line for each tick, and the head.
+    let lines = std::fs::read_to_string(&log).expect("it was logged");
+    assert_eq!(lines.lines().count(), 4501);
+}

@@ -1,8 +1,0 @@
-//! Experiments whose figures the book quotes. Each can be run again with `palpate bench` or `palpate stress`.
-
-pub mod accuracy;
-pub mod extrapolation;
-pub mod speed;
-pub mod stability;
-pub mod stress;
-pub mod velocity;

@@ -1,0 +1,76 @@
+//! What all benchmarks do: choose vertices, hold a body, bring it to rest.
+
+use super::AccuracyError;
+use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, SolidMaterial, Vec3};
+
+/// No gravity; the linear solver as tight as double precision gives.
+pub(super) fn weightless() -> BodyConfig {
+    BodyConfig {
+        gravity: Vec3::zeros(),
+        tolerance: 1e-12,
+        absolute_tolerance: 0.0,
+        max_iterations: 100_000,
+        ..BodyConfig::default()
+    }
+}
+
+/// A sheet's material whose density does not matter.
+pub(super) fn sheet_material(young: f64, poisson: f64, thickness: f64) -> Material {
+    Material {
+        young,
+        poisson,
+        thickness,
+        density: 1.0,
+    }
+}
+
+/// A solid's material whose density does not matter.
+pub(super) fn solid_material(young: f64, poisson: f64) -> SolidMaterial {
+    SolidMaterial {
+        young,
+        poisson,
+        density: 1.0,
+    }
+}
+
+/// Numbers of those vertices that `chosen` picks by their place.
+pub(super) fn vertices(positions: &[Vec3], chosen: impl Fn(&Vec3) -> bool) -> Vec<u32> {
+    let numbered = (0_u32..).zip(positions);
+    numbered
+        .filter(|(_, x)| chosen(x))
+        .map(|(vertex, _)| vertex)
+        .collect()
+}
+
+/// Equilibrium under the loads and supports that `body` has.
+pub(super) fn settle(body: &mut Body) -> Result<(), AccuracyError> {
+    let mut equilibrium = Equilibrium::new(body, EquilibriumOptions::default())?;
+    equilibrium.solve(body, &[], 1.0)?;
+    Ok(())
+}
+
+/// The same for a linear body that is too large to factorize: one step so long that inertia is nothing, by
+/// conjugate gradients.
+pub(super) fn settle_linear(body: &mut Body) -> Result<(), AccuracyError> {
+    body.step(1e9, &[])?;
+    Ok(())
+}
+
+/// Displacements of `body`'s vertices from `rest`.
+pub(super) fn displacements(body: &Body, rest: &[Vec3]) -> Vec<Vec3> {
+    body.positions()
+        .zip(rest)
+        .map(|(x, rest)| x - rest)
+        .collect()
+}
+
+/// Displacement of the vertex nearest to `place`.
+pub(super) fn displacement_at(body: &Body, rest: &[Vec3], place: Vec3) -> Vec3 {
+    let pairs = body.positions().zip(rest);
+    let nearest = pairs.min_by(|(_, a), (_, b)| {
+        (**a - place)
+            .norm_squared()
+            .total_cmp(&(**b - place).norm_squared())
+    });
+    nearest.map_or(Vec3::zeros(), |(x, rest)| x - rest)
+}

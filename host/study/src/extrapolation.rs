@@ -1,0 +1,321 @@
+//! How well each force scheme bridges the gap between publications.
+//!
+//! The sheet of the built-in scene is simulated with 1 ms steps while both hands follow prescribed paths.
+//! The reference is the wrench of every step, as if each were published. Beside it, couplings with each
+//! scheme get a model only at 30 to 500 Hz and fill in the rest, from the same poses and velocities. What
+//! is measured is therefore the scheme and its blending alone: no device, no latency, no encoder.
+//!
+//! Hands that **pull apart** stretch the sheet; hands that **move together** hold it stretched and carry it
+//! around. Contents reach up to 5 Hz, what a hand can do on purpose.
+
+use host::bodies::{self, Built};
+use host::engine::body::{fill_blocks, reference_of};
+use host::scene::{LoadedScene, Scene, SceneError};
+use physics::{BodyError, Budget, CondenseError, Condenser, HandlePose, StepError};
+use rt_core::coupling::{Coupling, CouplingConfig};
+use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
+use serde::Serialize;
+
+/// Length of a physics step, which is also the tick (s).
+const STEP: f64 = 1e-3;
+/// Time before which nothing is measured: hands and couplings settle (s).
+const SETTLE: f64 = 1.0;
+/// Publication rates that are compared (Hz).
+pub const RATES: [f64; 5] = [30.0, 60.0, 125.0, 250.0, 500.0];
+
+/// Why the study could not be done.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// The scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The solver's tolerance was refused.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// A step failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A condensation failed.
+    #[error(transparent)]
+    Condense(#[from] CondenseError),
+}
+
+/// What the hands do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Motion {
+    /// In opposite directions.
+    Apart,
+    /// In the same direction.
+    Together,
+}
+
+impl Motion {
+    /// Displacement of a hand (m): `side` is -1 for the left, +1 for the right.
+    fn displacement(self, side: f64, t: f64) -> Vec3 {
+        let ramp = min_jerk(t / SETTLE);
+        let sine = |f: f64, phase: f64| libm::sin(std::f64::consts::TAU * f * t + phase);
+        match self {
+            // 4 to 12 mm of stretch a hand, most of it slow, a little at 4.7 Hz.
+            Self::Apart => {
+                let x =
+                    8e-3 + 3e-3 * sine(0.6, 0.0) + 1e-3 * sine(2.1, 1.0) + 0.3e-3 * sine(4.7, 2.0);
+                let z = 1e-3 * sine(1.3, 0.5);
+                Vec3::new(side * x, 0.0, side * z) * ramp
+            }
+            // Stretched by 5 mm a hand, and carried around by up to 20 mm.
+            Self::Together => {
+                let x = 15e-3 * sine(0.5, 0.0) + 2e-3 * sine(2.3, 1.0);
+                let y = 10e-3 * sine(0.8, 2.0) + 0.5e-3 * sine(4.7, 0.5);
+                let z = 5e-3 * sine(1.1, 1.5);
+                Vec3::new(side * 5e-3 + x, y, z) * ramp
+            }
+        }
+    }
+}
+
+/// `10 s^3 - 15 s^4 + 6 s^5`, the minimum-jerk step.
+fn min_jerk(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
+}
+
+/// One cell of the table.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cell {
+    /// What the hands do.
+    pub motion: Motion,
+    /// How often a model was published (Hz).
+    pub rate: f64,
+    /// The scheme's name.
+    pub scheme: &'static str,
+    /// Share of a publication period over which a new model takes over.
+    pub blend: f64,
+    /// Root mean square error of the force on a hand (N), over both hands.
+    pub rms: f64,
+    /// Largest error (N).
+    pub worst: f64,
+}
+
+/// What the study found.
+#[derive(Clone, Debug, Serialize)]
+pub struct Extrapolation {
+    /// `palpate.extrapolation/1`.
+    pub schema: &'static str,
+    /// Largest force on a hand while they pull apart, and while they move together (N).
+    pub peak: [f64; 2],
+    /// Spring and damper of the scheme `thesis` (N/m, N s/m): the sheet's own at 60 Hz.
+    pub thesis_gains: [f64; 2],
+    /// For each rate (Hz), `|sum_j K_ij|` along x (N/m): how much the published stiffness resists hands that
+    /// move together. Zero in the static limit.
+    pub rigid_stiffness: Vec<(f64, f64)>,
+    /// Largest share that clipping to semidefinite took, of the largest eigenvalue.
+    pub worst_clip: f64,
+    /// All cells.
+    pub cells: Vec<Cell>,
+}
+
+impl Extrapolation {
+    /// The error of one cell (N, RMS), if it was measured.
+    pub fn rms(&self, motion: Motion, rate: f64, scheme: &str, blend: f64) -> Option<f64> {
+        let mut cells = self.cells.iter();
+        cells
+            .find(|c| {
+                c.motion == motion && c.rate == rate && c.scheme == scheme && c.blend == blend
+            })
+            .map(|c| c.rms)
+    }
+}
+
+/// One coupling under test.
+struct Rival {
+    rate: usize,
+    scheme: Scheme,
+    blend: f64,
+    coupling: Coupling,
+    squares: f64,
+    worst: f64,
+}
+
+/// Runs the study over `duration` seconds of motion, at these rates and blends. `progress` is given the
+/// share done.
+///
+/// # Errors
+/// [`StudyError`].
+pub fn run(
+    duration: f64,
+    rates: &[f64],
+    blends: &[f64],
+    mut progress: impl FnMut(f64),
+) -> Result<Extrapolation, StudyError> {
+    let loaded = Scene::embedded_default()?;
+    let gains = thesis_gains(&loaded)?;
+    let mut found = Extrapolation {
+        schema: "palpate.extrapolation/1",
+        peak: [0.0; 2],
+        thesis_gains: gains,
+        rigid_stiffness: Vec::new(),
+        worst_clip: 0.0,
+        cells: Vec::new(),
+    };
+    let schemes = [
+        Scheme::Hold,
+        Scheme::Thesis {
+            stiffness: gains[0],
+            damping: gains[1],
+        },
+        Scheme::Linear,
+    ];
+    for (half, motion) in [Motion::Apart, Motion::Together].into_iter().enumerate() {
+        let mut rivals = Vec::new();
+        for rate in 0..rates.len() {
+            for scheme in schemes {
+                for &blend in blends {
+                    let coupling = Coupling::new(config(scheme, blend));
+                    rivals.push(Rival {
+                        rate,
+                        scheme,
+                        blend,
+                        coupling,
+                        squares: 0.0,
+                        worst: 0.0,
+                    });
+                }
+            }
+        }
+        let report = |share: f64| progress(0.5 * (half as f64 + share));
+        let race = race(&loaded, motion, duration, rates, &mut rivals, report)?;
+        found.peak[half] = race.peak;
+        found.worst_clip = found.worst_clip.max(race.worst_clip);
+        found.rigid_stiffness = rates.iter().copied().zip(race.rigid_stiffness).collect();
+        found.cells.extend(rivals.into_iter().map(|rival| Cell {
+            motion,
+            rate: rates[rival.rate],
+            scheme: rival.scheme.name(),
+            blend: rival.blend,
+            rms: (rival.squares / race.samples).sqrt(),
+            worst: rival.worst,
+        }));
+    }
+    Ok(found)
+}
+
+fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
+    CouplingConfig {
+        scheme,
+        period: STEP,
+        blend,
+        // Models are never late here; trust is full long before anything is measured.
+        age_limit: 1.0,
+        decay: 0.1,
+        recovery: 0.1,
+        hold_damping: 0.0,
+        passivity: PassivityConfig::new(1e-3),
+    }
+}
+
+/// What a race found besides the rivals' own errors.
+struct Race {
+    peak: f64,
+    worst_clip: f64,
+    rigid_stiffness: Vec<f64>,
+    samples: f64,
+}
+
+fn race(
+    loaded: &LoadedScene,
+    motion: Motion,
+    duration: f64,
+    rates: &[f64],
+    rivals: &mut [Rival],
+    mut progress: impl FnMut(f64),
+) -> Result<Race, StudyError> {
+    let Built {
+        body: mut sheet,
+        handles,
+        ..
+    } = bodies::build(loaded, 0)?;
+    // Far tighter than any error that is measured.
+    sheet.set_budget(Budget {
+        tolerance: 1e-9,
+        absolute_tolerance: 1e-10,
+        max_iterations: 10_000,
+    })?;
+    // One each: a model's drift needs the one before.
+    let condensers: Result<Vec<_>, _> = rates.iter().map(|_| Condenser::new(&sheet)).collect();
+    let mut condensers = condensers?;
+    let steps = (duration / STEP).round() as u64;
+    let mut published = vec![0_u64; rates.len()];
+    let mut race = Race {
+        peak: 0.0,
+        worst_clip: 0.0,
+        rigid_stiffness: vec![0.0; rates.len()],
+        samples: 0.0,
+    };
+    for step in 1..=steps {
+        let t = step as f64 * STEP;
+        let target = |(i, handle): (usize, &physics::HandleSpec)| {
+            let side = if i == 0 { -1.0 } else { 1.0 };
+            HandlePose::at(handle.origin + motion.displacement(side, t))
+        };
+        let targets: Vec<_> = handles.iter().enumerate().map(target).collect();
+        sheet.step(STEP, &targets)?;
+
+        let mut model = LocalModel::empty();
+        model.sequence = step;
+        model.time_ns = step * 1_000_000;
+        model.handle_count = handles.len().min(MAX_HANDLES) as u8;
+        for (i, reference) in model.handles.iter_mut().take(handles.len()).enumerate() {
+            if let Some(report) = sheet.handle_report(i) {
+                *reference = reference_of(i as u8, report);
+            }
+        }
+        let hands: Vec<(Pose, Twist)> = model.handles().map(|h| (h.pose, h.twist)).collect();
+
+        for (index, rate) in rates.iter().enumerate() {
+            // At the first step at or after each multiple of the period.
+            let due = (t * rate * (1.0 + 1e-12)) as u64;
+            if due == published[index] {
+                continue;
+            }
+            published[index] = due;
+            let condensed = condensers[index].condense(&sheet, 1.0 / rate)?;
+            race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.share);
+            let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
+            race.rigid_stiffness[index] = row.sum::<f64>().abs();
+            fill_blocks(&mut model, condensed);
+            model.period = 1.0 / rate;
+            for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
+                // Sound by construction; a refusal would show as an error that grows.
+                let _ = rival.coupling.accept(&model);
+            }
+        }
+
+        let measured = t > SETTLE;
+        for rival in rivals.iter_mut() {
+            let wrenches = rival.coupling.tick(model.time_ns, &hands);
+            if measured {
+                for (wrench, reference) in wrenches.iter().zip(model.handles()) {
+                    let error = (wrench.force - reference.wrench.force).norm();
+                    rival.squares += error * error;
+                    rival.worst = rival.worst.max(error);
+                }
+            }
+        }
+        if measured {
+            race.samples += handles.len() as f64;
+            let forces = model.handles().map(|h| h.wrench.force.norm());
+            race.peak = forces.fold(race.peak, f64::max);
+        }
+        progress(step as f64 / steps as f64);
+    }
+    Ok(race)
+}
+
+/// The best that equation 4.5 can be given: the sheet's own stiffness and damping along the pull, as the
+/// left hand feels it at 60 Hz.
+fn thesis_gains(loaded: &LoadedScene) -> Result<[f64; 2], StudyError> {
+    let condenser = bodies::condense::<StudyError>(loaded, 0, 1.0 / 60.0)?;
+    let condensed = condenser.condensed();
+    Ok([condensed.stiffness[(0, 0)], condensed.damping[(0, 0)]])
+}

@@ -1,0 +1,320 @@
+//! Where the time of the fast step goes: each part of it alone, beside what its bytes and operations would take at
+//! least on this machine.
+//!
+//! The cube is pressed and the sheet is pulled for some steps; then each part is repeated where the body is. A part
+//! that moves its bytes as fast as this machine reads a block as large is limited by memory, one that computes as
+//! fast as it can multiply and add without fusing both by arithmetic, and one that does neither by something else:
+//! gathering, waiting for the last result, or a loop too short.
+
+use super::ceiling::{bandwidth, median, peak};
+use super::clock::{Times, cpu_time};
+use super::cube::{EDGE, Stiffness, TOP, cube};
+use super::motion::Motion;
+use super::{Level, SpeedError, sheets};
+use physics::{Body, Cost, HandlePose, Part, Real, Stepper, StepperOptions, Vec3};
+use serde::Serialize;
+
+/// The parts, with their names.
+const PARTS: [(Part, &str); 5] = [
+    (Part::Linearize, "linearize"),
+    (Part::Product, "product"),
+    (Part::Precondition, "precondition"),
+    (Part::Vectors, "vectors"),
+    (Part::Refresh, "refresh"),
+];
+
+/// Length of a step (s).
+const STEP: f64 = 0.01;
+
+/// One part of a step, or a whole one.
+#[derive(Clone, Debug, Serialize)]
+pub struct Timed {
+    /// `cube` or `sheet`.
+    pub body: &'static str,
+    /// Tetrahedra or triangles.
+    pub elements: usize,
+    /// Precision of the step: `f64` or `f32`. The preconditioner's panels are in `f32` and what factorizes is in `f64`
+    /// either way.
+    pub precision: &'static str,
+    /// `linearize`, `product`, `precondition`, `vectors`, `refresh` or `step`.
+    pub part: &'static str,
+    /// How often it was done.
+    pub count: usize,
+    /// Median of its processor time (s).
+    pub median: f64,
+    /// How often a step does it, on average; a refresh is not a part of the step.
+    pub per_step: f64,
+    /// Bytes that it must read and write.
+    pub bytes: usize,
+    /// Bytes of the memory in which they lie.
+    pub touched: usize,
+    /// Operations on floating-point numbers.
+    pub flops: usize,
+    /// Bytes a second.
+    pub bytes_per_second: f64,
+    /// Operations a second.
+    pub flops_per_second: f64,
+    /// Bytes a second that this machine reads from a block as large as `touched`.
+    pub bandwidth: f64,
+    /// Operations a second that this machine makes in registers, without fusing; of a whole step with its parts'
+    /// precisions.
+    pub peak: f64,
+    /// `bytes_per_second` over `bandwidth`.
+    pub share_of_bandwidth: f64,
+    /// `flops_per_second` over `peak`.
+    pub share_of_peak: f64,
+}
+
+/// Memory of a body and of its stepper.
+#[derive(Clone, Debug, Serialize)]
+pub struct Memory {
+    /// `cube` or `sheet`.
+    pub body: &'static str,
+    /// Tetrahedra or triangles.
+    pub elements: usize,
+    /// Of the step.
+    pub precision: &'static str,
+    /// Of the stepper (bytes), with what makes its factor.
+    pub stepper_bytes: usize,
+    /// Of that, what makes its factor.
+    pub refresher_bytes: usize,
+    /// Of the body (bytes).
+    pub body_bytes: usize,
+    /// Of the stepper, for each element.
+    pub stepper_per_element: f64,
+    /// Of the body, for each element.
+    pub body_per_element: f64,
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Parts {
+    /// Each part of each body's step.
+    pub timed: Vec<Timed>,
+    /// Memory of each.
+    pub memory: Vec<Memory>,
+}
+
+/// A body that is moved, and how much is measured.
+struct Task {
+    name: &'static str,
+    body: Body,
+    /// The handle that moves.
+    tool: usize,
+    motion: Motion,
+    /// Processor time for each part (s).
+    time: f64,
+}
+
+/// What the machine can do at most, in operations a second.
+#[derive(Clone, Copy)]
+struct Peaks {
+    single: f64,
+    double: f64,
+}
+
+impl Peaks {
+    fn of(self, precision: &str) -> f64 {
+        if precision == "f32" {
+            self.single
+        } else {
+            self.double
+        }
+    }
+}
+
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, SpeedError> {
+    let (cells, steps, time) = match level {
+        Level::Quick => (6, 20, 0.02),
+        Level::Full => (10, 150, 0.4),
+    };
+    let pressed = Task {
+        name: "cube",
+        body: cube(cells, false, Stiffness::Uniform)?,
+        tool: TOP,
+        motion: Motion::ramp(Vec3::z() * (-0.1 * EDGE), 1.5, 0.0, STEP).first(steps),
+        time,
+    };
+    let pulled = Task {
+        name: "sheet",
+        body: sheets::body(26, 27)?,
+        tool: 1,
+        motion: Motion::ramp(Vec3::x() * (0.05 * sheets::SIDE), 3.0, 0.0, STEP).first(steps),
+        time,
+    };
+    let peaks = Peaks {
+        single: peak::<f32>(time),
+        double: peak::<f64>(time),
+    };
+    let mut found = Parts::default();
+    for (i, task) in [pressed, pulled].iter().enumerate() {
+        progress(0.5 * i as f64);
+        // As on the paths: strict in double precision, loose in single.
+        task.measure::<f64>("f64", 1e-6, peaks, &mut found)?;
+        task.measure::<f32>("f32", 1e-3, peaks, &mut found)?;
+    }
+    Ok(found)
+}
+
+impl Task {
+    /// Adds the parts of the step in `precision`, solved to `tolerance`, to `found`.
+    fn measure<T: Real>(
+        &self,
+        precision: &'static str,
+        tolerance: f64,
+        peaks: Peaks,
+        found: &mut Parts,
+    ) -> Result<(), SpeedError> {
+        let mut body = self.body.clone();
+        let options = StepperOptions {
+            tolerance,
+            refresh: false,
+            sleep_speed: 0.0,
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::<T>::new(&body, options)?;
+        stepper.prepare(&body, STEP)?;
+        found
+            .memory
+            .push(memory(self.name, precision, &body, &stepper));
+        let (step, iterations) = self.steps(&mut body, &mut stepper)?;
+        let first = found.timed.len();
+        for (part, name) in PARTS {
+            let Some(cost) = stepper.cost(part) else {
+                continue;
+            };
+            let mut outcome = Ok(());
+            let (count, time) = median(self.time, || outcome = stepper.repeat(part));
+            outcome?;
+            let per_step = match part {
+                Part::Linearize => 1.0,
+                // That of the guess, too.
+                Part::Product => iterations + 1.0,
+                Part::Precondition | Part::Vectors => iterations,
+                Part::Refresh => 0.0,
+            };
+            let numbers = match part {
+                Part::Precondition => "f32",
+                Part::Refresh => "f64",
+                _ => precision,
+            };
+            found.timed.push(Timed {
+                body: self.name,
+                elements: body.element_count(),
+                precision,
+                part: name,
+                count,
+                per_step,
+                ..rates(
+                    &cost,
+                    time,
+                    bandwidth(cost.touched, self.time),
+                    peaks.of(numbers),
+                )
+            });
+        }
+        let whole = Timed {
+            body: self.name,
+            elements: body.element_count(),
+            precision,
+            part: "step",
+            count: self.motion.steps,
+            per_step: 1.0,
+            ..whole(&found.timed[first..], step, self.time)
+        };
+        found.timed.push(whole);
+        Ok(())
+    }
+
+    /// Takes all steps; returns the median of their times (s) and the iterations of one on average.
+    fn steps<T: Real>(
+        &self,
+        body: &mut Body,
+        stepper: &mut Stepper<T>,
+    ) -> Result<(f64, f64), SpeedError> {
+        let reports = (0..body.handle_count()).filter_map(|handle| body.handle_report(handle));
+        let mut targets: Vec<HandlePose> = reports.map(|report| report.pose).collect();
+        let start = targets[self.tool].position;
+        let (mut times, mut iterations) = (Vec::new(), 0);
+        for step in 0..self.motion.steps {
+            targets[self.tool].position = start + self.motion.after(step);
+            let before = cpu_time();
+            let report = stepper.step(body, STEP, &targets, || false)?;
+            times.push(cpu_time() - before);
+            iterations += report.iterations;
+            // Another thread's work, elsewhere.
+            if let Some(mut refresher) = stepper.lend() {
+                refresher.work()?;
+                stepper.give_back(refresher);
+            }
+        }
+        let mean = iterations as f64 / self.motion.steps as f64;
+        Ok((Times::of(times).median, mean))
+    }
+}
+
+/// What a part of `cost` reaches in `time` (s) on a machine of this `bandwidth` and `peak`; its names are empty.
+fn rates(cost: &Cost, time: f64, bandwidth: f64, peak: f64) -> Timed {
+    let bytes = cost.read + cost.written;
+    let bytes_per_second = bytes as f64 / time;
+    let flops_per_second = cost.flops as f64 / time;
+    Timed {
+        body: "",
+        elements: 0,
+        precision: "",
+        part: "",
+        count: 0,
+        median: time,
+        per_step: 0.0,
+        bytes,
+        touched: cost.touched,
+        flops: cost.flops,
+        bytes_per_second,
+        flops_per_second,
+        bandwidth,
+        peak,
+        share_of_bandwidth: bytes_per_second / bandwidth,
+        share_of_peak: flops_per_second / peak,
+    }
+}
+
+/// A whole step that took `step` (s): its parts as often as it does them. What it does once for each node besides is
+/// in its time alone.
+fn whole(parts: &[Timed], step: f64, time: f64) -> Timed {
+    let sum = |of: fn(&Timed) -> f64| {
+        parts
+            .iter()
+            .map(|part| part.per_step * of(part))
+            .sum::<f64>()
+    };
+    let flops = sum(|part| part.flops as f64);
+    let in_step = parts.iter().filter(|part| part.per_step > 0.0);
+    let cost = Cost {
+        read: sum(|part| part.bytes as f64) as usize,
+        written: 0,
+        touched: in_step.map(|part| part.touched).sum(),
+        flops: flops as usize,
+    };
+    let peak = flops / sum(|part| part.flops as f64 / part.peak);
+    rates(&cost, step, bandwidth(cost.touched, time), peak)
+}
+
+fn memory<T: Real>(
+    name: &'static str,
+    precision: &'static str,
+    body: &Body,
+    stepper: &Stepper<T>,
+) -> Memory {
+    let (elements, body_bytes, stepper_bytes) =
+        (body.element_count(), body.bytes(), stepper.bytes());
+    Memory {
+        body: name,
+        elements,
+        precision,
+        stepper_bytes,
+        refresher_bytes: stepper.refresher_bytes(),
+        body_bytes,
+        stepper_per_element: stepper_bytes as f64 / elements as f64,
+        body_per_element: body_bytes as f64 / elements as f64,
+    }
+}

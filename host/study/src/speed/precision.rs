@@ -1,0 +1,231 @@
+//! Error against processor time: what a finer setting, mesh or time step costs, and what it brings.
+
+use super::cube::{EDGE, Stiffness, TOP, cube, cube_damped, press, tremor};
+use super::motion::{Motion, Path};
+use super::path::{self, Method};
+use super::trial::{Course, drive};
+use super::{Level, SpeedError};
+use crate::elsewhere::ACCURACY;
+use physics::{Scheme, Vec3};
+use serde::Serialize;
+
+/// What is varied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Varied {
+    /// The solver's tolerance or budget: the force's error against the same equation solved tightly, over the
+    /// time of a step.
+    Solver,
+    /// The mesh: the force's error against the converged one, over the time of a step.
+    Mesh,
+    /// The time step: the force's error against far shorter ones, over the time for a simulated second.
+    TimeStep,
+}
+
+/// One setting.
+#[derive(Clone, Debug, Serialize)]
+pub struct Setting {
+    /// Which.
+    pub name: String,
+    /// Processor time (s), of a step or of a simulated second.
+    pub cpu: f64,
+    /// Error of the force, as a share of the largest.
+    pub error: f64,
+}
+
+/// Settings of one kind, coarse to fine.
+#[derive(Clone, Debug, Serialize)]
+pub struct Curve {
+    /// What is varied.
+    pub varied: Varied,
+    /// The kind.
+    pub name: &'static str,
+    /// Coarse to fine.
+    pub settings: Vec<Setting>,
+}
+
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Curve>, SpeedError> {
+    let mut curves = Vec::new();
+    progress(0.0);
+    curves.extend(solvers(level)?);
+    progress(0.2);
+    curves.extend(meshes(level)?);
+    progress(0.5);
+    curves.extend(time_steps(level)?);
+    Ok(curves)
+}
+
+/// The first `quick` of `all`, or all of them.
+fn some<T>(level: Level, all: &[T], quick: usize) -> &[T] {
+    match level {
+        Level::Quick => all.get(..quick).unwrap_or(all),
+        Level::Full => all,
+    }
+}
+
+fn solvers(level: Level) -> Result<Vec<Curve>, SpeedError> {
+    let (n, steps) = match level {
+        Level::Quick => (4, 100),
+        Level::Full => (10, 300),
+    };
+    let scene = tremor(n, steps)?;
+    let tolerances = [1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8];
+    let budgets = [1, 2, 5, 10, 20, 40];
+    let families = [
+        (
+            "assembled, to a tolerance",
+            tolerances
+                .map(|tolerance| (format!("{tolerance:.0e}"), path::to(tolerance)))
+                .to_vec(),
+        ),
+        (
+            "assembled, so many iterations",
+            budgets
+                .map(|budget| (budget.to_string(), path::iterations(budget)))
+                .to_vec(),
+        ),
+    ];
+    let frozen = tolerances.map(|tolerance| (format!("{tolerance:.0e}"), path::frozen(tolerance)));
+    let single = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5]
+        .map(|tolerance| (format!("{tolerance:.0e}"), path::single(tolerance, 100)));
+    let once = [1, 2, 3, 4].map(|budget| (budget.to_string(), path::single(0.0, budget)));
+    let families = families.into_iter().chain([
+        ("frozen, to a tolerance", frozen.to_vec()),
+        ("frozen, single precision, to a tolerance", single.to_vec()),
+        (
+            "frozen, single precision, so many iterations",
+            once.to_vec(),
+        ),
+    ]);
+    let mut curves = Vec::new();
+    for (name, methods) in families {
+        let mut settings = Vec::new();
+        let Some((_, first)) = methods.first() else {
+            continue;
+        };
+        let tight = scene.drive(first.tight())?;
+        for (setting, method) in methods {
+            let course = scene.drive(method)?;
+            settings.push(Setting {
+                name: setting,
+                cpu: course.median(),
+                error: course.error(&tight),
+            });
+        }
+        curves.push(Curve {
+            varied: Varied::Solver,
+            name,
+            settings,
+        });
+    }
+    Ok(curves)
+}
+
+fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
+    let converged = ACCURACY.cube.converged_corotational;
+    let mut curves = Vec::new();
+    for (name, quadratic, meshes) in [
+        (
+            "linear tetrahedra",
+            false,
+            some(level, &[2, 4, 6, 8, 10, 14, 20], 3),
+        ),
+        (
+            "quadratic tetrahedra",
+            true,
+            some(level, &[1, 2, 3, 4, 6, 8], 3),
+        ),
+    ] {
+        let mut settings = Vec::new();
+        for &n in meshes {
+            let motion = press(1, 0.5)?.motion;
+            let body = cube(n, quadratic, Stiffness::Uniform)?;
+            let course = drive(&body, TOP, &motion, path::frozen(1e-6))?;
+            settings.push(Setting {
+                name: format!("{n}^3"),
+                cpu: course.median(),
+                error: (course.last().z.abs() / converged - 1.0).abs(),
+            });
+        }
+        curves.push(Curve {
+            varied: Varied::Mesh,
+            name,
+            settings,
+        });
+    }
+    Ok(curves)
+}
+
+/// Simulated time (s), and the time between the forces that are compared: no step is longer.
+const DURATION: f64 = 0.4;
+const SAMPLE: f64 = 0.02;
+
+fn time_steps(level: Level) -> Result<Vec<Curve>, SpeedError> {
+    let n = match level {
+        Level::Quick => 3,
+        Level::Full => 6,
+    };
+    // Steps between two samples.
+    let divisions = some(level, &[2, 5, 10, 20, 40], 2);
+    let finest = match level {
+        Level::Quick => 20,
+        Level::Full => 160,
+    };
+    let second = Method::Newton {
+        scheme: Scheme::TrBdf2,
+        tolerance: 1e-9,
+    };
+    let exact = swing(n, finest, second)?;
+    let mut curves = Vec::new();
+    for (name, method) in [
+        ("implicit Euler, one linearization", path::frozen(1e-6)),
+        ("implicit Euler, Newton's method", path::NEWTON),
+        ("TR-BDF2, Newton's method", second),
+    ] {
+        let mut settings = Vec::new();
+        for &division in divisions {
+            let course = swing(n, division, method)?;
+            let (mine, its) = (samples(&course, division), samples(&exact, finest));
+            let pairs = mine.iter().zip(&its);
+            let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+            let largest = its.iter().map(Vec3::norm).fold(0.0, f64::max);
+            settings.push(Setting {
+                name: format!("{} ms", 1e3 * SAMPLE / division as f64),
+                cpu: course.median() * division as f64 / SAMPLE,
+                error: most / largest,
+            });
+        }
+        curves.push(Curve {
+            varied: Varied::TimeStep,
+            name,
+            settings,
+        });
+    }
+    Ok(curves)
+}
+
+/// The cube with little damping by stiffness, for much would hide what a scheme itself takes from the motion,
+/// swung aside and back by 4 mm at 5 Hz, from rest, `division` steps between two samples.
+fn swing(n: u32, division: usize, method: Method) -> Result<Course, SpeedError> {
+    let steps = libm::round(DURATION / SAMPLE) as usize * division;
+    let motion = Motion {
+        step: SAMPLE / division as f64,
+        steps,
+        timed: steps,
+        path: Path::Swing {
+            to: Vec3::x() * (0.04 * EDGE),
+            frequency: 5.0,
+        },
+    };
+    drive(
+        &cube_damped(n, false, Stiffness::Uniform, 0.002)?,
+        TOP,
+        &motion,
+        method,
+    )
+}
+
+fn samples(course: &Course, division: usize) -> Vec<Vec3> {
+    let forces = course.forces.iter().skip(division - 1);
+    forces.step_by(division).copied().collect()
+}

@@ -1,0 +1,126 @@
+//! One body on one path through one motion: times, iterations and the force that the hand feels.
+
+use super::clock::{Times, cpu_time};
+use super::motion::Motion;
+use super::path::Method;
+use super::{Row, SpeedError};
+use physics::{Body, HandlePose, Vec3};
+
+/// A body to be moved, and how.
+pub(super) struct Scene {
+    /// For programs.
+    pub(super) name: &'static str,
+    /// For people.
+    pub(super) title: String,
+    pub(super) body: Body,
+    /// The handle that moves; the others stay.
+    pub(super) tool: usize,
+    pub(super) motion: Motion,
+    /// Direction along which the force at the end is given, of unit length.
+    pub(super) along: Vec3,
+}
+
+/// What was seen on the way.
+pub(super) struct Course {
+    /// Of each step in which the hand moves (s).
+    pub(super) times: Vec<f64>,
+    /// On the hand after each step (N).
+    pub(super) forces: Vec<Vec3>,
+    iterations: Vec<usize>,
+    residual: f64,
+}
+
+/// Takes `body` through `motion`, handle number `tool` moving.
+pub(super) fn drive(
+    body: &Body,
+    tool: usize,
+    motion: &Motion,
+    method: Method,
+) -> Result<Course, SpeedError> {
+    let mut body = body.clone();
+    let mut stepper = method.stepper(&mut body, motion.step)?;
+    let mut targets: Vec<HandlePose> = (0..body.handle_count())
+        .filter_map(|handle| body.handle_report(handle))
+        .map(|report| report.pose)
+        .collect();
+    let start = targets[tool].position;
+    let mut course = Course {
+        times: Vec::with_capacity(motion.timed),
+        forces: Vec::with_capacity(motion.steps),
+        iterations: Vec::with_capacity(motion.steps),
+        residual: 0.0,
+    };
+    for step in 0..motion.steps {
+        targets[tool].position = start + motion.after(step);
+        let before = cpu_time();
+        let outcome = stepper(&mut body, motion.step, &targets)?;
+        if step < motion.timed {
+            course.times.push(cpu_time() - before);
+        }
+        course.iterations.push(outcome.iterations);
+        course.residual = course.residual.max(outcome.residual);
+        let report = body.handle_report(tool);
+        course
+            .forces
+            .push(report.map_or(Vec3::zeros(), |report| report.wrench_on_hand.force));
+    }
+    Ok(course)
+}
+
+impl Course {
+    /// The largest distance of its forces from `other`'s, as a share of the largest of those.
+    pub(super) fn error(&self, other: &Self) -> f64 {
+        let pairs = self.forces.iter().zip(&other.forces);
+        let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+        let largest = other.forces.iter().map(Vec3::norm).fold(0.0, f64::max);
+        most / largest
+    }
+
+    /// Force on the hand at the end (N).
+    pub(super) fn last(&self) -> Vec3 {
+        self.forces.last().copied().unwrap_or_default()
+    }
+
+    /// Median of a step (s).
+    pub(super) fn median(&self) -> f64 {
+        Times::of(self.times.clone()).median
+    }
+
+    /// All iterations together.
+    pub(super) fn iterations(&self) -> usize {
+        self.iterations.iter().sum()
+    }
+}
+
+impl Scene {
+    /// Through its own motion.
+    pub(super) fn drive(&self, method: Method) -> Result<Course, SpeedError> {
+        drive(&self.body, self.tool, &self.motion, method)
+    }
+
+    /// A row of the table: `course`, taken on the path called `path`, against that of the same equation
+    /// solved tightly, and against Newton's method where that was run.
+    pub(super) fn row(
+        &self,
+        path: &'static str,
+        course: &Course,
+        tight: &Course,
+        converged: Option<&Course>,
+    ) -> Row {
+        Row {
+            scene: self.name,
+            title: self.title.clone(),
+            elements: self.body.element_count(),
+            unknowns: self.body.unknown_count(),
+            step: self.motion.step,
+            path,
+            times: Times::of(course.times.clone()),
+            mean_iterations: course.iterations() as f64 / course.iterations.len().max(1) as f64,
+            most_iterations: course.iterations.iter().copied().max().unwrap_or(0),
+            residual: course.residual,
+            force: course.last().dot(&self.along).abs(),
+            solver_error: course.error(tight),
+            step_error: converged.map(|converged| course.error(converged)),
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Bodies that nothing holds, or next to nothing.
+
+use super::specimen::{Kind, Stuff, quiet, rest_poses};
+use super::trial::{Method, Trial};
+use super::{CaseError, Job, Level, Outcome, Plan};
+use physics::{BodyConfig, Freedom, HandleSpec, Vec3};
+
+/// Free fall of a vibrating body: momentum is exact under both schemes.
+pub(super) fn fall(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::all() {
+        for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
+            let steps = level.choose(10, 200);
+            jobs.push(Job::new(
+                format!("h {h} s"),
+                (kind, method),
+                steps,
+                move || falls(kind, method, h, steps),
+            ));
+        }
+    }
+    Plan {
+        name: "free fall",
+        stress: "free bodies fall while they vibrate; nothing holds them",
+        figure: "error of the momentum, as a share of m g t and the kick's",
+        unit: "",
+        jobs,
+    }
+}
+
+fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+    let shape = kind.mesh(2)?;
+    let stuff = Stuff::new(1e5, 0.45);
+    let mut body = kind.build(&shape, |_| stuff, BodyConfig::default(), &[])?;
+    let speed = 0.01 * stuff.sound();
+    body.set_velocities(&shape.kick(speed))?;
+    let mass = body.total_mass();
+    let mut trial = Trial::new(body, method)?;
+    let start = trial.body.momentum();
+    let mut worst = 0.0_f64;
+    for step in 1..=steps {
+        trial.step(h, &[]);
+        let weight = mass * 9.81 * h * step as f64;
+        let expected = start - Vec3::z() * weight;
+        let off = (trial.body.momentum() - expected).norm() / (weight + mass * speed);
+        worst = worst.max(if off.is_nan() { f64::INFINITY } else { off });
+    }
+    // Each solve leaves 1e-9 of the forces that balance (1e-6 of the guess's the linearized step), some of
+    // them with a resultant: forces times the step, over the steps. Forces here are a few times what kicks the
+    // body, m c^2 0.01 / L against m g.
+    let limit = if method.is_linearized() { 1e-4 } else { 1e-6 };
+    Ok(Outcome {
+        figure: worst,
+        limit: Some(limit),
+        reason: trial.unexpected(),
+        account: trial.account,
+        ..Outcome::default()
+    })
+}
+
+/// Hung by one vertex, let go sideways.
+pub(super) fn pendulum(level: Level) -> Plan {
+    let mut jobs = Vec::new();
+    for (kind, method) in Kind::all() {
+        for h in level.ends(&[1e-3, 1e-2, 1e-1]) {
+            let steps = level.choose(20, 500);
+            jobs.push(Job::new(
+                format!("h {h} s"),
+                (kind, method),
+                2 * steps,
+                move || swings(kind, method, h, steps),
+            ));
+        }
+    }
+    Plan {
+        name: "hung by one vertex",
+        stress: "held by one vertex, let go under gravity, undamped",
+        figure: "energy above the start's, as a share of m g L",
+        unit: "",
+        jobs,
+    }
+}
+
+fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+    let shape = kind.mesh(2)?;
+    let handles = [HandleSpec {
+        vertices: vec![0],
+        origin: shape.positions()[0],
+        freedom: Freedom::Translation,
+    }];
+    let config = BodyConfig {
+        gravity: Vec3::new(3.0, 2.0, -9.0),
+        ..quiet()
+    };
+    let body = kind.build(&shape, |_| Stuff::new(1e5, 0.45), config, &handles)?;
+    let scale = body.total_mass() * config.gravity.norm();
+    let mut trial = Trial::new(body, method)?;
+    trial.run(h, steps, &rest_poses(&handles));
+    Ok(Outcome {
+        figure: trial.energy().excess() / scale,
+        limit: Some(method.allowed_excess(kind)),
+        reason: trial.unexpected(),
+        account: trial.account,
+        ..Outcome::default()
+    })
+}

@@ -1,0 +1,266 @@
+//! The tick under input that no device, host or clock should ever give.
+//!
+//! A cell is one controller, of a random scheme, number of devices and limits, through [`TICKS`] ticks. Stretches of
+//! random and extreme input (`input`, `models`) take turns with stretches of sound input. After every tick: every
+//! command is finite, inside the device's limits of force, moment and slew, and every sum of energy is finite. At the
+//! end of each sound stretch: the controller has found its way back, with every device and body in its normal state.
+//! A panic anywhere is caught and told.
+
+use super::chance::Chance;
+use super::jobs::Header;
+use host::log::energy_sums;
+use input::{Clock, Hands};
+use models::Models;
+use rt_core::controller::{DeviceConfig, Reading};
+use rt_core::coupling::{CouplingConfig, HostState};
+use rt_core::device_frame::DeviceFrame;
+use rt_core::safety::{SafetyConfig, SafetyState};
+use rt_core::{
+    Controller, ControllerConfig, EnergyAccount, Freedom, MAX_DEVICES, PassivityConfig, Port,
+    Scheme, Telemetry, Vec3, Wrench,
+};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+mod input;
+mod models;
+#[cfg(test)]
+mod tests;
+
+/// Ticks in a cell.
+pub const TICKS: u64 = 100_000;
+/// Ticks in a stretch of bad input, and in a stretch of sound input: a second and a half is more than the fade, the way
+/// back and a blend together.
+const STRETCH: [u64; 2] = [500, 1500];
+/// Cells of the whole study: 10^8 ticks.
+pub const CELLS: u64 = 1000;
+/// Cells of the quick one.
+pub const QUICK_CELLS: u64 = 10;
+
+/// What a cell came to.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// The scheme.
+    pub scheme: String,
+    /// Ticks done.
+    pub ticks: u64,
+    /// Ticks in which a command was not finite.
+    pub not_finite: u64,
+    /// Ticks in which a command was beyond a limit of force, moment or slew.
+    pub beyond: u64,
+    /// Ticks after which a sum of energy was not finite.
+    pub lost_account: u64,
+    /// Sound stretches at whose end something was not back to normal.
+    pub not_back: u64,
+    /// What panicked, if anything did.
+    pub panic: Option<String>,
+    /// How often each thing was met, so that a cell that met nothing can be told.
+    pub met: BTreeMap<String, u64>,
+}
+
+impl Outcome {
+    /// Whether all was as it should be.
+    pub fn passed(&self) -> bool {
+        self.panic.is_none()
+            && self.not_finite + self.beyond + self.lost_account + self.not_back == 0
+    }
+}
+
+/// The header of the study's file.
+pub fn header(seed: u64, quick: bool) -> Header {
+    Header {
+        study: "faults".to_owned(),
+        schema: 1,
+        seed,
+        cells: if quick { QUICK_CELLS } else { CELLS },
+        settings: serde_json::json!({ "ticks": TICKS }),
+    }
+}
+
+/// Runs one cell.
+pub fn run(seed: u64, cell: u64) -> Outcome {
+    let chance = Chance::new(seed, cell);
+    let mut outcome = Outcome::default();
+    let run = AssertUnwindSafe(|| go_through(chance, &mut outcome));
+    if let Err(panic) = catch_unwind(run) {
+        outcome.panic = Some(host::run::message(&*panic).to_owned());
+    }
+    outcome
+}
+
+fn go_through(chance: Chance, outcome: &mut Outcome) {
+    let scheme = scheme(chance);
+    scheme.name().clone_into(&mut outcome.scheme);
+    let config = config(chance, scheme);
+    let devices = config.devices.len();
+    let mut controller = Controller::new(&config);
+    let mut clock = Clock::new(chance);
+    let hands = Hands::new(chance, devices);
+    let mut models = Models::new(chance, devices);
+    let mut last = [Wrench::zero(); MAX_DEVICES];
+    let mut in_debt = 0;
+    let whole = STRETCH[0] + STRETCH[1];
+    for tick in 0..TICKS {
+        let (stretch, at) = (tick / whole, tick % whole);
+        let bad = (at < STRETCH[0]).then_some(stretch);
+        let now_ns = clock.next(tick, bad);
+        if let Some(model) = models.next(tick, now_ns, bad) {
+            // What is refused is counted, below.
+            let _ = controller.accept(0, &model);
+        }
+        let readings: [Reading; MAX_DEVICES] = hands.next(tick, bad);
+        let (commands, telemetry) = controller.tick(now_ns, &readings);
+        outcome.ticks += 1;
+        look(&config, &commands, &last, &telemetry, outcome);
+        last = commands;
+        if at == whole - 1 {
+            outcome.not_back += u64::from(!is_back(&telemetry));
+            in_debt += u64::from(telemetry.bodies().any(|body| body.energy.available < 0.0));
+        }
+    }
+    let counters = controller.coupling_counters().next().unwrap_or_default();
+    for (name, count) in [
+        ("models refused: not finite", counters.not_finite),
+        ("models refused: wrong handles", counters.wrong_handles),
+        ("models refused: outdated", counters.outdated),
+        ("models refused: of a time to come", counters.to_come),
+        ("models used", counters.accepted),
+        ("forces faded: model too old", counters.faded),
+        ("sound stretches that ended in debt of energy", in_debt),
+    ] {
+        *outcome.met.entry(name.to_owned()).or_default() += count;
+    }
+    for counters in controller.safety_counters() {
+        for (name, count) in [
+            ("wrenches limited", counters.limited),
+            ("forces slewed", counters.slewed),
+            ("wrenches not a number", counters.not_a_number),
+            ("readings missed", counters.missed_reads),
+            ("devices silent", counters.stale),
+            ("devices too fast", counters.too_fast),
+            ("devices out of reach", counters.out_of_reach),
+        ] {
+            *outcome.met.entry(name.to_owned()).or_default() += count;
+        }
+    }
+}
+
+fn scheme(chance: Chance) -> Scheme {
+    let thesis = Scheme::Thesis {
+        stiffness: 200.0,
+        damping: 2.0,
+    };
+    let all = [
+        Scheme::Capped,
+        Scheme::Linear,
+        Scheme::Classic,
+        thesis,
+        Scheme::Hold,
+    ];
+    let pick = chance.of("scheme").unit(0) * all.len() as f64;
+    all.get(pick as usize).copied().unwrap_or(Scheme::Linear)
+}
+
+fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
+    let draw = chance.of("config");
+    let devices = 1 + (draw.unit(0) * MAX_DEVICES as f64) as usize;
+    let period = input::PERIOD_NS as f64 * 1e-9;
+    let mut config = ControllerConfig::default();
+    let max_slew = if draw.unit(1) < 0.5 {
+        f64::INFINITY
+    } else {
+        draw.between(2, 1e2, 1e5)
+    };
+    let mut passivity = PassivityConfig::new(period);
+    passivity.delay = (draw.unit(3) * 4.0) as usize;
+    passivity.ports = [Port {
+        damping: draw.between(4, 0.0, 1.0),
+        friction: draw.between(5, 0.0, 0.3),
+        turning_damping: draw.between(20, 0.0, 0.01),
+        turning_friction: draw.between(21, 0.0, 0.03),
+        most_damping: draw.between(6, 1.0, 50.0),
+        most_turning_damping: 0.05,
+        force_scale: 1.0,
+        count: 3e-5,
+        max_slew,
+    }; MAX_DEVICES];
+    for _ in 0..devices {
+        // There are no more devices than the loop serves.
+        let _ = config.devices.push(DeviceConfig {
+            frame: DeviceFrame::at(Vec3::zeros()),
+            safety: SafetyConfig {
+                actuated: if draw.unit(7) < 0.5 {
+                    Freedom::Three
+                } else {
+                    Freedom::Six
+                },
+                max_force: draw.between(8, 1.0, 40.0),
+                max_moment: 0.5,
+                max_speed: draw.between(9, 0.5, 5.0),
+                max_reach: draw.between(10, 0.05, 0.5),
+                max_slew,
+                patience: 10,
+                decay: 0.3,
+                recovery: 0.2,
+                period,
+            },
+        });
+    }
+    let _ = config.bodies.push(CouplingConfig {
+        scheme,
+        period,
+        blend: 0.5,
+        age_limit: 0.1,
+        decay: 0.3,
+        recovery: 0.2,
+        hold_damping: 2.0,
+        passivity,
+    });
+    config
+}
+
+/// Looks at what a tick gave.
+fn look(
+    config: &ControllerConfig,
+    commands: &[Wrench; MAX_DEVICES],
+    last: &[Wrench; MAX_DEVICES],
+    telemetry: &Telemetry,
+    outcome: &mut Outcome,
+) {
+    let (mut finite, mut within) = (true, true);
+    for ((device, command), last) in config.devices.iter().zip(commands).zip(last) {
+        let safety = &device.safety;
+        finite &= command.is_finite();
+        // A product and a norm round a few times.
+        let room = 1.0 + 1e-12;
+        let step = (command.force - last.force).norm();
+        let slew = safety.max_slew * safety.period * room;
+        within &= command.force.norm() <= safety.max_force * room
+            && command.moment.norm() <= safety.max_moment * room
+            // A fault takes the force away at once.
+            && (step <= slew || command.force == Vec3::zeros());
+    }
+    outcome.not_finite += u64::from(!finite);
+    outcome.beyond += u64::from(!within);
+    let sound = telemetry.bodies().all(|body| is_finite(&body.energy));
+    outcome.lost_account += u64::from(!sound);
+}
+
+fn is_finite(energy: &EnergyAccount) -> bool {
+    let sums = energy_sums(energy);
+    sums.iter().all(|(_, sum)| sum.is_finite())
+}
+
+/// Whether nothing is left of what went before.
+fn is_back(telemetry: &Telemetry) -> bool {
+    let devices = telemetry.devices().all(|device| {
+        let at_work = matches!(
+            device.safety,
+            SafetyState::Normal | SafetyState::Limited | SafetyState::Slewed
+        );
+        device.fresh && at_work
+    });
+    let mut bodies = telemetry.bodies();
+    devices && bodies.all(|body| body.state == HostState::Live && body.trust == 1.0)
+}

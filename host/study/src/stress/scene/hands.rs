@@ -1,0 +1,210 @@
+//! Where hands want to be, for a task drawn: waypoints for the scene's own devices.
+//!
+//! How far and which way each hand goes is the scene's: the furthest that its own trajectory takes it. A hand that is
+//! soft against the body would not get there, so it wants to be further, by what the force of the body and the
+//! device's friction do to its arm.
+
+use super::draw::{ARRIVED, BEGIN, Draw, Task};
+use crate::stress::chance::Chance;
+use host::scene::LoadedScene;
+use physics::Vec3;
+use physics::linear::dense::Square;
+
+/// The body answers with at most this share of what a device can render.
+const MOST_FORCE: f64 = 0.7;
+/// A hand reaches no further than this beyond where it wants its device to be (m).
+const FURTHEST: f64 = 0.2;
+
+/// The furthest that each device's own trajectory goes from where it starts (m).
+pub(super) fn reaches(loaded: &LoadedScene) -> Vec<Vec3> {
+    let devices = loaded.scene.devices.iter().enumerate();
+    devices
+        .map(|(index, device)| {
+            let hand = &device.hand;
+            let rows = hand
+                .waypoints
+                .iter()
+                .map(|[_, x, y, z]| Vec3::new(*x, *y, *z));
+            let start = rows.clone().next().unwrap_or_default();
+            let recorded = loaded.recordings.get(index).and_then(Option::as_ref);
+            let first = recorded.and_then(|samples| samples.first());
+            let first = first.map_or_else(Vec3::zeros, |(_, place)| Vec3::from(*place));
+            let samples = recorded.into_iter().flatten();
+            let samples = samples.map(|(_, place)| Vec3::from(*place) - first);
+            let sines = hand.sines.iter().map(|sine| Vec3::from(sine.amplitude));
+            let all = rows.map(|row| row - start).chain(samples).chain(sines);
+            all.fold(Vec3::zeros(), |far: Vec3, place| {
+                if place.norm_squared() > far.norm_squared() {
+                    place
+                } else {
+                    far
+                }
+            })
+        })
+        .collect()
+}
+
+/// One hand's way through a task: how far along its reach, and how far across, at which times.
+struct Way {
+    rows: Vec<(f64, f64, f64)>,
+}
+
+impl Way {
+    fn new() -> Self {
+        Self {
+            rows: vec![(BEGIN, 0.0, 0.0)],
+        }
+    }
+
+    fn to(&mut self, time: f64, along: f64, across: f64) {
+        self.rows.push((time, along, across));
+    }
+
+    /// To and fro, so many whole times, between now and `end`.
+    fn swing(&mut self, times: u32, end: f64, mut place: impl FnMut(f64) -> (f64, f64)) {
+        let begin = self.rows.last().map_or(BEGIN, |row| row.0);
+        let each = (end - begin) / f64::from(2 * times);
+        for half in 1..=2 * times {
+            let side = match half {
+                _ if half == 2 * times => 0.0,
+                _ if half % 2 == 1 => 1.0,
+                _ => -1.0,
+            };
+            let (along, across) = place(side);
+            self.to(begin + each * f64::from(half), along, across);
+        }
+    }
+}
+
+/// The way of the task in `draw`; lengths in reaches.
+fn way(draw: &Draw, width: f64) -> Way {
+    let haste = draw.haste;
+    let depth = draw.depth;
+    let mut way = Way::new();
+    // The first reach takes 0.9 to 0.3 s.
+    let there = BEGIN + 0.9 - 0.6 * haste;
+    match draw.task {
+        Task::Press => {
+            way.to(there, depth, 0.0);
+            way.to(0.5 * (there + ARRIVED), 0.5 * depth, 0.0);
+            way.to(ARRIVED, depth, 0.0);
+        }
+        Task::Tap => {
+            let taps = 2 + (4.0 * haste) as u32;
+            let each = (ARRIVED - BEGIN) / (f64::from(taps) + 0.5);
+            for tap in 0..taps {
+                let begin = BEGIN + each * f64::from(tap);
+                way.to(begin + 0.5 * each, depth, 0.0);
+                way.to(begin + each, 0.0, 0.0);
+            }
+            way.to(ARRIVED, depth, 0.0);
+        }
+        Task::Rub => {
+            way.to(there, depth, 0.0);
+            way.swing(1 + (2.0 * haste) as u32, ARRIVED, |side| {
+                (depth, side * width)
+            });
+        }
+        Task::Shake => {
+            way.to(there, depth, 0.0);
+            // 2 to 5 Hz.
+            let times = ((2.0 + 3.0 * haste) * (ARRIVED - there)) as u32;
+            way.swing(times.max(1), ARRIVED, |side| {
+                (depth * (1.0 + 0.3 * side), 0.0)
+            });
+        }
+        Task::Carry => {
+            way.to(there, depth, 0.0);
+            way.to(0.5 * (there + ARRIVED), depth, -width);
+            way.to(ARRIVED, depth, width);
+        }
+    }
+    way
+}
+
+/// The forces of a linear body of this stiffness (N/m, three rows and columns a device) on hands that are `reaches`
+/// (m) away from rest (N).
+fn forces(stiffness: &Square, reaches: &[Vec3]) -> Vec<Vec3> {
+    let row = |row: usize| -> f64 {
+        let each = reaches.iter().enumerate();
+        each.map(|(other, reach)| {
+            (0..3)
+                .map(|c| stiffness[(row, 3 * other + c)] * reach[c])
+                .sum::<f64>()
+        })
+        .sum()
+    };
+    let devices = 0..reaches.len();
+    devices
+        .map(|d| Vec3::new(row(3 * d), row(3 * d + 1), row(3 * d + 2)))
+        .collect()
+}
+
+/// `reaches`, shortened so that no device is asked for more than most of what it can render (N).
+/// Beyond that it would be its motors that are studied.
+pub(super) fn within(reaches: &mut [Vec3], stiffness: &Square, limits: &[f64]) {
+    let found = forces(stiffness, reaches);
+    let shares = found
+        .iter()
+        .zip(limits)
+        .map(|(force, limit)| MOST_FORCE * limit / force.norm());
+    let share = shares.fold(1.0, f64::min);
+    for reach in reaches {
+        *reach *= share;
+    }
+}
+
+/// Gives the devices of `loaded` the hands of `draw`. `stiffness` is that between the handles at rest, three rows and
+/// columns for each device; without a row a device meets nothing.
+pub(super) fn give(
+    loaded: &mut LoadedScene,
+    draw: &Draw,
+    chance: Chance,
+    reaches: &[Vec3],
+    stiffness: &Square,
+    friction: &[f64],
+) {
+    let across = across(chance, reaches.first().copied().unwrap_or_default());
+    let width = chance.between(3, 0.3, 1.0);
+    // The force of the body where the hands are to be, all of them there.
+    let forces = forces(stiffness, reaches);
+    let hands = loaded.scene.devices.iter_mut().enumerate();
+    for (index, device) in hands {
+        let (grip, reach) = (&draw.grips[index], reaches[index]);
+        let along = reach.try_normalize(1e-9).unwrap_or_default();
+        let held = (forces[index] * draw.depth).dot(&along).max(0.0) + friction[index];
+        let beyond = along * (held / grip.stiffness).min(FURTHEST);
+        // A rub across is each hand's own; carried is what all do alike.
+        let side = if draw.task == Task::Rub && index % 2 == 1 {
+            -1.0
+        } else {
+            1.0
+        };
+        let across = across * (side * reach.norm());
+        let hand = &mut device.hand;
+        hand.mass = Some(grip.mass);
+        hand.damping = Some(grip.damping);
+        hand.stiffness = Some(grip.stiffness);
+        hand.tremor = 0.0;
+        hand.sines.clear();
+        hand.recording = None;
+        let rows = way(draw, width).rows.into_iter();
+        hand.waypoints = rows
+            .map(|(time, a, c)| {
+                let share = (a / draw.depth).min(1.0);
+                let place = reach * a + beyond * share + across * c;
+                [time, place.x, place.y, place.z]
+            })
+            .collect();
+        device.wire = false;
+    }
+    loaded.recordings.fill(None);
+}
+
+/// A direction across `reach`, by chance.
+fn across(chance: Chance, reach: Vec3) -> Vec3 {
+    let any = Vec3::from_fn(|axis, _| chance.between(4 + axis as u64, -1.0, 1.0));
+    let along = reach.try_normalize(1e-9).unwrap_or_default();
+    let across = any - along * any.dot(&along);
+    across.try_normalize(1e-6).unwrap_or_default()
+}

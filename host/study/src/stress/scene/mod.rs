@@ -1,0 +1,226 @@
+//! A real scene under hands, rates and faults: what each force scheme makes of it.
+//!
+//! A cell is one world, drawn from its number (`draw`): who holds the devices and what the hands do, how often and
+//! how late the host publishes, what goes wrong. Each scheme runs in that world, beside one reference with the same
+//! physics steps inside the tick (`reference`). What is measured (`measure`) is whether the hands can hold still in
+//! the end, the net energy that came out at them, and how far the forces are off.
+//!
+//! **Error.** The reference has hands of its own, with the same intentions: the force that a person would have felt
+//! at that moment from a body without delays. Driving the reference along the hands of the run would excuse a scheme
+//! that shakes the hand, for a body that is shaken resists. The stiffness error is the one that is taken at the same
+//! place: over the hold, against what the physics itself exerts where the hands are.
+//!
+//! **Energy.** Net energy is the most work that was ever done on the hands of all devices together, less what the
+//! bodies stored at the start: elastic, kinetic and, as the weight moves, gravity's. It is integrated between ticks
+//! where the hand holds the device (`sim`), never taken from the controller.
+
+pub mod draw;
+pub mod felt;
+mod hands;
+pub mod measure;
+pub(super) mod reference;
+pub(super) mod run;
+pub mod summary;
+pub(super) mod world;
+
+use super::chance::Chance;
+use draw::Draw;
+use host::bodies;
+use host::scene::spec::SchemeName;
+use host::scene::{LoadedScene, SceneError};
+use measure::{Outcome, Stillness, Trace};
+use physics::linear::dense::Square;
+use physics::{BodyError, CondenseError, StepError, Vec3};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use world::World;
+
+/// The schemes, in the order of the tables.
+pub const SCHEMES: [(SchemeName, &str); 6] = [
+    (SchemeName::Hold, "hold"),
+    (SchemeName::Thesis, "thesis"),
+    (SchemeName::Linear, "linear"),
+    (SchemeName::Classic, "classic"),
+    (SchemeName::Proxy, "proxy"),
+    (SchemeName::Capped, "capped"),
+];
+
+/// Physics steps a second (Hz), whatever the publication rate.
+const STEP_RATE: f64 = 1000.0;
+/// The period at which the stiffness that hands meet is taken (s).
+const SLOW: f64 = 1.0 / 20.0;
+
+/// Why a cell could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum StressError {
+    /// The scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A body could not be softened.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// A step of the reference failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A body could not be condensed.
+    #[error(transparent)]
+    Condense(#[from] CondenseError),
+}
+
+/// A scene that is ready for its cells.
+pub struct Study {
+    loaded: LoadedScene,
+    seed: u64,
+    reaches: Vec<Vec3>,
+    friction: Vec<f64>,
+    stiffness: Square,
+}
+
+/// What came of one cell.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CellResult {
+    /// What was drawn.
+    pub draw: Draw,
+    /// How still the reference's hold is.
+    pub reference: Stillness,
+    /// Net energy of the reference (J).
+    pub reference_net_energy: f64,
+    /// What each scheme made of it, by its name.
+    pub schemes: BTreeMap<String, Outcome>,
+    /// Why it could not be run, if it could not.
+    pub failed: Option<String>,
+}
+
+impl Study {
+    /// Prepares `loaded` for the study of `seed`.
+    ///
+    /// # Errors
+    /// [`StressError`] where the scene cannot be built, or has no devices.
+    pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StressError> {
+        host::engine::build::check(&loaded)?;
+        loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
+        loaded.scene.duration = draw::DURATION;
+        let (config, devices) = host::run::setup::controls(&loaded, seed)?;
+        let friction = devices.iter().map(|d| d.simulated().model().friction);
+        let stiffness = stiffness(&loaded)?;
+        let mut reaches = hands::reaches(&loaded);
+        let limits = config.devices.iter();
+        let limits: Vec<_> = limits.map(|device| device.safety.max_force).collect();
+        hands::within(&mut reaches, &stiffness, &limits);
+        // What the thesis's spring is best given: the body's own.
+        let own = (0..3 * devices.len()).map(|k| {
+            let scale = config.devices[k / 3].frame.motion_scale;
+            stiffness[(k, k)] / (scale * scale)
+        });
+        loaded.scene.realtime.thesis_stiffness = own.fold(0.0, f64::max);
+        Ok(Self {
+            seed,
+            reaches,
+            friction: friction.collect(),
+            stiffness,
+            loaded,
+        })
+    }
+
+    fn world(&self, cell: u64) -> World {
+        let draw = Draw::new(self.seed, cell, self.reaches.len());
+        let mut loaded = self.loaded.clone();
+        loaded.scene.host.publish_rate = draw.rate;
+        loaded.scene.host.latency = draw.latency;
+        hands::give(
+            &mut loaded,
+            &draw,
+            Chance::new(self.seed, cell).of("task"),
+            &self.reaches,
+            &self.stiffness,
+            &self.friction,
+        );
+        let soft = draw.softening.map(|softening| {
+            let mut soft = loaded.clone();
+            for body in &mut soft.scene.bodies {
+                body.material.young *= softening.left;
+                if let Some(weave) = &mut body.material.weave {
+                    weave.young_weft *= softening.left;
+                    weave.shear *= softening.left;
+                }
+                for young in body.regions.iter_mut().filter_map(|r| r.young.as_mut()) {
+                    *young *= softening.left;
+                }
+            }
+            soft
+        });
+        World { loaded, soft, draw }
+    }
+
+    /// The reference of a cell, and its run under each of `schemes`.
+    ///
+    /// # Errors
+    /// [`StressError`].
+    pub fn traces(
+        &self,
+        cell: u64,
+        schemes: &[SchemeName],
+    ) -> Result<(Draw, Trace, Vec<Trace>), StressError> {
+        let world = self.world(cell);
+        let reference = reference::run(&world)?;
+        let chance = Chance::new(self.seed, cell);
+        let runs = schemes.iter().map(|scheme| {
+            let mut run = run::run(&world, *scheme, chance)?;
+            reference::follow(&world, &mut run)?;
+            Ok::<_, StressError>(run)
+        });
+        let runs = runs.collect::<Result<_, _>>()?;
+        Ok((world.draw, reference, runs))
+    }
+
+    /// Runs a cell under each of `schemes`.
+    pub fn cell(&self, cell: u64, schemes: &[(SchemeName, &str)]) -> CellResult {
+        let names: Vec<_> = schemes.iter().map(|(scheme, _)| *scheme).collect();
+        match self.traces(cell, &names) {
+            Ok((draw, reference, runs)) => CellResult {
+                reference: reference.stillness(),
+                reference_net_energy: reference.net_energy(),
+                schemes: schemes
+                    .iter()
+                    .zip(&runs)
+                    .map(|((_, name), run)| {
+                        let outcome = Outcome::of(run, &reference, &draw);
+                        ((*name).to_owned(), outcome)
+                    })
+                    .collect(),
+                draw,
+                failed: None,
+            },
+            Err(error) => CellResult {
+                draw: Draw::new(self.seed, cell, self.reaches.len()),
+                reference: Stillness::default(),
+                reference_net_energy: 0.0,
+                schemes: BTreeMap::new(),
+                failed: Some(error.to_string()),
+            },
+        }
+    }
+}
+
+/// Stiffness between all devices of a scene at rest, three rows and columns each, in the devices' own metres and
+/// newtons (N/m).
+fn stiffness(loaded: &LoadedScene) -> Result<Square, StressError> {
+    let scene = &loaded.scene;
+    let mut all = Square::zeros(3 * scene.devices.len());
+    for (number, spec) in scene.bodies.iter().enumerate() {
+        let condenser = bodies::condense::<StressError>(loaded, number, SLOW)?;
+        let condensed = condenser.condensed();
+        for (i, row) in spec.handles.iter().enumerate() {
+            for (j, column) in spec.handles.iter().enumerate() {
+                let (row, column) = (scene.device_of(row), scene.device_of(column));
+                let scale = |device: usize| scene.devices[device].motion_scale;
+                let scale = scale(row) * scale(column);
+                for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+                    all[(3 * row + r, 3 * column + c)] +=
+                        scale * condensed.stiffness[(6 * i + r, 6 * j + c)];
+                }
+            }
+        }
+    }
+    Ok(all)
+}

@@ -1,0 +1,200 @@
+//! The reference of a cell: the same hands, devices and physics steps, the physics inside the tick.
+//!
+//! Each tick reads where the hands truly are, takes a step to there, and renders what the step says, at once: no
+//! model, no encoder, no host that is late. What happens to the world happens here, too: the body softens, the
+//! device is gone, and goes on from where it was left.
+//!
+//! [`follow`] leads the same bodies along the path of a run instead: what the body itself exerts at the pose of that
+//! run, whatever led the hand there.
+
+use super::StressError;
+use super::draw::Softening;
+use super::measure::Trace;
+use super::world::{World, exerted, handle};
+use host::bodies;
+use host::scene::LoadedScene;
+use nalgebra::Matrix3;
+use physics::linear::dense::Square;
+use physics::{Body, Condenser, HandlePose, Stepper, StepperOptions};
+use rt_core::clutch::Clutch;
+use rt_core::safety::{Limiter, SafetyState};
+use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
+
+/// The bodies with what steps them.
+pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
+
+impl Bodies {
+    pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
+        let host = &loaded.scene.host;
+        let options = StepperOptions {
+            tolerance: host.tolerance,
+            max_iterations: host.max_iterations,
+            ..StepperOptions::default()
+        };
+        let each = (0..loaded.scene.bodies.len()).map(|index| {
+            let body = bodies::build_settled(loaded, index)?.body;
+            let stepper = Stepper::new(&body, options)?;
+            Ok((body, stepper))
+        });
+        Ok(Self(each.collect::<Result<_, StressError>>()?))
+    }
+}
+
+/// The bodies of a world, stepped once a tick.
+struct Copy<'a> {
+    world: &'a World,
+    bodies: Bodies,
+    /// For each body and handle, the device that holds it.
+    held: Vec<Vec<usize>>,
+    /// What is still to soften.
+    softening: Option<Softening>,
+    targets: Vec<HandlePose>,
+}
+
+impl<'a> Copy<'a> {
+    fn new(world: &'a World) -> Result<Self, StressError> {
+        Ok(Self {
+            bodies: Bodies::new(&world.loaded)?,
+            held: world.held(),
+            softening: world.draw.softening,
+            targets: Vec::new(),
+            world,
+        })
+    }
+
+    /// The tick's step, with the handles where `place` has their devices.
+    fn step(
+        &mut self,
+        now_ns: u64,
+        place: impl Fn(usize) -> HandlePose,
+    ) -> Result<(), StressError> {
+        if let (Some(change), Some(soft)) = (self.softening, &self.world.soft)
+            && now_ns as f64 * 1e-9 >= change.at
+        {
+            self.softening = None;
+            let mut others = Bodies::new(soft)?;
+            for ((other, _), (body, _)) in others.0.iter_mut().zip(&self.bodies.0) {
+                other.continue_from(body)?;
+            }
+            self.bodies = others;
+        }
+        let step = self.world.period();
+        for ((body, stepper), held) in self.bodies.0.iter_mut().zip(&self.held) {
+            self.targets.clear();
+            self.targets
+                .extend(held.iter().map(|device| place(*device)));
+            stepper.step(body, step, &self.targets, || false)?;
+        }
+        Ok(())
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Body> {
+        self.bodies.0.iter().map(|(body, _)| body)
+    }
+}
+
+impl Bodies {
+    /// The largest stiffness and damping that each device meets where the bodies of `world` are now, as a model that is
+    /// good for `period` (s) has them (N/m and N s/m at the device).
+    pub(in crate::stress) fn stiffest(
+        &mut self,
+        world: &World,
+        period: f64,
+    ) -> Result<Vec<[f64; 2]>, StressError> {
+        let held = world.held();
+        let devices = &world.loaded.scene.devices;
+        let mut most = vec![[0.0; 2]; devices.len()];
+        for ((body, _), held) in self.0.iter_mut().zip(&held) {
+            body.assemble();
+            let mut condenser = Condenser::new(body)?;
+            let condensed = condenser.condense(body, period)?;
+            for (handle, device) in held.iter().enumerate() {
+                let scale = devices[*device].motion_scale;
+                let found = [&condensed.stiffness, &condensed.damping];
+                for (most, matrix) in most[*device].iter_mut().zip(found) {
+                    *most += scale * scale * largest(matrix, handle);
+                }
+            }
+        }
+        Ok(most)
+    }
+}
+
+/// The largest eigenvalue that a condensed matrix has for the translations of `handle`.
+pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
+    let block = Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)]);
+    block.symmetric_eigenvalues().max()
+}
+
+/// Leads the bodies along the path that `run` keeps, and keeps what they exert there; gives the bodies at its end.
+pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StressError> {
+    let mut copy = Copy::new(world)?;
+    for device in &mut run.devices {
+        device.own.clear();
+        device.own.reserve(device.proxy.len());
+    }
+    for tick in 0..run.out.len() {
+        copy.step(tick as u64 * world.period_ns(), |device| {
+            handle(&run.devices[device].proxy[tick])
+        })?;
+        let (wrenches, _) = exerted(copy.all(), &copy.held);
+        let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
+        for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+            device.own.push(Wrench {
+                force: wrench.force * spec.motion_scale,
+                // A device whose handle does not turn renders no moment.
+                moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
+            });
+        }
+    }
+    Ok(copy.bodies)
+}
+
+/// Runs the reference of the cell of `world`.
+pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
+    let mut copy = Copy::new(world)?;
+    let stored = copy.all().map(Body::total_energy).sum();
+    let (config, mut devices) = world.devices(stored)?;
+    let mut limiters: Vec<_> = config
+        .devices
+        .iter()
+        .map(|device| Limiter::new(device.safety))
+        .collect();
+    let mut frames: Vec<_> = config.devices.iter().map(|d| d.frame).collect();
+    let mut left = vec![DeviceState::resting(); frames.len()];
+    let mut clutches = vec![Clutch::new(); frames.len()];
+    let mut seen = vec![false; frames.len()];
+    for k in 0..world.ticks() {
+        let now = k * world.period_ns();
+        let mut readings = [None; MAX_DEVICES];
+        devices.read(now, |device, state, pose: Pose| {
+            let state = state.map(|state| DeviceState { pose, ..state });
+            readings[device] = state;
+            if let Some(state) = state {
+                if std::mem::replace(&mut seen[device], true) {
+                    let frame = &mut frames[device];
+                    clutches[device].follow(&limiters[device], frame, &left[device], &state);
+                }
+                left[device] = state;
+            }
+        });
+        copy.step(now, |device| {
+            handle(&frames[device].to_scene(&left[device]).0)
+        })?;
+        let (wrenches, weight) = devices.exerted_by(copy.all());
+
+        let mut commands = [Wrench::zero(); MAX_DEVICES];
+        let mut states = [SafetyState::Normal; MAX_DEVICES];
+        let each = limiters.iter_mut().zip(&frames).enumerate();
+        for (device, (limiter, frame)) in each {
+            let asked = frame.to_device(&wrenches[device]);
+            commands[device] = limiter.pass(&asked, readings[device].as_ref());
+            states[device] = limiter.state();
+        }
+        devices.write(now, &commands, |device| {
+            states[device] == SafetyState::Limited
+        });
+        devices.keep(&wrenches, weight, [0.0; 2]);
+    }
+    Ok(devices.finish(0))
+}

@@ -1,0 +1,97 @@
+//! The motion that no controller can foresee: a hand that stands and leaves at once.
+//!
+//! A hand presses slowly to the depth `x`, rests, and leaves at the speed `v` with the next sample. Until the controller
+//! can answer, `(d + 1) T` later, the device holds what it held: at least `r K x` if a slow press is to feel the share `r`
+//! of the wall. Over the way `D = v (d + 1) T` the hand so gets `r K x D`, and pays `b v D + f_c D`. Pressing, it put in
+//! `K x^2 / 2` at most (what it was to feel is no more than the wall) and `f_c x`. From `x = D` it gets most:
+//!
+//! ```text
+//! (r - 1/2) K D^2 - b D^2 / ((d + 1) T) - 2 f_c D
+//! ```
+//!
+//! Whatever the scheme is: one that holds this below an energy for every motion gives up the stiffness of slow presses,
+//! or is no stiffer than [`most`] says. A hand that accelerates as hands do cannot make this motion; its first steps say
+//! what comes.
+
+use sim::DeviceModel;
+use sim::adversary::{Limits, Start};
+
+/// The largest stiffness (N/m) of which a scheme can render the share `rendered` and let a hand of up to `speed` (m/s) have
+/// no more than `energy` (J). None where the motors are too weak for the motion: there is no such bound.
+pub(super) fn most(
+    model: &DeviceModel,
+    period: f64,
+    delay: usize,
+    speed: f64,
+    rendered: f64,
+    energy: f64,
+) -> Option<f64> {
+    let time = (delay + 1) as f64 * period;
+    let way = speed * time;
+    let paid = model.damping / time + (energy + 2.0 * model.friction * way) / (way * way);
+    let stiffness = paid / (rendered - 0.5);
+    (stiffness * way <= model.max_force).then_some(stiffness)
+}
+
+/// Such motions: from one to eight times as deep as a hand gets before there is an answer.
+pub(super) fn motions(limits: &Limits, delay: usize) -> Vec<Start> {
+    let step = limits.speed * limits.period;
+    let way = step * (delay + 1) as f64;
+    let (press, rest) = (limits.longest / 2, limits.longest / 4);
+    [1.0, 1.5, 2.0, 3.0, 5.0, 8.0]
+        .iter()
+        .map(|share| (share * way).min(limits.deepest))
+        .map(|deep| {
+            let down = (1..=press).map(|k| -deep * k as f64 / press as f64);
+            let out = (1..limits.longest).map(|k| (step * k as f64 - deep).min(0.0));
+            let leaves = out.take((deep / step).ceil() as usize + delay + 2);
+            let motion = down.chain(std::iter::repeat_n(-deep, rest)).chain(leaves);
+            motion.collect::<Vec<_>>().into()
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stress::wall::passive::{SPEED, adversary};
+    use crate::stress::wall::rig::Wall;
+    use rt_core::Scheme;
+    use sim::adversary::{Goal, Rendering};
+
+    #[test]
+    fn a_wall_as_stiff_as_asked_gives_what_theory_says() {
+        // A sampled spring is as stiff as asked, so the bound of r = 1 tells what comes out of it.
+        struct Spring(f64);
+        impl Rendering for Spring {
+            fn reset(&mut self) {}
+            fn tick(&mut self, position: f64) -> f64 {
+                (-self.0 * position).max(0.0)
+            }
+        }
+        let model = DeviceModel {
+            max_force: 1e3,
+            ..DeviceModel::named("virtuose6d").expect("it is known")
+        };
+        for delay in [0, 1] {
+            let energy = 2e-3;
+            let stiffness = most(&model, 1e-3, delay, SPEED, 1.0, energy).expect("strong motors");
+            let wall = Wall {
+                model,
+                rate: 1000,
+                delay,
+                whole: true,
+                scheme: Scheme::Linear,
+                stiffness,
+                damping: 0.0,
+            };
+            // Nothing but these motions is tried.
+            let adversary = adversary(&wall, 1, 1);
+            let starts = motions(&adversary.limits, delay);
+            let found = adversary.search(&mut Spring(stiffness), Goal::Most, &starts);
+            // The press is a thousand steps, each with the force of the one before: a thousandth. Other depths and what
+            // comes after the answer bring more, as a wall beyond the plain bound does.
+            assert!(found.outcome.energy > 0.998 * energy, "{delay} {found:?}");
+        }
+    }
+}

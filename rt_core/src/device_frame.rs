@@ -1,0 +1,167 @@
+//! The device frame: where a device stands in the scene, and with it where its proxy is.
+//!
+//! "The proxy position is directly coupled to the device position, at haptic rate, as an affine function
+//! of the device position" (thesis, chapter 4, section 5). The same map, transposed, brings the wrench
+//! back, so that with a force scale of one the power at the hand equals the power in the scene.
+
+use crate::device::DeviceState;
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use nalgebra::{Quaternion, UnitQuaternion};
+
+/// An affine map from a device's axes to the scene's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeviceFrame {
+    /// Where the device's origin lies in the scene (m).
+    pub origin: Vec3,
+    /// From device axes to world axes.
+    pub rotation: UnitQuaternion<f64>,
+    /// The part of the device's rotation that a clutch left out. It multiplies the device's rotation from the right.
+    pub turned: UnitQuaternion<f64>,
+    /// Scene metres per device metre.
+    pub motion_scale: f64,
+    /// Newtons at the hand per newton in the scene, beside the factor that the motion scale implies. With any value but
+    /// one, the power at the hand differs from the power in the scene.
+    pub force_scale: f64,
+}
+
+impl DeviceFrame {
+    /// Device axes parallel to the world's, unscaled, the device's origin at `origin` (m).
+    pub fn at(origin: Vec3) -> Self {
+        Self {
+            origin,
+            rotation: UnitQuaternion::identity(),
+            turned: UnitQuaternion::identity(),
+            motion_scale: 1.0,
+            force_scale: 1.0,
+        }
+    }
+
+    /// Leaves a `fraction` of the device's displacement and rotation from `left` to `now` out of the proxy's motion.
+    /// With a fraction of one, the proxy stays where it is.
+    pub fn slip(&mut self, fraction: f64, left: &DeviceState, now: &DeviceState) {
+        let displacement = left.pose.position - now.pose.position;
+        self.origin += self.rotation * displacement * (self.motion_scale * fraction);
+        // A device that senses no rotation reports the same rotation in every tick.
+        if left.pose.rotation != now.pose.rotation {
+            let [from, to] = [left, now].map(|state| self.on_axes(state));
+            // Blends quaternions to get a part of the rotation. A hand turns so little in a tick that the blend equals
+            // the exact part, and no angle is needed.
+            let turn = (to * from.inverse()).coords;
+            let turn = if turn.w < 0.0 { -turn } else { turn };
+            let part = turn * (1.0 - fraction) + Quaternion::identity().coords * fraction;
+            let part = UnitQuaternion::new_normalize(Quaternion::from(part));
+            let turned = to.inverse() * part * from * self.turned;
+            // The few bits of a report leave the length of a quaternion slightly off one. These errors must not
+            // accumulate.
+            self.turned = UnitQuaternion::new_normalize(turned.into_inner());
+        }
+    }
+
+    /// The orientation of a device, in world axes.
+    fn on_axes(&self, state: &DeviceState) -> UnitQuaternion<f64> {
+        self.rotation * state.pose.rotation * self.rotation.inverse()
+    }
+
+    /// The proxy's pose and twist in the scene.
+    pub fn to_scene(&self, state: &DeviceState) -> (Pose, Twist) {
+        let pose = Pose {
+            position: self.origin + self.rotation * state.pose.position * self.motion_scale,
+            rotation: self.on_axes(state) * self.turned,
+        };
+        let twist = Twist {
+            linear: self.rotation * state.twist.linear * self.motion_scale,
+            angular: self.rotation * state.twist.angular,
+        };
+        (pose, twist)
+    }
+
+    /// The wrench on the device (its own axes) that renders a wrench on the proxy (world axes).
+    pub fn to_device(&self, wrench: &Wrench) -> Wrench {
+        let back = self.rotation.inverse();
+        Wrench {
+            force: back * wrench.force * (self.motion_scale * self.force_scale),
+            moment: back * wrench.moment * self.force_scale,
+        }
+    }
+
+    /// The inverse of [`Self::to_device`]: the wrench on the proxy (world axes) that a device's wrench (its own axes)
+    /// renders. Zero where a scale is zero.
+    pub fn on_proxy(&self, wrench: &Wrench) -> Wrench {
+        let back = |scale: f64| if scale == 0.0 { 0.0 } else { 1.0 / scale };
+        Wrench {
+            force: self.rotation * wrench.force * back(self.motion_scale * self.force_scale),
+            moment: self.rotation * wrench.moment * back(self.force_scale),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn vector() -> impl Strategy<Value = Vec3> {
+        (-1.0..1.0, -1.0..1.0, -1.0..1.0).prop_map(|(x, y, z)| Vec3::new(x, y, z))
+    }
+
+    proptest! {
+        #[test]
+        fn a_clutch_leaves_its_fraction_behind(
+            axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
+            scale in 0.1..10.0, fraction in 0.0..1.0,
+        ) {
+            let mut frame = DeviceFrame {
+                rotation: UnitQuaternion::from_scaled_axis(axes),
+                motion_scale: scale,
+                ..DeviceFrame::at(Vec3::zeros())
+            };
+            let at = |position, rotation| DeviceState {
+                pose: Pose { position, rotation: UnitQuaternion::from_scaled_axis(rotation) },
+                ..DeviceState::resting()
+            };
+            let (first, left) = (at(Vec3::zeros(), Vec3::zeros()), at(place, turned));
+            // The device was away before.
+            frame.slip(1.0, &first, &left);
+            let (before, _) = frame.to_scene(&left);
+            prop_assert!(before.displacement_from(&Pose::identity()).norm() < 1e-13);
+            let mut now = left;
+            now.pose.position += displacement;
+            // No hand turns much farther in a tick.
+            let turn = turn * 0.01;
+            now.pose.rotation = UnitQuaternion::from_scaled_axis(turn) * now.pose.rotation;
+            frame.slip(fraction, &left, &now);
+            let (after, _) = frame.to_scene(&now);
+            let moved = after.displacement_from(&before);
+            let rest = 1.0 - fraction;
+            let translation = frame.rotation * displacement * (scale * rest);
+            let rotation = frame.rotation * turn * rest;
+            // Rounding of numbers of order ten.
+            prop_assert!((Vec3::new(moved.x, moved.y, moved.z) - translation).norm() < 1e-13);
+            // Blending errs by less than the cube of half the angle.
+            prop_assert!((Vec3::new(moved.w, moved.a, moved.b) - rotation).norm() < 1e-6);
+        }
+
+        #[test]
+        fn power_is_the_same_on_both_sides(
+            turn in vector(), v in vector(), w in vector(), f in vector(), m in vector(),
+            scale in 0.1..10.0,
+        ) {
+            let frame = DeviceFrame {
+                rotation: UnitQuaternion::from_scaled_axis(turn),
+                motion_scale: scale,
+                ..DeviceFrame::at(Vec3::zeros())
+            };
+            let state = DeviceState {
+                twist: Twist { linear: v, angular: w },
+                ..DeviceState::resting()
+            };
+            let wrench = Wrench { force: f, moment: m };
+            let (_, scene) = frame.to_scene(&state);
+            let device = frame.to_device(&wrench);
+            let in_scene = f.dot(&scene.linear) + m.dot(&scene.angular);
+            let at_hand = device.force.dot(&v) + device.moment.dot(&w);
+            // Rounding of numbers of order ten.
+            prop_assert!((in_scene - at_hand).abs() < 1e-13);
+        }
+    }
+}
