@@ -4,7 +4,7 @@ use rt_core::Vec3;
 
 /// Value and slope of the minimum-jerk step (Flash & Hogan 1985) at `s` from zero to one. At both ends, slope and
 /// curvature are zero. The largest slope is 1.875.
-pub(crate) fn minimum_jerk(s: f64) -> (f64, f64) {
+pub fn minimum_jerk(s: f64) -> (f64, f64) {
     let s = s.clamp(0.0, 1.0);
     let rest = 1.0 - s;
     (

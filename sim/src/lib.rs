@@ -1,4 +1,4 @@
-//! Simulated devices, the hands that hold them, and clocks: the simulated part of the world.
+//! Simulated devices and the hands that hold them: the simulated part of the world.
 //!
 //! Everything here is pure computation, without threads, files, wall clocks or printing. Two runs from the same inputs
 //! give the same bits on every platform: sine, exponential and tangent come from `libm`, and all other operations are
@@ -7,13 +7,12 @@
 //!
 //! Read [`device`] first. A hand ([`hand`], [`arm`]) with an aim ([`tasks`], [`trajectory`], [`tremor`]) holds a device
 //! ([`models`]). `dynamics` integrates their motion between ticks, and [`energy`] accounts for its energy. [`firmware`]
-//! puts a device behind the bytes of its real wire. [`replay`] repeats recorded readings. [`clock`] tells when periodic
-//! events are due. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
+//! puts a device behind the bytes of its real wire. [`replay`] repeats recorded readings. [`vanishing`] takes a device
+//! away for a while. [`adversary`] searches for the motion of a hand that gets the most energy out of a controller.
 #![forbid(unsafe_code)]
 
 pub mod adversary;
 pub mod arm;
-pub mod clock;
 mod curve;
 pub mod device;
 mod dynamics;
@@ -26,9 +25,10 @@ pub mod replay;
 pub mod tasks;
 pub mod trajectory;
 pub mod tremor;
+pub mod vanishing;
 
 pub use arm::{Arm, Wrist};
-pub use clock::{Periodic, Ticks};
+pub use curve::minimum_jerk;
 pub use device::{SimDevice, SimError};
 pub use energy::{EnergyAccount, NetEnergy};
 pub use firmware::Wired;
@@ -38,3 +38,4 @@ pub use replay::ReplayDevice;
 pub use tasks::{Task, TaskError, TaskKind};
 pub use trajectory::{Sine, Trajectory, TrajectoryError};
 pub use tremor::{Tremor, TremorError};
+pub use vanishing::Vanishing;

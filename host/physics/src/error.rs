@@ -56,6 +56,14 @@ pub enum BodyError {
         /// The cell.
         cell: usize,
     },
+    /// There is no such handle.
+    #[error("there is no handle {handle}: the body has {count}, counted from 0")]
+    NoHandle {
+        /// The handle asked for.
+        handle: usize,
+        /// Number of handles.
+        count: usize,
+    },
     /// A vertex belongs to no element, so that it has no mass.
     #[error("vertex {vertex} belongs to no element and so has no mass; remove it from the mesh")]
     Unreferenced {

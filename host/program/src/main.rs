@@ -96,17 +96,11 @@ enum CommandError {
     #[error("not everything was solved to the end")]
     NotSolved,
     #[error(transparent)]
-    Study(#[from] study::extrapolation::StudyError),
-    #[error(transparent)]
-    Accuracy(#[from] study::accuracy::AccuracyError),
-    #[error(transparent)]
-    Speed(#[from] study::speed::SpeedError),
+    Study(#[from] study::StudyError),
     #[error(transparent)]
     Jobs(#[from] study::stress::jobs::JobError),
     #[error("{failed} of {of} cells fail")]
     Stressed { failed: usize, of: usize },
-    #[error(transparent)]
-    StressScene(#[from] study::stress::scene::StressError),
     #[error("{failed} of the suite's cases fail; they are listed above")]
     Unstable { failed: usize },
 }

@@ -1,7 +1,8 @@
 //! `palpate bench accuracy` prints, writes and draws what the study finds.
 
 use std::process::Command;
-use study::accuracy::{self, Level};
+use study::Level;
+use study::accuracy;
 
 #[test]
 fn the_command_prints_writes_and_draws() {

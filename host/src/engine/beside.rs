@@ -8,7 +8,7 @@ use std::thread;
 const TIME: f64 = 0.01;
 
 /// Where factors are made. Whatever has been begun comes back in the end, made or not.
-pub enum Beside<T> {
+pub(super) enum Beside<T> {
     /// At once, but not taken before its step: a run repeats to the byte.
     AtAStep {
         /// What was begun, and the steps until it is taken.
@@ -27,7 +27,7 @@ pub enum Beside<T> {
 
 impl<T: Real> Beside<T> {
     /// In virtual time, for steps of `h` seconds.
-    pub fn at_a_step(h: f64) -> Self {
+    pub(super) fn at_a_step(h: f64) -> Self {
         Self::AtAStep {
             begun: None,
             steps: (TIME / h).ceil() as u32,
@@ -35,7 +35,7 @@ impl<T: Real> Beside<T> {
     }
 
     /// On a thread; without one, as in virtual time.
-    pub fn thread(h: f64) -> Self {
+    pub(super) fn thread(h: f64) -> Self {
         let (to, work) = channel::<Box<Refresher<T>>>();
         let (back, from) = channel();
         let worker = move || {
@@ -54,7 +54,7 @@ impl<T: Real> Beside<T> {
     }
 
     /// Begins a factor; one at a time.
-    pub fn begin(&mut self, mut refresher: Box<Refresher<T>>) {
+    pub(super) fn begin(&mut self, mut refresher: Box<Refresher<T>>) {
         match self {
             Self::AtAStep { begun, steps } => {
                 let _ = refresher.work();
@@ -68,7 +68,7 @@ impl<T: Real> Beside<T> {
     }
 
     /// What has been made since the last step, once.
-    pub fn done(&mut self) -> Option<Box<Refresher<T>>> {
+    pub(super) fn done(&mut self) -> Option<Box<Refresher<T>>> {
         match self {
             Self::AtAStep { begun, .. } => match begun.take() {
                 Some((0 | 1, refresher)) => Some(refresher),

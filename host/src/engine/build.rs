@@ -72,7 +72,7 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
 }
 
 /// Number of physics steps from one publication to the next.
-pub fn steps_per_publication(scene: &Scene) -> u64 {
+pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
     (scene.host.step_rate / scene.host.publish_rate)
         .round()
         .max(1.0) as u64

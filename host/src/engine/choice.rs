@@ -6,7 +6,7 @@ use physics::{Body, complete_bytes};
 /// The largest complete factor that `auto` takes (bytes, as [`complete_bytes`] counts them). On a cube it is reached at
 /// 160 thousand tetrahedra; the process then holds nearly twice as much, and a new factor takes some four seconds, which
 /// is long after what asked for it.
-pub const LARGEST_FACTOR: usize = 1 << 30;
+pub(crate) const LARGEST_FACTOR: usize = 1 << 30;
 
 /// What steps a body.
 #[derive(Clone, Debug, PartialEq, Eq)]

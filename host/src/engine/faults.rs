@@ -1,10 +1,13 @@
 //! Faults of the host, made on purpose: to see what the hand feels when the physics fails.
 //!
-//! Under either clock the host's loop asks here what to do wrong and when. What the tick makes of it (the
-//! force fades, bad models are refused and counted) is the product's own; nothing here reaches the tick
+//! [`Failing`] wraps the engine, and the host's loop under either clock drives the wrapper. What the tick makes of
+//! it (the force fades, bad models are refused and counted) is the product's own; nothing here reaches the tick
 //! but what a failing host could send.
 
-use rt_core::LocalModel;
+use super::Engine;
+use super::pacer::Due;
+use super::stats::Stopwatch;
+use rt_core::{LocalModel, TickRecord};
 use std::str::FromStr;
 
 /// What goes wrong.
@@ -112,7 +115,7 @@ impl Faults {
     }
 
     /// Until when (ns) the host does nothing, if a stall begins at `now_ns`. Each stall begins once.
-    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
+    pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
         let begins = |f: &HostFault| f.kind == FaultKind::Stall && f.at * 1e9 <= now_ns as f64;
         let index = self.pending.iter().position(begins)?;
         let fault = self.pending.swap_remove(index);
@@ -121,13 +124,13 @@ impl Faults {
 
     /// # Panics
     /// If it is time to.
-    pub fn panic_if_due(&self, now_ns: u64) {
+    fn panic_if_due(&self, now_ns: u64) {
         let due = |f: &HostFault| f.kind == FaultKind::Panic && f.at * 1e9 <= now_ns as f64;
         assert!(!self.pending.iter().any(due), "a fault on purpose");
     }
 
     /// Spoils a model that is published at `now_ns`, if it is time to.
-    pub fn spoil(&self, now_ns: u64, model: &mut LocalModel) {
+    fn spoil(&self, now_ns: u64, model: &mut LocalModel) {
         for fault in self.pending.iter().filter(|fault| fault.lasts_at(now_ns)) {
             match fault.kind {
                 FaultKind::NotANumber => {
@@ -144,6 +147,57 @@ impl Faults {
                 FaultKind::Stall | FaultKind::Panic => {}
             }
         }
+    }
+}
+
+/// An engine that fails when it is told to.
+pub(crate) struct Failing {
+    engine: Engine,
+    faults: Faults,
+}
+
+impl Failing {
+    /// `engine`, with `faults`.
+    pub(crate) fn new(engine: Engine, faults: Faults) -> Self {
+        Self { engine, faults }
+    }
+
+    /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
+    pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
+        self.faults.stall(now_ns)
+    }
+
+    /// As [`Engine::follow`].
+    pub(crate) fn follow(&mut self, record: &TickRecord) {
+        self.engine.follow(record);
+    }
+
+    /// As [`Engine::step`], with models spoilt where it is time to.
+    ///
+    /// # Panics
+    /// If it is time to.
+    pub(crate) fn step(
+        &mut self,
+        due: Due,
+        watch: &impl Stopwatch,
+        mut publish: impl FnMut(usize, &LocalModel),
+    ) {
+        let faults = &self.faults;
+        faults.panic_if_due(due.time_ns);
+        self.engine.step(due, watch, |body, model| {
+            if faults.pending.is_empty() {
+                publish(body, model);
+            } else {
+                let mut model = *model;
+                faults.spoil(due.time_ns, &mut model);
+                publish(body, &model);
+            }
+        });
+    }
+
+    /// The engine alone.
+    pub(crate) fn into_engine(self) -> Engine {
+        self.engine
     }
 }
 

@@ -5,22 +5,21 @@
 //! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
 //! hands in; nothing in the state depends on it.
 
-pub mod beside;
+mod beside;
 pub mod body;
 pub mod build;
 pub mod choice;
 mod clock;
 pub mod faults;
 pub mod pacer;
-pub mod path;
+mod path;
 pub mod plan;
-pub mod solver;
+mod solver;
 pub mod stats;
 mod stored;
 pub mod virtual_coupling;
 
 use body::HostBody;
-use faults::Faults;
 use pacer::Due;
 use physics::BodyError;
 use rt_core::{LocalModel, TickRecord};
@@ -29,7 +28,6 @@ use stats::{EngineStats, Stopwatch};
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
-    faults: Faults,
     stats: EngineStats,
 }
 
@@ -38,19 +36,8 @@ impl Engine {
     pub fn new(bodies: Vec<HostBody>) -> Self {
         Self {
             bodies,
-            faults: Faults::default(),
             stats: EngineStats::new(),
         }
-    }
-
-    /// Makes it fail on purpose.
-    pub fn set_faults(&mut self, faults: Faults) {
-        self.faults = faults;
-    }
-
-    /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
-    pub fn stall(&mut self, now_ns: u64) -> Option<u64> {
-        self.faults.stall(now_ns)
     }
 
     /// The same bodies made of something else, from the next step on: `bodies` in the engine's order.
@@ -80,15 +67,10 @@ impl Engine {
         watch: &impl Stopwatch,
         mut publish: impl FnMut(usize, &LocalModel),
     ) {
-        self.faults.panic_if_due(due.time_ns);
         self.stats.steps += 1;
         for (index, body) in self.bodies.iter_mut().enumerate() {
             match body.step(due.publishes, watch, &mut self.stats) {
-                Ok(Some(model)) => {
-                    let mut model = *model;
-                    self.faults.spoil(due.time_ns, &mut model);
-                    publish(index, &model);
-                }
+                Ok(Some(model)) => publish(index, model),
                 Ok(None) => {}
                 Err(fault) => self.stats.fault(index, &fault),
             }

@@ -30,7 +30,7 @@ pub trait Solver: Send {
 }
 
 /// The assembled matrix, and conjugate gradients on its diagonal blocks.
-pub struct Assembled {
+pub(super) struct Assembled {
     /// Condenses, where the scheme wants that.
     pub condenser: Option<Condenser>,
 }
@@ -72,7 +72,7 @@ impl Solver for Assembled {
 }
 
 /// A frozen factor, and elements that multiply by themselves.
-pub struct Frozen<T> {
+pub(super) struct Frozen<T> {
     /// Steps the body; never makes a factor itself but the first.
     pub stepper: Stepper<T>,
     /// Makes the others.

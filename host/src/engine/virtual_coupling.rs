@@ -95,7 +95,7 @@ impl VirtualCoupling {
 
     /// Resists turns by the same springs at so long an arm (m). Of a handle whose turns the body
     /// does not resist, nothing is felt: there is no spring either.
-    pub fn set_length(&mut self, length: f64) {
+    pub(crate) fn set_length(&mut self, length: f64) {
         self.length = length;
     }
 

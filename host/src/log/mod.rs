@@ -108,7 +108,7 @@ impl LogWriter<BufWriter<File>> {
     ///
     /// # Errors
     /// If the file cannot be created or written.
-    pub fn create_file(path: &Path, header: &LogHeader) -> Result<Self, LogError> {
+    pub(crate) fn create_file(path: &Path, header: &LogHeader) -> Result<Self, LogError> {
         let name = path.display().to_string();
         match File::create(path) {
             Ok(file) => Self::with_name(BufWriter::new(file), name, header),
@@ -159,7 +159,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// If the writer fails.
-    pub fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
+    pub(crate) fn write_model(&mut self, body: u8, model: &LocalModel) -> Result<(), LogError> {
         model::encode(body, model, &mut self.message);
         let header = MessageHeader {
             channel_id: self.channels.model,
@@ -182,7 +182,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// If the writer fails.
-    pub fn flush(&mut self) -> Result<(), LogError> {
+    pub(crate) fn flush(&mut self) -> Result<(), LogError> {
         self.writer
             .flush()
             .map_err(|error| write_error(&self.name, error))

@@ -13,7 +13,7 @@ pub use chart::{Series, line_chart_svg};
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
-pub use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};
+pub(crate) use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};
 
 #[cfg(test)]
 mod tests;

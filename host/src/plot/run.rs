@@ -16,7 +16,7 @@ const HEIGHT: i32 = 600;
 
 /// What is drawn of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct PlotData {
+pub(crate) struct PlotData {
     /// The title: scene and scheme.
     pub title: String,
     /// The smaller line under it.
@@ -31,7 +31,7 @@ pub struct PlotData {
 
 /// One device of a [`PlotData`].
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct DeviceSeries {
+pub(crate) struct DeviceSeries {
     /// Its name in the legend.
     pub name: String,
     /// Force on the hand at each time (N).
@@ -42,7 +42,7 @@ pub struct DeviceSeries {
 
 /// A time during which something acted on the force.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Mark {
+pub(crate) struct Mark {
     /// Its beginning (s).
     pub from: f64,
     /// Its end (s).
@@ -53,7 +53,7 @@ pub struct Mark {
 
 /// Draws force and displacement of all devices over time, 960 by 600 pixels. What is not a number is
 /// left out.
-pub fn force_and_position_svg(data: &PlotData) -> String {
+pub(crate) fn force_and_position_svg(data: &PlotData) -> String {
     let devices: Vec<Trace> = data.devices.iter().map(Trace::new).collect();
     page::svg(WIDTH, HEIGHT, |area| draw(area, data, &devices))
 }

@@ -10,7 +10,7 @@ use rt_core::{Telemetry, Vec3};
 
 /// What one device met in a run. Forces act on the hand, scene axes.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct DeviceTotals {
+pub(super) struct DeviceTotals {
     /// Largest force (N).
     pub peak_force: f64,
     /// When (s).
@@ -23,7 +23,7 @@ pub struct DeviceTotals {
 
 /// A stretch of time in which something was not as it should be.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Span {
+pub(super) struct Span {
     /// Start (s).
     pub from: f64,
     /// End (s).
@@ -34,7 +34,7 @@ pub struct Span {
 
 /// One sample for a plot.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Sample {
+pub(super) struct Sample {
     /// Time (s).
     pub time: f64,
     /// Force on the hand (N) and position of the proxy (m), by device.
@@ -43,7 +43,7 @@ pub struct Sample {
 
 /// Adds telemetry up.
 #[derive(Clone, Debug)]
-pub struct Collector {
+pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
     totals: Vec<DeviceTotals>,
@@ -60,7 +60,11 @@ pub struct Collector {
 
 impl Collector {
     /// For devices and bodies of these names; `keep_samples` for a plot.
-    pub fn new(device_names: Vec<String>, body_names: Vec<String>, keep_samples: bool) -> Self {
+    pub(super) fn new(
+        device_names: Vec<String>,
+        body_names: Vec<String>,
+        keep_samples: bool,
+    ) -> Self {
         Self {
             totals: vec![DeviceTotals::default(); device_names.len()],
             last: vec![None; device_names.len()],
@@ -76,7 +80,7 @@ impl Collector {
     }
 
     /// Takes the record of one tick.
-    pub fn take(&mut self, telemetry: &Telemetry) {
+    pub(super) fn take(&mut self, telemetry: &Telemetry) {
         let time = telemetry.time_ns as f64 * 1e-9;
         self.ticks += 1;
         self.end = time;
@@ -136,7 +140,7 @@ impl Collector {
     }
 
     /// Ends what is still open and gives everything back.
-    pub fn finish(mut self) -> Collected {
+    pub(super) fn finish(mut self) -> Collected {
         let names = self.device_names.iter().chain(&self.body_names);
         for (open, name) in self.open.iter().zip(names) {
             if let Some((from, what)) = *open {
@@ -176,7 +180,7 @@ fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, what: &str) 
 
 /// What a [`Collector`] gathered.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Collected {
+pub(super) struct Collected {
     /// By device.
     pub totals: Vec<DeviceTotals>,
     /// Stretches of time in which something was not as it should be, at most a thousand.

@@ -1,14 +1,16 @@
 //! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
 
-pub mod collect;
+mod collect;
 mod device;
 mod hand;
+pub mod late;
 mod real_clock;
 pub mod replay;
 mod report;
 pub mod setup;
 mod sink;
 pub mod summary;
+pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
 
@@ -153,9 +155,7 @@ pub fn run(
         real: options.clock == Clock::Real,
     };
     let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
-    prepared
-        .engine
-        .set_faults(Faults::new(options.faults.clone()));
+    prepared.faults = Faults::new(options.faults.clone());
     let prepared = prepared;
     let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
     let size = (

@@ -7,8 +7,9 @@
 use super::setup::{HostSide, Setup};
 use super::sink::Sink;
 use super::{AnyDevice, RunError, host_panicked, message};
+use crate::engine::faults::Failing;
+use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
-use crate::engine::{Engine, pacer::Pacer};
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
@@ -52,6 +53,7 @@ pub(super) fn run(
         host,
         log,
         engine,
+        faults,
         pacer,
         timing,
     } = setup;
@@ -65,6 +67,7 @@ pub(super) fn run(
 
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);
+    let engine = Failing::new(engine, faults);
     let host = named("palpate-host", move || {
         host_loop(host, engine, pacer, &host_over)
     })?;
@@ -106,7 +109,7 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(mut host: HostEnd, mut engine: Engine, mut pacer: Pacer, over: &Stop) -> HostSide {
+fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &Stop) -> HostSide {
     let watch = WallStopwatch::start();
     let start = Instant::now();
     while !over.is_requested() {
@@ -128,7 +131,7 @@ fn host_loop(mut host: HostEnd, mut engine: Engine, mut pacer: Pacer, over: &Sto
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
     }
     HostSide {
-        engine,
+        engine: engine.into_engine(),
         pacer,
         end: host,
     }

@@ -3,6 +3,7 @@
 use super::{AnyDevice, hand};
 use crate::bodies;
 use crate::engine::build::How;
+use crate::engine::faults::Faults;
 use crate::engine::pacer::Pacer;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
@@ -41,6 +42,8 @@ pub struct Setup {
     pub log: LogEnd,
     /// The physics.
     pub engine: Engine,
+    /// What the physics does wrong on purpose: nothing, unless it is told to.
+    pub faults: Faults,
     /// When it steps.
     pub pacer: Pacer,
     /// Times.
@@ -81,7 +84,7 @@ pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, Sc
 ///
 /// # Errors
 /// As [`setup`].
-pub fn setup_with(
+pub(crate) fn setup_with(
     loaded: &LoadedScene,
     duration: f64,
     seed: u64,
@@ -100,6 +103,7 @@ pub fn setup_with(
         host,
         log,
         engine: Engine::new(held),
+        faults: Faults::default(),
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         timing: Timing {
             period_ns: (1e9 * period).round() as u64,

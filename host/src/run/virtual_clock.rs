@@ -1,15 +1,18 @@
 //! A run under virtual time: devices, hands, host and log on one clock, in one thread.
 //!
-//! Every tick and host step happens at a time counted in integer nanoseconds. A host step starts when it is
-//! due and the host is free, sees the records of the ticks before it, and its model arrives after the
-//! scene's latency. Nothing here asks the machine for the time, except the stopwatch that measures what a
-//! stage costs, which never enters the state: two runs give the same bytes, whatever the load.
+//! A host step starts when it is due and the host is free, sees the records of the ticks before it, and its model
+//! arrives after the scene's latency. Nothing here asks the machine for the time, except the stopwatch that measures
+//! what a stage costs, which never enters the state: two runs give the same bytes, whatever the load.
 
+use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
+use super::timeline::{Host, Timeline};
+use crate::engine::faults::Failing;
+use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
-use rt_core::LocalModel;
 use runner::link::LogRecord;
+use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model
@@ -24,64 +27,134 @@ pub fn run(
         host,
         mut log,
         engine,
+        faults,
         pacer,
         timing,
     } = setup;
-    let watch = WallStopwatch::start();
-    let mut in_flight: Vec<Option<(u64, LocalModel)>> = vec![None; engine.bodies().len()];
-    // As under the real clock, a host that panics is gone and the tick goes on.
-    let mut host = Some(HostSide {
-        engine,
+    let bodies = engine.bodies().len();
+    let mut host = Mortal::new(Paced {
+        engine: Failing::new(engine, faults),
         pacer,
-        end: host,
+        link: LateLink::new(host, bodies),
+        latency_ns: timing.latency_ns,
+        free_at: 0,
+        watch: WallStopwatch::start(),
     });
-    let mut panicked = None;
-    let mut free_at = 0;
-    for k in 0..timing.ticks {
-        let now = k * timing.period_ns;
-        while let Some(side) = &mut host {
-            for (body, slot) in in_flight.iter_mut().enumerate() {
-                if let Some((_, model)) = slot.take_if(|(arrival, _)| *arrival <= now) {
-                    // A full ring is counted by the link.
-                    let _ = side.end.publish(body, &model);
-                }
-            }
-            let due = side.pacer.due();
-            let start = due.time_ns.max(free_at);
-            if start > now {
-                break;
-            }
-            if let Some(until_ns) = side.engine.stall(start) {
-                free_at = until_ns;
-                continue;
-            }
-            side.end.drain(|record| side.engine.follow(record));
-            let stepped = catch_unwind(AssertUnwindSafe(|| {
-                side.engine.step(due, &watch, |body, model| {
-                    in_flight[body] = Some((start + timing.latency_ns, *model));
-                });
-            }));
-            if let Err(panic) = stepped {
-                panicked = Some(message(&*panic).to_owned());
-                host = None;
-                break;
-            }
-            if due.publishes {
-                free_at = start + timing.latency_ns;
-            }
-            side.pacer.done(free_at.max(start));
-        }
-        tick.tick(now, 0);
+    let timeline = Timeline {
+        period_ns: timing.period_ns,
+        ticks: timing.ticks,
+    };
+    let mut done = 0;
+    let Ok(()) = timeline.drive(&mut host, |_, now_ns| {
+        tick.tick(now_ns, 0);
         log.records(&mut sink);
-        if k % 256 == 0 {
-            progress(k);
+        if done % 256 == 0 {
+            progress(done);
         }
-    }
+        done += 1;
+        Ok(())
+    });
     tick.release(timing.ticks * timing.period_ns);
     Running {
         tick,
         log,
-        host,
-        panicked,
+        host: host.living.map(Paced::into_side),
+        panicked: host.panicked,
+    }
+}
+
+/// A host that is busy from the start of a step that publishes until its model arrives.
+struct Paced {
+    engine: Failing,
+    pacer: Pacer,
+    link: LateLink,
+    latency_ns: u64,
+    /// Until when it is busy (ns).
+    free_at: u64,
+    watch: WallStopwatch,
+}
+
+impl Paced {
+    fn start_ns(&self) -> u64 {
+        self.pacer.due().time_ns.max(self.free_at)
+    }
+
+    fn into_side(self) -> HostSide {
+        HostSide {
+            engine: self.engine.into_engine(),
+            pacer: self.pacer,
+            end: self.link.into_end(),
+        }
+    }
+}
+
+impl Host for Paced {
+    type Error = Infallible;
+
+    fn next_ns(&self) -> Option<u64> {
+        Some(self.start_ns())
+    }
+
+    fn step(&mut self) -> Result<(), Infallible> {
+        let (due, start) = (self.pacer.due(), self.start_ns());
+        if let Some(until_ns) = self.engine.stall(start) {
+            self.free_at = until_ns;
+            return Ok(());
+        }
+        let (engine, link) = (&mut self.engine, &mut self.link);
+        link.drain(|record| engine.follow(record));
+        let arrival_ns = start + self.latency_ns;
+        engine.step(due, &self.watch, |body, model| {
+            link.send(arrival_ns, body, model);
+        });
+        if due.publishes {
+            self.free_at = arrival_ns;
+        }
+        self.pacer.done(self.free_at.max(start));
+        Ok(())
+    }
+
+    fn deliver(&mut self, now_ns: u64) {
+        self.link.deliver(now_ns, |_, _| {});
+    }
+}
+
+/// A host that may panic: it is gone then, as under the real clock, and the tick goes on.
+struct Mortal<H> {
+    living: Option<H>,
+    panicked: Option<String>,
+}
+
+impl<H> Mortal<H> {
+    fn new(host: H) -> Self {
+        Self {
+            living: Some(host),
+            panicked: None,
+        }
+    }
+}
+
+impl<H: Host> Host for Mortal<H> {
+    type Error = H::Error;
+
+    fn next_ns(&self) -> Option<u64> {
+        self.living.as_ref().and_then(H::next_ns)
+    }
+
+    fn step(&mut self) -> Result<(), H::Error> {
+        let Some(host) = &mut self.living else {
+            return Ok(());
+        };
+        catch_unwind(AssertUnwindSafe(|| host.step())).unwrap_or_else(|panic| {
+            self.panicked = Some(message(&*panic).to_owned());
+            self.living = None;
+            Ok(())
+        })
+    }
+
+    fn deliver(&mut self, now_ns: u64) {
+        if let Some(host) = &mut self.living {
+            host.deliver(now_ns);
+        }
     }
 }

@@ -4,12 +4,12 @@
 //! out of their range while they are read, `consistency` what does not fit together. Every
 //! [`SceneError`] is one line with the file, the line, the field, what was found and what is allowed.
 
-pub mod check;
+mod check;
 mod consistency;
-pub mod error;
-pub mod load;
+mod error;
+mod load;
 pub mod recording;
-pub mod source;
+pub(crate) mod source;
 pub mod spec;
 
 pub use error::{Place, SceneError};

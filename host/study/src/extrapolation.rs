@@ -8,13 +8,15 @@
 //! Hands that **pull apart** stretch the sheet; hands that **move together** hold it stretched and carry it
 //! around. Contents reach up to 5 Hz, what a hand can do on purpose.
 
+use crate::StudyError;
 use host::bodies::{self, Built};
 use host::engine::body::{fill_blocks, reference_of};
-use host::scene::{LoadedScene, Scene, SceneError};
-use physics::{BodyError, Budget, CondenseError, Condenser, HandlePose, StepError};
+use host::scene::{LoadedScene, Scene};
+use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
 use serde::Serialize;
+use sim::minimum_jerk;
 
 /// Length of a physics step, which is also the tick (s).
 const STEP: f64 = 1e-3;
@@ -22,23 +24,6 @@ const STEP: f64 = 1e-3;
 const SETTLE: f64 = 1.0;
 /// Publication rates that are compared (Hz).
 pub const RATES: [f64; 5] = [30.0, 60.0, 125.0, 250.0, 500.0];
-
-/// Why the study could not be done.
-#[derive(Debug, thiserror::Error)]
-pub enum StudyError {
-    /// The scene cannot be built.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The solver's tolerance was refused.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A condensation failed.
-    #[error(transparent)]
-    Condense(#[from] CondenseError),
-}
 
 /// What the hands do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -53,7 +38,7 @@ pub enum Motion {
 impl Motion {
     /// Displacement of a hand (m): `side` is -1 for the left, +1 for the right.
     fn displacement(self, side: f64, t: f64) -> Vec3 {
-        let ramp = min_jerk(t / SETTLE);
+        let (ramp, _) = minimum_jerk(t / SETTLE);
         let sine = |f: f64, phase: f64| libm::sin(std::f64::consts::TAU * f * t + phase);
         match self {
             // 4 to 12 mm of stretch a hand, most of it slow, a little at 4.7 Hz.
@@ -72,12 +57,6 @@ impl Motion {
             }
         }
     }
-}
-
-/// `10 s^3 - 15 s^4 + 6 s^5`, the minimum-jerk step.
-fn min_jerk(s: f64) -> f64 {
-    let s = s.clamp(0.0, 1.0);
-    s * s * s * (10.0 - 15.0 * s + 6.0 * s * s)
 }
 
 /// One cell of the table.

@@ -3,8 +3,13 @@
 
 pub mod accuracy;
 pub mod elsewhere;
+mod error;
 pub mod extrapolation;
+mod level;
 pub mod speed;
 pub mod stability;
 pub mod stress;
 pub mod velocity;
+
+pub use error::StudyError;
+pub use level::Level;

@@ -1,7 +1,8 @@
 //! The figures of `palpate bench accuracy`, on its coarse meshes, held to what theory promises.
 
 use std::sync::LazyLock;
-use study::accuracy::{self, Accuracy, Level, Series};
+use study::Level;
+use study::accuracy::{self, Accuracy, Series};
 
 static FOUND: LazyLock<Accuracy> =
     LazyLock::new(|| accuracy::run(Level::Quick, |_| ()).expect("all benchmarks can be computed"));

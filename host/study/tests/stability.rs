@@ -1,6 +1,7 @@
 //! The quick part of `palpate bench stability`: all of it passes.
 
-use study::stability::{self, Family, Level, Report, Verdict};
+use study::Level;
+use study::stability::{self, Family, Report, Verdict};
 
 /// Families of elastic motion; the rest is in [`STARTS`] and [`ENDS`]. In three, to run side by side.
 const MOTION: [&str; 6] = [

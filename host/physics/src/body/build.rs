@@ -1,11 +1,15 @@
 //! From a mesh, materials and handles to a body at rest.
 
-use super::guard::Guard;
+use super::assembly::Assembly;
+use super::constraints::Constraints;
 use super::handle::{Handle, HandleSpec};
+use super::model::Model;
+use super::state::State;
 use super::support::Supports;
+use super::topology::Topology;
 use super::{Body, BodyConfig};
 use crate::Vec3;
-use crate::element::bending::{self, Bending, Patch};
+use crate::element::bending::{self, Patch};
 use crate::element::elements::Elements;
 use crate::element::tet::shape::{Tet4, Tet10};
 use crate::element::tet::solid::Solid;
@@ -13,8 +17,6 @@ use crate::element::triangle::membrane::Membrane;
 use crate::element::triangle::woven::Woven;
 use crate::element::truss::Truss;
 use crate::error::BodyError;
-use crate::linear::block_matrix::BlockMatrix;
-use crate::linear::pcg::Pcg;
 use crate::material::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
 use crate::material::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
 use crate::material::weave::Weave;
@@ -166,7 +168,7 @@ impl Body {
     fn build(
         positions: &[Vec3],
         mut elements: Vec<Box<dyn Elements>>,
-        mut patches: Vec<Patch>,
+        patches: Vec<Patch>,
         config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<Self, BodyError> {
@@ -174,13 +176,15 @@ impl Body {
         check_positions(positions)?;
         let count = positions.len();
         check_elements(&elements, count)?;
-        let (node_of_vertex, free) = number_nodes(count, handles)?;
+        let mut holder = vec![None; count];
+        for (handle, spec) in handles.iter().enumerate() {
+            check_handle(handle, spec, &mut holder)?;
+        }
+        let held = handles.iter().flat_map(|spec| &spec.vertices);
+        let (node_of_vertex, free) = Topology::number(count, held);
         let node = |vertex: u32| node_of_vertex[vertex as usize];
         for set in &mut elements {
             set.renumber(&node_of_vertex);
-        }
-        for vertex in patches.iter_mut().flat_map(|patch| &mut patch.vertices) {
-            *vertex = node(*vertex);
         }
         let mut mass = vec![0.0; count];
         let mut load = vec![0.0; count];
@@ -190,16 +194,6 @@ impl Body {
         if let Some(vertex) = (0..count).find(|&vertex| mass[node(vertex as u32) as usize] == 0.0) {
             return Err(BodyError::Unreferenced { vertex });
         }
-
-        let cliques = elements
-            .iter()
-            .flat_map(|set| (0..set.count()).map(|element| set.nodes(element)))
-            .chain(patches.iter().map(|patch| patch.vertices.as_slice()));
-        let stiffness = BlockMatrix::new(count, free, cliques);
-        for set in &mut elements {
-            set.bind(&stiffness);
-        }
-        let bending = (!patches.is_empty()).then(|| Bending::new(&stiffness, &patches));
 
         let mut x = vec![Vec3::zeros(); count];
         for (vertex, &position) in positions.iter().enumerate() {
@@ -215,34 +209,35 @@ impl Body {
                 handle
             })
             .collect();
-        Ok(Self {
-            config,
+        let topology = Topology {
             node_of_vertex,
+            epoch: 0,
+        };
+        let mut model = Model {
+            config,
             elements,
-            bending,
-            stiffness,
-            handles,
-            supports: Supports::default(),
+            patches,
+            bending: None,
             rest: x.clone(),
-            x,
-            v: vec![Vec3::zeros(); count],
             external: load.iter().map(|&load| config.gravity * load).collect(),
             load_factor: 1.0,
             mass,
             load,
-            internal: vec![Vec3::zeros(); count],
-            revision: 0,
-            displacement: vec![Vec3::zeros(); count],
-            promised: vec![Vec3::zeros(); count],
-            promised_over: None,
-            missed: vec![Vec3::zeros(); count],
-            clock: 0.0,
-            guard: Guard::default(),
-            ahead: vec![Vec3::zeros(); count],
-            pcg: Pcg::new(free),
-            grip: vec![Vec3::zeros(); count - free],
-            fresh: false,
-            assembled: false,
+        };
+        Ok(Self {
+            assembly: Assembly::new(&mut model, &topology, free),
+            topology,
+            state: State {
+                x,
+                v: vec![Vec3::zeros(); count],
+                clock: 0.0,
+                revision: 0,
+            },
+            constraints: Constraints {
+                handles,
+                supports: Supports::default(),
+            },
+            model,
         })
     }
 }
@@ -289,43 +284,34 @@ fn check_elements(elements: &[Box<dyn Elements>], count: usize) -> Result<(), Bo
     Ok(())
 }
 
-/// The node of each vertex, and how many nodes are free.
-fn number_nodes(count: usize, handles: &[HandleSpec]) -> Result<(Vec<u32>, usize), BodyError> {
-    let mut holder = vec![None; count];
-    let mut held = 0;
-    for (handle, spec) in handles.iter().enumerate() {
-        if spec.vertices.is_empty() {
-            return Err(BodyError::EmptyHandle { handle });
-        }
-        if !spec.origin.iter().all(|c| c.is_finite()) {
-            return Err(BodyError::HandleOrigin { handle });
-        }
-        for &vertex in &spec.vertices {
-            let Some(entry) = holder.get_mut(vertex as usize) else {
-                return Err(BodyError::HandleVertex {
-                    handle,
-                    vertex,
-                    count,
-                });
-            };
-            if let Some(first) = entry.replace(handle) {
-                return Err(BodyError::SharedVertex {
-                    vertex,
-                    first,
-                    second: handle,
-                });
-            }
-            held += 1;
+/// Whether a handle can be made of `spec` where each vertex has a `holder` or none; it becomes that of its own.
+pub(super) fn check_handle(
+    handle: usize,
+    spec: &HandleSpec,
+    holder: &mut [Option<usize>],
+) -> Result<(), BodyError> {
+    if spec.vertices.is_empty() {
+        return Err(BodyError::EmptyHandle { handle });
+    }
+    if !spec.origin.iter().all(|c| c.is_finite()) {
+        return Err(BodyError::HandleOrigin { handle });
+    }
+    let count = holder.len();
+    for &vertex in &spec.vertices {
+        let Some(entry) = holder.get_mut(vertex as usize) else {
+            return Err(BodyError::HandleVertex {
+                handle,
+                vertex,
+                count,
+            });
+        };
+        if let Some(first) = entry.replace(handle) {
+            return Err(BodyError::SharedVertex {
+                vertex,
+                first,
+                second: handle,
+            });
         }
     }
-    let free = count - held;
-    let mut nodes = vec![0; count];
-    let unheld = (0..count as u32).filter(|&vertex| holder[vertex as usize].is_none());
-    let in_handles = handles
-        .iter()
-        .flat_map(|spec| spec.vertices.iter().copied());
-    for (node, vertex) in unheld.chain(in_handles).enumerate() {
-        nodes[vertex as usize] = node as u32;
-    }
-    Ok((nodes, free))
+    Ok(())
 }

@@ -6,13 +6,13 @@ use crate::Vec3;
 impl Body {
     /// Total mass (kg).
     pub fn total_mass(&self) -> f64 {
-        self.mass.iter().sum()
+        self.model.mass.iter().sum()
     }
 
     /// Linear momentum (kg m/s).
     pub fn momentum(&self) -> Vec3 {
         let mut sum = Vec3::zeros();
-        for (v, &mass) in self.v.iter().zip(&self.mass) {
+        for (v, &mass) in self.state.v.iter().zip(&self.model.mass) {
             sum += v * mass;
         }
         sum
@@ -20,47 +20,53 @@ impl Body {
 
     /// Gravity and the host's forces together, as far as they act (N).
     pub fn total_external_force(&self) -> Vec3 {
-        self.external.iter().sum::<Vec3>() * self.load_factor
+        self.model.external.iter().sum::<Vec3>() * self.model.load_factor
     }
 
     /// Kinetic energy (J).
     pub fn kinetic_energy(&self) -> f64 {
-        self.v
+        self.state
+            .v
             .iter()
-            .zip(&self.mass)
+            .zip(&self.model.mass)
             .map(|(v, &mass)| 0.5 * mass * v.norm_squared())
             .sum()
     }
 
     /// Elastic energy (J) at the present state, bending included.
     pub fn elastic_energy(&self) -> f64 {
-        self.elastic_energy_at(&self.x)
+        self.elastic_energy_at(&self.state.x)
     }
 
     /// The same at positions `x` (m) by node.
     pub(crate) fn elastic_energy_at(&self, x: &[Vec3]) -> f64 {
-        let bending = self.bending.as_ref();
-        let bending = bending.map_or(0.0, |bending| bending.energy(&self.stiffness, x));
-        self.elements.iter().map(|set| set.energy(x)).sum::<f64>() + bending
+        let bending = self.model.bending.as_ref();
+        let bending = bending.map_or(0.0, |bending| bending.energy(&self.assembly.stiffness, x));
+        self.model
+            .elements
+            .iter()
+            .map(|set| set.energy(x))
+            .sum::<f64>()
+            + bending
     }
 
     /// Bending energy (J) at the present state; 0 without bending.
     pub fn bending_energy(&self) -> f64 {
-        self.bending
-            .as_ref()
-            .map_or(0.0, |bending| bending.energy(&self.stiffness, &self.x))
+        self.model.bending.as_ref().map_or(0.0, |bending| {
+            bending.energy(&self.assembly.stiffness, &self.state.x)
+        })
     }
 
     /// Potential energy (J) of gravity and the host's forces at the present state, as far as they act: minus
     /// their work from the origin.
     pub fn load_potential(&self) -> f64 {
-        self.load_potential_at(&self.x)
+        self.load_potential_at(&self.state.x)
     }
 
     /// The same at positions `x` (m) by node.
     pub(crate) fn load_potential_at(&self, x: &[Vec3]) -> f64 {
-        let work = self.external.iter().zip(x).map(|(f, x)| f.dot(x));
-        -self.load_factor * work.sum::<f64>()
+        let work = self.model.external.iter().zip(x).map(|(f, x)| f.dot(x));
+        -self.model.load_factor * work.sum::<f64>()
     }
 
     /// Kinetic energy, elastic energy and that of the loads (J).

@@ -13,11 +13,15 @@ impl Body {
     /// [`BodyError::Length`] where the numbers of vertices or handles differ; nothing is changed then.
     pub fn continue_from(&mut self, other: &Self) -> Result<(), BodyError> {
         for (what, found, expected) in [
-            ("vertices to continue", other.x.len(), self.x.len()),
+            (
+                "vertices to continue",
+                other.state.x.len(),
+                self.state.x.len(),
+            ),
             (
                 "handles to continue",
-                other.handles.len(),
-                self.handles.len(),
+                other.constraints.handles.len(),
+                self.constraints.handles.len(),
             ),
         ] {
             if found != expected {
@@ -28,15 +32,26 @@ impl Body {
                 });
             }
         }
-        // Nodes are numbered by the mesh and the handles alone.
-        self.x.copy_from_slice(&other.x);
-        self.v.copy_from_slice(&other.v);
-        for (mine, theirs) in self.handles.iter_mut().zip(&other.handles) {
+        // The two may number their nodes differently.
+        let (mine, theirs) = (
+            &self.topology.node_of_vertex,
+            &other.topology.node_of_vertex,
+        );
+        for (&mine, &theirs) in mine.iter().zip(theirs) {
+            self.state.x[mine as usize] = other.state.x[theirs as usize];
+            self.state.v[mine as usize] = other.state.v[theirs as usize];
+        }
+        for (mine, theirs) in self
+            .constraints
+            .handles
+            .iter_mut()
+            .zip(&other.constraints.handles)
+        {
             mine.report = theirs.report;
         }
         self.forget_promise();
-        self.revision += 1;
-        self.fresh = false;
+        self.state.revision += 1;
+        self.assembly.fresh = false;
         Ok(())
     }
 }

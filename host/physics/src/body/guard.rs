@@ -53,7 +53,7 @@ impl Energy {
     /// At positions `x` (m) and velocities `v` (m/s) by node.
     pub(crate) fn of(body: &Body, x: &[Vec3], v: impl Iterator<Item = Vec3>) -> Self {
         let kinetic: f64 = v
-            .zip(&body.mass)
+            .zip(&body.model.mass)
             .map(|(v, mass)| 0.5 * mass * v.norm_squared())
             .sum();
         Self::new(
@@ -72,7 +72,7 @@ impl Energy {
     }
 
     pub(crate) fn now(body: &Body) -> Self {
-        Self::of(body, &body.x, body.v.iter().copied())
+        Self::of(body, &body.state.x, body.state.v.iter().copied())
     }
 
     fn is_below(&self, other: &Self) -> bool {
@@ -161,39 +161,47 @@ impl Body {
     /// Holds back so much of the displacement over a step of `h` that the body ends with no more energy than it
     /// had and hands have put in, at most `work` (J). Returns the share held back; 0 is the rule.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
-        let mut guard = self.guard;
+        let mut guard = self.assembly.guard;
         guard.begin(Energy::now(self));
         let held = guard.hold_back(self, work, |body| body.energy_ahead(h));
         guard.end(held.energy, work);
-        self.guard = guard;
+        self.assembly.guard = guard;
         1.0 - held.kept
     }
 
     /// Energy after a step of `h` by the displacement as it is.
     fn energy_ahead(&mut self, h: f64) -> Energy {
-        let mut ahead = core::mem::take(&mut self.ahead);
-        for ((ahead, x), u) in ahead.iter_mut().zip(&self.x).zip(&self.displacement) {
+        let mut ahead = core::mem::take(&mut self.assembly.ahead);
+        for ((ahead, x), u) in ahead
+            .iter_mut()
+            .zip(&self.state.x)
+            .zip(&self.assembly.displacement)
+        {
             *ahead = x + u;
         }
-        let energy = Energy::of(self, &ahead, self.displacement.iter().map(|u| u / h));
-        self.ahead = ahead;
+        let energy = Energy::of(
+            self,
+            &ahead,
+            self.assembly.displacement.iter().map(|u| u / h),
+        );
+        self.assembly.ahead = ahead;
         energy
     }
 
     /// How far the centre of mass goes in the step (m), where nothing but itself decides that.
     fn free_drift(&self) -> Vec3 {
-        if !self.handles.is_empty() || !self.supports.list.is_empty() {
+        if !self.constraints.handles.is_empty() || !self.constraints.supports.list.is_empty() {
             return Vec3::zeros();
         }
-        let moved = self.displacement.iter().zip(&self.mass);
+        let moved = self.assembly.displacement.iter().zip(&self.model.mass);
         moved.map(|(u, mass)| u * *mass).sum::<Vec3>() / self.total_mass()
     }
 
     /// Multiplies what nothing prescribes of the displacement, less `drift`.
     fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
-        let free = self.stiffness.free();
-        let mask = self.supports.mask();
-        for (node, u) in self.displacement[..free].iter_mut().enumerate() {
+        let free = self.assembly.stiffness.free();
+        let mask = self.constraints.supports.mask();
+        for (node, u) in self.assembly.displacement[..free].iter_mut().enumerate() {
             let change = (*u - drift) * (factor - 1.0);
             *u += mask.map_or(change, |mask| change.component_mul(&mask[node]));
         }
@@ -202,12 +210,12 @@ impl Body {
 
 /// What cannot be told from a sum of energies of which `own` is not that of loads (J).
 fn rounding(body: &Body, own: f64) -> f64 {
-    let free = body.stiffness.free();
+    let free = body.assembly.stiffness.free();
     let (mut sum, mut places) = (0.0, 0.0);
-    for (node, x) in body.x.iter().enumerate() {
-        sum += body.external[node].dot(x).abs();
+    for (node, x) in body.state.x.iter().enumerate() {
+        sum += body.model.external[node].dot(x).abs();
         if node < free {
-            let stiffness = body.stiffness.diagonal(node).amax();
+            let stiffness = body.assembly.stiffness.diagonal(node).amax();
             let reach = rounding::reach(body, node);
             sum += stiffness * reach * reach;
             places += stiffness * (f64::EPSILON * x.amax()).powi(2);

@@ -97,11 +97,12 @@ pub struct HandleReport {
     pub inertia: Wrench,
 }
 
-/// A handle inside a sheet. Its vertices are nodes `first` to `first + offsets.len()`.
+/// A handle of a body. Its vertices are nodes `first` to `first + offsets.len()`.
 #[derive(Clone, Debug)]
 pub(crate) struct Handle {
     pub(crate) first: usize,
-    /// Vertices from the origin at rest (m).
+    pub(crate) vertices: Vec<u32>,
+    /// Vertices from the origin, as they were taken hold of (m).
     pub(crate) offsets: Vec<Vec3>,
     pub(crate) freedom: Freedom,
     pub(crate) report: HandleReport,
@@ -119,6 +120,7 @@ impl Handle {
         };
         Self {
             first,
+            vertices: spec.vertices.clone(),
             offsets,
             freedom: spec.freedom,
             report,

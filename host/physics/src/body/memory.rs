@@ -2,37 +2,42 @@
 
 use super::Body;
 use super::handle::Handle;
-use crate::element::bending::Bending;
+use crate::element::bending::{Bending, Patch};
 
 impl Body {
     /// Memory that it holds (bytes).
     pub fn bytes(&self) -> usize {
-        let elements: usize = self.elements.iter().map(|set| set.bytes()).sum();
-        let bending = self.bending.as_ref().map(Bending::weights);
-        let handle = |handle: &Handle| size_of_val(handle) + size_of_val(handle.offsets.as_slice());
+        let elements: usize = self.model.elements.iter().map(|set| set.bytes()).sum();
+        let bending = self.model.bending.as_ref().map(Bending::weights);
+        let handle = |handle: &Handle| {
+            size_of_val(handle)
+                + size_of_val(handle.offsets.as_slice())
+                + size_of_val(handle.vertices.as_slice())
+        };
         let by_node = [
-            &self.rest,
-            &self.x,
-            &self.v,
-            &self.external,
-            &self.internal,
-            &self.displacement,
-            &self.grip,
-            &self.promised,
-            &self.missed,
-            &self.ahead,
+            &self.model.rest,
+            &self.state.x,
+            &self.state.v,
+            &self.model.external,
+            &self.assembly.internal,
+            &self.assembly.displacement,
+            &self.assembly.grip,
+            &self.assembly.promised,
+            &self.assembly.missed,
+            &self.assembly.ahead,
         ];
         let nodes: usize = by_node.iter().map(|v| size_of_val(v.as_slice())).sum();
         size_of::<Self>()
             + elements
             + bending.map_or(0, size_of_val)
-            + self.stiffness.bytes()
-            + self.handles.iter().map(handle).sum::<usize>()
-            + self.supports.bytes()
+            + self.model.patches.iter().map(Patch::bytes).sum::<usize>()
+            + self.assembly.stiffness.bytes()
+            + self.constraints.handles.iter().map(handle).sum::<usize>()
+            + self.constraints.supports.bytes()
             + nodes
-            + size_of_val(self.mass.as_slice())
-            + size_of_val(self.load.as_slice())
-            + size_of_val(self.node_of_vertex.as_slice())
-            + self.pcg.bytes()
+            + size_of_val(self.model.mass.as_slice())
+            + size_of_val(self.model.load.as_slice())
+            + size_of_val(self.topology.node_of_vertex.as_slice())
+            + self.assembly.pcg.bytes()
     }
 }

@@ -3,6 +3,8 @@
 //! Nodes are the vertices renumbered, free ones first in the mesh's order, then those of each handle.
 //! Everything public counts vertices, in the mesh's order.
 //!
+//! - `topology`, `state`, `constraints`, `model`: what a body is; `assembly`: what solvers work with.
+//! - `hold`: taking hold of a body and letting go.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - `build`: from a mesh, materials and handles to a body at rest; `exchange`: the same body made of something else.
 //! - [`load`]: tractions as forces on vertices.
@@ -10,28 +12,37 @@
 //! - `guard`: a bound on the energy that a step may leave.
 //! - `rounding`: what rounding leaves unknown of positions, forces and energies.
 
+mod assembly;
 mod build;
+mod constraints;
 mod energy;
 mod exchange;
 pub(crate) mod guard;
 pub mod handle;
+mod hold;
 pub mod load;
 mod memory;
+mod model;
 pub(crate) mod rounding;
+mod state;
 pub(crate) mod support;
+mod topology;
 mod weight;
+
+use assembly::Assembly;
+use constraints::Constraints;
+use model::Model;
+use state::State;
+use topology::Topology;
 
 pub use build::{SheetLawName, SolidLaw};
 
 use crate::Vec3;
-use crate::body::guard::Guard;
-use crate::body::handle::{Handle, HandleReport};
-use crate::body::support::Supports;
-use crate::element::bending::Bending;
+use crate::body::handle::HandleReport;
 use crate::element::elements::Elements;
 use crate::error::BodyError;
 use crate::linear::block_matrix::BlockMatrix;
-use crate::linear::pcg::{Budget, Pcg};
+use crate::linear::pcg::Budget;
 use crate::material::Tangent;
 
 /// How a body moves.
@@ -106,53 +117,11 @@ impl BodyConfig {
 /// A step is [`assemble`](Self::assemble), then [`solve`](Self::solve). Neither allocates.
 #[derive(Clone, Debug)]
 pub struct Body {
-    pub(crate) config: BodyConfig,
-    pub(crate) node_of_vertex: Vec<u32>,
-    pub(crate) elements: Vec<Box<dyn Elements>>,
-    pub(crate) bending: Option<Bending>,
-    pub(crate) stiffness: BlockMatrix,
-    pub(crate) handles: Vec<Handle>,
-    pub(crate) supports: Supports,
-
-    // State and constants by node.
-    /// Positions at rest (m).
-    pub(crate) rest: Vec<Vec3>,
-    pub(crate) x: Vec<Vec3>,
-    pub(crate) v: Vec<Vec3>,
-    pub(crate) mass: Vec<f64>,
-    /// What gravity is multiplied by (kg): not the lumped mass where elements are quadratic.
-    pub(crate) load: Vec<f64>,
-    /// Gravity and what the host adds (N).
-    pub(crate) external: Vec<Vec3>,
-    /// Share of `external` that acts.
-    pub(crate) load_factor: f64,
-    /// Elastic forces where `assemble` last ran (N).
-    pub(crate) internal: Vec<Vec3>,
-
-    /// How often something was set from outside.
-    pub(crate) revision: u64,
-
-    // What a step writes.
-    pub(crate) displacement: Vec<Vec3>,
-    pub(crate) pcg: Pcg,
-    /// Force of the hand on each handle node less the node's inertia, in the last step (N).
-    pub(crate) grip: Vec<Vec3>,
-    /// By node, the elastic force that the last step's linearization promised for its end (N); how long that step was
-    /// (s), where it was a whole one.
-    pub(crate) promised: Vec<Vec3>,
-    pub(crate) promised_over: Option<f64>,
-    /// By node, the rate at which forces change along the motion beside what the tangent makes of it (N/s), as far as
-    /// is known.
-    pub(crate) missed: Vec<Vec3>,
-    /// How much time steps have taken (s).
-    pub(crate) clock: f64,
-    pub(crate) guard: Guard,
-    /// Positions after the step, before it is taken.
-    pub(crate) ahead: Vec<Vec3>,
-    /// Whether stiffness and internal forces are those of the present state.
-    pub(crate) fresh: bool,
-    /// Whether `assemble` has ever run.
-    pub(crate) assembled: bool,
+    pub(crate) topology: Topology,
+    pub(crate) state: State,
+    pub(crate) constraints: Constraints,
+    pub(crate) model: Model,
+    pub(crate) assembly: Assembly,
 }
 
 impl Body {
@@ -164,62 +133,82 @@ impl Body {
 
     /// The same, with a choice of the tangent.
     pub fn assemble_with(&mut self, tangent: Tangent) {
-        self.internal.fill(Vec3::zeros());
-        if let Some(bending) = &self.bending {
-            self.stiffness.load_scalar(bending.weights());
-            bending.add_force(&self.stiffness, &self.x, &mut self.internal);
+        self.assembly.internal.fill(Vec3::zeros());
+        if let Some(bending) = &self.model.bending {
+            self.assembly.stiffness.load_scalar(bending.weights());
+            bending.add_force(
+                &self.assembly.stiffness,
+                &self.state.x,
+                &mut self.assembly.internal,
+            );
         } else {
-            self.stiffness.clear();
+            self.assembly.stiffness.clear();
         }
-        for elements in &self.elements {
-            elements.assemble(&self.x, tangent, &mut self.internal, &mut self.stiffness);
+        for elements in &self.model.elements {
+            elements.assemble(
+                &self.state.x,
+                tangent,
+                &mut self.assembly.internal,
+                &mut self.assembly.stiffness,
+            );
         }
-        self.fresh = true;
-        self.assembled = true;
+        self.assembly.fresh = true;
+        self.assembly.assembled = true;
     }
 
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.x.len()
+        self.state.x.len()
     }
 
     /// Number of scalars that a solve finds: three a vertex, less those that handles and supports prescribe.
     pub fn unknown_count(&self) -> usize {
-        let free = 3 * self.stiffness.free();
-        let mask = self.supports.mask().unwrap_or_default();
+        let free = 3 * self.assembly.stiffness.free();
+        let mask = self.constraints.supports.mask().unwrap_or_default();
         let guided = mask.iter().flat_map(Vec3::iter).filter(|m| **m == 0.0);
         free - guided.count()
     }
 
     /// Number of elements, of all kinds together.
     pub fn element_count(&self) -> usize {
-        self.elements.iter().map(|elements| elements.count()).sum()
+        self.model
+            .elements
+            .iter()
+            .map(|elements| elements.count())
+            .sum()
     }
 
     /// The elements, one set a kind, over [node positions](Self::node_positions).
     pub fn elements(&self) -> &[Box<dyn Elements>] {
-        &self.elements
+        &self.model.elements
     }
 
     /// Number of elements that are turned inside out at present.
     pub fn inverted_count(&self) -> usize {
-        self.elements.iter().map(|set| set.inverted(&self.x)).sum()
+        self.model
+            .elements
+            .iter()
+            .map(|set| set.inverted(&self.state.x))
+            .sum()
     }
 
     /// Number of handles.
     pub fn handle_count(&self) -> usize {
-        self.handles.len()
+        self.constraints.handles.len()
     }
 
     /// What the last step did at a handle, or `None` past the last. Before any step: the rest pose and
     /// no forces.
     pub fn handle_report(&self, handle: usize) -> Option<&HandleReport> {
-        self.handles.get(handle).map(|handle| &handle.report)
+        self.constraints
+            .handles
+            .get(handle)
+            .map(|handle| &handle.report)
     }
 
     /// The configuration.
     pub fn config(&self) -> &BodyConfig {
-        &self.config
+        &self.model.config
     }
 
     /// Replaces what stops the solver.
@@ -232,52 +221,56 @@ impl Body {
             tolerance: budget.tolerance,
             absolute_tolerance: budget.absolute_tolerance,
             max_iterations: budget.max_iterations,
-            ..self.config
+            ..self.model.config
         };
         config.check()?;
-        self.config = config;
+        self.model.config = config;
         Ok(())
     }
 
     /// The stiffness as last assembled, by node.
     pub fn stiffness(&self) -> &BlockMatrix {
-        &self.stiffness
+        &self.assembly.stiffness
     }
 
     /// The node that a vertex became, or `None` past the last vertex.
     pub fn node(&self, vertex: usize) -> Option<usize> {
-        self.node_of_vertex.get(vertex).map(|&node| node as usize)
+        self.topology
+            .node_of_vertex
+            .get(vertex)
+            .map(|&node| node as usize)
     }
 
     /// Positions (m) by node.
     pub fn node_positions(&self) -> &[Vec3] {
-        &self.x
+        &self.state.x
     }
 
     /// Masses (kg) by node.
     pub fn node_masses(&self) -> &[f64] {
-        &self.mass
+        &self.model.mass
     }
 
     fn by_vertex<'a>(&'a self, values: &'a [Vec3]) -> impl ExactSizeIterator<Item = Vec3> + 'a {
-        self.node_of_vertex
+        self.topology
+            .node_of_vertex
             .iter()
             .map(|&node| values[node as usize])
     }
 
     /// Positions of the vertices (m).
     pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.x)
+        self.by_vertex(&self.state.x)
     }
 
     /// Velocities of the vertices (m/s).
     pub fn velocities(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.v)
+        self.by_vertex(&self.state.v)
     }
 
     /// Elastic forces on the vertices where [`assemble`](Self::assemble) last ran (N).
     pub fn internal_forces(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.internal)
+        self.by_vertex(&self.assembly.internal)
     }
 
     /// Replaces positions (m), one per vertex. Vertices of a handle return to its pose in the next step.
@@ -286,11 +279,11 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("positions", positions, self.x.len())?;
-        scatter(&self.node_of_vertex, positions, &mut self.x);
+        check_vectors("positions", positions, self.state.x.len())?;
+        scatter(&self.topology.node_of_vertex, positions, &mut self.state.x);
         self.forget_promise();
-        self.revision += 1;
-        self.fresh = false;
+        self.state.revision += 1;
+        self.assembly.fresh = false;
         Ok(())
     }
 
@@ -300,10 +293,10 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("velocities", velocities, self.x.len())?;
-        scatter(&self.node_of_vertex, velocities, &mut self.v);
+        check_vectors("velocities", velocities, self.state.x.len())?;
+        scatter(&self.topology.node_of_vertex, velocities, &mut self.state.v);
         self.forget_promise();
-        self.revision += 1;
+        self.state.revision += 1;
         Ok(())
     }
 
@@ -313,11 +306,15 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
     pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("external forces", forces, self.x.len())?;
-        scatter(&self.node_of_vertex, forces, &mut self.external);
-        self.revision += 1;
-        for (external, &load) in self.external.iter_mut().zip(&self.load) {
-            *external += self.config.gravity * load;
+        check_vectors("external forces", forces, self.state.x.len())?;
+        scatter(
+            &self.topology.node_of_vertex,
+            forces,
+            &mut self.model.external,
+        );
+        self.state.revision += 1;
+        for (external, &load) in self.model.external.iter_mut().zip(&self.model.load) {
+            *external += self.model.config.gravity * load;
         }
         Ok(())
     }
@@ -335,41 +332,9 @@ impl Body {
                 expected: "a finite number",
             });
         }
-        self.load_factor = factor;
-        self.revision += 1;
+        self.model.load_factor = factor;
+        self.state.revision += 1;
         Ok(())
-    }
-
-    /// Guides vertices along those world axes that are `true`, where they are at rest until
-    /// [`set_support`](Self::set_support) moves them. Returns the support's number.
-    ///
-    /// Where supports share an axis of a vertex, the later one guides it.
-    ///
-    /// # Errors
-    ///
-    /// [`BodyError::Support`], [`BodyError::HeldAndGuided`].
-    pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
-        let support = self.supports.list.len();
-        let free = self.stiffness.free();
-        let mut nodes = Vec::with_capacity(vertices.len());
-        for &vertex in vertices {
-            let Some(&node) = self.node_of_vertex.get(vertex as usize) else {
-                return Err(BodyError::Support {
-                    support,
-                    found: "it names a vertex that does not exist",
-                });
-            };
-            let holds = |handle: &Handle| handle.nodes().contains(&(node as usize));
-            if let Some(handle) = self.handles.iter().position(holds) {
-                return Err(BodyError::HeldAndGuided {
-                    vertex,
-                    handle,
-                    support,
-                });
-            }
-            nodes.push(node);
-        }
-        self.supports.add(&nodes, axes, free, &self.x)
     }
 
     /// Moves a support's vertices to `displacement` (m) from where they were when it was added, in the next
@@ -383,10 +348,10 @@ impl Body {
         if !displacement.iter().all(|c| c.is_finite()) {
             return fail("its displacement is not finite");
         }
-        match self.supports.list.get_mut(support) {
+        match self.constraints.supports.list.get_mut(support) {
             Some(entry) => {
                 entry.displacement = displacement;
-                self.revision += 1;
+                self.state.revision += 1;
             }
             None => return fail("it does not exist"),
         }
@@ -395,12 +360,16 @@ impl Body {
 
     /// Number of supports.
     pub fn support_count(&self) -> usize {
-        self.supports.list.len()
+        self.constraints.supports.list.len()
     }
 
     /// Force of a support on the body along its axes in the last solve (N), or `None` past the last.
     pub fn support_reaction(&self, support: usize) -> Option<Vec3> {
-        self.supports.list.get(support).map(|s| s.reaction)
+        self.constraints
+            .supports
+            .list
+            .get(support)
+            .map(|s| s.reaction)
     }
 }
 

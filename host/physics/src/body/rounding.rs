@@ -36,14 +36,14 @@ pub(crate) struct Lost {
 
 /// The longest way at rest from a node to one that it shares an element with (m).
 pub(crate) fn reach(body: &Body, node: usize) -> f64 {
-    let (columns, _) = body.stiffness.row(node);
-    let way = |column: &u32| (body.rest[*column as usize] - body.rest[node]).amax();
+    let (columns, _) = body.assembly.stiffness.row(node);
+    let way = |column: &u32| (body.model.rest[*column as usize] - body.model.rest[node]).amax();
     columns.iter().map(way).fold(0.0, f64::max)
 }
 
 impl Rounding {
     pub(crate) fn new(body: &Body) -> Self {
-        let nodes = 0..body.stiffness.free();
+        let nodes = 0..body.assembly.stiffness.free();
         Self {
             reach: nodes.map(|node| reach(body, node)).collect(),
         }
@@ -51,7 +51,7 @@ impl Rounding {
 
     /// Uncertainty of the place of a free node (m).
     pub(crate) fn of_place(&self, body: &Body, node: usize) -> f64 {
-        ROUNDING * (body.x[node].amax() + self.reach[node])
+        ROUNDING * (body.state.x[node].amax() + self.reach[node])
     }
 
     /// What the energy of the elements at a free node of this stiffness rounds to (J).
@@ -62,7 +62,8 @@ impl Rounding {
     /// Norm of the residual that may be rounding (N), of a matrix `mass M + stiffness K`.
     pub(crate) fn of_forces(&self, body: &Body, mass: f64, stiffness: f64) -> f64 {
         let square = |node: usize| {
-            let matrix = body.stiffness.diagonal(node).amax() * stiffness + body.mass[node] * mass;
+            let matrix = body.assembly.stiffness.diagonal(node).amax() * stiffness
+                + body.model.mass[node] * mass;
             // Neighbours are as uncertain as the node itself.
             let force = 2.0 * matrix * self.of_place(body, node);
             force * force
@@ -87,15 +88,16 @@ impl Lost {
 impl Body {
     /// The largest motion of a node from rest along an axis (m).
     pub(crate) fn moved(&self) -> f64 {
-        let ways = self.x.iter().zip(&self.rest);
+        let ways = self.state.x.iter().zip(&self.model.rest);
         ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)
     }
 
     /// Longest edge of the box around the body at rest (m).
     pub(crate) fn size(&self) -> f64 {
         let corner = |pick: fn(f64, f64) -> f64| {
-            let first = self.rest.first().copied().unwrap_or_default();
-            self.rest
+            let first = self.model.rest.first().copied().unwrap_or_default();
+            self.model
+                .rest
                 .iter()
                 .fold(first, |corner: Vec3, x| corner.zip_map(x, pick))
         };

@@ -10,7 +10,11 @@ use crate::error::BodyError;
 /// Where a support guides its nodes, and what that took.
 #[derive(Clone, Debug)]
 pub(crate) struct Support {
-    /// From the rest shape (m); only the guided axes count.
+    nodes: Vec<u32>,
+    axes: [bool; 3],
+    /// Where the nodes were when it was added (m).
+    base: Vec<Vec3>,
+    /// From there (m); only the guided axes count.
     pub(crate) displacement: Vec3,
     /// Force of the support on the body in the last solve (N).
     pub(crate) reaction: Vec3,
@@ -26,28 +30,32 @@ pub(crate) struct Supports {
     owner: Vec<[u16; 3]>,
     /// Guided nodes, ascending.
     guided: Vec<u32>,
-    /// Their rest positions (m).
+    /// Where they are guided before displacements, each axis as its support has it (m).
     rest: Vec<Vec3>,
 }
 
 impl Supports {
     /// Memory that they hold (bytes).
     pub(crate) fn bytes(&self) -> usize {
+        let own = |support: &Support| {
+            size_of_val(support.nodes.as_slice()) + size_of_val(support.base.as_slice())
+        };
         size_of_val(self.list.as_slice())
+            + self.list.iter().map(own).sum::<usize>()
             + size_of_val(self.mask.as_slice())
             + size_of_val(self.owner.as_slice())
             + size_of_val(self.guided.as_slice())
             + size_of_val(self.rest.as_slice())
     }
 
-    /// Adds a support of free nodes with the given rest positions, by node. Where supports share an axis of
+    /// Adds a support of free nodes where the nodes are, at `x` (m). Where supports share an axis of
     /// a node, the later one guides it.
     pub(crate) fn add(
         &mut self,
         nodes: &[u32],
         axes: [bool; 3],
         free: usize,
-        rest: &[Vec3],
+        x: &[Vec3],
     ) -> Result<usize, BodyError> {
         let support = self.list.len();
         let fail = |found| Err(BodyError::Support { support, found });
@@ -60,29 +68,60 @@ impl Supports {
         if support >= usize::from(u16::MAX) {
             return fail("there are too many supports");
         }
-        self.mask.resize(free, Vec3::repeat(1.0));
-        self.owner.resize(free, [0; 3]);
-        for &node in nodes {
-            for axis in 0..3 {
-                if axes[axis] {
-                    self.mask[node as usize][axis] = 0.0;
-                    self.owner[node as usize][axis] = support as u16 + 1;
+        self.list.push(Support {
+            nodes: nodes.to_vec(),
+            axes,
+            base: nodes.iter().map(|&node| x[node as usize]).collect(),
+            displacement: Vec3::zeros(),
+            reaction: Vec3::zeros(),
+        });
+        self.lay_out(free);
+        Ok(support)
+    }
+
+    /// Takes a support away.
+    pub(crate) fn lift(&mut self, support: usize, free: usize) {
+        self.list.remove(support);
+        self.lay_out(free);
+    }
+
+    /// Nodes are numbered anew: each goes to its `place`.
+    pub(crate) fn renumber(&mut self, place: &[u32], free: usize) {
+        for node in self.list.iter_mut().flat_map(|support| &mut support.nodes) {
+            *node = place[*node as usize];
+        }
+        self.lay_out(free);
+    }
+
+    /// The support that guides a node along some axis.
+    pub(crate) fn owner_of(&self, node: u32) -> Option<usize> {
+        let owners = self.owner.get(node as usize)?;
+        let owner = owners.iter().find(|&&owner| owner > 0)?;
+        Some(usize::from(*owner) - 1)
+    }
+
+    /// What each of `free` nodes is guided by.
+    fn lay_out(&mut self, free: usize) {
+        let free = if self.list.is_empty() { 0 } else { free };
+        self.mask = vec![Vec3::repeat(1.0); free];
+        self.owner = vec![[0; 3]; free];
+        let mut base = vec![Vec3::zeros(); free];
+        for (support, entry) in self.list.iter().enumerate() {
+            for (&node, at) in entry.nodes.iter().zip(&entry.base) {
+                for axis in 0..3 {
+                    if entry.axes[axis] {
+                        self.mask[node as usize][axis] = 0.0;
+                        self.owner[node as usize][axis] = support as u16 + 1;
+                        base[node as usize][axis] = at[axis];
+                    }
                 }
             }
         }
         self.guided = (0..free as u32)
             .filter(|&node| self.owner[node as usize] != [0; 3])
             .collect();
-        self.rest = self
-            .guided
-            .iter()
-            .map(|&node| rest[node as usize])
-            .collect();
-        self.list.push(Support {
-            displacement: Vec3::zeros(),
-            reaction: Vec3::zeros(),
-        });
-        Ok(support)
+        let guided = self.guided.iter().map(|&node| base[node as usize]);
+        self.rest = guided.collect();
     }
 
     /// By free node and axis: 1 where it is free, 0 where it is guided; `None` without supports.

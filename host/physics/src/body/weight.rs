@@ -13,10 +13,10 @@ impl Body {
     /// By handle, the part of its wrench on the hand, as last reported, that is weight (N): along gravity, and no more
     /// than the body weighs. To be asked of a body that has come to rest; nothing where there has been no step.
     pub fn handle_weights(&self) -> Vec<Vec3> {
-        let gravity = self.config.gravity;
-        let whole = gravity.norm() * self.load.iter().sum::<f64>() * self.load_factor;
+        let gravity = self.model.config.gravity;
+        let whole = gravity.norm() * self.model.load.iter().sum::<f64>() * self.model.load_factor;
         let down = gravity.try_normalize(0.0).unwrap_or_default();
-        let each = self.handles.iter().map(|handle| {
+        let each = self.constraints.handles.iter().map(|handle| {
             let borne = handle.report.wrench_on_hand.force.dot(&down);
             // A load factor below zero has no weight to share.
             down * borne.min(whole).max(0.0)

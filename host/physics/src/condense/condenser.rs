@@ -25,6 +25,9 @@ use crate::linear::sparse_cholesky::Kernels;
 /// Condenses one body again and again without allocating.
 #[derive(Debug)]
 pub struct Condenser {
+    /// The epoch of the body for which everything here is made.
+    epoch: u64,
+    kernels: Kernels,
     cholesky: Cholesky,
     reduction: Reduction,
 }
@@ -47,7 +50,9 @@ impl Condenser {
     pub fn with_kernels(body: &Body, kernels: Kernels) -> Result<Self, CondenseError> {
         let reduction = Reduction::new(body);
         Ok(Self {
-            cholesky: Cholesky::new(&body.stiffness, reduction.columns.len(), kernels)?,
+            epoch: body.epoch(),
+            kernels,
+            cholesky: Cholesky::new(&body.assembly.stiffness, reduction.columns.len(), kernels)?,
             reduction,
         })
     }
@@ -72,8 +77,8 @@ impl Condenser {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
         }
-        let mass_factor = 1.0 / (period * period) + body.config.mass_damping / period;
-        let stiffness_factor = 1.0 + body.config.stiffness_damping / period;
+        let mass_factor = 1.0 / (period * period) + body.model.config.mass_damping / period;
+        let stiffness_factor = 1.0 + body.model.config.stiffness_damping / period;
         self.reduce(body, (mass_factor, stiffness_factor), period)
     }
 
@@ -94,30 +99,36 @@ impl Condenser {
         (mass_factor, stiffness_factor): (f64, f64),
         period: f64,
     ) -> Result<&Condensed, CondenseError> {
-        if !body.assembled {
+        if !body.assembly.assembled {
             return Err(CondenseError::NotAssembled);
+        }
+        if self.epoch != body.epoch() {
+            *self = Self::with_kernels(body, self.kernels)?;
         }
         if !self.reduction.fits(body) {
             return Err(CondenseError::Topology);
         }
         self.cholesky.factorize(
-            &body.stiffness,
-            &body.mass,
+            &body.assembly.stiffness,
+            &body.model.mass,
             mass_factor,
             stiffness_factor,
-            body.supports.mask(),
+            body.constraints.supports.mask(),
         )?;
         self.solve_shapes(body, stiffness_factor)?;
 
         self.pull(body);
-        Ok(self
-            .reduction
-            .reduce(body, mass_factor / stiffness_factor, period, &body.missed))
+        Ok(self.reduction.reduce(
+            body,
+            mass_factor / stiffness_factor,
+            period,
+            &body.assembly.missed,
+        ))
     }
 
     /// The arms, and `Psi_f = -A_ff^-1 A_fh S`.
     fn solve_shapes(&mut self, body: &Body, stiffness_factor: f64) -> Result<(), CondenseError> {
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         self.reduction.take_arms(body);
         let Reduction {
             columns,
@@ -130,7 +141,7 @@ impl Condenser {
         let rows = 3 * free;
         shapes.fill(0.0);
         for node in 0..free {
-            for (held, block) in body.stiffness.handle_blocks(node) {
+            for (held, block) in body.assembly.stiffness.handle_blocks(node) {
                 let arm = &arms[held - free];
                 for c in range[holder[held - free] as usize].clone() {
                     let force = block * columns[c].at(arm) * stiffness_factor;
@@ -140,7 +151,7 @@ impl Condenser {
                 }
             }
         }
-        if let Some(mask) = body.supports.mask() {
+        if let Some(mask) = body.constraints.supports.mask() {
             for column in shapes.chunks_mut(rows.max(1)) {
                 for (value, free) in column.iter_mut().zip(mask.iter().flat_map(Vec3::iter)) {
                     *value *= free;
@@ -157,7 +168,7 @@ impl Condenser {
 
     /// `K Psi` on the held nodes.
     fn pull(&mut self, body: &Body) {
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         let rows = 3 * free;
         let Reduction {
             columns,
@@ -171,11 +182,11 @@ impl Condenser {
             let shape = &shapes[c * rows..(c + 1) * rows];
             for held in 0..holder.len() {
                 let mut force = Vec3::zeros();
-                for (node, block) in body.stiffness.free_blocks(free + held) {
+                for (node, block) in body.assembly.stiffness.free_blocks(free + held) {
                     let at = 3 * node;
                     force += block * Vec3::new(shape[at], shape[at + 1], shape[at + 2]);
                 }
-                for (other, block) in body.stiffness.handle_blocks(free + held) {
+                for (other, block) in body.assembly.stiffness.handle_blocks(free + held) {
                     if holder[other - free] as usize == column.handle {
                         force += block * column.at(&arms[other - free]);
                     }

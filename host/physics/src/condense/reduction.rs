@@ -111,7 +111,7 @@ impl Reduction {
         let mut holder = Vec::new();
         let mut squares = 0.0;
         let mut counted = 0;
-        for (handle, held) in body.handles.iter().enumerate() {
+        for (handle, held) in body.constraints.handles.iter().enumerate() {
             let first = columns.len();
             columns.extend((0..held.freedom.count()).map(|motion| Column { handle, motion }));
             range.push(first..columns.len());
@@ -121,11 +121,11 @@ impl Reduction {
                 counted += held.offsets.len();
             }
         }
-        let size = 6 * body.handles.len();
-        let length = characteristic_length(squares, counted, &body.x);
+        let size = 6 * body.constraints.handles.len();
+        let length = characteristic_length(squares, counted, &body.state.x);
         let zeros = || Square::zeros(size);
         Self {
-            shapes: vec![0.0; columns.len() * 3 * body.stiffness.free()],
+            shapes: vec![0.0; columns.len() * 3 * body.assembly.stiffness.free()],
             pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
@@ -159,15 +159,16 @@ impl Reduction {
 
     /// Whether it was made for such a body.
     pub(crate) fn fits(&self, body: &Body) -> bool {
-        self.holder.len() == body.grip.len() && self.range.len() == body.handles.len()
+        self.holder.len() == body.assembly.grip.len()
+            && self.range.len() == body.constraints.handles.len()
     }
 
     /// The arms as they are now.
     pub(crate) fn take_arms(&mut self, body: &Body) {
-        let free = body.stiffness.free();
-        for handle in &body.handles {
+        let free = body.assembly.stiffness.free();
+        for handle in &body.constraints.handles {
             for node in handle.nodes() {
-                self.arms[node - free] = body.x[node] - handle.report.pose.position;
+                self.arms[node - free] = body.state.x[node] - handle.report.pose.position;
             }
         }
     }
@@ -207,9 +208,9 @@ impl Reduction {
     /// And what `p` is to the stiffness, `beta p` is to the damping: it takes all of a change of the hands' velocities
     /// for news, though the body follows. Its rate is that of `p` since the last model.
     fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
-        let rows = 3 * body.stiffness.free();
+        let rows = 3 * body.assembly.stiffness.free();
         for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
-            let report = &body.handles[column.handle].report;
+            let report = &body.constraints.handles[column.handle].report;
             *speed = if column.motion < 3 {
                 report.linear_velocity[column.motion]
             } else {
@@ -223,10 +224,10 @@ impl Reduction {
             ..
         } = &mut self.condensed;
         drift.fill(0.0);
-        let since = body.clock - self.told.at;
+        let since = body.state.clock - self.told.at;
         let goes_on = self.told.ratio == ratio && since >= 0.0;
         self.told = Told {
-            at: body.clock,
+            at: body.state.clock,
             ratio,
         };
         // Without a model before, what is missed now is all there is.
@@ -236,13 +237,13 @@ impl Reduction {
             1.0
         };
         let damped = if goes_on && since > 0.0 {
-            body.config.stiffness_damping / since
+            body.model.config.stiffness_damping / since
         } else {
             0.0
         };
         for (c, column) in self.columns.iter().enumerate() {
             let shape = &self.shapes[c * rows..(c + 1) * rows];
-            let mut sum = momentum(shape, &body.v, &body.mass);
+            let mut sum = momentum(shape, &body.state.v, &body.model.mass);
             let (mut clipped, mut rate) = (0.0, 0.0);
             for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
                 let at = (column.slot(), other.slot());
@@ -271,14 +272,14 @@ impl Reduction {
 
     /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
     fn products(&mut self, body: &Body, ratio: f64) {
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         let rows = 3 * free;
         let count = self.columns.len();
         for c in 0..count {
             for r in 0..=c {
                 let left = &self.shapes[r * rows..(r + 1) * rows];
                 let right = &self.shapes[c * rows..(c + 1) * rows];
-                let value = mass_product(left, right, &body.mass[..free]);
+                let value = mass_product(left, right, &body.model.mass[..free]);
                 self.inner[(r, c)] = value;
                 self.inner[(c, r)] = value;
             }
@@ -310,7 +311,7 @@ impl Reduction {
                 let shape = column.at(arm);
                 for motion in &self.columns[own.clone()] {
                     let at = (motion.slot(), column.slot());
-                    mass[at] += body.mass[row] * motion.at(arm).dot(&shape);
+                    mass[at] += body.model.mass[row] * motion.at(arm).dot(&shape);
                 }
             }
         }
@@ -328,13 +329,16 @@ impl Reduction {
             damping_clip,
             ..
         } = &mut self.condensed;
-        let (alpha, beta) = (body.config.mass_damping, body.config.stiffness_damping);
+        let (alpha, beta) = (
+            body.model.config.mass_damping,
+            body.model.config.stiffness_damping,
+        );
         for j in 0..mass.size() {
             for i in 0..mass.size() {
                 raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
             }
         }
-        for (held, (arm, force)) in self.arms.iter().zip(&body.grip).enumerate() {
+        for (held, (arm, force)) in self.arms.iter().zip(&body.assembly.grip).enumerate() {
             let own = self.range[self.holder[held] as usize].clone();
             for column in self.columns[own.clone()]
                 .iter()

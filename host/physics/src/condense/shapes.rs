@@ -52,6 +52,8 @@ pub struct Shapes {
 /// The shapes of a body that one stepper moves.
 #[derive(Debug)]
 struct Kept {
+    /// The epoch of the body.
+    epoch: u64,
     reduction: Reduction,
     /// Factors of mass and stiffness for which they are found.
     factors: (f64, f64),
@@ -99,25 +101,26 @@ impl Shapes {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
         }
-        if !stepper.is_ready() {
+        if !stepper.is_ready() || stepper.epoch != body.epoch() {
             return Err(CondenseError::NotAssembled);
         }
         let factors = (
-            1.0 / (period * period) + body.config.mass_damping / period,
-            1.0 + body.config.stiffness_damping / period,
+            1.0 / (period * period) + body.model.config.mass_damping / period,
+            1.0 + body.model.config.stiffness_damping / period,
         );
         let mut shapes = match self.kept.take() {
-            Some(shapes) if shapes.factors == factors => shapes,
+            Some(shapes) if shapes.factors == factors && shapes.epoch == body.epoch() => shapes,
             _ => {
                 let reduction = Reduction::new(body);
                 Box::new(Kept {
+                    epoch: body.epoch(),
                     references: vec![0.0; reduction.columns.len()],
                     reduction,
                     factors,
                     next: 0,
                     state: 0,
                     current: 0,
-                    missed: vec![Vec3::zeros(); body.x.len()],
+                    missed: vec![Vec3::zeros(); body.state.x.len()],
                 })
             }
         };
@@ -144,13 +147,13 @@ impl<T: Real> Stepper<T> {
             return;
         }
         let h = step.length;
-        let drag = body.config.mass_damping;
-        let stiffness_factor = 1.0 + body.config.stiffness_damping / h;
+        let drag = body.model.config.mass_damping;
+        let stiffness_factor = 1.0 + body.model.config.stiffness_damping / h;
         for (place, &node) in self.node.iter().enumerate() {
             let node = node as usize;
-            let (old, new) = (to_vec(&self.history[place][0]), body.v[node]);
+            let (old, new) = (to_vec(&self.history[place][0]), body.state.v[node]);
             let inertia = (old - new) / h - new * drag;
-            let external = body.external[node] * body.load_factor;
+            let external = body.model.external[node] * body.model.load_factor;
             let before = to_vec(&self.began[place]);
             let acting = before + external + inertia * self.mass[place];
             let fallen = (acting - to_vec(&self.residual[place])) / stiffness_factor;
@@ -221,7 +224,7 @@ impl<T: Real> Stepper<T> {
                 Vec3::zeros()
             };
             self.u[place] = to_node(&u);
-            self.residual[place] = to_node(&(u * (-mass_factor * body.mass[node])));
+            self.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
         }
         for kernel in &self.kernels {
             kernel.product(T::of(-stiffness_factor), &self.u, &mut self.residual);

@@ -53,6 +53,8 @@ pub struct EquilibriumReport {
 #[derive(Debug)]
 pub struct Equilibrium {
     options: EquilibriumOptions,
+    /// The epoch of the body for which everything here is made.
+    epoch: u64,
     newton: Newton,
     first: Vec<Vec3>,
     last: Vec<Vec3>,
@@ -68,10 +70,11 @@ impl Equilibrium {
     pub fn new(body: &Body, options: EquilibriumOptions) -> Result<Self, CondenseError> {
         Ok(Self {
             options,
+            epoch: body.epoch(),
             newton: Newton::new(body, options.newton)?,
-            first: body.x.clone(),
-            last: body.x.clone(),
-            held: vec![Vec3::zeros(); body.grip.len()],
+            first: body.state.x.clone(),
+            last: body.state.x.clone(),
+            held: vec![Vec3::zeros(); body.assembly.grip.len()],
         })
     }
 
@@ -88,22 +91,25 @@ impl Equilibrium {
         load_factor: f64,
     ) -> Result<EquilibriumReport, StepError> {
         body.check_step(1.0, targets)?;
+        if self.epoch != body.epoch() {
+            *self = Self::new(body, self.options).map_err(StepError::Matrix)?;
+        }
         if !load_factor.is_finite() {
             return Err(StepError::Load { found: load_factor });
         }
-        self.first.copy_from_slice(&body.x);
-        let load = body.load_factor;
+        self.first.copy_from_slice(&body.state.x);
+        let load = body.model.load_factor;
         let result = self.advance(body, targets, load, load_factor);
         if result.is_ok() {
-            body.v.fill(Vec3::zeros());
+            body.state.v.fill(Vec3::zeros());
             // Where velocities are zero, what is reported has no damping and no inertia.
             self.last.fill(Vec3::zeros());
             body.report_stage(f64::INFINITY, targets, &self.last);
         } else {
-            body.x.copy_from_slice(&self.first);
-            body.load_factor = load;
+            body.state.x.copy_from_slice(&self.first);
+            body.model.load_factor = load;
         }
-        body.fresh = false;
+        body.assembly.fresh = false;
         result
     }
 
@@ -114,13 +120,13 @@ impl Equilibrium {
         load: f64,
         goal: f64,
     ) -> Result<EquilibriumReport, StepError> {
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         let mut report = EquilibriumReport::default();
         let widest = 1.0 / f64::from(self.options.load_steps.max(1));
         let narrowest = widest * libm::exp2(-f64::from(self.options.max_halvings));
         let (mut done, mut size) = (0.0, widest);
         while done < 1.0 {
-            self.last.copy_from_slice(&body.x);
+            self.last.copy_from_slice(&body.state.x);
             let inverted = if self.options.refuse_inversion {
                 body.inverted_count()
             } else {
@@ -132,13 +138,13 @@ impl Equilibrium {
             } else {
                 done + size
             };
-            for (handle, target) in body.handles.iter().zip(targets) {
+            for (handle, target) in body.constraints.handles.iter().zip(targets) {
                 let pose = between(&handle.report.pose, target, next);
                 for (node, offset) in handle.nodes().zip(&handle.offsets) {
                     self.held[node - free] = pose.position + pose.rotation * offset;
                 }
             }
-            body.load_factor = if next == 1.0 {
+            body.model.load_factor = if next == 1.0 {
                 goal
             } else {
                 load + (goal - load) * next
@@ -166,7 +172,7 @@ impl Equilibrium {
                 other => {
                     report.refused += 1;
                     let count = body.inverted_count();
-                    body.x.copy_from_slice(&self.last);
+                    body.state.x.copy_from_slice(&self.last);
                     size *= 0.5;
                     if size < narrowest {
                         return Err(match other {

@@ -68,6 +68,8 @@ pub struct StepReport {
 #[derive(Debug)]
 pub struct Integrator {
     options: IntegratorOptions,
+    /// The epoch of the body for which everything here is made.
+    epoch: u64,
     newton: Newton,
     anchor: Vec<Vec3>,
     predicted: Vec<Vec3>,
@@ -116,14 +118,16 @@ impl Integrator {
     ///
     /// [`CondenseError::Symbolic`].
     pub fn new(body: &Body, options: IntegratorOptions) -> Result<Self, CondenseError> {
-        let zeros = vec![Vec3::zeros(); body.x.len()];
-        let reports: Vec<HandleReport> = body.handles.iter().map(|h| h.report).collect();
+        let zeros = vec![Vec3::zeros(); body.state.x.len()];
+        let reports: Vec<HandleReport> =
+            body.constraints.handles.iter().map(|h| h.report).collect();
         Ok(Self {
             options,
+            epoch: body.epoch(),
             newton: Newton::new(body, options.newton)?,
             anchor: zeros.clone(),
             predicted: zeros.clone(),
-            held: vec![Vec3::zeros(); body.grip.len()],
+            held: vec![Vec3::zeros(); body.assembly.grip.len()],
             x: zeros.clone(),
             v: zeros.clone(),
             middle: zeros.clone(),
@@ -135,11 +139,21 @@ impl Integrator {
             moved: 0.0,
             aims: reports.iter().map(|report| report.pose).collect(),
             reports,
-            reactions: Vec::with_capacity(body.supports.list.len()),
-            grip: body.grip.clone(),
+            reactions: Vec::with_capacity(body.constraints.supports.list.len()),
+            grip: body.assembly.grip.clone(),
             guard: Guard::default(),
             work: 0.0,
         })
+    }
+
+    /// Makes its memory anew where `body` has begun another epoch since.
+    fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
+        if self.epoch != body.epoch() {
+            let (open, moved) = (self.open, self.moved);
+            *self = Self::new(body, self.options)?;
+            (self.open, self.moved) = (open, moved);
+        }
+        Ok(())
     }
 
     /// The same as [`step`](Self::step) under forces on the vertices, beside gravity, that go evenly from those that
@@ -157,17 +171,18 @@ impl Integrator {
         targets: &[HandlePose],
         forces: &[Vec3],
     ) -> Result<StepReport, StepError> {
-        self.loads.0.copy_from_slice(&body.external);
+        self.follow(body).map_err(StepError::Matrix)?;
+        self.loads.0.copy_from_slice(&body.model.external);
         body.set_external_forces(forces)
             .map_err(StepError::Forces)?;
-        self.loads.1.copy_from_slice(&body.external);
+        self.loads.1.copy_from_slice(&body.model.external);
         self.ramped = self.loads.0 != self.loads.1;
         let result = self.step(body, h, targets);
         self.ramped = false;
         if result.is_err() {
-            body.external.copy_from_slice(&self.loads.0);
+            body.model.external.copy_from_slice(&self.loads.0);
         } else {
-            body.external.copy_from_slice(&self.loads.1);
+            body.model.external.copy_from_slice(&self.loads.1);
         }
         result
     }
@@ -195,27 +210,39 @@ impl Integrator {
         targets: &[HandlePose],
     ) -> Result<StepReport, StepError> {
         body.check_step(h, targets)?;
-        self.kept.0.copy_from_slice(&body.x);
-        self.kept.1.copy_from_slice(&body.v);
-        for (report, handle) in self.reports.iter_mut().zip(&body.handles) {
+        self.follow(body).map_err(StepError::Matrix)?;
+        self.kept.0.copy_from_slice(&body.state.x);
+        self.kept.1.copy_from_slice(&body.state.v);
+        for (report, handle) in self.reports.iter_mut().zip(&body.constraints.handles) {
             *report = handle.report;
         }
         self.reactions.clear();
-        self.reactions
-            .extend(body.supports.list.iter().map(|support| support.reaction));
-        self.grip.copy_from_slice(&body.grip);
+        self.reactions.extend(
+            body.constraints
+                .supports
+                .list
+                .iter()
+                .map(|support| support.reaction),
+        );
+        self.grip.copy_from_slice(&body.assembly.grip);
         let result = self.halve(body, h, targets);
         if result.is_err() {
-            body.x.copy_from_slice(&self.kept.0);
-            body.v.copy_from_slice(&self.kept.1);
-            for (handle, report) in body.handles.iter_mut().zip(&self.reports) {
+            body.state.x.copy_from_slice(&self.kept.0);
+            body.state.v.copy_from_slice(&self.kept.1);
+            for (handle, report) in body.constraints.handles.iter_mut().zip(&self.reports) {
                 handle.report = *report;
             }
-            for (support, reaction) in body.supports.list.iter_mut().zip(&self.reactions) {
+            for (support, reaction) in body
+                .constraints
+                .supports
+                .list
+                .iter_mut()
+                .zip(&self.reactions)
+            {
                 support.reaction = *reaction;
             }
-            body.grip.copy_from_slice(&self.grip);
-            body.fresh = false;
+            body.assembly.grip.copy_from_slice(&self.grip);
+            body.assembly.fresh = false;
         }
         result
     }
@@ -231,8 +258,8 @@ impl Integrator {
         let whole = 1_u64 << self.options.max_halvings.min(30);
         let (mut done, mut size) = (0, whole);
         while done < whole {
-            self.x.copy_from_slice(&body.x);
-            self.v.copy_from_slice(&body.v);
+            self.x.copy_from_slice(&body.state.x);
+            self.v.copy_from_slice(&body.state.v);
             let inverted = if self.options.refuse_inversion {
                 body.inverted_count()
             } else {
@@ -281,8 +308,8 @@ impl Integrator {
                 other => {
                     report.refused += 1;
                     let count = body.inverted_count();
-                    body.x.copy_from_slice(&self.x);
-                    body.v.copy_from_slice(&self.v);
+                    body.state.x.copy_from_slice(&self.x);
+                    body.state.v.copy_from_slice(&self.v);
                     self.guard = guard;
                     if size == 1 {
                         return Err(match other {

@@ -113,15 +113,15 @@ struct Factors {
 
 impl Newton {
     pub(crate) fn new(body: &Body, options: NewtonOptions) -> Result<Self, CondenseError> {
-        let count = body.x.len();
+        let count = body.state.x.len();
         Ok(Self {
             options,
-            cholesky: Cholesky::new(&body.stiffness, 1, Kernels::default())?,
+            cholesky: Cholesky::new(&body.assembly.stiffness, 1, Kernels::default())?,
             residual: vec![Vec3::zeros(); count],
             velocity: vec![Vec3::zeros(); count],
             step: vec![Vec3::zeros(); count],
             start: vec![Vec3::zeros(); count],
-            flat: vec![0.0; 3 * body.stiffness.free()],
+            flat: vec![0.0; 3 * body.assembly.stiffness.free()],
             rounding: Rounding::new(body),
             asked: 0.0,
         })
@@ -140,25 +140,28 @@ impl Newton {
         held: &[Vec3],
         share: f64,
     ) -> Result<NewtonReport, StepError> {
-        let free = body.stiffness.free();
-        let exact = stage.is_none() || body.config.stiffness_damping == 0.0;
+        let free = body.assembly.stiffness.free();
+        let exact = stage.is_none() || body.model.config.stiffness_damping == 0.0;
         let factors = stage.map_or(
             Factors {
                 mass: 0.0,
                 stiffness: 1.0,
             },
             |stage| Factors {
-                mass: 1.0 / (stage.g * stage.g) + body.config.mass_damping / stage.g,
-                stiffness: 1.0 + body.config.stiffness_damping / stage.g,
+                mass: 1.0 / (stage.g * stage.g) + body.model.config.mass_damping / stage.g,
+                stiffness: 1.0 + body.model.config.stiffness_damping / stage.g,
             },
         );
         self.step.fill(Vec3::zeros());
-        body.supports.prescribe(&body.x, share, &mut self.step);
+        body.constraints
+            .supports
+            .prescribe(&body.state.x, share, &mut self.step);
         for (node, goal) in (free..).zip(held) {
-            self.step[node] = goal - body.x[node];
+            self.step[node] = goal - body.state.x[node];
         }
         let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());
-        let loaded = body.load_factor != 0.0 && body.external.iter().any(|f| *f != Vec3::zeros());
+        let loaded = body.model.load_factor != 0.0
+            && body.model.external.iter().any(|f| *f != Vec3::zeros());
         // What is asked of the solve beside its loads (N).
         let mut asked = 0.0;
         let quiet = !prescribed && !loaded;
@@ -201,16 +204,16 @@ impl Newton {
             };
             report.iterations += 1;
             self.direction(body, factors, exact, prescribed, stage, &mut report)?;
-            self.start.copy_from_slice(&body.x);
+            self.start.copy_from_slice(&body.state.x);
             if prescribed {
                 asked = self.asked;
-                for (x, u) in body.x.iter_mut().zip(&self.step) {
+                for (x, u) in body.state.x.iter_mut().zip(&self.step) {
                     *x += u;
                 }
                 prescribed = false;
             } else if !self.search(body, factors, stage, &mut report) {
                 // No decrease that can be told from rounding: as far as it goes.
-                body.x.copy_from_slice(&self.start);
+                body.state.x.copy_from_slice(&self.start);
                 if report.rounded {
                     body.assemble_with(tangent);
                     return self.end_at_rounding(body, stage, tangent, f64::INFINITY, report);
@@ -233,15 +236,15 @@ impl Newton {
         mut report: NewtonReport,
     ) -> Result<NewtonReport, StepError> {
         if last < report.residual {
-            body.x.copy_from_slice(&self.start);
+            body.state.x.copy_from_slice(&self.start);
             body.assemble_with(tangent);
             self.balance(body, stage);
             self.judge(body, stage, &mut report);
         }
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         let open = self.step[..free].iter().map(Vec3::amax);
         // No place is known better than numbers of its size are apart.
-        let place = body.x.iter().map(Vec3::amax).fold(0.0, f64::max);
+        let place = body.state.x.iter().map(Vec3::amax).fold(0.0, f64::max);
         report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
         if stage.is_none() {
             check_digits(body, report.open, body.moved())?;
@@ -258,20 +261,22 @@ impl Newton {
 
     /// The residual at the present positions, by node: on held nodes the force of the hand.
     fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
-        let damping = body.config.stiffness_damping;
+        let damping = body.model.config.stiffness_damping;
         if let Some(stage) = stage {
             for (node, velocity) in self.velocity.iter_mut().enumerate() {
-                *velocity = (body.x[node] - stage.anchor[node]) / stage.g;
+                *velocity = (body.state.x[node] - stage.anchor[node]) / stage.g;
             }
         }
-        for node in 0..body.x.len() {
-            let mut r = -body.internal[node] - body.external[node] * body.load_factor;
+        for node in 0..body.state.x.len() {
+            let mut r =
+                -body.assembly.internal[node] - body.model.external[node] * body.model.load_factor;
             if let Some(stage) = stage {
-                let acceleration = (body.x[node] - stage.predicted[node]) / (stage.g * stage.g);
-                let drag = self.velocity[node] * body.config.mass_damping;
-                r += (acceleration + drag) * body.mass[node];
+                let acceleration =
+                    (body.state.x[node] - stage.predicted[node]) / (stage.g * stage.g);
+                let drag = self.velocity[node] * body.model.config.mass_damping;
+                r += (acceleration + drag) * body.model.mass[node];
                 if damping > 0.0 {
-                    r += body.stiffness.row_product(node, &self.velocity) * damping;
+                    r += body.assembly.stiffness.row_product(node, &self.velocity) * damping;
                 }
             }
             self.residual[node] = r;
@@ -280,12 +285,12 @@ impl Newton {
 
     /// Residual and reference into `report`.
     fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
-        let free = body.stiffness.free();
-        let mask = body.supports.mask();
+        let free = body.assembly.stiffness.free();
+        let mask = body.constraints.supports.mask();
         let (mut residual, mut reference) = (0.0, 0.0);
-        for node in 0..body.x.len() {
-            let external = body.external[node] * body.load_factor;
-            reference += body.internal[node].norm_squared() + external.norm_squared();
+        for node in 0..body.state.x.len() {
+            let external = body.model.external[node] * body.model.load_factor;
+            reference += body.assembly.internal[node].norm_squared() + external.norm_squared();
             if node >= free {
                 continue;
             }
@@ -294,8 +299,8 @@ impl Newton {
                 .map_or(r, |mask| r.component_mul(&mask[node]))
                 .norm_squared();
             if let Some(stage) = stage {
-                let moved = (body.x[node] - stage.predicted[node]) / (stage.g * stage.g);
-                reference += (moved * body.mass[node]).norm_squared();
+                let moved = (body.state.x[node] - stage.predicted[node]) / (stage.g * stage.g);
+                reference += (moved * body.model.mass[node]).norm_squared();
             }
         }
         report.residual = libm::sqrt(residual);
@@ -319,15 +324,15 @@ impl Newton {
         } else if !exact {
             self.factorize_clipped(body, factors, stage)?;
         }
-        let free = body.stiffness.free();
-        let mask = body.supports.mask();
+        let free = body.assembly.stiffness.free();
+        let mask = body.constraints.supports.mask();
         if !prescribed {
             self.step.fill(Vec3::zeros());
         }
         for node in 0..free {
             let mut rhs = -self.residual[node];
             if prescribed {
-                rhs -= body.stiffness.row_product(node, &self.step) * factors.stiffness;
+                rhs -= body.assembly.stiffness.row_product(node, &self.step) * factors.stiffness;
             }
             if let Some(mask) = mask {
                 rhs.component_mul_assign(&mask[node]);
@@ -361,11 +366,11 @@ impl Newton {
             STATIC_SHIFT * stiffness_per_mass(body)
         };
         match self.cholesky.factorize(
-            &body.stiffness,
-            &body.mass,
+            &body.assembly.stiffness,
+            &body.model.mass,
             mass,
             factors.stiffness,
-            body.supports.mask(),
+            body.constraints.supports.mask(),
         ) {
             Ok(()) => Ok(true),
             Err(CondenseError::NotPositiveDefinite { .. }) => Ok(false),
@@ -389,11 +394,11 @@ impl Newton {
                 shift * unit
             };
             match self.cholesky.factorize(
-                &body.stiffness,
-                &body.mass,
+                &body.assembly.stiffness,
+                &body.model.mass,
                 factors.mass + extra,
                 factors.stiffness,
-                body.supports.mask(),
+                body.constraints.supports.mask(),
             ) {
                 Ok(()) => return Ok(()),
                 Err(error) => last = error,
@@ -410,33 +415,34 @@ impl Newton {
         stage: Option<Stage<'_>>,
         report: &mut NewtonReport,
     ) -> bool {
-        let free = body.stiffness.free();
+        let free = body.assembly.stiffness.free();
         let elastic = body.elastic_energy();
         let (mut slope, mut linear, mut quadratic) = (0.0, 0.0, 0.0);
         let mut lost = Lost::default();
         for node in 0..free {
             let u = self.step[node];
             let place = self.rounding.of_place(body, node);
-            let stiffness = body.stiffness.diagonal(node).amax();
-            let matrix = stiffness * factors.stiffness + body.mass[node] * factors.mass;
+            let stiffness = body.assembly.stiffness.diagonal(node).amax();
+            let matrix = stiffness * factors.stiffness + body.model.mass[node] * factors.mass;
             lost.elastic += stiffness * place * place;
             lost.elements += self.rounding.of_element(node, stiffness);
-            lost.work += (self.residual[node] + body.internal[node]).norm() * place
+            lost.work += (self.residual[node] + body.assembly.internal[node]).norm() * place
                 + matrix * place * u.norm();
             slope += self.residual[node].dot(&u);
-            linear += (self.residual[node] + body.internal[node]).dot(&u);
+            linear += (self.residual[node] + body.assembly.internal[node]).dot(&u);
             if stage.is_some() {
-                quadratic += factors.mass * body.mass[node] * u.norm_squared();
+                quadratic += factors.mass * body.model.mass[node] * u.norm_squared();
                 let damping = factors.stiffness - 1.0;
                 if damping > 0.0 {
-                    quadratic += damping * u.dot(&body.stiffness.row_product(node, &self.step));
+                    quadratic +=
+                        damping * u.dot(&body.assembly.stiffness.row_product(node, &self.step));
                 }
             }
         }
         let slack = lost.of_energy(elastic);
         let mut share = 1.0;
         for _ in 0..40 {
-            for (node, x) in body.x.iter_mut().enumerate().take(free) {
+            for (node, x) in body.state.x.iter_mut().enumerate().take(free) {
                 *x = self.start[node] + self.step[node] * share;
             }
             let change =
@@ -459,17 +465,17 @@ pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), Ste
     Err(StepError::Rounding {
         open,
         moved,
-        place: body.x.iter().map(Vec3::amax).fold(0.0, f64::max),
+        place: body.state.x.iter().map(Vec3::amax).fold(0.0, f64::max),
         size: body.size(),
     })
 }
 
 /// Mean diagonal of the stiffness over the mean mass (1/s^2).
 fn stiffness_per_mass(body: &Body) -> f64 {
-    let free = body.stiffness.free();
+    let free = body.assembly.stiffness.free();
     let diagonal: f64 = (0..free)
-        .map(|node| body.stiffness.diagonal(node).trace() / 3.0)
+        .map(|node| body.assembly.stiffness.diagonal(node).trace() / 3.0)
         .sum();
-    let mass: f64 = body.mass[..free].iter().sum();
+    let mass: f64 = body.model.mass[..free].iter().sum();
     if mass > 0.0 { diagonal / mass } else { 0.0 }
 }

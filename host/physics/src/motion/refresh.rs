@@ -17,6 +17,8 @@ use crate::linear::sparse_cholesky::Kernels;
 /// What makes a factor.
 #[derive(Debug)]
 pub struct Refresher<T> {
+    /// The epoch of the body for which it is made.
+    pub(crate) epoch: u64,
     kernels: Vec<Box<dyn Kernel<T>>>,
     matrix: BlockMatrix,
     makes: Makes,
@@ -40,10 +42,12 @@ impl<T: Real> Refresher<T> {
         mass: Vec<f64>,
         guided: Vec<Vec3>,
         (kind, code): (Preconditioner, Kernels),
+        epoch: u64,
     ) -> Result<Self, CondenseError> {
         let (makes, made) = Makes::new(kind, &matrix, rest, code)?;
         let zeros = vec![[T::ZERO; 4]; matrix.nodes()];
         Ok(Self {
+            epoch,
             kernels,
             makes,
             made,

@@ -27,7 +27,12 @@ impl Sleep {
     pub(crate) fn new(body: &Body) -> Self {
         Self {
             still: 0,
-            poses: body.handles.iter().map(|h| h.report.pose).collect(),
+            poses: body
+                .constraints
+                .handles
+                .iter()
+                .map(|h| h.report.pose)
+                .collect(),
             revision: 0,
             h: 0.0,
         }
@@ -41,24 +46,29 @@ impl Sleep {
                 && now.rotation.angle_to(&then.rotation) <= speed * h
         };
         self.still >= STEPS
-            && self.revision == body.revision
+            && self.revision == body.state.revision
             && self.h == h
             && targets.iter().zip(&self.poses).all(near)
     }
 
     /// A step was taken; puts the body to sleep if it is time to.
     pub(crate) fn observe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose], speed: f64) {
-        let fastest = body.v.iter().map(Vec3::norm_squared).fold(0.0, f64::max);
+        let fastest = body
+            .state
+            .v
+            .iter()
+            .map(Vec3::norm_squared)
+            .fold(0.0, f64::max);
         let still = fastest <= speed * speed;
         self.still = if still { self.still + 1 } else { 0 };
         if self.still >= STEPS {
-            body.v.fill(Vec3::zeros());
-            for handle in &mut body.handles {
+            body.state.v.fill(Vec3::zeros());
+            for handle in &mut body.constraints.handles {
                 handle.report.linear_velocity = Vec3::zeros();
                 handle.report.angular_velocity = Vec3::zeros();
             }
             self.poses.copy_from_slice(targets);
-            self.revision = body.revision;
+            self.revision = body.state.revision;
             self.h = h;
         }
     }

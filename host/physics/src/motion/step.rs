@@ -38,116 +38,129 @@ impl Body {
     /// [`StepError`]; the body keeps its state then.
     pub fn solve(&mut self, h: f64, targets: &[HandlePose]) -> Result<SolveReport, StepError> {
         self.check_step(h, targets)?;
-        if !self.fresh {
+        if !self.assembly.fresh {
             return Err(StepError::NotAssembled);
         }
-        let free = self.stiffness.free();
-        let mass_factor = 1.0 / (h * h) + self.config.mass_damping / h;
-        let stiffness_factor = 1.0 + self.config.stiffness_damping / h;
+        let free = self.assembly.stiffness.free();
+        let mass_factor = 1.0 / (h * h) + self.model.config.mass_damping / h;
+        let stiffness_factor = 1.0 + self.model.config.stiffness_damping / h;
         self.see_missed();
 
-        for (u, v) in self.displacement[..free].iter_mut().zip(&self.v) {
+        for (u, v) in self.assembly.displacement[..free]
+            .iter_mut()
+            .zip(&self.state.v)
+        {
             *u = v * h;
         }
         self.prescribe(targets);
         for node in 0..free {
-            self.pcg.residual[node] = -self.imbalance(node, h, mass_factor, stiffness_factor);
+            self.assembly.pcg.residual[node] =
+                -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
         let matrix = StepMatrix {
-            stiffness: &self.stiffness,
-            mass: &self.mass,
+            stiffness: &self.assembly.stiffness,
+            mass: &self.model.mass,
             stiffness_factor,
             mass_factor,
-            mask: self.supports.mask(),
+            mask: self.constraints.supports.mask(),
         };
-        let mut report = self.pcg.solve(
+        let mut report = self.assembly.pcg.solve(
             &matrix,
-            &mut self.displacement[..free],
-            &self.config.budget(),
+            &mut self.assembly.displacement[..free],
+            &self.model.config.budget(),
         );
 
         let mut work = self.take_grip(h, mass_factor, stiffness_factor);
-        let moves = self.displacement.iter().flat_map(Vec3::iter);
-        let grip = self.grip.iter().flat_map(Vec3::iter);
+        let moves = self.assembly.displacement.iter().flat_map(Vec3::iter);
+        let grip = self.assembly.grip.iter().flat_map(Vec3::iter);
         // The velocity leaves the range of numbers before the motion; a residual that has left it has been
         // no guide.
         let mut all = moves.map(|u| u / h).chain(grip.copied());
         if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
             // They are not those of the state kept; without them a condensation has no lever term.
-            self.grip.fill(Vec3::zeros());
+            self.assembly.grip.fill(Vec3::zeros());
             return Err(StepError::Diverged {
                 iterations: report.iterations,
             });
         }
-        work += self.supports.work(
+        work += self.constraints.supports.work(
             |node| self.imbalance(node, h, mass_factor, stiffness_factor),
-            |node| self.displacement[node],
+            |node| self.assembly.displacement[node],
         );
         report.held_back = self.hold_back(h, work);
         if report.held_back > 0.0 {
             self.take_grip(h, mass_factor, stiffness_factor);
         }
         self.report_handles(h, targets);
-        let mut supports = core::mem::take(&mut self.supports);
+        let mut supports = core::mem::take(&mut self.constraints.supports);
         supports.collect_reactions(|node| self.imbalance(node, h, mass_factor, stiffness_factor));
-        self.supports = supports;
+        self.constraints.supports = supports;
         if report.held_back == 0.0 {
             self.promise(h, mass_factor, stiffness_factor);
         }
-        for ((x, v), u) in self.x.iter_mut().zip(&mut self.v).zip(&self.displacement) {
+        for ((x, v), u) in self
+            .state
+            .x
+            .iter_mut()
+            .zip(&mut self.state.v)
+            .zip(&self.assembly.displacement)
+        {
             *x += u;
             *v = u / h;
         }
-        self.fresh = false;
+        self.assembly.fresh = false;
         Ok(report)
     }
 
     /// Keeps by how much the step's linearization lets the elastic forces fall, and from where. The step's own equation
     /// tells what `K u` was: no product is needed.
     fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
-        let free = self.stiffness.free();
-        for node in 0..self.x.len() {
+        let free = self.assembly.stiffness.free();
+        for node in 0..self.state.x.len() {
             let left = match node.checked_sub(free) {
-                None => self.pcg.residual[node],
-                Some(held) => -self.grip[held] - self.inertia(node, h),
+                None => self.assembly.pcg.residual[node],
+                Some(held) => -self.assembly.grip[held] - self.inertia(node, h),
             };
-            let momentum = self.v[node] / h - self.displacement[node] * mass_factor;
-            let acting = self.internal[node]
-                + self.external[node] * self.load_factor
-                + momentum * self.mass[node];
-            self.promised[node] = self.internal[node] - (acting - left) / stiffness_factor;
+            let momentum = self.state.v[node] / h - self.assembly.displacement[node] * mass_factor;
+            let acting = self.assembly.internal[node]
+                + self.model.external[node] * self.model.load_factor
+                + momentum * self.model.mass[node];
+            self.assembly.promised[node] =
+                self.assembly.internal[node] - (acting - left) / stiffness_factor;
         }
-        self.promised_over = Some(h);
+        self.assembly.promised_over = Some(h);
     }
 
     /// Finds by how much elastic forces at the end of the last step, where the elements have just been assembled, are not
     /// those that its linearization promised.
     fn see_missed(&mut self) {
-        let Some(h) = self.promised_over.take() else {
-            self.missed.fill(Vec3::zeros());
+        let Some(h) = self.assembly.promised_over.take() else {
+            self.assembly.missed.fill(Vec3::zeros());
             return;
         };
-        let ends = self.internal.iter().zip(&self.promised);
-        for (missed, (force, promised)) in self.missed.iter_mut().zip(ends) {
+        let ends = self.assembly.internal.iter().zip(&self.assembly.promised);
+        for (missed, (force, promised)) in self.assembly.missed.iter_mut().zip(ends) {
             *missed = (force - promised) / h;
         }
     }
 
     /// What the last step promised says nothing of the state any more.
     pub(crate) fn forget_promise(&mut self) {
-        self.promised_over = None;
-        self.missed.fill(Vec3::zeros());
+        self.assembly.promised_over = None;
+        self.assembly.missed.fill(Vec3::zeros());
     }
 
     /// Sets the displacements that handles and supports prescribe.
     pub(crate) fn prescribe(&mut self, targets: &[HandlePose]) {
-        for (handle, target) in self.handles.iter().zip(targets) {
+        for (handle, target) in self.constraints.handles.iter().zip(targets) {
             for (node, offset) in handle.nodes().zip(&handle.offsets) {
-                self.displacement[node] = target.position + target.rotation * offset - self.x[node];
+                self.assembly.displacement[node] =
+                    target.position + target.rotation * offset - self.state.x[node];
             }
         }
-        self.supports
-            .prescribe(&self.x, 1.0, &mut self.displacement);
+        self.constraints
+            .supports
+            .prescribe(&self.state.x, 1.0, &mut self.assembly.displacement);
     }
 
     /// Refuses a step length or targets that make no sense.
@@ -155,8 +168,8 @@ impl Body {
         if !(h > 0.0 && h.is_finite()) {
             return Err(StepError::StepLength { found: h });
         }
-        if targets.len() != self.handles.len() {
-            let (found, expected) = (targets.len(), self.handles.len());
+        if targets.len() != self.constraints.handles.len() {
+            let (found, expected) = (targets.len(), self.constraints.handles.len());
             return Err(StepError::Targets { found, expected });
         }
         if let Some(handle) = targets.iter().position(|target| !target.is_finite()) {
@@ -167,12 +180,12 @@ impl Body {
 
     /// Finds what the hands have to give; returns the most work (J) that they can have done.
     fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
-        let free = self.stiffness.free();
+        let free = self.assembly.stiffness.free();
         let mut work = 0.0;
-        for node in free..self.x.len() {
+        for node in free..self.state.x.len() {
             let force = self.imbalance(node, h, mass_factor, stiffness_factor);
-            self.grip[node - free] = force - self.inertia(node, h);
-            work += force.norm() * self.displacement[node].norm();
+            self.assembly.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.assembly.displacement[node].norm();
         }
         work
     }
@@ -180,16 +193,17 @@ impl Body {
     /// The same from a step that was solved elsewhere, of which `imbalance` is what is left over; the work of
     /// supports with it.
     pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
-        let free = self.stiffness.free();
+        let free = self.assembly.stiffness.free();
         let mut work = 0.0;
-        for node in free..self.x.len() {
+        for node in free..self.state.x.len() {
             let force = imbalance(node);
-            self.grip[node - free] = force - self.inertia(node, h);
-            work += force.norm() * self.displacement[node].norm();
+            self.assembly.grip[node - free] = force - self.inertia(node, h);
+            work += force.norm() * self.assembly.displacement[node].norm();
         }
         work + self
+            .constraints
             .supports
-            .work(imbalance, |node| self.displacement[node])
+            .work(imbalance, |node| self.assembly.displacement[node])
     }
 
     /// Reports handles and supports of such a step, before it is taken.
@@ -200,74 +214,81 @@ impl Body {
         imbalance: impl Fn(usize) -> Vec3,
     ) {
         self.report_handles(h, targets);
-        self.supports.collect_reactions(imbalance);
+        self.constraints.supports.collect_reactions(imbalance);
     }
 
     /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force
     /// of the hand on a handle node.
     fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
-        let mass = self.mass[node];
-        self.stiffness.row_product(node, &self.displacement) * stiffness_factor
-            + self.displacement[node] * (mass_factor * mass)
-            - self.v[node] * (mass / h)
-            - self.internal[node]
-            - self.external[node] * self.load_factor
+        let mass = self.model.mass[node];
+        self.assembly
+            .stiffness
+            .row_product(node, &self.assembly.displacement)
+            * stiffness_factor
+            + self.assembly.displacement[node] * (mass_factor * mass)
+            - self.state.v[node] * (mass / h)
+            - self.assembly.internal[node]
+            - self.model.external[node] * self.model.load_factor
     }
 
     /// Mass times acceleration of a node over the step.
     fn inertia(&self, node: usize, h: f64) -> Vec3 {
-        (self.displacement[node] / h - self.v[node]) * (self.mass[node] / h)
+        (self.assembly.displacement[node] / h - self.state.v[node]) * (self.model.mass[node] / h)
     }
 
     fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
-        self.clock += h;
-        let mut handles = core::mem::take(&mut self.handles);
+        self.state.clock += h;
+        let mut handles = core::mem::take(&mut self.constraints.handles);
         for (handle, target) in handles.iter_mut().zip(targets) {
             self.report_handle(handle, h, target, |node| {
                 (
-                    self.x[node] + self.displacement[node],
+                    self.state.x[node] + self.assembly.displacement[node],
                     self.inertia(node, h),
                 )
             });
         }
-        self.handles = handles;
+        self.constraints.handles = handles;
     }
 
     /// Reports handles and supports after a solve that has moved the body already, over a step of `h` from
     /// velocities `before`; forces are those just assembled. An infinite `h` is equilibrium.
     pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
-        let free = self.stiffness.free();
+        let free = self.assembly.stiffness.free();
         self.forget_promise();
-        let (alpha, beta) = (self.config.mass_damping, self.config.stiffness_damping);
+        let (alpha, beta) = (
+            self.model.config.mass_damping,
+            self.model.config.stiffness_damping,
+        );
         let pull = |node: usize| {
             let damping = if beta > 0.0 {
-                self.stiffness.row_product(node, &self.v) * beta
+                self.assembly.stiffness.row_product(node, &self.state.v) * beta
             } else {
                 Vec3::zeros()
             };
-            self.v[node] * (alpha * self.mass[node]) + damping
-                - self.internal[node]
-                - self.external[node] * self.load_factor
+            self.state.v[node] * (alpha * self.model.mass[node]) + damping
+                - self.assembly.internal[node]
+                - self.model.external[node] * self.model.load_factor
         };
-        let inertia = |node: usize| (self.v[node] - before[node]) * (self.mass[node] / h);
-        let mut grip = core::mem::take(&mut self.grip);
+        let inertia =
+            |node: usize| (self.state.v[node] - before[node]) * (self.model.mass[node] / h);
+        let mut grip = core::mem::take(&mut self.assembly.grip);
         for (held, force) in grip.iter_mut().enumerate() {
             *force = pull(free + held);
         }
-        let mut supports = core::mem::take(&mut self.supports);
+        let mut supports = core::mem::take(&mut self.constraints.supports);
         supports.collect_reactions(|node| pull(node) + inertia(node));
-        self.supports = supports;
-        self.grip = grip;
-        let mut handles = core::mem::take(&mut self.handles);
+        self.constraints.supports = supports;
+        self.assembly.grip = grip;
+        let mut handles = core::mem::take(&mut self.constraints.handles);
         for (handle, target) in handles.iter_mut().zip(targets) {
             self.report_handle(handle, h, target, |node| {
                 (
-                    self.x[node],
-                    (self.v[node] - before[node]) * (self.mass[node] / h),
+                    self.state.x[node],
+                    (self.state.v[node] - before[node]) * (self.model.mass[node] / h),
                 )
             });
         }
-        self.handles = handles;
+        self.constraints.handles = handles;
     }
 
     /// Sums what `state` says of the handle's nodes: position at the end of the step, and inertia.
@@ -278,14 +299,14 @@ impl Body {
         target: &HandlePose,
         state: impl Fn(usize) -> (Vec3, Vec3),
     ) {
-        let free = self.stiffness.free();
+        let free = self.assembly.stiffness.free();
         let old = handle.report.pose;
         let mut grip = Wrench::default();
         let mut inertia = Wrench::default();
         for node in handle.nodes() {
             let (position, force) = state(node);
             let arm = position - target.position;
-            grip.add(&self.grip[node - free], &arm);
+            grip.add(&self.assembly.grip[node - free], &arm);
             inertia.add(&force, &arm);
         }
         handle.report = HandleReport {

@@ -5,7 +5,8 @@ use super::progress_bar;
 use host::atomic_file::write_atomically;
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
-use study::accuracy::{self, Accuracy, Level, LocalModels, Prediction};
+use study::Level;
+use study::accuracy::{self, Accuracy, LocalModels, Prediction};
 
 /// Arguments of `palpate bench accuracy`.
 #[derive(Clone, Debug, clap::Args)]

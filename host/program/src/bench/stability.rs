@@ -5,7 +5,8 @@ use super::progress_bar;
 use host::atomic_file::write_atomically;
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
-use study::stability::{self, Account, Case, Family, Level, Report, Verdict};
+use study::Level;
+use study::stability::{self, Account, Case, Family, Report, Verdict};
 
 /// Arguments of `palpate bench stability`.
 #[derive(Clone, Debug, clap::Args)]

@@ -24,7 +24,7 @@ macro_rules! ranges {
         /// # Errors
         ///
         /// Says what was found and what is allowed.
-        pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+        pub(super) fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
             from.deserialize_f64(Number { allowed: $allowed, test: $test })
         }
     )*};
@@ -64,7 +64,7 @@ macro_rules! optional {
         /// # Errors
         ///
         /// Says what was found and what is allowed.
-        pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<$kind>, D::Error> {
+        pub(super) fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<$kind>, D::Error> {
             $of(from).map(Some)
         }
     )*};
@@ -92,7 +92,7 @@ macro_rules! wholes {
         /// # Errors
         ///
         /// Says what was found and what is allowed.
-        pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<usize, D::Error> {
+        pub(super) fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<usize, D::Error> {
             let whole = Whole { allowed: $allowed, low: $low, high: $high };
             from.deserialize_u64(whole).map(|n| n as usize)
         }
@@ -113,7 +113,7 @@ wholes! {
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::Error> {
+pub(super) fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::Error> {
     List::<Cells, 2>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
 
@@ -131,7 +131,7 @@ pub fn segments<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::Error> {
+pub(super) fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::Error> {
     List::<Cells, 3>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
 
@@ -140,7 +140,7 @@ pub fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::Error> 
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn axes<'de, D: Deserializer<'de>>(from: D) -> Result<[bool; 3], D::Error> {
+pub(super) fn axes<'de, D: Deserializer<'de>>(from: D) -> Result<[bool; 3], D::Error> {
     from.deserialize_seq(AxesVisitor)
 }
 
@@ -149,7 +149,7 @@ pub fn axes<'de, D: Deserializer<'de>>(from: D) -> Result<[bool; 3], D::Error> {
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+pub(super) fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     List::<Positive, 3>::deserialize(from).map(|list| list.0.map(|number| number.0))
 }
 
@@ -158,7 +158,7 @@ pub fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Erro
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
+pub(super) fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     List::<Finite, 3>::deserialize(from).map(numbers)
 }
 
@@ -167,7 +167,7 @@ pub fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error>
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>, D::Error> {
+pub(super) fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>, D::Error> {
     let rows = Vec::<List<Finite, 4>>::deserialize(from)?;
     Ok(rows.into_iter().map(numbers).collect())
 }
@@ -177,7 +177,7 @@ pub fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>, D::Err
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn optional_box<'de, D>(from: D) -> Result<Option<[[f64; 3]; 2]>, D::Error>
+pub(super) fn optional_box<'de, D>(from: D) -> Result<Option<[[f64; 3]; 2]>, D::Error>
 where
     D: Deserializer<'de>,
 {
@@ -189,7 +189,9 @@ where
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
+pub(super) fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<T, D::Error> {
     from.deserialize_map(TableVisitor(PhantomData))
 }
 
@@ -198,7 +200,7 @@ pub fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn optional_table<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
+pub(super) fn optional_table<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: Deserialize<'de>,
@@ -211,7 +213,9 @@ where
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Vec<T>, D::Error> {
+pub(super) fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
+    from: D,
+) -> Result<Vec<T>, D::Error> {
     from.deserialize_seq(TablesVisitor(PhantomData))
 }
 
@@ -220,7 +224,7 @@ pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
+pub(super) fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_str(WordVisitor(PhantomData))
 }
 
@@ -229,7 +233,7 @@ pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
+pub(super) fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
     from.deserialize_str(ModelVisitor)
 }
 
@@ -238,7 +242,7 @@ pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Er
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn optional_word<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
+pub(super) fn optional_word<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
     T: Deserialize<'de>,

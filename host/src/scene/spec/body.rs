@@ -3,7 +3,7 @@
 use crate::scene::check;
 use serde::Deserialize;
 
-pub use super::mesh::{Mesh, MeshSource, PatternName};
+use super::mesh::Mesh;
 
 /// `[[body]]`: a deformable thread, sheet or solid.
 #[derive(Clone, Debug, Deserialize)]

@@ -3,18 +3,19 @@
 //! Each field that has a range checks it while it is read, so that the error carries the file's line and
 //! the field's path.
 
-pub mod body;
-pub mod device;
-pub mod hand;
-pub mod mesh;
-pub mod solve;
+pub(crate) mod body;
+mod device;
+mod hand;
+mod mesh;
+pub(crate) mod solve;
 
 use super::check;
 use serde::Deserialize;
 
-pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
+pub use body::{Body, Handle, Load, Material, Support};
 pub use device::{Device, ModelName};
 pub use hand::{GripName, Hand, TaskName};
+pub use mesh::{MeshSource, PatternName};
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.

@@ -5,8 +5,9 @@
 //! nu = 1/3 the middle of the free end moves up by 23.96. Nearly incompressible and in plane strain (E =
 //! 1.125, nu = 0.4999) linear tetrahedra lock; the reference is our own quadratic elements', extrapolated.
 
+use super::Series;
 use super::solve::{displacement_at, settle, sheet_material, solid_material, vertices, weightless};
-use super::{AccuracyError, Level, Series};
+use crate::{Level, StudyError};
 use physics::body::load::{edge_traction, traction};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
@@ -25,7 +26,7 @@ fn panel(at: &Vec3) -> Vec3 {
 
 const MIDDLE: Vec3 = Vec3::new(48.0, 52.0, 0.0);
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let source = "the value in wide use for refined meshes; our sheets, extrapolated: 23.966";
     let name = |elements: &str| format!("Cook's membrane, {elements}: middle of the free end");
     let mut sheets = Series::new("cook_sheet", name("sheet"), "1", Some(23.96), source);
@@ -67,7 +68,7 @@ fn grid(n: u32) -> String {
 }
 
 /// Plane stress, as a sheet.
-fn membrane(n: u32) -> Result<f64, AccuracyError> {
+fn membrane(n: u32) -> Result<f64, StudyError> {
     let mut mesh = sheet(1.0, 1.0, n, n, Pattern::Alternating)?;
     for x in &mut mesh.positions {
         *x = panel(x);
@@ -91,7 +92,7 @@ fn slab(
     young: f64,
     poisson: f64,
     plane_strain: bool,
-) -> Result<f64, AccuracyError> {
+) -> Result<f64, StudyError> {
     let thickness = 0.5;
     let mut mesh = solid_box([1.0, 1.0, thickness], [n, n, 1])?;
     for x in &mut mesh.positions {

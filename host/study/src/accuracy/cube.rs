@@ -2,9 +2,10 @@
 //! nu = 0.3. The reference is the independent program's quadratic elements, extrapolated; its linear
 //! elements' force on the same mesh stands beside ours.
 
+use super::Series;
 use super::solve::{settle, settle_linear, vertices, weightless};
-use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
+use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, SolidLaw, SolidMaterial, Vec3};
 
@@ -15,7 +16,7 @@ const GELATINE: SolidMaterial = SolidMaterial {
     density: 1000.0,
 };
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let source = "an independent program: quadratic elements, extrapolated";
     let title = |law: &str, elements: &str| {
         format!("bonded cube pressed by a tenth, {law}, {elements} tetrahedra: force")
@@ -68,7 +69,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
 }
 
 /// Force (N) that presses the cube together.
-fn pressed(n: u32, quadratic: bool, law: SolidLaw) -> Result<f64, AccuracyError> {
+fn pressed(n: u32, quadratic: bool, law: SolidLaw) -> Result<f64, StudyError> {
     let mut mesh = solid_box([EDGE; 3], [n; 3])?;
     if quadratic {
         mesh = mesh.quadratic();

@@ -17,7 +17,7 @@
 //! that is published but not extrapolated: that is what the condensation is made for, and checks it.
 
 use super::solve::{vertices, weightless};
-use super::{AccuracyError, Level};
+use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
@@ -72,10 +72,7 @@ pub struct LocalModels {
 }
 
 /// Runs all; `progress` is given the share done.
-pub(super) fn run(
-    level: Level,
-    mut progress: impl FnMut(f64),
-) -> Result<LocalModels, AccuracyError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<LocalModels, StudyError> {
     let (cells, steps_a_ms, dampings): (_, _, &[f64]) = match level {
         Level::Quick => (3, 2, &[0.0, 1e-2]),
         Level::Full => (5, 4, &[0.0, 1e-3, 1e-2, 0.1]),
@@ -115,7 +112,7 @@ struct Scene {
 }
 
 impl Scene {
-    fn new(cells: u32, damping: f64, steps_a_ms: u32) -> Result<Self, AccuracyError> {
+    fn new(cells: u32, damping: f64, steps_a_ms: u32) -> Result<Self, StudyError> {
         let mesh = solid_box([EDGE; 3], [cells; 3])?;
         let handles =
             [(-0.5, Freedom::Fixed), (0.5, Freedom::Translation)].map(|(side, freedom)| {
@@ -158,7 +155,7 @@ impl Scene {
     }
 
     /// Moves the hand with a growing velocity until it has [`VELOCITY`].
-    fn approach(&mut self) -> Result<(), AccuracyError> {
+    fn approach(&mut self) -> Result<(), StudyError> {
         let steps = (APPROACH * 1e3) as u32 * self.steps_a_ms;
         let h = APPROACH / f64::from(steps);
         let start = self.poses[1].position;
@@ -186,7 +183,7 @@ impl Scene {
         mut self,
         motion: &'static str,
         damping: f64,
-    ) -> Result<Vec<Prediction>, AccuracyError> {
+    ) -> Result<Vec<Prediction>, StudyError> {
         let mut exact = Condenser::new(&self.body)?;
         let (start, before) = (self.force(), self.poses[1].position);
         let h = 1e-3 / f64::from(self.steps_a_ms);
@@ -206,7 +203,7 @@ impl Scene {
                 let damper = hand(condensed, |m| &m.damping) * jump;
                 let plain = -(stiffness * (VELOCITY * t) + damper);
                 let drift = Vec3::from_column_slice(&condensed.drift[6..9]) * t;
-                Ok::<_, AccuracyError>([plain, plain + drift])
+                Ok::<_, StudyError>([plain, plain + drift])
             };
             let [plain, whole] = foretold(&self.stepped, condenser)?;
             let [_, exact] = foretold(&self.body, &mut exact)?;
@@ -236,7 +233,7 @@ impl Scene {
     }
 
     /// The largest error, over all periods, where the future is one linearized step.
-    fn exactness(&self) -> Result<f64, AccuracyError> {
+    fn exactness(&self) -> Result<f64, StudyError> {
         let mut worst = 0.0_f64;
         let mut condenser = Condenser::new(&self.body)?;
         for ms in PERIODS {
@@ -248,7 +245,7 @@ impl Scene {
             let foretold = hand(condensed, |m| &m.raw_stiffness) * by
                 + hand(condensed, |m| &m.raw_damping) * (by / t)
                 + hand(condensed, |m| &m.mass) * (by / (t * t));
-            let reaction = |motion: Vec3| -> Result<Vec3, AccuracyError> {
+            let reaction = |motion: Vec3| -> Result<Vec3, StudyError> {
                 let mut body = body.clone();
                 let mut poses = self.poses;
                 poses[1].position += motion;

@@ -2,8 +2,9 @@
 //! cannot bend without changing volume, quadratic ones can. The held end, which may not contract, costs a few
 //! percent that Timoshenko's beam does not know of, more so the larger Poisson's ratio.
 
+use super::Series;
 use super::solve::{displacements, settle, solid_material, vertices, weightless};
-use super::{AccuracyError, Level, Series};
+use crate::{Level, StudyError};
 use physics::body::load::traction;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, SolidLaw, Vec3};
@@ -13,7 +14,7 @@ const CELLS: [u32; 3] = [20, 2, 2];
 /// Small, so that no cell turns over.
 const FORCE: f64 = 1e-9;
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let mut all = Vec::new();
     for (name, elements, quadratic) in [
         ("locking_linear", "linear", false),
@@ -37,7 +38,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
 }
 
 /// Mean deflection of the free end over that of Timoshenko's beam.
-fn deflection(poisson: f64, quadratic: bool) -> Result<f64, AccuracyError> {
+fn deflection(poisson: f64, quadratic: bool) -> Result<f64, StudyError> {
     let mut mesh = solid_box([1.0, THICK, THICK], CELLS)?;
     if quadratic {
         mesh = mesh.quadratic();

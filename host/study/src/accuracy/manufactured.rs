@@ -3,8 +3,9 @@
 //! what the elements make of it. Linear elements err with the square of their size, quadratic ones with the
 //! cube.
 
+use super::Series;
 use super::solve::{displacements, settle_linear, solid_material, vertices, weightless};
-use super::{AccuracyError, Level, Series};
+use crate::{Level, StudyError};
 use core::f64::consts::PI;
 use physics::element::tet::shape::{Shape, Tet4, Tet10};
 use physics::material::law::Lame;
@@ -16,7 +17,7 @@ use physics::{Body, Mat3, SolidLaw, Vec3};
 const DIRECTION: Vec3 = Vec3::new(1e-3, -0.5e-3, 0.7e-3);
 const POISSON: f64 = 0.3;
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let source = "the chosen displacement; the value is the error over the volume, as a share";
     let title = |elements: &str| format!("manufactured displacement, {elements} tetrahedra: error");
     let mut linear = Series::new("manufactured_linear", title("linear"), "1", None, source);
@@ -87,7 +88,7 @@ fn fine_rule() -> Vec<(Vec3, f64)> {
 fn error<const N: usize, const Q: usize, S: Shape<N, Q>>(
     n: u32,
     quadratic: bool,
-) -> Result<f64, AccuracyError> {
+) -> Result<f64, StudyError> {
     let mut mesh = solid_box([1.0; 3], [n; 3])?;
     for x in &mut mesh.positions {
         *x = x.add_scalar(0.5);

@@ -16,60 +16,10 @@ mod solve;
 mod strip;
 mod time;
 
-use physics::mesh::MeshError;
-use physics::mesh::generate::SheetError;
-use physics::mesh::generate_box::BoxError;
-use physics::mesh::generate_plate::PlateError;
-use physics::{BodyError, CondenseError, StepError};
+use crate::{Level, StudyError};
 use serde::Serialize;
 
 pub use local_model::{LocalModels, Prediction};
-
-/// Why the study could not be done.
-#[derive(Debug, thiserror::Error)]
-pub enum AccuracyError {
-    /// A sheet cannot be generated.
-    #[error(transparent)]
-    Sheet(#[from] SheetError),
-    /// A box cannot be generated.
-    #[error(transparent)]
-    Box(#[from] BoxError),
-    /// A plate cannot be generated.
-    #[error(transparent)]
-    Plate(#[from] PlateError),
-    /// A mesh has no border.
-    #[error(transparent)]
-    Mesh(#[from] MeshError),
-    /// A body cannot be built.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step or an equilibrium failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A factorization failed.
-    #[error(transparent)]
-    Condense(#[from] CondenseError),
-}
-
-/// How much is computed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Level {
-    /// A few coarse meshes each: seconds.
-    Quick,
-    /// All that the book quotes: minutes.
-    Full,
-}
-
-impl Level {
-    /// The first `quick` of `all`, or all of them.
-    fn take<T>(self, all: &[T], quick: usize) -> &[T] {
-        match self {
-            Self::Quick => all.get(..quick).unwrap_or(all),
-            Self::Full => all,
-        }
-    }
-}
 
 /// One mesh of a series.
 #[derive(Clone, Debug, Serialize)]
@@ -165,13 +115,13 @@ impl Accuracy {
     }
 }
 
-type Benchmark = fn(Level) -> Result<Vec<Series>, AccuracyError>;
+type Benchmark = fn(Level) -> Result<Vec<Series>, StudyError>;
 
 /// Runs all benchmarks. `progress` is given the share done.
 ///
 /// # Errors
-/// [`AccuracyError`].
-pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, AccuracyError> {
+/// [`StudyError`].
+pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, StudyError> {
     // Each with its share of the whole time, roughly; the local models take the rest.
     let benchmarks: [(Benchmark, f64); 8] = [
         (plate_hole::run, 0.01),

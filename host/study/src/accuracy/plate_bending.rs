@@ -11,10 +11,11 @@
 //! along their length) or more. The model's energy of a smooth shape is right on either; on the latter other
 //! shapes cost too little, and equilibrium finds them.
 
+use super::Series;
 use super::solve::{
     displacement_at, displacements, settle, sheet_material, solid_material, vertices, weightless,
 };
-use super::{AccuracyError, Level, Series};
+use crate::{Level, StudyError};
 use physics::body::load::{edge_traction, traction};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
@@ -54,7 +55,7 @@ const CUTS: [(Cut, &str); 3] = [
     (Cut::Alternating, "alternating diagonals"),
 ];
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let mut all = Vec::new();
     for (name, problem, load, width, poisson, sizes, source) in STRIPS {
         for ((cut, how), name) in CUTS.into_iter().zip(name) {
@@ -152,7 +153,7 @@ fn series(name: &'static str, problem: &str, how: &str, source: &'static str) ->
 }
 
 /// A rectangle of `nx` times `ny` cells.
-fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, AccuracyError> {
+fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, StudyError> {
     let pattern = match cut {
         Cut::Alternating => Pattern::Alternating,
         Cut::Regular | Cut::Moved => Pattern::Regular,
@@ -182,11 +183,7 @@ fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, Accu
 }
 
 /// A body of `mesh` that resists bending and can only move along z, not at all where `held`.
-fn plate(
-    mesh: &TriMesh,
-    poisson: f64,
-    held: impl Fn(&Vec3) -> bool,
-) -> Result<Body, AccuracyError> {
+fn plate(mesh: &TriMesh, poisson: f64, held: impl Fn(&Vec3) -> bool) -> Result<Body, StudyError> {
     let config = BodyConfig {
         bending: 1.0,
         ..weightless()
@@ -222,7 +219,7 @@ fn strip(
     poisson: f64,
     load: Load,
     cut: Cut,
-) -> Result<f64, AccuracyError> {
+) -> Result<f64, StudyError> {
     let cell = 1.0 / f64::from(n);
     let mut mesh = rectangle([1.0 + cell, width], n + 1, across, cut)?;
     for x in &mut mesh.positions {
@@ -244,7 +241,7 @@ fn strip(
 }
 
 /// Deflection of the middle over the exact one.
-fn square(n: u32, cut: Cut) -> Result<f64, AccuracyError> {
+fn square(n: u32, cut: Cut) -> Result<f64, StudyError> {
     let cell = 1.0 / f64::from(n);
     let whole = 1.0 + 2.0 * cell;
     let mesh = rectangle([whole; 2], n + 2, n + 2, cut)?;
@@ -257,7 +254,7 @@ fn square(n: u32, cut: Cut) -> Result<f64, AccuracyError> {
 }
 
 /// The strip as a slab: mean deflection of the free end over the exact one.
-fn slab(n: u32, across: u32) -> Result<f64, AccuracyError> {
+fn slab(n: u32, across: u32) -> Result<f64, StudyError> {
     let width = 0.25;
     let mesh = solid_box([1.0, width, SLAB], [n, across, 1])?.quadratic();
     let material = solid_material(1.0, 0.0);

@@ -6,9 +6,10 @@
 //! one anywhere. An independent program's figures, on the same meshes (rays at equal angles, an odd
 //! number of them cutting the corner off, diagonals alternating), stand beside ours.
 
+use super::Series;
 use super::solve::{settle, sheet_material, vertices, weightless};
-use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
+use crate::{Level, StudyError};
 use physics::body::load::edge_traction;
 use physics::mesh::generate_plate::{HoledPlate, Rays, quarter_plate_with_hole};
 use physics::{Body, Mat3, Vec3};
@@ -84,7 +85,7 @@ const FAMILIES: [Family; 4] = [
     ),
 ];
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let mut all = Vec::new();
     for (name, title, half, growth, meshes) in FAMILIES {
         let source = "Kirsch 1898; an independent program on the same meshes";
@@ -111,7 +112,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
 }
 
 /// The largest principal stress of any element, over that applied.
-fn largest_stress(plate: &HoledPlate) -> Result<f64, AccuracyError> {
+fn largest_stress(plate: &HoledPlate) -> Result<f64, StudyError> {
     let mesh = quarter_plate_with_hole(plate)?;
     let material = sheet_material(1.0, POISSON, 1.0);
     let mut body = Body::sheet(&mesh, &[material], weightless(), &[])?;

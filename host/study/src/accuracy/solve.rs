@@ -1,6 +1,6 @@
 //! What all benchmarks do: choose vertices, hold a body, bring it to rest.
 
-use super::AccuracyError;
+use crate::StudyError;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, SolidMaterial, Vec3};
 
 /// No gravity; the linear solver as tight as double precision gives.
@@ -43,7 +43,7 @@ pub(super) fn vertices(positions: &[Vec3], chosen: impl Fn(&Vec3) -> bool) -> Ve
 }
 
 /// Equilibrium under the loads and supports that `body` has.
-pub(super) fn settle(body: &mut Body) -> Result<(), AccuracyError> {
+pub(super) fn settle(body: &mut Body) -> Result<(), StudyError> {
     let mut equilibrium = Equilibrium::new(body, EquilibriumOptions::default())?;
     equilibrium.solve(body, &[], 1.0)?;
     Ok(())
@@ -51,7 +51,7 @@ pub(super) fn settle(body: &mut Body) -> Result<(), AccuracyError> {
 
 /// The same for a linear body that is too large to factorize: one step so long that inertia is nothing, by
 /// conjugate gradients.
-pub(super) fn settle_linear(body: &mut Body) -> Result<(), AccuracyError> {
+pub(super) fn settle_linear(body: &mut Body) -> Result<(), StudyError> {
     body.step(1e9, &[])?;
     Ok(())
 }

@@ -1,9 +1,10 @@
 //! A membrane strip pulled to 1.2 of its length: exact with free sides, whatever the mesh; with clamped ends
 //! against an independent program on the same mesh.
 
+use super::Series;
 use super::solve::{settle, vertices, weightless};
-use super::{AccuracyError, Level, Series};
 use crate::elsewhere::ACCURACY;
+use crate::{Level, StudyError};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::{Body, Material, SheetLawName, Vec3, Weave};
@@ -18,7 +19,7 @@ const RUBBER: Material = Material {
     density: 1000.0,
 };
 
-pub(super) fn run(_: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(_: Level) -> Result<Vec<Series>, StudyError> {
     let exact = "exact";
     let mut corotational = Series::new(
         "strip_corotational",
@@ -62,7 +63,7 @@ pub(super) fn run(_: Level) -> Result<Vec<Series>, AccuracyError> {
 }
 
 /// Force that stretches the strip; its ends may contract or not.
-fn pulled(mesh: &TriMesh, mut body: Body, clamped: bool) -> Result<f64, AccuracyError> {
+fn pulled(mesh: &TriMesh, mut body: Body, clamped: bool) -> Result<f64, StudyError> {
     let at = |chosen: &dyn Fn(&Vec3) -> bool| vertices(&mesh.positions, chosen);
     body.add_support(&at(&|_| true), [false, false, true])?;
     let left = at(&|x| x.x < 1e-9 - 0.5 * LENGTH);

@@ -1,8 +1,9 @@
 //! Orders of the time schemes: a cube that hangs by one face is struck and swings for a tenth of a second;
 //! the error is that of its vertices, against the second-order scheme with very short steps.
 
+use super::Series;
 use super::solve::{vertices, weightless};
-use super::{AccuracyError, Level, Series};
+use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw,
@@ -16,7 +17,7 @@ const RUBBER: SolidMaterial = SolidMaterial {
     density: 1000.0,
 };
 
-pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
+pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     let fine = match level {
         Level::Quick => 800,
         Level::Full => 6400,
@@ -60,7 +61,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, AccuracyError> {
 }
 
 /// Where the vertices are after the swing, in `steps` steps.
-fn swing(scheme: Scheme, steps: u32) -> Result<Vec<Vec3>, AccuracyError> {
+fn swing(scheme: Scheme, steps: u32) -> Result<Vec<Vec3>, StudyError> {
     let mesh = solid_box([1.0; 3], [1; 3])?.quadratic();
     let config = BodyConfig {
         mass_damping: 0.5,

@@ -3,10 +3,11 @@
 //! 10 cm, 1 kg, E = 20 kPa, nu = 0.3, Rayleigh damping by mass 0.1 and by stiffness 0.1, no gravity, bonded to
 //! two plates, corotational linear tetrahedra by Kuhn's split, implicit Euler.
 
+use super::Row;
 use super::motion::{self, Motion};
 use super::path::{self, Method, Path};
 use super::trial::{Course, Scene};
-use super::{Level, Row, SpeedError};
+use crate::{Level, StudyError};
 use physics::mesh::TetMesh;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial, Vec3};
@@ -49,7 +50,7 @@ fn share(seed: u64) -> f64 {
 }
 
 /// The cube of `n` cells along each edge, at rest; handle 0 holds its bottom, [`TOP`] its top.
-pub(super) fn cube(n: u32, quadratic: bool, stiffness: Stiffness) -> Result<Body, SpeedError> {
+pub(super) fn cube(n: u32, quadratic: bool, stiffness: Stiffness) -> Result<Body, StudyError> {
     cube_damped(n, quadratic, stiffness, 0.1)
 }
 
@@ -59,13 +60,13 @@ pub(super) fn cube_damped(
     quadratic: bool,
     stiffness: Stiffness,
     stiffness_damping: f64,
-) -> Result<Body, SpeedError> {
+) -> Result<Body, StudyError> {
     let law = SolidLaw::Corotational;
     cube_with(law, n, quadratic, stiffness, stiffness_damping)
 }
 
 /// The same everywhere, under another law.
-pub(super) fn cube_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Body, SpeedError> {
+pub(super) fn cube_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Body, StudyError> {
     cube_with(law, n, quadratic, Stiffness::Uniform, 0.1)
 }
 
@@ -75,7 +76,7 @@ fn cube_with(
     quadratic: bool,
     stiffness: Stiffness,
     stiffness_damping: f64,
-) -> Result<Body, SpeedError> {
+) -> Result<Body, StudyError> {
     let mut mesh = solid_box([EDGE; 3], [n; 3])?;
     if quadratic {
         mesh = mesh.quadratic();
@@ -118,7 +119,7 @@ fn centres(mesh: &TetMesh) -> impl Iterator<Item = Vec3> + '_ {
 }
 
 /// Pressed by a tenth within `duration` (s), and held until nothing moves.
-pub(super) fn press(n: u32, duration: f64) -> Result<Scene, SpeedError> {
+pub(super) fn press(n: u32, duration: f64) -> Result<Scene, StudyError> {
     Ok(Scene {
         name: "press",
         title: format!("pressed by a tenth in {duration} s, steps of 10 ms"),
@@ -131,7 +132,7 @@ pub(super) fn press(n: u32, duration: f64) -> Result<Scene, SpeedError> {
 }
 
 /// A tremor of 10 Hz and 0.5 mm on a press of 5 mm.
-pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, SpeedError> {
+pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, StudyError> {
     Ok(Scene {
         name: "tremor",
         title: "tremor of 10 Hz and 0.5 mm on a press of 5 mm in 0.5 s, steps of 1 ms".to_owned(),
@@ -153,7 +154,7 @@ pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, SpeedError> {
 }
 
 /// The other motions and materials, less of each where `level` is quick.
-fn harder(n: u32, level: Level) -> Result<Vec<Scene>, SpeedError> {
+fn harder(n: u32, level: Level) -> Result<Vec<Scene>, StudyError> {
     let down = Vec3::z() * (-0.1 * EDGE);
     let aside = Vec3::x() * (0.5 * EDGE);
     let (first, slow, slower, trembling) = match level {
@@ -161,7 +162,7 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, SpeedError> {
         Level::Full => (1000, 3.0, 4.0, 600),
     };
     let scene = |name, title, stiffness, motion, along| {
-        Ok::<_, SpeedError>(Scene {
+        Ok::<_, StudyError>(Scene {
             name,
             title,
             body: cube(n, false, stiffness)?,
@@ -204,7 +205,7 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, SpeedError> {
 }
 
 /// All scenes of the cube on all paths.
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, SpeedError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, StudyError> {
     // With the share of the time that each mesh takes, roughly.
     let (presses, others, duration) = match level {
         Level::Quick => ([(6, 0.25), (8, 0.2), (10, 0.4)], &[(4, 0.15)][..], 0.5),
@@ -246,7 +247,7 @@ pub(super) fn compare(
     scene: &Scene,
     paths: impl IntoIterator<Item = Path>,
     rows: &mut Vec<Row>,
-) -> Result<(), SpeedError> {
+) -> Result<(), StudyError> {
     let mut newton = None;
     // The tight solutions that were needed so far.
     let mut tight: Vec<(Method, Course)> = Vec::new();

@@ -9,8 +9,9 @@ use super::ceiling::median;
 use super::cube::{EDGE, TOP, cube_of};
 use super::motion::Motion;
 use super::path::{NEWTON, frozen, to};
+use super::sheets;
 use super::trial::drive;
-use super::{Level, SpeedError, sheets};
+use crate::{Level, StudyError};
 use physics::{Body, HandlePose, Part, SheetLawName, SolidLaw, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
@@ -65,7 +66,7 @@ struct Task {
 pub(super) fn run(
     level: Level,
     mut progress: impl FnMut(f64),
-) -> Result<Vec<KernelRow>, SpeedError> {
+) -> Result<Vec<KernelRow>, StudyError> {
     let (cells, steps, time) = match level {
         Level::Quick => (4, 15, 0.02),
         Level::Full => (8, 60, 0.2),
@@ -114,7 +115,7 @@ pub(super) fn run(
 }
 
 impl Task {
-    fn measure(&self) -> Result<KernelRow, SpeedError> {
+    fn measure(&self) -> Result<KernelRow, StudyError> {
         let [newton, assembled, fast] = [NEWTON, to(1e-6), frozen(1e-6)]
             .map(|method| drive(&self.body, self.tool, &self.motion, method));
         let (newton, assembled, fast) = (newton?, assembled?, fast?);
@@ -136,7 +137,7 @@ impl Task {
     }
 
     /// Medians (s) of linearizing, of a product and of assembling, where the motion ends.
-    fn parts(&self) -> Result<(f64, f64, f64), SpeedError> {
+    fn parts(&self) -> Result<(f64, f64, f64), StudyError> {
         let mut body = self.body.clone();
         let options = StepperOptions {
             tolerance: 1e-6,

@@ -22,9 +22,7 @@ mod sheets;
 mod skips;
 mod trial;
 
-use physics::mesh::generate::SheetError;
-use physics::mesh::generate_box::BoxError;
-use physics::{BodyError, CondenseError, StepError};
+use crate::{Level, StudyError};
 use serde::Serialize;
 
 pub use clock::Times;
@@ -38,36 +36,6 @@ pub use skips::Skip;
 
 /// The share of a force that a hand can just tell: the unit of errors that matter to it.
 pub const JUST_NOTICEABLE: f64 = 0.1;
-
-/// Why the study could not be done.
-#[derive(Debug, thiserror::Error)]
-pub enum SpeedError {
-    /// A sheet cannot be generated.
-    #[error(transparent)]
-    Sheet(#[from] SheetError),
-    /// A box cannot be generated.
-    #[error(transparent)]
-    Box(#[from] BoxError),
-    /// A body cannot be built.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A factorization failed.
-    #[error(transparent)]
-    Condense(#[from] CondenseError),
-}
-
-/// How much is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Level {
-    /// Faster motions, few meshes: within a minute.
-    Quick,
-    /// All that the book quotes: minutes.
-    Full,
-}
 
 /// A part of the study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -163,12 +131,12 @@ impl Speed {
 /// done.
 ///
 /// # Errors
-/// [`SpeedError`].
+/// [`StudyError`].
 pub fn run(
     level: Level,
     only: Option<Section>,
     mut progress: impl FnMut(f64),
-) -> Result<Speed, SpeedError> {
+) -> Result<Speed, StudyError> {
     // Each part with its share of the whole time, roughly.
     let [cube_end, sheets_end, scaling_end, precision_end, parts_end] = match level {
         Level::Quick => [0.5, 0.65, 0.65, 0.85, 0.9],

@@ -10,7 +10,8 @@ use super::ceiling::{bandwidth, median, peak};
 use super::clock::{Times, cpu_time};
 use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
-use super::{Level, SpeedError, sheets};
+use super::sheets;
+use crate::{Level, StudyError};
 use physics::{Body, Cost, HandlePose, Part, Real, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
@@ -123,7 +124,7 @@ impl Peaks {
     }
 }
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, SpeedError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, StudyError> {
     let (cells, steps, time) = match level {
         Level::Quick => (6, 20, 0.02),
         Level::Full => (10, 150, 0.4),
@@ -164,7 +165,7 @@ impl Task {
         tolerance: f64,
         peaks: Peaks,
         found: &mut Parts,
-    ) -> Result<(), SpeedError> {
+    ) -> Result<(), StudyError> {
         let mut body = self.body.clone();
         let options = StepperOptions {
             tolerance,
@@ -231,7 +232,7 @@ impl Task {
         &self,
         body: &mut Body,
         stepper: &mut Stepper<T>,
-    ) -> Result<(f64, f64), SpeedError> {
+    ) -> Result<(f64, f64), StudyError> {
         let reports = (0..body.handle_count()).filter_map(|handle| body.handle_report(handle));
         let mut targets: Vec<HandlePose> = reports.map(|report| report.pose).collect();
         let start = targets[self.tool].position;

@@ -2,7 +2,7 @@
 //!
 //! A new one is a variant of [`Method`], its stepper and its tight version, and an entry in [`ALL`].
 
-use super::SpeedError;
+use crate::StudyError;
 use physics::{
     Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Preconditioner, Real,
     Refresher, Scheme, StepperOptions,
@@ -55,7 +55,7 @@ pub(super) struct Outcome {
 
 /// Takes one step of a body that it was made for.
 pub(super) type Stepper =
-    Box<dyn FnMut(&mut Body, f64, &[HandlePose]) -> Result<Outcome, SpeedError>>;
+    Box<dyn FnMut(&mut Body, f64, &[HandlePose]) -> Result<Outcome, StudyError>>;
 
 /// Conjugate gradients down to `tolerance`, however many iterations that takes.
 pub(super) const fn to(tolerance: f64) -> Method {
@@ -164,7 +164,7 @@ fn frozen_stepper<T: Real>(
     body: &Body,
     h: f64,
     options: StepperOptions,
-) -> Result<Stepper, SpeedError> {
+) -> Result<Stepper, StudyError> {
     let mut stepper = physics::Stepper::<T>::new(body, options)?;
     stepper.prepare(body, h)?;
     let mut lent: Option<(u32, Box<Refresher<T>>)> = None;
@@ -200,8 +200,8 @@ impl Method {
     /// Makes it ready for steps of `h` seconds of `body`, which may be given a budget.
     ///
     /// # Errors
-    /// [`SpeedError`], from what the method needs.
-    pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Stepper, SpeedError> {
+    /// [`StudyError`], from what the method needs.
+    pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Stepper, StudyError> {
         Ok(match self {
             Self::Assembled(budget) => {
                 body.set_budget(budget)?;

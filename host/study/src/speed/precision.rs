@@ -4,8 +4,8 @@ use super::cube::{EDGE, Stiffness, TOP, cube, cube_damped, press, tremor};
 use super::motion::{Motion, Path};
 use super::path::{self, Method};
 use super::trial::{Course, drive};
-use super::{Level, SpeedError};
 use crate::elsewhere::ACCURACY;
+use crate::{Level, StudyError};
 use physics::{Scheme, Vec3};
 use serde::Serialize;
 
@@ -44,7 +44,7 @@ pub struct Curve {
     pub settings: Vec<Setting>,
 }
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Curve>, SpeedError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Curve>, StudyError> {
     let mut curves = Vec::new();
     progress(0.0);
     curves.extend(solvers(level)?);
@@ -55,15 +55,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Cur
     Ok(curves)
 }
 
-/// The first `quick` of `all`, or all of them.
-fn some<T>(level: Level, all: &[T], quick: usize) -> &[T] {
-    match level {
-        Level::Quick => all.get(..quick).unwrap_or(all),
-        Level::Full => all,
-    }
-}
-
-fn solvers(level: Level) -> Result<Vec<Curve>, SpeedError> {
+fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
     let (n, steps) = match level {
         Level::Quick => (4, 100),
         Level::Full => (10, 300),
@@ -121,19 +113,19 @@ fn solvers(level: Level) -> Result<Vec<Curve>, SpeedError> {
     Ok(curves)
 }
 
-fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
+fn meshes(level: Level) -> Result<Vec<Curve>, StudyError> {
     let converged = ACCURACY.cube.converged_corotational;
     let mut curves = Vec::new();
     for (name, quadratic, meshes) in [
         (
             "linear tetrahedra",
             false,
-            some(level, &[2, 4, 6, 8, 10, 14, 20], 3),
+            level.take(&[2, 4, 6, 8, 10, 14, 20], 3),
         ),
         (
             "quadratic tetrahedra",
             true,
-            some(level, &[1, 2, 3, 4, 6, 8], 3),
+            level.take(&[1, 2, 3, 4, 6, 8], 3),
         ),
     ] {
         let mut settings = Vec::new();
@@ -160,13 +152,13 @@ fn meshes(level: Level) -> Result<Vec<Curve>, SpeedError> {
 const DURATION: f64 = 0.4;
 const SAMPLE: f64 = 0.02;
 
-fn time_steps(level: Level) -> Result<Vec<Curve>, SpeedError> {
+fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
     let n = match level {
         Level::Quick => 3,
         Level::Full => 6,
     };
     // Steps between two samples.
-    let divisions = some(level, &[2, 5, 10, 20, 40], 2);
+    let divisions = level.take(&[2, 5, 10, 20, 40], 2);
     let finest = match level {
         Level::Quick => 20,
         Level::Full => 160,
@@ -206,7 +198,7 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, SpeedError> {
 
 /// The cube with little damping by stiffness, for much would hide what a scheme itself takes from the motion,
 /// swung aside and back by 4 mm at 5 Hz, from rest, `division` steps between two samples.
-fn swing(n: u32, division: usize, method: Method) -> Result<Course, SpeedError> {
+fn swing(n: u32, division: usize, method: Method) -> Result<Course, StudyError> {
     let steps = libm::round(DURATION / SAMPLE) as usize * division;
     let motion = Motion {
         step: SAMPLE / division as f64,

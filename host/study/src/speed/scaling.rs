@@ -5,7 +5,7 @@ use super::motion::Motion;
 use super::path;
 use super::set_up::{SetUp, set_up};
 use super::trial::drive;
-use super::{Level, SpeedError};
+use crate::{Level, StudyError};
 use physics::Vec3;
 use serde::Serialize;
 
@@ -42,7 +42,7 @@ pub struct Scaling {
 /// Steps of each mesh: a press of 10 % in 1.5 s, begun.
 const STEPS: usize = 15;
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Scaling>, SpeedError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Scaling>, StudyError> {
     // 6, 20, 64 and 197 thousand tetrahedra; the time goes with the power 1.3.
     let meshes: &[(u32, f64)] = match level {
         Level::Quick => &[],

@@ -1,8 +1,8 @@
 //! What a frozen path takes beside its steps: memory, and time before them and beside them.
 
-use super::SpeedError;
 use super::clock::cpu_time;
 use super::path::Method;
+use crate::StudyError;
 use physics::{Body, Part, Real, Stepper, StepperOptions};
 use serde::Serialize;
 
@@ -17,7 +17,7 @@ pub struct SetUp {
     pub refresh: f64,
 }
 
-fn measure<T: Real>(body: &Body, h: f64, options: StepperOptions) -> Result<SetUp, SpeedError> {
+fn measure<T: Real>(body: &Body, h: f64, options: StepperOptions) -> Result<SetUp, StudyError> {
     let start = cpu_time();
     let mut stepper = Stepper::<T>::new(body, options)?;
     stepper.prepare(body, h)?;
@@ -31,7 +31,7 @@ fn measure<T: Real>(body: &Body, h: f64, options: StepperOptions) -> Result<SetU
 }
 
 /// What `method` takes for steps of `h` seconds; nothing where it is not a frozen one.
-pub(super) fn set_up(method: Method, body: &Body, h: f64) -> Result<Option<SetUp>, SpeedError> {
+pub(super) fn set_up(method: Method, body: &Body, h: f64) -> Result<Option<SetUp>, StudyError> {
     let Method::Frozen {
         preconditioner,
         single,

@@ -4,11 +4,12 @@
 //! 20 x 20 cm, 1 mm, E = 1 MPa, nu = 0.3, 1000 kg/m^3, Rayleigh damping by mass 0.1 and by stiffness 0.01,
 //! steps of 10 ms. The other programs' sheets have no bending: theirs is the lighter task.
 
+use super::Row;
 use super::cube::compare;
 use super::motion::Motion;
 use super::path;
 use super::trial::Scene;
-use super::{Level, Row, SpeedError};
+use crate::{Level, StudyError};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::{Body, BodyConfig, Freedom, HandleSpec, Material, SheetLawName, Vec3, Weave};
@@ -17,7 +18,7 @@ pub(super) const SIDE: f64 = 0.2;
 /// Cells along and across.
 const MESHES: [(u32, u32); 3] = [(26, 27), (31, 31), (40, 41)];
 
-pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, SpeedError> {
+pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, StudyError> {
     let mut rows = Vec::new();
     let (meshes, steps) = match level {
         Level::Quick => (&MESHES[..1], 50),
@@ -53,7 +54,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
 }
 
 /// Of `nx` by `ny` cells, held at two opposite sides, and by a patch in the middle: handles 0, 1 and 2.
-pub(super) fn body(nx: u32, ny: u32) -> Result<Body, SpeedError> {
+pub(super) fn body(nx: u32, ny: u32) -> Result<Body, StudyError> {
     // Diagonals alike: such a sheet bends as a plate does.
     let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
     let material = Material {
@@ -66,7 +67,7 @@ pub(super) fn body(nx: u32, ny: u32) -> Result<Body, SpeedError> {
 }
 
 /// The same of cloth, half as stiff along the weft as along the warp, which has no bending.
-pub(super) fn woven(nx: u32, ny: u32, law: SheetLawName) -> Result<Body, SpeedError> {
+pub(super) fn woven(nx: u32, ny: u32, law: SheetLawName) -> Result<Body, StudyError> {
     let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
     let weave = Weave {
         warp: Vec3::x(),

@@ -4,7 +4,7 @@
 use super::clock::{Times, cpu_time};
 use super::cube::{Stiffness, TOP, cube};
 use super::motion::{Motion, Path};
-use super::{Level, SpeedError};
+use crate::{Level, StudyError};
 use physics::linear::dense::Square;
 use physics::{Body, Condenser, HandlePose, ShapeOptions, Shapes, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
@@ -27,7 +27,7 @@ pub struct Skip {
 /// Length of a step, and of the time for which a local model is published (s).
 const STEP: f64 = 1e-3;
 
-pub(super) fn run(level: Level) -> Result<Vec<Skip>, SpeedError> {
+pub(super) fn run(level: Level) -> Result<Vec<Skip>, StudyError> {
     let n = match level {
         Level::Quick => 6,
         Level::Full => 10,
@@ -49,7 +49,7 @@ fn poses(body: &Body) -> Vec<HandlePose> {
 }
 
 /// Local models of a cube whose top trembles while it is pressed and sheared, against a factorization for each.
-fn shapes(n: u32, at_a_time: usize) -> Result<Skip, SpeedError> {
+fn shapes(n: u32, at_a_time: usize) -> Result<Skip, StudyError> {
     let mut body = cube(n, false, Stiffness::Uniform)?;
     let motion = Motion {
         step: STEP,
@@ -116,7 +116,7 @@ fn distance(a: &Square, b: &Square) -> f64 {
 }
 
 /// A cube that is pressed and left alone, against one that never sleeps.
-fn sleep(n: u32) -> Result<Skip, SpeedError> {
+fn sleep(n: u32) -> Result<Skip, StudyError> {
     let h = 0.01;
     let mut sleeper = cube(n, false, Stiffness::Uniform)?;
     let mut waker = sleeper.clone();

@@ -1,9 +1,10 @@
 //! One body on one path through one motion: times, iterations and the force that the hand feels.
 
+use super::Row;
 use super::clock::{Times, cpu_time};
 use super::motion::Motion;
 use super::path::Method;
-use super::{Row, SpeedError};
+use crate::StudyError;
 use physics::{Body, HandlePose, Vec3};
 
 /// A body to be moved, and how.
@@ -36,7 +37,7 @@ pub(super) fn drive(
     tool: usize,
     motion: &Motion,
     method: Method,
-) -> Result<Course, SpeedError> {
+) -> Result<Course, StudyError> {
     let mut body = body.clone();
     let mut stepper = method.stepper(&mut body, motion.step)?;
     let mut targets: Vec<HandlePose> = (0..body.handle_count())
@@ -94,7 +95,7 @@ impl Course {
 
 impl Scene {
     /// Through its own motion.
-    pub(super) fn drive(&self, method: Method) -> Result<Course, SpeedError> {
+    pub(super) fn drive(&self, method: Method) -> Result<Course, StudyError> {
         drive(&self.body, self.tool, &self.motion, method)
     }
 

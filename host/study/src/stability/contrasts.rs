@@ -3,7 +3,8 @@
 use super::materials::EXCESS;
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::Trial;
-use super::{Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::Level;
 
 /// Newton's method leaves 1e-9 of the forces of cells that are a million times stiffer: ten times the rounding
 /// elsewhere.

@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::{BodyConfig, Freedom, HandleSpec, Vec3};
 
 /// Free fall of a vibrating body: momentum is exact under both schemes.
@@ -28,7 +29,7 @@ pub(super) fn fall(level: Level) -> Plan {
     }
 }
 
-fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let stuff = Stuff::new(1e5, 0.45);
     let mut body = kind.build(&shape, |_| stuff, BodyConfig::default(), &[])?;
@@ -81,7 +82,7 @@ pub(super) fn pendulum(level: Level) -> Plan {
     }
 }
 
-fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, CaseError> {
+fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = [HandleSpec {
         vertices: vec![0],

@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::{BodyConfig, Vec3};
 
 /// Ten body lengths along `(7, 3, -6)`, all but.
@@ -37,7 +38,7 @@ fn jerk(
     h: f64,
     back: bool,
     steps: usize,
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = [shape.end(-1.0), shape.end(1.0)];
     let config = BodyConfig {

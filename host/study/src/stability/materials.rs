@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Method, ROUNDING, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 
 pub(super) const EXCESS: &str = "energy above the start's, as a share";
 
@@ -104,7 +105,7 @@ impl Kick {
         })
     }
 
-    fn trial(self, kind: Kind, method: Method) -> Result<Trial, CaseError> {
+    fn trial(self, kind: Kind, method: Method) -> Result<Trial, StudyError> {
         let shape = kind.mesh(2)?;
         let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
         body.set_velocities(&shape.kick(self.share * self.stuff.sound()))?;

@@ -24,21 +24,11 @@ mod starts;
 mod tests;
 mod trial;
 
-use physics::{BodyError, CondenseError, StepError};
+use crate::{Level, StudyError};
 use serde::Serialize;
 use specimen::Kind;
 pub use trial::Account;
 use trial::Method;
-
-/// How much is done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Level {
-    /// The corners of each family, in seconds: what the tests run.
-    Quick,
-    /// Everything, in minutes.
-    Full,
-}
 
 /// What came of a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -151,21 +141,6 @@ impl Report {
     }
 }
 
-/// Why a case could not even begin.
-#[derive(Debug, thiserror::Error)]
-enum CaseError {
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    #[error(transparent)]
-    Memory(#[from] CondenseError),
-    #[error(transparent)]
-    Step(#[from] StepError),
-    #[error(transparent)]
-    Box(#[from] physics::mesh::generate_box::BoxError),
-    #[error(transparent)]
-    Sheet(#[from] physics::mesh::generate::SheetError),
-}
-
 /// What a case found.
 #[derive(Debug, Default)]
 struct Outcome {
@@ -204,7 +179,7 @@ struct Job {
     method: Method,
     /// About how long it takes beside others.
     weight: f64,
-    run: Box<dyn FnOnce() -> Result<Outcome, CaseError>>,
+    run: Box<dyn FnOnce() -> Result<Outcome, StudyError>>,
 }
 
 impl Job {
@@ -212,7 +187,7 @@ impl Job {
         name: String,
         (kind, method): (Kind, Method),
         steps: usize,
-        run: impl FnOnce() -> Result<Outcome, CaseError> + 'static,
+        run: impl FnOnce() -> Result<Outcome, StudyError> + 'static,
     ) -> Self {
         let weight = steps as f64 * kind.cost() * method.cost();
         Self {

@@ -3,7 +3,8 @@
 
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 
 pub(super) fn plan(level: Level) -> Plan {
     let mut jobs = Vec::new();
@@ -50,7 +51,7 @@ struct Kick {
 }
 
 impl Kick {
-    fn run(self, kind: Kind, method: Method, h: f64) -> Result<Outcome, CaseError> {
+    fn run(self, kind: Kind, method: Method, h: f64) -> Result<Outcome, StudyError> {
         let shape = kind.mesh(2)?;
         let stuff = |element: usize| Stuff {
             young: if element.is_multiple_of(2) {

@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::StudyError;
 use physics::{
     BodyConfig, Equilibrium, EquilibriumOptions, HandlePose, IntegratorOptions, NewtonOptions, Vec3,
 };
@@ -102,7 +103,7 @@ pub(super) fn plan() -> Plan {
     }
 }
 
-fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, CaseError> {
+fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = match request {
         Request::Unheld => Vec::new(),

@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use nalgebra::Rotation3;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Vec3};
 
@@ -51,7 +52,7 @@ fn stuff() -> Stuff {
     Stuff::new(1e6, 0.3)
 }
 
-fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, CaseError> {
+fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(1)?;
     let handles = [shape.end(-1.0)];
     let mut body = kind.build(&shape, |_| stuff(), BodyConfig::default(), &handles)?;
@@ -65,7 +66,7 @@ fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, CaseError> {
     watch(body, method, steps, &targets)
 }
 
-fn turn(kind: Kind, method: Method, steps: usize) -> Result<Outcome, CaseError> {
+fn turn(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(1)?;
     let mut body = kind.build(&shape, |_| stuff(), quiet(), &[])?;
     let turn = Rotation3::from_euler_angles(1.0, 2.0, -0.5);
@@ -80,7 +81,7 @@ fn watch(
     method: Method,
     steps: usize,
     targets: &[physics::HandlePose],
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let start: Vec<Vec3> = body.positions().collect();
     let scale = body.total_mass() * 9.81;
     let mut trial = Trial::new(body, method)?;

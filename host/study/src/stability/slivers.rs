@@ -3,7 +3,8 @@
 use super::materials::EXCESS;
 use super::specimen::{Kind, Shape, Stuff, quiet};
 use super::trial::Trial;
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::Vec3;
 
 /// Thickness over length.
@@ -29,7 +30,7 @@ impl Sliver {
         }
     }
 
-    fn shape(self, kind: Kind) -> Result<Shape, CaseError> {
+    fn shape(self, kind: Kind) -> Result<Shape, StudyError> {
         let straight = match kind {
             Kind::Quadratic(law) => Kind::Linear(law),
             other => other,

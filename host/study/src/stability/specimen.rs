@@ -1,6 +1,7 @@
 //! The bodies of the suite: about one metre long, of every element and law.
 
-use super::{CaseError, Level, Method};
+use super::Method;
+use crate::StudyError;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::{TetMesh, TriMesh};
@@ -124,7 +125,7 @@ impl Kind {
 
     /// A cube of edge 1 in `n`^3 cells (half as many along an edge where elements are quadratic), or a square
     /// in (2 n)^2; no cell like another.
-    pub(super) fn mesh(self, n: u32) -> Result<Shape, CaseError> {
+    pub(super) fn mesh(self, n: u32) -> Result<Shape, StudyError> {
         let mut shape = match self {
             Self::Linear(_) => Shape::Solid(solid_box([1.0; 3], [n; 3])?),
             Self::Quadratic(_) => Shape::Solid(solid_box([1.0; 3], [n.div_ceil(2); 3])?),
@@ -163,7 +164,7 @@ impl Kind {
         stuff: impl Fn(usize) -> Stuff,
         mut config: BodyConfig,
         handles: &[HandleSpec],
-    ) -> Result<Body, CaseError> {
+    ) -> Result<Body, StudyError> {
         let stuff = (0..shape.element_count()).map(stuff);
         let body = match (self, shape) {
             (Self::Linear(law) | Self::Quadratic(law), Shape::Solid(mesh)) => {
@@ -343,23 +344,5 @@ impl Random {
 
     pub(super) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.signed(), self.signed(), self.signed())
-    }
-}
-
-impl Level {
-    /// `full`, or of it the first and the last.
-    pub(super) fn ends<T: Copy>(self, full: &[T]) -> Vec<T> {
-        match (self, full) {
-            (Self::Quick, [first, .., last]) => vec![*first, *last],
-            _ => full.to_vec(),
-        }
-    }
-
-    /// `quick` or `full`.
-    pub(super) fn choose<T>(self, quick: T, full: T) -> T {
-        match self {
-            Self::Quick => quick,
-            Self::Full => full,
-        }
     }
 }

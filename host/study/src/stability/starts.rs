@@ -2,7 +2,8 @@
 
 use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
-use super::{CaseError, Job, Level, Outcome, Plan};
+use super::{Job, Outcome, Plan};
+use crate::{Level, StudyError};
 use physics::{BodyConfig, SolidLaw, Vec3};
 
 /// The step (s).
@@ -121,7 +122,7 @@ fn recover(
     held: bool,
     poisson: f64,
     steps: usize,
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
     let handles = if held {
         vec![shape.end(-1.0)]
@@ -212,7 +213,7 @@ fn crumple(
     start: Start,
     held: bool,
     steps: usize,
-) -> Result<Outcome, CaseError> {
+) -> Result<Outcome, StudyError> {
     let shape: Shape = kind.mesh(2)?;
     let handles = if held {
         vec![shape.end(-1.0)]

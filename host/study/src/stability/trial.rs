@@ -1,6 +1,7 @@
 //! A body that is stepped and watched.
 
-use super::{CaseError, Kind};
+use super::Kind;
+use crate::StudyError;
 use physics::{
     Body, HandlePose, Integrator, IntegratorOptions, Scheme, Stepper, StepperOptions, Vec3,
 };
@@ -168,7 +169,7 @@ impl Energy {
 }
 
 impl Trial {
-    pub(super) fn new(body: Body, method: Method) -> Result<Self, CaseError> {
+    pub(super) fn new(body: Body, method: Method) -> Result<Self, StudyError> {
         let options = method.options();
         Self::with_options(body, method, options)
     }
@@ -177,7 +178,7 @@ impl Trial {
         body: Body,
         method: Method,
         options: IntegratorOptions,
-    ) -> Result<Self, CaseError> {
+    ) -> Result<Self, StudyError> {
         let stepped = match method {
             Method::Linearized => Stepped::Assembled,
             Method::Frozen => {

@@ -1,6 +1,7 @@
 //! Motions whose velocity is known, as a handle makes them.
 
 use serde::Serialize;
+use sim::minimum_jerk;
 use std::f64::consts::{PI, TAU};
 
 /// What the handle does.
@@ -40,9 +41,7 @@ impl Motion {
     pub fn at(self, t: f64, step: f64) -> (f64, f64) {
         match self {
             Self::Press => {
-                let s = t.clamp(0.0, 1.0);
-                let x = s * s * s * (10.0 - 15.0 * s + 6.0 * s * s);
-                let v = 30.0 * s * s * (1.0 - s) * (1.0 - s);
+                let (x, v) = minimum_jerk(t);
                 (5e-3 * x, 5e-3 * v)
             }
             Self::Rub => wave(0.02, 1.5, 0.0, t),

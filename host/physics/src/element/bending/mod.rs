@@ -59,6 +59,16 @@ pub(crate) struct Patch {
     weights: Vec<Vec<f64>>,
 }
 
+impl Patch {
+    /// Memory that it holds (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        let row = |row: &Vec<f64>| size_of_val(row) + size_of_val(row.as_slice());
+        size_of_val(self)
+            + size_of_val(self.vertices.as_slice())
+            + self.weights.iter().map(row).sum::<usize>()
+    }
+}
+
 /// A side of a triangle: its vertices in ascending order, the triangle, and the vertex across.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {

@@ -46,8 +46,8 @@ impl Integrator {
             self.guard.end(after, self.work);
             return Ok((found, false));
         }
-        body.x.copy_from_slice(&self.x);
-        body.v.copy_from_slice(&self.v);
+        body.state.x.copy_from_slice(&self.x);
+        body.state.v.copy_from_slice(&self.v);
         let mut safer = self.attempt(body, Scheme::ImplicitEuler, h, share)?;
         safer.iterations += found.iterations;
         self.guard.end(Energy::now(body), self.work);
@@ -88,7 +88,7 @@ impl Integrator {
                     return Ok(first);
                 }
                 self.work = self.hands(body, &self.x);
-                self.middle.copy_from_slice(&body.x);
+                self.middle.copy_from_slice(&body.state.x);
                 let to_middle = 1.0 / (GAMMA * (2.0 - GAMMA));
                 let to_start = to_middle - 1.0;
                 for node in 0..self.x.len() {
@@ -109,12 +109,17 @@ impl Integrator {
             }
         };
         let g = if scheme == Scheme::TrBdf2 { D * h } else { h };
-        for (node, v) in body.v.iter_mut().enumerate() {
-            *v = (body.x[node] - self.anchor[node]) / g;
+        for (node, v) in body.state.v.iter_mut().enumerate() {
+            *v = (body.state.x[node] - self.anchor[node]) / g;
         }
         self.work += self.push(body) + self.ramp(body);
-        report.converged &= body.v.iter().flat_map(Vec3::iter).all(|v| v.is_finite());
-        body.fresh = false;
+        report.converged &= body
+            .state
+            .v
+            .iter()
+            .flat_map(Vec3::iter)
+            .all(|v| v.is_finite());
+        body.assembly.fresh = false;
         Ok(report)
     }
 
@@ -122,23 +127,26 @@ impl Integrator {
     /// the end of the stage just solved, its inertia left out.
     fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
         let force = self.newton.residual();
-        let moved = |node: usize| body.x[node] - from[node];
-        let held = body.stiffness.free()..body.x.len();
+        let moved = |node: usize| body.state.x[node] - from[node];
+        let held = body.assembly.stiffness.free()..body.state.x.len();
         let work: f64 = held
             .map(|node| force[node].norm() * moved(node).norm())
             .sum();
-        work + body.supports.work(|node| force[node], moved)
+        work + body.constraints.supports.work(|node| force[node], moved)
     }
 
     /// The same that its inertia took.
     fn push(&self, body: &Body) -> f64 {
         let gained = |node: usize| {
-            let (now, then) = (&body.v[node], &self.v[node]);
-            (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.mass[node])
+            let (now, then) = (&body.state.v[node], &self.v[node]);
+            (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.model.mass[node])
         };
-        let held = body.stiffness.free()..body.x.len();
+        let held = body.assembly.stiffness.free()..body.state.x.len();
         let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
-        work + body.supports.work(gained, |_| Vec3::repeat(1.0))
+        work + body
+            .constraints
+            .supports
+            .work(gained, |_| Vec3::repeat(1.0))
     }
 
     /// Sets the loads to those at `part` of the substep.
@@ -148,11 +156,11 @@ impl Integrator {
         }
         let share = self.span.0 + (self.span.1 - self.span.0) * part;
         if share == 1.0 {
-            body.external.copy_from_slice(&self.loads.1);
+            body.model.external.copy_from_slice(&self.loads.1);
             return;
         }
         let loads = self.loads.0.iter().zip(&self.loads.1);
-        for (external, (from, to)) in body.external.iter_mut().zip(loads) {
+        for (external, (from, to)) in body.model.external.iter_mut().zip(loads) {
             *external = from + (to - from) * share;
         }
     }
@@ -165,12 +173,13 @@ impl Integrator {
         let loads = self.loads.0.iter().zip(&self.loads.1);
         let changed = loads.map(|(from, to)| (to - from).norm());
         let moved = body
+            .state
             .x
             .iter()
             .zip(&self.x)
             .map(|(x, from)| (x - from).norm());
         let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
-        work * (self.span.1 - self.span.0) * body.load_factor.abs()
+        work * (self.span.1 - self.span.0) * body.model.load_factor.abs()
     }
 
     /// Solves a stage that ends `part` of a substep of `h` after its start.
@@ -182,8 +191,8 @@ impl Integrator {
         share: f64,
         h: f64,
     ) -> Result<NewtonReport, StepError> {
-        let free = body.stiffness.free();
-        for (handle, aim) in body.handles.iter().zip(&self.aims) {
+        let free = body.assembly.stiffness.free();
+        for (handle, aim) in body.constraints.handles.iter().zip(&self.aims) {
             let pose = between(&handle.report.pose, aim, part);
             for (node, offset) in handle.nodes().zip(&handle.offsets) {
                 let goal = pose.position + pose.rotation * offset;
@@ -193,15 +202,19 @@ impl Integrator {
                 self.predicted[node] = goal;
             }
         }
-        if let Some(mask) = body.supports.mask() {
+        if let Some(mask) = body.constraints.supports.mask() {
             // Where the guided axes will be, by the same rule as the solver's.
-            body.displacement[..free].fill(Vec3::zeros());
-            body.supports
-                .prescribe(&body.x, share, &mut body.displacement);
+            body.assembly.displacement[..free].fill(Vec3::zeros());
+            body.constraints.supports.prescribe(
+                &body.state.x,
+                share,
+                &mut body.assembly.displacement,
+            );
             for node in 0..free {
                 for axis in 0..3 {
                     if mask[node][axis] == 0.0 {
-                        let goal = body.x[node][axis] + body.displacement[node][axis];
+                        let goal =
+                            body.state.x[node][axis] + body.assembly.displacement[node][axis];
                         let velocity = (goal - self.x[node][axis]) / (part * h);
                         self.anchor[node][axis] = goal - velocity * g;
                         self.predicted[node][axis] = goal;
@@ -220,10 +233,12 @@ impl Integrator {
 
 /// Acceleration of a node at the present state, from forces as just assembled.
 fn acceleration(body: &Body, node: usize) -> Vec3 {
-    let mut force = body.internal[node] + body.external[node] * body.load_factor
-        - body.v[node] * (body.config.mass_damping * body.mass[node]);
-    if body.config.stiffness_damping > 0.0 {
-        force -= body.stiffness.row_product(node, &body.v) * body.config.stiffness_damping;
+    let mut force = body.assembly.internal[node]
+        + body.model.external[node] * body.model.load_factor
+        - body.state.v[node] * (body.model.config.mass_damping * body.model.mass[node]);
+    if body.model.config.stiffness_damping > 0.0 {
+        force -= body.assembly.stiffness.row_product(node, &body.state.v)
+            * body.model.config.stiffness_damping;
     }
-    force / body.mass[node]
+    force / body.model.mass[node]
 }

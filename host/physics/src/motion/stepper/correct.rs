@@ -40,8 +40,13 @@ pub(crate) fn turned(body: &Body) -> f64 {
             x[axis] = 0.0;
             x
         };
-        let pressed: Vec<Vec3> = body.rest.iter().map(pressed).collect();
-        let inside_out: usize = body.elements.iter().map(|set| set.inverted(&pressed)).sum();
+        let pressed: Vec<Vec3> = body.model.rest.iter().map(pressed).collect();
+        let inside_out: usize = body
+            .model
+            .elements
+            .iter()
+            .map(|set| set.inverted(&pressed))
+            .sum();
         if inside_out == 0 {
             f64::INFINITY
         } else {
@@ -68,10 +73,11 @@ impl<T: Real> Stepper<T> {
             let node = self.node[place] as usize;
             let (u, mass) = (self.moved(place), self.mass[place]);
             let elastic = to_vec(&self.force[place]);
-            let acting = elastic + body.external[node] * body.load_factor;
+            let acting = elastic + body.model.external[node] * body.model.load_factor;
             force += elastic.dot(&u);
             // `A u` is what acts less what the solve left over.
-            whole += (body.v[node] * (mass / h) + acting - to_vec(&self.residual[place])).dot(&u);
+            whole +=
+                (body.state.v[node] * (mass / h) + acting - to_vec(&self.residual[place])).dot(&u);
             inertia += mass_factor * mass * to_vec(&self.u[place]).dot(&u);
         }
         Some(Promise {
@@ -87,7 +93,11 @@ impl<T: Real> Stepper<T> {
         let force = (0..self.free).map(|place| to_vec(&self.force[place]).dot(&self.moved(place)));
         let left = force.sum::<f64>() - promised.force + promised.stiffness;
         left.abs() > STRAY * promised.whole.abs()
-            && body.elements.iter().any(|set| set.inverted(&self.at) > 0)
+            && body
+                .model
+                .elements
+                .iter()
+                .any(|set| set.inverted(&self.at) > 0)
     }
 
     /// Solves for what is left where the step ends, linearized there; returns the most work (J) that hands can have

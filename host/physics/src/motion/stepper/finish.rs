@@ -40,11 +40,11 @@ impl<T: Real> Stepper<T> {
             whole: !breaks && report.held_back == 0.0,
         });
         body.report_step(h, targets, |node| self.pull(node));
-        body.x.copy_from_slice(&self.at);
-        for (v, u) in body.v.iter_mut().zip(&body.displacement) {
+        body.state.x.copy_from_slice(&self.at);
+        for (v, u) in body.state.v.iter_mut().zip(&body.assembly.displacement) {
             *v = u / h;
         }
-        body.fresh = false;
+        body.assembly.fresh = false;
         Ok(())
     }
 
@@ -56,17 +56,22 @@ impl<T: Real> Stepper<T> {
         report: &StepperReport,
     ) -> Result<f64, StepError> {
         for (u, &node) in self.u.iter().zip(&self.node) {
-            body.displacement[node as usize] = to_vec(u);
+            body.assembly.displacement[node as usize] = to_vec(u);
         }
         let work = body.take_grip_from(h, |node| self.pull(node));
-        let mut moves = body.displacement.iter().flat_map(Vec3::iter);
+        let mut moves = body.assembly.displacement.iter().flat_map(Vec3::iter);
         let sound = moves.all(|u| (u / h).is_finite())
-            && body.grip.iter().flat_map(Vec3::iter).all(|f| f.is_finite())
+            && body
+                .assembly
+                .grip
+                .iter()
+                .flat_map(Vec3::iter)
+                .all(|f| f.is_finite())
             && report.residual.is_finite();
         if sound {
             return Ok(work);
         }
-        body.grip.fill(Vec3::zeros());
+        body.assembly.grip.fill(Vec3::zeros());
         Err(StepError::Diverged {
             iterations: report.iterations,
         })
@@ -87,7 +92,7 @@ impl<T: Real> Stepper<T> {
         (before, after): (Energy, Energy),
         work: f64,
     ) -> f64 {
-        let mut guard = body.guard;
+        let mut guard = body.assembly.guard;
         guard.begin(before);
         let mut whole = Some(after);
         let held = guard.hold_back(body, work, |body| {
@@ -100,17 +105,22 @@ impl<T: Real> Stepper<T> {
             held.energy
         };
         guard.end(after, work);
-        body.guard = guard;
+        body.assembly.guard = guard;
         1.0 - held.kept
     }
 
     /// Energy after the displacement as it is; linearized there.
     pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
-        for ((at, x), u) in self.at.iter_mut().zip(&body.x).zip(&body.displacement) {
+        for ((at, x), u) in self
+            .at
+            .iter_mut()
+            .zip(&body.state.x)
+            .zip(&body.assembly.displacement)
+        {
             *at = x + u;
         }
         self.linearize();
-        let moving = body.displacement.iter().zip(&body.mass);
+        let moving = body.assembly.displacement.iter().zip(&body.model.mass);
         let kinetic: f64 = moving
             .map(|(u, mass)| 0.5 * mass * (u / h).norm_squared())
             .sum();
@@ -119,16 +129,16 @@ impl<T: Real> Stepper<T> {
 
     /// The residual of the equation of motion with forces as they are at the end of the step.
     pub(crate) fn pull_at_the_end(&mut self, body: &Body, h: f64) {
-        let drag = body.config.mass_damping / h;
+        let drag = body.model.config.mass_damping / h;
         for (place, r) in self.residual.iter_mut().enumerate() {
             let node = self.node[place] as usize;
-            let u = body.displacement[node];
-            let inertia = (body.v[node] - u / h) / h - u * drag;
-            let external = body.external[node] * body.load_factor;
+            let u = body.assembly.displacement[node];
+            let inertia = (body.state.v[node] - u / h) / h - u * drag;
+            let external = body.model.external[node] * body.model.load_factor;
             *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));
             self.u[place] = to_node(&u);
         }
-        let damping = T::of(-body.config.stiffness_damping / h);
+        let damping = T::of(-body.model.config.stiffness_damping / h);
         for kernel in &self.kernels {
             kernel.product(damping, &self.u, &mut self.residual);
         }

@@ -214,7 +214,7 @@ impl<T: Real> Stepper<T> {
     pub(crate) fn begin_history(&mut self, body: &Body) {
         for (kept, &node) in self.history.iter_mut().zip(&self.node) {
             *kept = [[T::ZERO; 4]; KEPT];
-            kept[0] = to_node(&body.v[node as usize]);
+            kept[0] = to_node(&body.state.v[node as usize]);
         }
     }
 
@@ -224,8 +224,8 @@ impl<T: Real> Stepper<T> {
         body.prescribe(targets);
         // Nobody needs the residual and `q` before there is a guess.
         for ((u, v), &node) in self.u.iter_mut().zip(&mut self.residual).zip(&self.node) {
-            *u = to_node(&body.displacement[node as usize]);
-            *v = to_node(&body.v[node as usize]);
+            *u = to_node(&body.assembly.displacement[node as usize]);
+            *v = to_node(&body.state.v[node as usize]);
         }
         let (free_nodes, held_nodes) = self.history.split_at_mut(free);
         let mut sums = Sums::default();

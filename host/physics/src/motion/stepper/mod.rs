@@ -57,6 +57,8 @@ pub(crate) struct Stepped {
 pub struct Stepper<T> {
     /// How steps are solved; may be changed between them.
     pub options: StepperOptions,
+    /// The epoch of the body for which everything here is made.
+    pub(crate) epoch: u64,
     /// The place of each node, and the node at each place: free ones first, in an order that fills little.
     pub(crate) place: Vec<u32>,
     pub(crate) node: Vec<u32>,
@@ -109,14 +111,14 @@ pub struct Stepper<T> {
 /// Memory that the complete factor of `body`'s step matrix would take (bytes), as
 /// [`precondition::complete_bytes`](crate::linear::precondition::complete_bytes) counts it.
 pub fn complete_bytes(body: &Body) -> usize {
-    precondition::complete_bytes(&body.stiffness, &body.rest)
+    precondition::complete_bytes(&body.assembly.stiffness, &body.model.rest)
 }
 
 /// Factors of mass and stiffness in the matrix of a step of `h` seconds.
 fn factors(body: &Body, h: f64) -> (f64, f64) {
     (
-        1.0 / (h * h) + body.config.mass_damping / h,
-        1.0 + body.config.stiffness_damping / h,
+        1.0 / (h * h) + body.model.config.mass_damping / h,
+        1.0 + body.model.config.stiffness_damping / h,
     )
 }
 
@@ -128,7 +130,7 @@ fn kernels<T: Real>(
     rest: &[Vec3],
 ) -> Vec<Box<dyn Kernel<T>>> {
     let mut kernels: Vec<Box<dyn Kernel<T>>> = Vec::new();
-    for set in &body.elements {
+    for set in &body.model.elements {
         let mut set = set.boxed();
         set.renumber(place);
         if let Some((frame, tets)) = set.hookean_tets() {
@@ -148,8 +150,9 @@ fn kernels<T: Real>(
             kernels.push(Box::new(Assembled::new(set, matrix, rest)));
         }
     }
-    if let Some(bending) = &body.bending {
+    if let Some(bending) = &body.model.bending {
         let weights = body
+            .assembly
             .stiffness
             .renumbered_weights(bending.weights(), place, matrix);
         kernels.push(Box::new(ScalarMatrix::new(matrix, &weights)));
@@ -158,15 +161,18 @@ fn kernels<T: Real>(
 }
 
 impl<T: Real> Stepper<T> {
-    /// Memory for `body`'s topology; supports are those that it has now.
+    /// Memory for `body`, as it is connected, held and supported now; where that changes, the stepper
+    /// [follows](Self::follow).
     ///
     /// # Errors
     ///
     /// [`CondenseError::Symbolic`].
     pub fn new(body: &Body, options: StepperOptions) -> Result<Self, CondenseError> {
-        let count = body.x.len();
-        let free = body.stiffness.free();
-        let mut node = options.preconditioner.order(&body.stiffness, &body.rest);
+        let count = body.state.x.len();
+        let free = body.assembly.stiffness.free();
+        let mut node = options
+            .preconditioner
+            .order(&body.assembly.stiffness, &body.model.rest);
         node.extend(free as u32..count as u32);
         let mut place = vec![0; count];
         for (at, &node) in node.iter().enumerate() {
@@ -175,14 +181,21 @@ impl<T: Real> Stepper<T> {
         let by_place = |values: &[Vec3]| -> Vec<Vec3> {
             node.iter().map(|&node| values[node as usize]).collect()
         };
-        let rest = by_place(&body.rest);
-        let matrix = body.stiffness.renumbered(&place);
+        let rest = by_place(&body.model.rest);
+        let matrix = body.assembly.stiffness.renumbered(&place);
         let kernels = || kernels(body, &place, &matrix, &rest);
-        let guided = body.supports.mask().map_or_else(Vec::new, |mask| {
-            let free = &node[..free];
-            free.iter().map(|&node| mask[node as usize]).collect()
-        });
-        let mass: Vec<f64> = node.iter().map(|&node| body.mass[node as usize]).collect();
+        let guided = body
+            .constraints
+            .supports
+            .mask()
+            .map_or_else(Vec::new, |mask| {
+                let free = &node[..free];
+                free.iter().map(|&node| mask[node as usize]).collect()
+            });
+        let mass: Vec<f64> = node
+            .iter()
+            .map(|&node| body.model.mass[node as usize])
+            .collect();
         let kept = kernels();
         let mask = guided.iter().map(to_node).collect();
         let refresher = Refresher::new(
@@ -192,6 +205,7 @@ impl<T: Real> Stepper<T> {
             mass.clone(),
             guided,
             (options.preconditioner, options.kernels),
+            body.epoch(),
         )?;
         let zeros = vec![[T::ZERO; 4]; count];
         let lost = mass.iter().zip(&rest);
@@ -199,6 +213,7 @@ impl<T: Real> Stepper<T> {
         let unseen = lost.sum::<f64>().sqrt();
         Ok(Self {
             options,
+            epoch: body.epoch(),
             kernels: kept,
             solves: refresher.like_made(),
             refresher: Some(Box::new(refresher)),
@@ -232,6 +247,22 @@ impl<T: Real> Stepper<T> {
         })
     }
 
+    /// Makes everything anew where `body` has begun another epoch since; the first step after it does otherwise. Takes
+    /// memory and as long as making a stepper; a factor is then still to be [made](Self::prepare).
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError::Symbolic`]; the stepper is as it was then.
+    pub fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
+        if self.epoch != body.epoch() {
+            // The count goes on: no shapes are those of another epoch's linearization.
+            let state = self.state;
+            *self = Self::new(body, self.options)?;
+            self.state = state;
+        }
+        Ok(())
+    }
+
     /// Whether there has been a step, from which a factor is left.
     pub(crate) fn is_ready(&self) -> bool {
         self.factors.is_some()
@@ -251,8 +282,9 @@ impl<T: Real> Stepper<T> {
         if !(h > 0.0 && h.is_finite()) {
             return Err(StepError::StepLength { found: h });
         }
-        if body.x != self.at {
-            self.at.copy_from_slice(&body.x);
+        self.follow(body).map_err(StepError::Matrix)?;
+        if body.state.x != self.at {
+            self.at.copy_from_slice(&body.state.x);
             self.linearize();
         }
         self.refresh(factors(body, h)).map_err(StepError::Matrix)
@@ -274,12 +306,13 @@ impl<T: Real> Stepper<T> {
         mut out_of_time: impl FnMut() -> bool,
     ) -> Result<StepperReport, StepError> {
         body.check_step(h, targets)?;
+        self.follow(body).map_err(StepError::Matrix)?;
         let factors = factors(body, h);
         let (mass_factor, stiffness_factor) = factors;
         let speed = self.options.sleep_speed;
-        if body.x != self.at {
+        if body.state.x != self.at {
             self.sleep.wake();
-            self.at.copy_from_slice(&body.x);
+            self.at.copy_from_slice(&body.state.x);
             self.linearize();
             self.begin_history(body);
         }
@@ -388,8 +421,11 @@ impl<T: Real> Stepper<T> {
         Some(refresher)
     }
 
-    /// Takes the refresher back, and the factor that it has made.
+    /// Takes the refresher back, and the factor that it has made; of another epoch, both are of no use.
     pub fn give_back(&mut self, mut refresher: Box<Refresher<T>>) {
+        if refresher.epoch != self.epoch {
+            return;
+        }
         if let Some(factors) = refresher.exchange(&mut self.solves) {
             self.factors = Some(factors);
             self.stale = false;
@@ -408,12 +444,12 @@ impl<T: Real> Stepper<T> {
             let node = self.node[place] as usize;
             let mass = self.mass[place];
             let internal = to_vec(&self.force[place]);
-            let external = body.external[node] * body.load_factor;
-            let inertia = body.v[node] / h - to_vec(&self.u[place]) * mass_factor;
+            let external = body.model.external[node] * body.model.load_factor;
+            let inertia = body.state.v[node] / h - to_vec(&self.u[place]) * mass_factor;
             *r = to_node(&(internal + external + inertia * mass));
             if place < self.free {
                 acting += internal.norm_squared() + external.norm_squared();
-                momentum += (body.v[node] * (mass / h)).norm_squared();
+                momentum += (body.state.v[node] * (mass / h)).norm_squared();
             }
         }
         for kernel in &self.kernels {

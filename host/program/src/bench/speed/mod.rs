@@ -10,7 +10,8 @@ use super::super::CommandError;
 use super::progress_bar;
 use host::atomic_file::{AtomicFileError, write_atomically};
 use std::path::PathBuf;
-use study::speed::{self, Level, Section};
+use study::Level;
+use study::speed::{self, Section};
 
 /// Arguments of `palpate bench speed`.
 #[derive(Clone, Debug, clap::Args)]

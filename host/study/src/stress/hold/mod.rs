@@ -17,7 +17,8 @@ use super::chance::Chance;
 use super::scene::draw::Draw as HostDraw;
 use super::scene::measure::{Outcome, Stillness, Trace};
 use super::scene::world::World;
-use super::scene::{StressError, reference, run};
+use super::scene::{reference, run};
+use crate::StudyError;
 use draw::{Draw, Kind, STIFFNESS, stiffest};
 use host::bodies;
 use host::scene::spec::SchemeName;
@@ -134,9 +135,9 @@ impl Study {
     /// The scene of a cell.
     ///
     /// # Errors
-    /// [`StressError`] where it cannot be built.
-    pub fn scene(&self, cell: u64) -> Result<LoadedScene, StressError> {
-        let load = |text: &str| -> Result<_, StressError> {
+    /// [`StudyError`] where it cannot be built.
+    pub fn scene(&self, cell: u64) -> Result<LoadedScene, StudyError> {
+        let load = |text: &str| -> Result<_, StudyError> {
             Ok(Scene::load_texts("cell.toml", text, &BTreeMap::new())?)
         };
         let Some(draw) = self.draw(cell) else {
@@ -163,8 +164,8 @@ impl Study {
     /// The reference of a cell, and its run under each of `schemes`.
     ///
     /// # Errors
-    /// [`StressError`].
-    pub fn traces(&self, cell: u64, schemes: &[SchemeName]) -> Result<Traces, StressError> {
+    /// [`StudyError`].
+    pub fn traces(&self, cell: u64, schemes: &[SchemeName]) -> Result<Traces, StudyError> {
         let loaded = self.scene(cell)?;
         traces(loaded, schemes, Chance::new(self.seed, cell))
     }
@@ -185,7 +186,7 @@ impl Study {
 }
 
 impl CellResult {
-    fn of(traces: Result<Traces, StressError>, schemes: &[(SchemeName, &str)]) -> Self {
+    fn of(traces: Result<Traces, StudyError>, schemes: &[(SchemeName, &str)]) -> Self {
         let mut result = Self {
             case: None,
             rate: 0.0,
@@ -213,8 +214,8 @@ impl CellResult {
 /// Runs a scene with its own hands under each of [`SCHEMES`].
 ///
 /// # Errors
-/// [`StressError`].
-pub fn judge(loaded: LoadedScene) -> Result<CellResult, StressError> {
+/// [`StudyError`].
+pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
     let (case, rate) = (
         Some(loaded.scene.name.clone()),
         loaded.scene.host.publish_rate,
@@ -237,7 +238,7 @@ fn traces(
     loaded: LoadedScene,
     schemes: &[SchemeName],
     chance: Chance,
-) -> Result<Traces, StressError> {
+) -> Result<Traces, StudyError> {
     let host = &loaded.scene.host;
     let host = HostDraw::untroubled(host.publish_rate, host.latency);
     let world = World {
@@ -270,7 +271,7 @@ fn one_count(
     world: &World,
     bodies: &mut reference::Bodies,
     horizon: f64,
-) -> Result<f64, StressError> {
+) -> Result<f64, StudyError> {
     let period = world.period();
     let each = world.loaded.models.iter();
     let each = each.zip(bodies.stiffest(world, horizon)?);
@@ -284,8 +285,8 @@ fn one_count(
 }
 
 /// Static stiffness of a scene's specimen at its handle (N/m): the way that the hand goes, and the most of any way.
-fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<[f64; 2], StressError> {
-    let condenser = bodies::condense::<StressError>(loaded, 0, SLOW)?;
+fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<[f64; 2], StudyError> {
+    let condenser = bodies::condense::<StudyError>(loaded, 0, SLOW)?;
     let stiffness = &condenser.condensed().stiffness;
     let way = specimen::way(kind);
     let each = (0..9).map(|k| (k / 3, k % 3));

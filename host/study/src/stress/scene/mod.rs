@@ -21,16 +21,19 @@ pub mod measure;
 pub(super) mod reference;
 pub(super) mod run;
 pub mod summary;
+mod traced;
+mod troubled;
 pub(super) mod world;
 
 use super::chance::Chance;
+use crate::StudyError;
 use draw::Draw;
 use host::bodies;
+use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
-use host::scene::{LoadedScene, SceneError};
 use measure::{Outcome, Stillness, Trace};
+use physics::Vec3;
 use physics::linear::dense::Square;
-use physics::{BodyError, CondenseError, StepError, Vec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use world::World;
@@ -49,23 +52,6 @@ pub const SCHEMES: [(SchemeName, &str); 6] = [
 const STEP_RATE: f64 = 1000.0;
 /// The period at which the stiffness that hands meet is taken (s).
 const SLOW: f64 = 1.0 / 20.0;
-
-/// Why a cell could not be run.
-#[derive(Debug, thiserror::Error)]
-pub enum StressError {
-    /// The scene cannot be built.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// A body could not be softened.
-    #[error(transparent)]
-    Body(#[from] BodyError),
-    /// A step of the reference failed.
-    #[error(transparent)]
-    Step(#[from] StepError),
-    /// A body could not be condensed.
-    #[error(transparent)]
-    Condense(#[from] CondenseError),
-}
 
 /// A scene that is ready for its cells.
 pub struct Study {
@@ -95,8 +81,8 @@ impl Study {
     /// Prepares `loaded` for the study of `seed`.
     ///
     /// # Errors
-    /// [`StressError`] where the scene cannot be built, or has no devices.
-    pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StressError> {
+    /// [`StudyError`] where the scene cannot be built, or has no devices.
+    pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
         host::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
@@ -155,19 +141,19 @@ impl Study {
     /// The reference of a cell, and its run under each of `schemes`.
     ///
     /// # Errors
-    /// [`StressError`].
+    /// [`StudyError`].
     pub fn traces(
         &self,
         cell: u64,
         schemes: &[SchemeName],
-    ) -> Result<(Draw, Trace, Vec<Trace>), StressError> {
+    ) -> Result<(Draw, Trace, Vec<Trace>), StudyError> {
         let world = self.world(cell);
         let reference = reference::run(&world)?;
         let chance = Chance::new(self.seed, cell);
         let runs = schemes.iter().map(|scheme| {
             let mut run = run::run(&world, *scheme, chance)?;
             reference::follow(&world, &mut run)?;
-            Ok::<_, StressError>(run)
+            Ok::<_, StudyError>(run)
         });
         let runs = runs.collect::<Result<_, _>>()?;
         Ok((world.draw, reference, runs))
@@ -204,11 +190,11 @@ impl Study {
 
 /// Stiffness between all devices of a scene at rest, three rows and columns each, in the devices' own metres and
 /// newtons (N/m).
-fn stiffness(loaded: &LoadedScene) -> Result<Square, StressError> {
+fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
     for (number, spec) in scene.bodies.iter().enumerate() {
-        let condenser = bodies::condense::<StressError>(loaded, number, SLOW)?;
+        let condenser = bodies::condense::<StudyError>(loaded, number, SLOW)?;
         let condensed = condenser.condensed();
         for (i, row) in spec.handles.iter().enumerate() {
             for (j, column) in spec.handles.iter().enumerate() {

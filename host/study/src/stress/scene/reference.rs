@@ -7,24 +7,25 @@
 //! [`follow`] leads the same bodies along the path of a run instead: what the body itself exerts at the pose of that
 //! run, whatever led the hand there.
 
-use super::StressError;
 use super::draw::Softening;
 use super::measure::Trace;
 use super::world::{World, exerted, handle};
+use crate::StudyError;
 use host::bodies;
+use host::run::timeline::Host;
 use host::scene::LoadedScene;
 use nalgebra::Matrix3;
 use physics::linear::dense::Square;
 use physics::{Body, Condenser, HandlePose, Stepper, StepperOptions};
 use rt_core::clutch::Clutch;
-use rt_core::safety::{Limiter, SafetyState};
-use rt_core::{DeviceState, MAX_DEVICES, Pose, Wrench};
+use rt_core::safety::Limiter;
+use rt_core::{Device, DeviceState, MAX_DEVICES, Wrench};
 
 /// The bodies with what steps them.
 pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
 
 impl Bodies {
-    pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StressError> {
+    pub(in crate::stress) fn new(loaded: &LoadedScene) -> Result<Self, StudyError> {
         let host = &loaded.scene.host;
         let options = StepperOptions {
             tolerance: host.tolerance,
@@ -36,7 +37,7 @@ impl Bodies {
             let stepper = Stepper::new(&body, options)?;
             Ok((body, stepper))
         });
-        Ok(Self(each.collect::<Result<_, StressError>>()?))
+        Ok(Self(each.collect::<Result<_, StudyError>>()?))
     }
 }
 
@@ -52,7 +53,7 @@ struct Copy<'a> {
 }
 
 impl<'a> Copy<'a> {
-    fn new(world: &'a World) -> Result<Self, StressError> {
+    fn new(world: &'a World) -> Result<Self, StudyError> {
         Ok(Self {
             bodies: Bodies::new(&world.loaded)?,
             held: world.held(),
@@ -63,11 +64,11 @@ impl<'a> Copy<'a> {
     }
 
     /// The tick's step, with the handles where `place` has their devices.
-    fn step(
+    fn place(
         &mut self,
         now_ns: u64,
         place: impl Fn(usize) -> HandlePose,
-    ) -> Result<(), StressError> {
+    ) -> Result<(), StudyError> {
         if let (Some(change), Some(soft)) = (self.softening, &self.world.soft)
             && now_ns as f64 * 1e-9 >= change.at
         {
@@ -93,6 +94,21 @@ impl<'a> Copy<'a> {
     }
 }
 
+/// Nothing goes on beside the ticks.
+impl Host for Copy<'_> {
+    type Error = StudyError;
+
+    fn next_ns(&self) -> Option<u64> {
+        None
+    }
+
+    fn step(&mut self) -> Result<(), StudyError> {
+        Ok(())
+    }
+
+    fn deliver(&mut self, _: u64) {}
+}
+
 impl Bodies {
     /// The largest stiffness and damping that each device meets where the bodies of `world` are now, as a model that is
     /// good for `period` (s) has them (N/m and N s/m at the device).
@@ -100,7 +116,7 @@ impl Bodies {
         &mut self,
         world: &World,
         period: f64,
-    ) -> Result<Vec<[f64; 2]>, StressError> {
+    ) -> Result<Vec<[f64; 2]>, StudyError> {
         let held = world.held();
         let devices = &world.loaded.scene.devices;
         let mut most = vec![[0.0; 2]; devices.len()];
@@ -127,14 +143,14 @@ pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
 }
 
 /// Leads the bodies along the path that `run` keeps, and keeps what they exert there; gives the bodies at its end.
-pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StressError> {
+pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
     let mut copy = Copy::new(world)?;
     for device in &mut run.devices {
         device.own.clear();
         device.own.reserve(device.proxy.len());
     }
     for tick in 0..run.out.len() {
-        copy.step(tick as u64 * world.period_ns(), |device| {
+        copy.place(tick as u64 * world.period_ns(), |device| {
             handle(&run.devices[device].proxy[tick])
         })?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
@@ -151,10 +167,10 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 }
 
 /// Runs the reference of the cell of `world`.
-pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
+pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.all().map(Body::total_energy).sum();
-    let (config, mut devices) = world.devices(stored)?;
+    let (config, mut devices, mut kept) = world.devices(stored)?;
     let mut limiters: Vec<_> = config
         .devices
         .iter()
@@ -164,37 +180,36 @@ pub(in crate::stress) fn run(world: &World) -> Result<Trace, StressError> {
     let mut left = vec![DeviceState::resting(); frames.len()];
     let mut clutches = vec![Clutch::new(); frames.len()];
     let mut seen = vec![false; frames.len()];
-    for k in 0..world.ticks() {
-        let now = k * world.period_ns();
+    world.timeline().drive(&mut copy, |copy, now| {
         let mut readings = [None; MAX_DEVICES];
-        devices.read(now, |device, state, pose: Pose| {
+        for (index, device) in devices.iter_mut().enumerate() {
+            let state = device.read(now).ok();
+            let pose = device.truly();
             let state = state.map(|state| DeviceState { pose, ..state });
-            readings[device] = state;
+            readings[index] = state;
             if let Some(state) = state {
-                if std::mem::replace(&mut seen[device], true) {
-                    let frame = &mut frames[device];
-                    clutches[device].follow(&limiters[device], frame, &left[device], &state);
+                if std::mem::replace(&mut seen[index], true) {
+                    let frame = &mut frames[index];
+                    clutches[index].follow(&limiters[index], frame, &left[index], &state);
                 }
-                left[device] = state;
+                left[index] = state;
             }
-        });
-        copy.step(now, |device| {
+        }
+        copy.place(now, |device| {
             handle(&frames[device].to_scene(&left[device]).0)
         })?;
-        let (wrenches, weight) = devices.exerted_by(copy.all());
+        let (wrenches, weight) = kept.exerted_by(copy.all());
 
-        let mut commands = [Wrench::zero(); MAX_DEVICES];
-        let mut states = [SafetyState::Normal; MAX_DEVICES];
-        let each = limiters.iter_mut().zip(&frames).enumerate();
-        for (device, (limiter, frame)) in each {
-            let asked = frame.to_device(&wrenches[device]);
-            commands[device] = limiter.pass(&asked, readings[device].as_ref());
-            states[device] = limiter.state();
+        let each = devices.iter_mut().zip(&mut limiters).zip(&frames);
+        for (index, ((device, limiter), frame)) in each.enumerate() {
+            let asked = frame.to_device(&wrenches[index]);
+            let command = limiter.pass(&asked, readings[index].as_ref());
+            // A simulated device takes every wrench.
+            let _ = device.write(now, &command);
         }
-        devices.write(now, &commands, |device| {
-            states[device] == SafetyState::Limited
-        });
-        devices.keep(&wrenches, weight, [0.0; 2]);
-    }
-    Ok(devices.finish(0))
+        let states = limiters.iter().map(Limiter::state);
+        kept.keep(&mut devices, states, &wrenches, weight, [0.0; 2]);
+        Ok(())
+    })?;
+    Ok(kept.finish(devices, 0))
 }

@@ -2,31 +2,26 @@
 //! the controller at its tick, devices and hands between ticks.
 //!
 //! The physics takes its steps whatever the publication rate: what differs from the reference is the multirate scheme
-//! alone. A host that stalls takes none meanwhile, and goes on from where the hands are then.
+//! alone.
 
-use super::StressError;
 use super::draw::Span;
 use super::measure::Trace;
+use super::troubled::{Lossy, Steady, Troubled};
 use super::world::World;
+use crate::StudyError;
 use crate::stress::chance::Chance;
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::engine::build::{self, How};
-use host::engine::pacer::Due;
-use host::engine::stats::Stopwatch;
+use host::run::late::LateLink;
 use host::scene::spec::SchemeName;
 use nalgebra::UnitQuaternion;
-use rt_core::safety::SafetyState;
-use rt_core::{Controller, DeviceError, LocalModel, MAX_DEVICES, Pose, Vec3};
+use rt_core::{Controller, Pose, Vec3};
+use runner::link::{LinkConfig, link};
+use runner::tick_loop::TickLoop;
 
-/// Nothing is measured: the run is virtual.
-struct NoWatch;
-
-impl Stopwatch for NoWatch {
-    fn now_ns(&self) -> u64 {
-        0
-    }
-}
+/// Models a second (Hz) for which the rings have room: the tick empties them in every tick.
+const ROOM: f64 = 20.0;
 
 /// Time constant (s) with which a body that is led along a run takes over what the encoder's counts are off.
 const SETTLE: f64 = 0.05;
@@ -67,68 +62,12 @@ impl Wander {
     }
 }
 
-/// The host of a run.
-struct Host<'a> {
-    world: &'a World,
-    engine: Engine,
-    chance: Chance,
-    /// The next physics step, and publications so far.
-    next: u64,
-    published: u64,
-    records: u64,
-    /// When the body softened here (ns), and which bodies the tick has heard of since.
-    softened: Option<u64>,
-    heard: Vec<bool>,
-    /// Models under way: arrival (ns), body, model.
-    under_way: Vec<(u64, usize, LocalModel)>,
-}
-
-impl Host<'_> {
-    /// Takes all steps that are due at `now_ns`.
-    fn step(&mut self, now_ns: u64) -> Result<(), StressError> {
-        let draw = &self.world.draw;
-        let rate = self.world.loaded.scene.host.step_rate;
-        loop {
-            let time_ns = (self.next as f64 * 1e9 / rate) as u64;
-            if time_ns > now_ns {
-                return Ok(());
-            }
-            self.next += 1;
-            let time = time_ns as f64 * 1e-9;
-            if draw.stalls.iter().any(|stall| stall.holds(time)) {
-                continue;
-            }
-            if let (None, Some(softening), Some(soft)) =
-                (self.softened, draw.softening, &self.world.soft)
-                && time >= softening.at
-            {
-                self.softened = Some(time_ns);
-                self.engine.exchange(build::bodies(soft, How::default())?)?;
-            }
-            // At the first step at or after each multiple of the period; a late host does not make up for lost ones.
-            let due = (time * draw.rate * (1.0 + 1e-12)) as u64;
-            let publishes = due > self.published;
-            self.published = due;
-            let chance = self.chance;
-            let under_way = &mut self.under_way;
-            self.engine
-                .step(Due { time_ns, publishes }, &NoWatch, |body, model| {
-                    let late = draw.jitter * (draw.latency + 1.0 / draw.rate);
-                    let delay = draw.latency + late * chance.of("late").unit(due);
-                    if chance.of("model").unit(due) >= draw.models_lost {
-                        under_way.push((time_ns + (delay * 1e9) as u64, body, *model));
-                    }
-                });
-        }
-    }
-}
-
 /// Runs the cell of `world` under `scheme`.
 pub(in crate::stress) fn run(
     world: &World,
     scheme: SchemeName,
     chance: Chance,
-) -> Result<Trace, StressError> {
+) -> Result<Trace, StudyError> {
     let mut world = world.clone();
     let draw = world.draw.clone();
     for loaded in [Some(&mut world.loaded), world.soft.as_mut()]
@@ -148,76 +87,49 @@ pub(in crate::stress) fn run(
         .iter()
         .map(|body| body.body().total_energy())
         .sum();
-    let (config, mut devices) = world.devices(stored)?;
-    let mut controller = Controller::new(&config);
-    let mut host = Host {
-        world,
-        engine,
-        chance,
-        next: 1,
-        published: 0,
-        records: 0,
-        softened: None,
-        heard: vec![false; world.loaded.scene.bodies.len()],
-        under_way: Vec::new(),
-    };
+    let (config, devices, mut kept) = world.devices(stored)?;
+    let (end, host_end, _) = link(&LinkConfig {
+        bodies: world.loaded.scene.bodies.len(),
+        ..LinkConfig::new(world.loaded.scene.realtime.rate, ROOM)
+    });
+    let mut tick = TickLoop::new(Controller::new(&config), devices, end);
+    let late = LateLink::new(host_end, world.loaded.scene.bodies.len());
+    let host = Steady::new(engine, Lossy::new(late, world, chance));
+    let mut host = Troubled::new(host, world);
     let period = world.period();
     let mut wanders = vec![Wander::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
-    for k in 0..world.ticks() {
-        let now = k * world.period_ns();
-        host.step(now)?;
-        let (softened, heard) = (host.softened, &mut host.heard);
-        host.under_way.retain(|(arrival, body, model)| {
-            if *arrival <= now {
-                // One that was overtaken is refused, as it is to be.
-                let _ = controller.accept(*body, model);
-                heard[*body] |= softened.is_some_and(|at| model.time_ns >= at);
-            }
-            *arrival > now
-        });
+    world.timeline().drive(&mut host, |host, now| {
         let time = now as f64 * 1e-9;
-        if let Some(at) = softens.filter(|at| time >= *at && heard.contains(&false)) {
+        if let Some(at) = softens.filter(|at| time >= *at && host.is_unheard()) {
             unaware = Span {
                 at,
                 duration: time + period - at,
             };
         }
-
-        let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
-        let mut truly = [Pose::identity(); MAX_DEVICES];
-        devices.read(now, |device, state, pose| {
-            readings[device] = state.ok_or(DeviceError::NoReport);
-            truly[device] = pose;
-        });
-        let (commands, telemetry) = controller.tick(now, &readings);
-        for (device, wander) in wanders.iter_mut().enumerate() {
-            let shown = telemetry.devices[device].pose;
-            let scale = world.loaded.scene.devices[device].motion_scale;
-            let reading = readings[device].as_ref().ok();
-            let pose = wander.pose(&shown, reading.map(|r| (&r.pose, &truly[device])), scale);
-            devices.keep_proxy(device, pose);
+        let telemetry = tick.tick(now, 0);
+        let devices = tick.devices.iter_mut().zip(&mut wanders).enumerate();
+        for (index, (device, wander)) in devices {
+            let shown = telemetry.devices[index].pose;
+            let scale = world.loaded.scene.devices[index].motion_scale;
+            let reading = telemetry.readings[index].as_ref().ok();
+            let truly = device.truly();
+            let pose = wander.pose(&shown, reading.map(|r| (&r.pose, &truly)), scale);
+            device.trace.proxy.push(pose);
         }
-        devices.write(now, &commands, |device| {
-            telemetry.devices[device].safety == SafetyState::Limited
-        });
-        host.records += 1;
-        let lost = world.draw.records_lost;
-        if host.chance.of("record").unit(host.records) >= lost {
-            host.engine.follow(&telemetry.tick_record());
-        }
-
-        let bodies = host.engine.bodies().iter().map(HostBody::body);
-        let (wrenches, weight) = devices.exerted_by(bodies);
-        let account = controller.energy().fold([0.0; 2], |sum, account| {
+        let bodies = host.engine().bodies().iter().map(HostBody::body);
+        let (wrenches, weight) = kept.exerted_by(bodies);
+        let account = tick.controller.energy().fold([0.0; 2], |sum, account| {
             [sum[0] + account.available, sum[1] + account.stored]
         });
-        devices.keep(&wrenches, weight, account);
-    }
-    let capped = controller.energy().map(|account| account.capped).sum();
+        let states = telemetry.devices.iter().map(|device| device.safety);
+        kept.keep(&mut tick.devices, states, &wrenches, weight, account);
+        Ok(())
+    })?;
+    let capped = tick.controller.energy().map(|account| account.capped).sum();
     Ok(Trace {
         unaware,
-        ..devices.finish(capped)
+        ..kept.finish(tick.devices, capped)
     })
 }

@@ -1,0 +1,73 @@
+//! What solvers of the assembled equations work with, and what a step leaves.
+
+use super::guard::Guard;
+use super::model::Model;
+use super::topology::Topology;
+use crate::Vec3;
+use crate::element::bending::Bending;
+use crate::linear::block_matrix::BlockMatrix;
+use crate::linear::pcg::Pcg;
+
+/// The assembled equations and the scratch of a step, by node; for one epoch of the topology.
+#[derive(Clone, Debug)]
+pub(crate) struct Assembly {
+    pub(crate) stiffness: BlockMatrix,
+    /// Elastic forces where `assemble` last ran (N).
+    pub(crate) internal: Vec<Vec3>,
+    /// Displacement over the step (m).
+    pub(crate) displacement: Vec<Vec3>,
+    pub(crate) pcg: Pcg,
+    /// Force of the hand on each handle node less the node's inertia, in the last step (N).
+    pub(crate) grip: Vec<Vec3>,
+    /// The elastic force that the last step's linearization promised for its end (N); how long that step was
+    /// (s), where it was a whole one.
+    pub(crate) promised: Vec<Vec3>,
+    pub(crate) promised_over: Option<f64>,
+    /// The rate at which forces change along the motion beside what the tangent makes of it (N/s), as far as
+    /// is known.
+    pub(crate) missed: Vec<Vec3>,
+    pub(crate) guard: Guard,
+    /// Positions after the step, before it is taken.
+    pub(crate) ahead: Vec<Vec3>,
+    /// Whether stiffness and internal forces are those of the present state.
+    pub(crate) fresh: bool,
+    /// Whether `assemble` has ever run.
+    pub(crate) assembled: bool,
+}
+
+impl Assembly {
+    /// The pattern of `model`'s elements, whose nodes are those of `topology` already, with `free` nodes before those
+    /// of handles. Tells the elements where their blocks are, and lays out the bending.
+    pub(crate) fn new(model: &mut Model, topology: &Topology, free: usize) -> Self {
+        let count = topology.node_of_vertex.len();
+        let mut patches = model.patches.clone();
+        for vertex in patches.iter_mut().flat_map(|patch| &mut patch.vertices) {
+            *vertex = topology.node_of_vertex[*vertex as usize];
+        }
+        let cliques = model
+            .elements
+            .iter()
+            .flat_map(|set| (0..set.count()).map(|element| set.nodes(element)))
+            .chain(patches.iter().map(|patch| patch.vertices.as_slice()));
+        let stiffness = BlockMatrix::new(count, free, cliques);
+        for set in &mut model.elements {
+            set.bind(&stiffness);
+        }
+        model.bending = (!patches.is_empty()).then(|| Bending::new(&stiffness, &patches));
+        let zeros = vec![Vec3::zeros(); count];
+        Self {
+            stiffness,
+            internal: zeros.clone(),
+            displacement: zeros.clone(),
+            pcg: Pcg::new(free),
+            grip: vec![Vec3::zeros(); count - free],
+            promised: zeros.clone(),
+            promised_over: None,
+            missed: zeros.clone(),
+            guard: Guard::default(),
+            ahead: zeros,
+            fresh: false,
+            assembled: false,
+        }
+    }
+}

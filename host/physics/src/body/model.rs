@@ -1,0 +1,27 @@
+//! What a body is made of, and what acts on it.
+
+use super::BodyConfig;
+use crate::Vec3;
+use crate::element::Elements;
+use crate::element::bending::{Bending, Patch};
+
+/// Elements, mass and loads.
+#[derive(Clone, Debug)]
+pub(crate) struct Model {
+    pub(crate) config: BodyConfig,
+    /// One set a kind, over nodes.
+    pub(crate) elements: Vec<Box<dyn Elements>>,
+    /// What each triangle adds to the bending, over vertices.
+    pub(crate) patches: Vec<Patch>,
+    pub(crate) bending: Option<Bending>,
+    /// Positions at rest, by node (m).
+    pub(crate) rest: Vec<Vec3>,
+    /// Lumped mass by node (kg).
+    pub(crate) mass: Vec<f64>,
+    /// What gravity is multiplied by (kg): not the lumped mass where elements are quadratic.
+    pub(crate) load: Vec<f64>,
+    /// Gravity and what the host adds (N).
+    pub(crate) external: Vec<Vec3>,
+    /// Fraction of `external` that acts.
+    pub(crate) load_factor: f64,
+}

@@ -1,0 +1,462 @@
+//! Taking hold of a body and letting go: at rest the same bytes as a body built so, in motion no jump.
+
+use physics::mesh::TetMesh;
+use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, BodyError, CondenseError, Condenser, Freedom, HandlePose, HandleSpec,
+    Integrator, IntegratorOptions, Material, Preconditioner, Real, ShapeOptions, Shapes,
+    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
+};
+
+const H: f64 = 2e-3;
+
+fn config(gravity: f64) -> BodyConfig {
+    BodyConfig {
+        gravity: Vec3::new(0.0, 0.0, -gravity),
+        mass_damping: 0.1,
+        stiffness_damping: 1e-3,
+        ..BodyConfig::default()
+    }
+}
+
+fn spec(positions: &[Vec3], holds: impl Fn(&Vec3) -> bool) -> HandleSpec {
+    let numbered = (0_u32..).zip(positions);
+    let vertices: Vec<u32> = numbered
+        .filter(|(_, x)| holds(x))
+        .map(|(vertex, _)| vertex)
+        .collect();
+    let sum: Vec3 = vertices.iter().map(|&v| positions[v as usize]).sum();
+    HandleSpec {
+        origin: sum / vertices.len() as f64,
+        vertices,
+        freedom: Freedom::Rigid,
+    }
+}
+
+fn bar() -> TetMesh {
+    solid_box([0.2, 0.05, 0.05], [8, 2, 2]).unwrap()
+}
+
+const RUBBER: SolidMaterial = SolidMaterial {
+    young: 2e5,
+    poisson: 0.4,
+    density: 1000.0,
+};
+
+type Build = Box<dyn Fn(&[HandleSpec]) -> Body>;
+
+/// Bodies of every kind: how each is built with given handles, and where its vertices are.
+fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
+    let mut kinds: Vec<(&'static str, Vec<Vec3>, Build)> = Vec::new();
+    for (name, law, quadratic) in [
+        ("corotational", SolidLaw::Corotational, false),
+        ("quadratic", SolidLaw::Corotational, true),
+        ("neo-hookean", SolidLaw::StableNeoHookean, false),
+    ] {
+        let mesh = if quadratic { bar().quadratic() } else { bar() };
+        let positions = mesh.positions.clone();
+        let build =
+            move |specs: &[HandleSpec]| Body::solid(&mesh, &[RUBBER], law, config(9.81), specs);
+        kinds.push((
+            name,
+            positions,
+            Box::new(move |specs| build(specs).unwrap()),
+        ));
+    }
+    let mesh = sheet(0.2, 0.1, 8, 4, Pattern::Regular).unwrap();
+    let bent = mesh.clone();
+    let foil = Material {
+        young: 1e6,
+        poisson: 0.3,
+        thickness: 1e-3,
+        density: 1000.0,
+    };
+    let bending = BodyConfig {
+        bending: 1.0,
+        ..config(1.0)
+    };
+    kinds.push((
+        "sheet",
+        mesh.positions.clone(),
+        Box::new(move |specs| Body::sheet(&bent, &[foil], bending, specs).unwrap()),
+    ));
+    let cloth = Weave {
+        warp: Vec3::x(),
+        young_warp: 1e6,
+        young_weft: 5e5,
+        poisson: 0.2,
+        shear: 1e5,
+        thickness: 1e-3,
+        density: 500.0,
+    };
+    let law = SheetLawName::StVenantKirchhoff;
+    kinds.push((
+        "woven",
+        mesh.positions.clone(),
+        Box::new(move |specs| Body::woven(&mesh, &[cloth], law, config(1.0), specs).unwrap()),
+    ));
+    kinds
+}
+
+/// A handle at either end, and one in the middle.
+fn specs(positions: &[Vec3]) -> [HandleSpec; 3] {
+    let corner = |pick: fn(f64, f64) -> f64| {
+        let start = positions[0];
+        positions.iter().fold(start, |a, b| a.zip_map(b, pick))
+    };
+    let (min, max) = (corner(f64::min), corner(f64::max));
+    let middle = 0.5 * (min.x + max.x);
+    [
+        spec(positions, |x| x.x < min.x + 1e-9),
+        spec(positions, |x| x.x > max.x - 1e-9),
+        spec(positions, |x| {
+            (x.x - middle).abs() < 1e-9 && x.y < min.y + 1e-9
+        }),
+    ]
+}
+
+fn poses(body: &Body) -> Vec<HandlePose> {
+    (0..body.handle_count())
+        .map(|handle| body.handle_report(handle).unwrap().pose)
+        .collect()
+}
+
+fn bits(vectors: impl Iterator<Item = Vec3>) -> Vec<u64> {
+    vectors
+        .flat_map(|v| [v.x.to_bits(), v.y.to_bits(), v.z.to_bits()])
+        .collect()
+}
+
+/// Everything that some steps by every solver, and their local models, come to.
+fn story(body: &Body) -> Vec<u64> {
+    let mut story = Vec::new();
+    frozen::<f64>(body, Preconditioner::Complete, &mut story);
+    frozen::<f32>(body, Preconditioner::Complete, &mut story);
+    frozen::<f64>(body, Preconditioner::Incomplete, &mut story);
+    let mut assembled = body.clone();
+    let mut condenser = Condenser::new(&assembled).unwrap();
+    for step in 1..=4 {
+        assembled.step(H, &pulled(body, step)).unwrap();
+    }
+    assembled.assemble();
+    let condensed = condenser.condense(&assembled, 0.01).unwrap();
+    for i in 0..condensed.stiffness.size() {
+        story.extend((0..=i).map(|j| condensed.stiffness[(i, j)].to_bits()));
+    }
+    story.extend(bits(assembled.positions()));
+    let mut exact = body.clone();
+    let mut integrator = Integrator::new(&exact, IntegratorOptions::default()).unwrap();
+    for step in 1..=2 {
+        integrator.step(&mut exact, H, &pulled(body, step)).unwrap();
+    }
+    story.extend(bits(exact.positions()));
+    story
+}
+
+fn frozen<T: Real>(body: &Body, preconditioner: Preconditioner, story: &mut Vec<u64>) {
+    let mut body = body.clone();
+    let options = StepperOptions {
+        preconditioner,
+        ..StepperOptions::default()
+    };
+    let mut stepper = Stepper::<T>::new(&body, options).unwrap();
+    let mut shapes = Shapes::default();
+    let rest = body.clone();
+    for step in 1..=6 {
+        stepper
+            .step(&mut body, H, &pulled(&rest, step), || false)
+            .unwrap();
+        let (model, _) = shapes
+            .condense(&mut stepper, &body, 0.01, &ShapeOptions::default())
+            .unwrap();
+        story.extend(model.drift.iter().map(|value| value.to_bits()));
+    }
+    story.extend(bits(body.positions()));
+    story.extend(bits(body.velocities()));
+    for handle in 0..body.handle_count() {
+        let report = body.handle_report(handle).unwrap();
+        story.extend(bits([report.wrench_on_hand.force].into_iter()));
+    }
+}
+
+/// Handles move apart, the faster the later they are numbered.
+fn pulled(rest: &Body, step: u32) -> Vec<HandlePose> {
+    let mut poses = poses(rest);
+    for (handle, pose) in poses.iter_mut().enumerate() {
+        pose.position.x += 2e-4 * f64::from(step) * handle as f64;
+        pose.position.z += 1e-4 * f64::from(step) * handle as f64;
+    }
+    poses
+}
+
+#[test]
+fn a_body_grabbed_at_rest_is_one_built_so() {
+    for (name, positions, build) in kinds() {
+        let [left, right, middle] = specs(&positions);
+        let built = story(&build(&[left.clone(), right.clone()]));
+
+        let mut grabbed = build(&[]);
+        assert_eq!(grabbed.grab(&left), Ok(0));
+        assert_eq!(grabbed.grab(&right), Ok(1));
+        assert!(story(&grabbed) == built, "{name}: grabbed");
+
+        let mut released = build(&[left, middle]);
+        assert_eq!(released.grab(&right), Ok(2));
+        released.release(1).unwrap();
+        assert!(story(&released) == built, "{name}: released");
+        // Another epoch each time, so that no solver takes one for another.
+        assert_eq!(released.epoch(), 2);
+    }
+}
+
+#[test]
+fn a_body_supported_at_rest_is_one_built_so() {
+    let (first, second) = ([true, false, true], [true, true, false]);
+    for (name, positions, build) in kinds() {
+        let [left, right, middle] = specs(&positions);
+        let mut built = build(std::slice::from_ref(&right));
+        built.add_support(&left.vertices, first).unwrap();
+        let built = story(&built);
+
+        // Supports outlive handles, and give back what they took from others.
+        let mut lifted = build(&[]);
+        lifted.add_support(&middle.vertices, second).unwrap();
+        lifted.add_support(&left.vertices, first).unwrap();
+        lifted.add_support(&left.vertices, second).unwrap();
+        lifted.grab(&right).unwrap();
+        lifted.lift_support(2).unwrap();
+        lifted.lift_support(0).unwrap();
+        assert_eq!(lifted.support_count(), 1);
+        assert!(story(&lifted) == built, "{name}");
+    }
+}
+
+/// The farthest that a vertex is from where it was (m).
+fn moved(body: &Body, from: &[Vec3]) -> f64 {
+    let ways = body
+        .positions()
+        .zip(from)
+        .map(|(x, from)| (x - from).norm());
+    ways.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_released_body_swings_back_without_a_jump() {
+    let mesh = bar();
+    let [left, right, _] = specs(&mesh.positions);
+    let tip = right.vertices[0] as usize;
+    let law = SolidLaw::Corotational;
+    let free_of_damping = BodyConfig {
+        mass_damping: 0.0,
+        stiffness_damping: 0.0,
+        ..config(0.0)
+    };
+    let mut body = Body::solid(&mesh, &[RUBBER], law, free_of_damping, &[left, right]).unwrap();
+    let rest: Vec<Vec3> = body.positions().collect();
+    let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+    let mut shapes = Shapes::default();
+    let mut targets = poses(&body);
+    for _ in 0..100 {
+        targets[1].position.z += 1e-4;
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+    }
+    for _ in 0..50 {
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+    }
+    let model = shapes.condense(&mut stepper, &body, 0.01, &ShapeOptions::default());
+    assert_eq!(model.unwrap().0.stiffness.size(), 12);
+    let before: Vec<Vec3> = body.positions().collect();
+    let velocities = bits(body.velocities());
+    let energy = body.total_energy();
+
+    body.release(1).unwrap();
+    // Letting go moves nothing.
+    assert_eq!(bits(body.positions()), bits(before.iter().copied()));
+    assert_eq!(bits(body.velocities()), velocities);
+    targets.truncate(1);
+    // There is no model of the new epoch before a step of it.
+    let model = shapes.condense(&mut stepper, &body, 0.01, &ShapeOptions::default());
+    assert_eq!(model.err(), Some(CondenseError::NotAssembled));
+    stepper.step(&mut body, H, &targets, || false).unwrap();
+    // From rest a step moves what the elastic forces accelerate: a small part of the pull.
+    let bent = before[tip].z - rest[tip].z;
+    assert!(
+        moved(&body, &before) < 0.3 * bent,
+        "{}",
+        moved(&body, &before)
+    );
+    let model = shapes.condense(&mut stepper, &body, 0.01, &ShapeOptions::default());
+    assert_eq!(model.unwrap().0.stiffness.size(), 6);
+    let mut lowest = f64::INFINITY;
+    for _ in 0..100 {
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+        assert!(body.total_energy() <= energy * (1.0 + 1e-6));
+        lowest = lowest.min(body.positions().nth(tip).unwrap().z - rest[tip].z);
+    }
+    // It swings through.
+    assert!(lowest < -0.2 * bent, "{lowest} {bent}");
+}
+
+#[test]
+fn a_body_let_go_of_altogether_keeps_its_momentum() {
+    for (name, positions, build) in kinds() {
+        let [left, right, _] = specs(&positions);
+        let mut body = build(&[left, right]);
+        body.set_load_factor(0.0).unwrap();
+        let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+        let mut targets = poses(&body);
+        for _ in 0..50 {
+            for target in &mut targets {
+                target.position.x += 2e-4;
+            }
+            stepper.step(&mut body, H, &targets, || false).unwrap();
+        }
+        body.release(0).unwrap();
+        body.release(0).unwrap();
+        assert_eq!(body.handle_count(), 0);
+        let momentum = body.momentum();
+        let steps = 20;
+        for _ in 0..steps {
+            stepper.step(&mut body, H, &[], || false).unwrap();
+        }
+        // Damping by mass alone, 0.1 /s, slows it down; what solves leave open does the rest.
+        let slowed = momentum / (1.0 + 0.1 * H).powi(steps);
+        let off = (body.momentum() - slowed).norm() / slowed.norm();
+        assert!(off < 1e-4, "{name}: {off:e}");
+        // Nobody feels it.
+        let mut shapes = Shapes::default();
+        let (model, _) = shapes
+            .condense(&mut stepper, &body, 0.01, &ShapeOptions::default())
+            .unwrap();
+        assert_eq!(model.stiffness.size(), 0, "{name}");
+        body.step(H, &[]).unwrap();
+    }
+}
+
+#[test]
+fn a_moving_body_is_grabbed_where_it_is() {
+    for (name, positions, build) in kinds() {
+        let [left, right, _] = specs(&positions);
+        let mut body = build(std::slice::from_ref(&left));
+        let mut stepper = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
+        let mut condenser = Condenser::new(&body).unwrap();
+        let mut targets = poses(&body);
+        for _ in 0..50 {
+            stepper.step(&mut body, H, &targets, || false).unwrap();
+        }
+        // A refresher that is lent when the epoch ends is of no use in the next.
+        stepper.options.refresh = false;
+        stepper.options.patience = 0;
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+        let lent = stepper.lend();
+        let now: Vec<Vec3> = body.positions().collect();
+        let held: Vec<Vec3> = right.vertices.iter().map(|&v| now[v as usize]).collect();
+        let origin = held.iter().sum::<Vec3>() / held.len() as f64;
+        let grabbed = body.grab(&HandleSpec {
+            origin,
+            ..right.clone()
+        });
+        assert_eq!(grabbed, Ok(1), "{name}");
+        assert_eq!(bits(body.positions()), bits(now.into_iter()), "{name}");
+        targets.push(HandlePose::at(origin));
+        for _ in 0..20 {
+            stepper.step(&mut body, H, &targets, || false).unwrap();
+            if let Some(mut refresher) = lent.as_ref().and_then(|_| stepper.lend()) {
+                refresher.work().unwrap();
+                stepper.give_back(refresher);
+            }
+        }
+        if let Some(lent) = lent {
+            stepper.give_back(lent);
+        }
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+        // Held as it was bent, to rounding.
+        let at: Vec<Vec3> = body.positions().collect();
+        for (&vertex, held) in right.vertices.iter().zip(&held) {
+            assert!((at[vertex as usize] - held).norm() < 1e-12, "{name}");
+        }
+        assert!(body.handle_report(1).unwrap().reaction.force.norm() > 0.0);
+        body.assemble();
+        let condensed = condenser.condense(&body, 0.01).unwrap();
+        assert_eq!(condensed.stiffness.size(), 12, "{name}");
+    }
+}
+
+#[test]
+fn a_running_body_is_supported_where_it_is_and_falls_when_that_is_lifted() {
+    let mesh = bar();
+    let [left, right, _] = specs(&mesh.positions);
+    let law = SolidLaw::Corotational;
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(9.81), &[left]).unwrap();
+    let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+    let targets = poses(&body);
+    for _ in 0..40 {
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+    }
+    let tip = right.vertices[0] as usize;
+    let before = body.positions().nth(tip).unwrap();
+    let support = body
+        .add_support(&right.vertices, [false, false, true])
+        .unwrap();
+    for _ in 0..20 {
+        stepper.step(&mut body, H, &targets, || false).unwrap();
+    }
+    let held = body.positions().nth(tip).unwrap();
+    assert!((held.z - before.z).abs() < 1e-12);
+    assert!(body.support_reaction(support).unwrap().z.abs() > 0.0);
+    body.lift_support(support).unwrap();
+    stepper.step(&mut body, H, &targets, || false).unwrap();
+    assert!(body.positions().nth(tip).unwrap().z != held.z);
+    assert_eq!(body.support_count(), 0);
+}
+
+#[test]
+fn what_cannot_be_held_is_refused_and_changes_nothing() {
+    let mesh = bar();
+    let [left, right, middle] = specs(&mesh.positions);
+    let law = SolidLaw::Corotational;
+    let specs = std::slice::from_ref(&left);
+    let mut body = Body::solid(&mesh, &[RUBBER], law, config(9.81), specs).unwrap();
+    body.add_support(&right.vertices, [true; 3]).unwrap();
+    let epoch = body.epoch();
+    assert!(matches!(
+        body.grab(&left),
+        Err(BodyError::SharedVertex {
+            first: 0,
+            second: 1,
+            ..
+        })
+    ));
+    assert!(matches!(
+        body.grab(&right),
+        Err(BodyError::HeldAndGuided {
+            handle: 1,
+            support: 0,
+            ..
+        })
+    ));
+    assert!(matches!(
+        body.grab(&HandleSpec {
+            vertices: vec![u32::MAX],
+            ..middle
+        }),
+        Err(BodyError::HandleVertex { handle: 1, .. })
+    ));
+    assert_eq!(
+        body.release(1),
+        Err(BodyError::NoHandle {
+            handle: 1,
+            count: 1
+        })
+    );
+    assert!(matches!(
+        body.lift_support(1),
+        Err(BodyError::Support { support: 1, .. })
+    ));
+    assert!(matches!(
+        body.add_support(&left.vertices, [true; 3]),
+        Err(BodyError::HeldAndGuided { handle: 0, .. })
+    ));
+    assert_eq!(body.epoch(), epoch);
+}

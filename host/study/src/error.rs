@@ -1,0 +1,37 @@
+//! Why a study could not be done.
+
+use host::scene::SceneError;
+use physics::mesh::MeshError;
+use physics::mesh::generate::SheetError;
+use physics::mesh::generate_box::BoxError;
+use physics::mesh::generate_plate::PlateError;
+use physics::{BodyError, CondenseError, StepError};
+
+/// Why a study, or a cell of it, could not be done.
+#[derive(Debug, thiserror::Error)]
+pub enum StudyError {
+    /// A scene cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A sheet cannot be generated.
+    #[error(transparent)]
+    Sheet(#[from] SheetError),
+    /// A box cannot be generated.
+    #[error(transparent)]
+    Box(#[from] BoxError),
+    /// A plate cannot be generated.
+    #[error(transparent)]
+    Plate(#[from] PlateError),
+    /// A mesh has no border.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    /// A body cannot be built or changed.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// A step or an equilibrium failed.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// A condensation or a factorization failed.
+    #[error(transparent)]
+    Condense(#[from] CondenseError),
+}
