@@ -122,7 +122,7 @@ pub(super) fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::E
 /// # Errors
 ///
 /// Says what was found and what is allowed.
-pub fn segments<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
+pub(super) fn segments<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
     Cells::deserialize(from).map(|n| n.0)
 }
 
