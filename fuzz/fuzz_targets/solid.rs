@@ -8,6 +8,7 @@ use physics::mesh::Mesh;
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mesh = read_mesh("mesh", bytes);
     match &mesh {
+        Ok(Mesh::Thread(mesh)) => mesh.validate().expect("what is read is valid"),
         Ok(Mesh::Sheet(mesh)) => mesh.validate().expect("what is read is valid"),
         Ok(Mesh::Solid(mesh)) => mesh.validate().expect("what is read is valid"),
         Err(error) => assert!(!error.to_string().contains('\n'), "an error is one line"),

@@ -248,7 +248,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh: found 3, allowed: a table
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = {}
-  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate` and `file`
+  x.toml:14: body[0].mesh: found {}, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh = "file"
   x.toml:14: body[0].mesh: found "file", allowed: a table
@@ -260,7 +260,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `file`, `order`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `order`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
@@ -284,7 +284,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.plate.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
 cells = [4, 2] }
   -> cells = [4, 2] }¶mesh.file = 'x'
-  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate` and `file`
+  x.toml:14: body[0].mesh: found mesh, allowed: a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`
 cells = [4, 2]
   -> cells = [4000, 2000]
   x.toml:14: body[0].mesh.sheet.cells: found 4000 x 2000 = 8000000, allowed: up to 1000000 cells in all
@@ -307,10 +307,10 @@ young = 1e6
   x.toml:16: body[0].material: missing field `young`
 young = 1e6
   -> yong = 1e6
-  x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `density`, `weave`, `fields`
+  x.toml:17: body[0].material.yong: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`
 young = 1e6
   -> "yo\nung" = 1
-  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `density`, `weave`, `fields`
+  x.toml:17: body[0].material.yo...: unknown field, allowed: `law`, `young`, `poisson`, `thickness`, `area`, `tension_only`, `density`, `weave`, `fields`
 name = "base"
   ->
   x.toml:1: missing field `name`

@@ -1,9 +1,11 @@
 //! Scene files on disk: those shipped with the program, and files that are missing or wrong.
 
 use host::scene::{LoadedScene, Scene, recording};
+use physics::mesh::Mesh;
 use std::error::Error;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
@@ -30,7 +32,10 @@ fn every_shipped_scene_loads() -> Outcome {
         }
     }
     names.sort();
-    assert_eq!(names, ["cloth", "cube", "press", "stretch", "twist"]);
+    assert_eq!(
+        names,
+        ["cloth", "cube", "press", "stretch", "thread", "twist"]
+    );
     Ok(())
 }
 
@@ -55,6 +60,38 @@ fn a_scene_brings_the_files_that_it_names() -> Outcome {
     for recording in &cloth.recordings {
         let recording = recording.as_ref().ok_or("both hands have a recording")?;
         assert!(recording.len() > 100);
+    }
+    Ok(())
+}
+
+#[test]
+fn a_mesh_file_is_read_once_for_all_bodies_and_devices() -> Outcome {
+    const MESH: &str = "meshes/cloth_notched.msh";
+    let folder = tempfile::tempdir()?;
+    fs::create_dir(folder.path().join("meshes"))?;
+    fs::copy(Path::new(SCENES).join(MESH), folder.path().join(MESH))?;
+    let parts = [("first", "left"), ("second", "right")].map(|(body, device)| {
+        format!(
+            "[[body]]\nname = \"{body}\"\nmesh = {{ file = \"{MESH}\" }}\n\
+             material = {{ young = 0.4e6, poisson = 0.3, thickness = 0.0008, density = 500.0 }}\n\
+             [[body.handle]]\nname = \"edge\"\ngroup = \"left\"\ndevice = \"{device}\"\n\
+             [[device]]\nname = \"{device}\"\nmodel = \"falcon\"\nhand = {{ grip = \"firm\" }}\n"
+        )
+    });
+    let text = format!("name = \"two\"\n{}", parts.concat());
+    let path = folder.path().join("two.toml");
+    fs::write(&path, text)?;
+    let two = Scene::load(&path)?;
+    let [Some(first), Some(second)] = &two.meshes[..] else {
+        return Err("both bodies name a file".into());
+    };
+    assert!(Arc::ptr_eq(first, second), "one file, one reading");
+    let before: *const Mesh = first.mesh().map_err(Clone::clone)?;
+    // Copies of the scene, and everything that a run sets up, find the mesh that was read.
+    let copy = two.clone();
+    host::run::setup::setup(&copy, 1.0, 1)?;
+    for mesh in copy.meshes.iter().chain(&two.meshes).flatten() {
+        assert!(std::ptr::eq(mesh.mesh().map_err(Clone::clone)?, before));
     }
     Ok(())
 }

@@ -1,18 +1,19 @@
-//! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of sheet and solid
+//! A mesh from the bytes of a file, whatever its format: a sheet ([`read`]), or whichever of thread, sheet and solid
 //! it is ([`read_mesh`]).
 //!
 //! The format follows from the end of the file's name and, where that says nothing, from how the file
 //! begins. All formats are held to the same: every number is checked, every count compared with what
-//! follows, memory taken in proportion to the file and never to a number in it. Vertices that no triangle
-//! or cell uses are dropped; what [`TriMesh::validate`] or [`TetMesh::validate`] refuses, and two vertices
-//! at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
+//! follows, memory taken in proportion to the file and never to a number in it. Vertices that no line,
+//! triangle or cell of the mesh uses are dropped; what [`LineMesh::validate`], [`TriMesh::validate`] or
+//! [`TetMesh::validate`] refuses, and two vertices at one place, is an error. Tetrahedra whose corners are counted the other way round are turned around.
 //!
+//! [`LineMesh::validate`]: physics::mesh::LineMesh::validate
 //! [`TetMesh::validate`]: physics::mesh::TetMesh::validate
 
 use crate::gmsh::{self, GmshError};
 use crate::lines::Unexpected;
 use crate::{obj, vtk_legacy, vtk_xml};
-use physics::mesh::{Mesh, MeshError, SolidError, TriMesh};
+use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use std::fmt;
 use thiserror::Error;
 
@@ -26,7 +27,7 @@ pub const MAX_FIELDS: usize = 256;
 pub(crate) enum Wanted {
     /// Sheets alone; a tetrahedron is an error.
     Sheet,
-    /// Sheets, and solids where the file has a tetrahedron.
+    /// Sheets, solids where the file has a tetrahedron, and threads where it has lines alone.
     Any,
 }
 
@@ -68,6 +69,15 @@ pub enum MeshFileError {
         place: Place,
         /// What is wrong with it.
         source: SolidError,
+    },
+    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
+    /// mesh.
+    #[error("{place}: {source}")]
+    Thread {
+        /// Where the cell or vertex at fault stands.
+        place: Place,
+        /// What is wrong with it.
+        source: ThreadError,
     },
     /// A Gmsh file is wrong.
     #[error(transparent)]
@@ -128,6 +138,11 @@ impl MeshFileError {
 pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
     match mesh {
         Mesh::Sheet(mesh) => Ok(mesh),
+        Mesh::Thread(_) => Err(MeshFileError::syntax(
+            Place::Line(1),
+            "a sheet",
+            "a file of lines",
+        )),
         Mesh::Solid(_) => Err(MeshFileError::syntax(
             Place::Line(1),
             "a sheet",
@@ -149,8 +164,9 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     })
 }
 
-/// Reads a mesh from the bytes of a file called `name`: a solid if there is a tetrahedron in it, otherwise a
-/// sheet. Coordinates are taken as metres.
+/// Reads a mesh from the bytes of a file called `name`: a solid if there is a tetrahedron in it, a sheet if there is a
+/// triangle, a thread if there are lines. Coordinates are taken as metres. (Lines of OBJ files, and those in the sections
+/// for lines of VTK's polygon files, make no thread.)
 ///
 /// Of a solid's file, triangles, lines and points only name vertices: where the format has named groups,
 /// theirs become groups of vertices, otherwise they are passed over.

@@ -1,8 +1,9 @@
 //! Mesh files: from a file's bytes to a mesh, and from a mesh to a file's text.
 //!
 //! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`vtk_legacy`]
-//! and [`vtk_xml`]. What they read ends in [`TriMesh::new`](physics::mesh::TriMesh::new) or
-//! [`TetMesh::new`](physics::mesh::TetMesh::new), so what holds for one mesh holds for all. A mesh goes back
+//! and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
+//! [`TriMesh::new`](physics::mesh::TriMesh::new) or [`TetMesh::new`](physics::mesh::TetMesh::new), so what holds for one
+//! mesh holds for all. A mesh goes back
 //! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
 //!
 //! Nothing here opens a file: bytes come in and text goes out.
@@ -14,6 +15,7 @@ mod lines;
 pub mod obj;
 mod soup;
 mod soup_solid;
+mod soup_thread;
 mod text;
 mod vtk_array;
 mod vtk_cells;

@@ -1,10 +1,11 @@
-//! From VTK's cells to triangles or tetrahedra, alike for its legacy and its XML files.
+//! From VTK's cells to lines, triangles or tetrahedra, alike for its legacy and its XML files.
 //!
 //! Source: "VTK File Formats" in the VTK documentation, and `vtkCellType.h` for the numbers of the types.
 
 use crate::file::{MeshFileError, Place, Wanted};
 use crate::soup::{Fault, Soup};
 use crate::soup_solid::{SolidFault, SolidSoup};
+use crate::soup_thread::{ThreadFault, ThreadSoup};
 use crate::vtk_array::Array;
 use physics::Vec3;
 use physics::mesh::check::Culprit;
@@ -12,23 +13,29 @@ use physics::mesh::{Cells as Tetrahedra, Mesh};
 
 /// The type of the cells of a `POLYDATA` file's polygons.
 pub(crate) const POLYGON: i64 = 7;
+const LINE: i64 = 3;
+const POLY_LINE: i64 = 4;
 const TRIANGLE: i64 = 5;
 const TETRAHEDRON: i64 = 10;
 const QUADRATIC_EDGE: i64 = 21;
 const QUADRATIC_TRIANGLE: i64 = 22;
 const QUADRATIC_TETRAHEDRON: i64 = 24;
 
-/// Triangles or tetrahedra read so far, with where they stand.
+/// Lines, triangles or tetrahedra read so far, with where they stand.
 pub(crate) struct Cells<'a> {
     wanted: Wanted,
     points: Array<'a>,
     positions: Vec<Vec3>,
+    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then passed over.
+    lines: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
     /// From the first tetrahedron on; triangles are then passed over.
     tetrahedra: Option<Tetrahedra>,
     /// Where the first line or triangle of second order stands, and what it is: an error in a sheet.
     second_order: Option<(Place, &'static str)>,
-    /// For each triangle or tetrahedron, where its first point stands in the array of points' numbers.
+    /// Where the first line of other than two points stands, and how many it has: an error in a thread.
+    odd_line: Option<(Place, usize)>,
+    /// For each line, triangle or tetrahedron, where its first point stands in the array of points' numbers.
     starts: Vec<u32>,
     /// Its number among all the file's cells.
     kept: Vec<u32>,
@@ -38,6 +45,7 @@ pub(crate) struct Cells<'a> {
 
 /// What cells are kept.
 enum Kept {
+    Line,
     Triangle,
     Tetrahedron,
     QuadraticTetrahedron,
@@ -61,9 +69,11 @@ impl<'a> Cells<'a> {
             wanted,
             points,
             positions,
+            lines: Vec::new(),
             triangles: Vec::new(),
             tetrahedra: None,
             second_order: None,
+            odd_line: None,
             starts: Vec::new(),
             kept: Vec::new(),
             count: before,
@@ -136,6 +146,7 @@ impl<'a> Cells<'a> {
         }
         let [a, b, c, d, ..] = vertices;
         match (kept, &mut self.tetrahedra) {
+            (Kept::Line, None) => self.lines.push([a, b]),
             (Kept::Triangle, None) => self.triangles.push([a, b, c]),
             (Kept::Tetrahedron, Some(Tetrahedra::Linear(cells))) => cells.push([a, b, c, d]),
             (Kept::QuadraticTetrahedron, Some(Tetrahedra::Quadratic(cells))) => {
@@ -152,8 +163,8 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// Whether a cell is kept or passed over, or else an error at `place`. With the first tetrahedron, what
-    /// was kept of triangles is dropped.
+    /// Whether a cell is kept or passed over, or else an error at `place`. With the first triangle, what was kept of lines
+    /// is dropped; with the first tetrahedron, what was kept of either.
     fn judge(
         &mut self,
         code: i64,
@@ -162,7 +173,21 @@ impl<'a> Cells<'a> {
     ) -> Result<Kept, MeshFileError> {
         let is_any = self.wanted == Wanted::Any;
         match (code, size) {
-            (TRIANGLE | POLYGON, 3) => return Ok(Kept::Triangle),
+            (TRIANGLE | POLYGON, 3) => {
+                if self.only_lines() {
+                    self.drop_kept();
+                }
+                return Ok(Kept::Triangle);
+            }
+            (LINE | POLY_LINE, _) if is_any && self.only_lines() => {
+                if size == 2 {
+                    return Ok(Kept::Line);
+                }
+                if self.odd_line.is_none() {
+                    self.odd_line = Some((place(), size));
+                }
+                return Ok(Kept::Nothing);
+            }
             (QUADRATIC_EDGE, 3) | (QUADRATIC_TRIANGLE, 6) if is_any => {
                 let name = if size == 3 { LINE_2 } else { TRIANGLE_2 };
                 if self.second_order.is_none() && self.tetrahedra.is_none() {
@@ -186,9 +211,7 @@ impl<'a> Cells<'a> {
                 } else {
                     Tetrahedra::Quadratic(Vec::new())
                 });
-                self.triangles = Vec::new();
-                self.starts = Vec::new();
-                self.kept = Vec::new();
+                self.drop_kept();
             }
             Some(others) => {
                 if matches!(others, Tetrahedra::Linear(_)) != is_linear {
@@ -210,6 +233,19 @@ impl<'a> Cells<'a> {
         } else {
             Kept::QuadraticTetrahedron
         })
+    }
+
+    /// Whether no cell was kept that has more dimensions than a line.
+    fn only_lines(&self) -> bool {
+        self.triangles.is_empty() && self.tetrahedra.is_none()
+    }
+
+    /// Drops the lines and triangles that were kept.
+    fn drop_kept(&mut self) {
+        self.lines = Vec::new();
+        self.triangles = Vec::new();
+        self.starts = Vec::new();
+        self.kept = Vec::new();
     }
 
     fn not_kept(&self, place: Place, found: impl Into<String>) -> MeshFileError {
@@ -248,9 +284,17 @@ impl<'a> Cells<'a> {
         if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
             return Err(self.not_kept(place, name));
         }
+        if let (true, Some((place, size))) = (!self.lines.is_empty(), self.odd_line) {
+            return Err(MeshFileError::syntax(
+                place,
+                "a line of 2 points, as others of this file are (cut the rest to such lines first)",
+                format!("a line of {size} points"),
+            ));
+        }
         let Self {
             points,
             positions,
+            lines,
             triangles,
             tetrahedra,
             starts,
@@ -267,6 +311,16 @@ impl<'a> Cells<'a> {
             Culprit::Mesh => numbers.place(numbers.len()),
         };
         let mesh = match tetrahedra {
+            None if !lines.is_empty() => {
+                let soup = ThreadSoup { positions, lines };
+                let (thread, _) = soup
+                    .into_mesh()
+                    .map_err(|ThreadFault { source, culprit }| {
+                        let place = place(culprit);
+                        MeshFileError::Thread { place, source }
+                    })?;
+                Mesh::Thread(thread)
+            }
             None => {
                 let soup = Soup {
                     positions,

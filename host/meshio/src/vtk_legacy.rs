@@ -5,8 +5,8 @@
 //! are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
-//! error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
+//! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
+//! beside other cells, are passed over, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
 //! component becomes a field; its other attributes, `POINT_DATA` and what stands before both are passed
 //! over. The file makes no groups.
 
@@ -50,7 +50,8 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     into_sheet(read(bytes, Wanted::Sheet)?)
 }
 
-/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+/// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
+/// cells of two points (`VTK_LINE`).
 ///
 /// # Errors
 /// As [`parse`], but for tetrahedra.

@@ -5,8 +5,8 @@
 //! in both byte orders. The format knows no units: coordinates are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
-//! is asked for; points and lines are passed over, in a solid's file triangles as well; any other cell is an
-//! error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
+//! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
+//! beside other cells, are passed over, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
 //! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are passed over. The
 //! file makes no groups.
 //!
@@ -42,7 +42,8 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     into_sheet(read(bytes, Wanted::Sheet)?)
 }
 
-/// As [`parse`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+/// As [`parse`], a solid if there is a tetrahedron in the file, a sheet if there is a triangle, a thread if there are
+/// cells of two points (`VTK_LINE`).
 ///
 /// # Errors
 /// As [`parse`], but for tetrahedra.

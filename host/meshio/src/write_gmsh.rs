@@ -6,16 +6,17 @@
 //! is in more than [`MAX_TAGS`](crate::gmsh::MAX_TAGS) groups is not read again. The caller writes the file.
 //!
 //! A physical group belongs to entities, so cells become as many entities as there are sets of groups that
-//! some cell is in. A group of vertices becomes an entity of points, one at each of them. Of a sheet, a group
-//! of triangles stands for the group of their vertices of the same name, as it does when it is read.
+//! some cell is in. A group of vertices becomes an entity of points, one at each of them. Of a thread or
+//! a sheet, a group of lines or triangles stands for the group of their vertices of the same name, as it does when it is
+//! read.
 
 use crate::gmsh::solid::to_or_from_vtk;
 use core::fmt::Write as _;
 use physics::Vec3;
-use physics::mesh::{Bounds, Cells, Field, Group, Mesh, TetMesh, TriMesh};
+use physics::mesh::{Bounds, Cells, Field, Group, LineMesh, Mesh, TetMesh, TriMesh};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A mesh of either kind, as the file sees it.
+/// A mesh of any kind, as the file sees it.
 struct Contents<'a> {
     positions: &'a [Vec3],
     /// Vertices of each cell, in Gmsh's order.
@@ -34,28 +35,56 @@ struct Contents<'a> {
 /// The text of a file.
 pub fn write(mesh: &Mesh) -> String {
     match mesh {
+        Mesh::Thread(mesh) => write_thread(mesh),
         Mesh::Sheet(mesh) => write_sheet(mesh),
         Mesh::Solid(mesh) => write_solid(mesh),
     }
 }
 
-/// The text of a sheet's file.
-pub fn write_sheet(mesh: &TriMesh) -> String {
+/// The text of a thread's file.
+pub fn write_thread(mesh: &LineMesh) -> String {
+    let groups = (&mesh.vertex_groups[..], &mesh.line_groups[..]);
+    Contents {
+        positions: &mesh.positions,
+        cells: mesh.lines.iter().map(|line| line.to_vec()).collect(),
+        dim: 1,
+        code: 1,
+        vertex_groups: not_implied(groups, &mesh.lines),
+        names: names(groups.0, groups.1),
+        cell_groups: groups.1,
+        fields: &mesh.line_fields,
+    }
+    .text()
+}
+
+/// The groups of vertices that are not those of the vertices of the group of cells of the same name.
+fn not_implied<'a, const N: usize>(
+    (of_vertices, of_cells): (&'a [Group], &[Group]),
+    cells: &[[u32; N]],
+) -> Vec<&'a Group> {
     let implied = |group: &&Group| {
-        let named = mesh.triangle_group(&group.name);
-        let vertices = named.map(|triangles| {
-            let triangles = triangles.members.iter();
-            let corners = triangles.filter_map(|&t| mesh.triangles.get(t as usize));
+        let named = of_cells.iter().find(|cells| cells.name == group.name);
+        let vertices = named.map(|named| {
+            let members = named.members.iter();
+            let corners = members.filter_map(|&cell| cells.get(cell as usize));
             corners.flatten().copied().collect::<BTreeSet<u32>>()
         });
         vertices.is_some_and(|vertices| vertices.iter().eq(&group.members))
     };
+    of_vertices.iter().filter(|group| !implied(group)).collect()
+}
+
+/// The text of a sheet's file.
+pub fn write_sheet(mesh: &TriMesh) -> String {
     Contents {
         positions: &mesh.positions,
         cells: mesh.triangles.iter().map(|t| t.to_vec()).collect(),
         dim: 2,
         code: 2,
-        vertex_groups: mesh.vertex_groups.iter().filter(|g| !implied(g)).collect(),
+        vertex_groups: not_implied(
+            (&mesh.vertex_groups, &mesh.triangle_groups),
+            &mesh.triangles,
+        ),
         names: names(&mesh.vertex_groups, &mesh.triangle_groups),
         cell_groups: &mesh.triangle_groups,
         fields: &mesh.triangle_fields,
@@ -172,13 +201,10 @@ impl Contents<'_> {
     }
 
     fn entities(&self, out: &mut String, sets: &BTreeMap<Vec<usize>, usize>) {
-        let (surfaces, volumes) = if self.dim == 2 {
-            (sets.len(), 0)
-        } else {
-            (0, sets.len())
-        };
+        let of_dimension = |dim: u8| if self.dim == dim { sets.len() } else { 0 };
+        let [curves, surfaces, volumes] = [1, 2, 3].map(of_dimension);
         let points = self.vertex_groups.len();
-        let _ = writeln!(out, "$Entities\n{points} 0 {surfaces} {volumes}");
+        let _ = writeln!(out, "$Entities\n{points} {curves} {surfaces} {volumes}");
         for (number, group) in (1..).zip(&self.vertex_groups) {
             let first = group.members.first().copied().unwrap_or_default();
             let at = self

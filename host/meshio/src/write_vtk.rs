@@ -6,14 +6,21 @@
 
 use core::fmt::Write as _;
 use physics::Vec3;
-use physics::mesh::{Cells, Field, Mesh, TetMesh, TriMesh};
+use physics::mesh::{Cells, Field, LineMesh, Mesh, TetMesh, TriMesh};
 
 /// The text of a file.
 pub fn write(mesh: &Mesh) -> String {
     match mesh {
+        Mesh::Thread(mesh) => write_thread(mesh),
         Mesh::Sheet(mesh) => write_sheet(mesh),
         Mesh::Solid(mesh) => write_solid(mesh),
     }
+}
+
+/// The text of a thread's file.
+pub fn write_thread(mesh: &LineMesh) -> String {
+    let cells = mesh.lines.iter().map(<[u32; 2]>::as_slice);
+    text(&mesh.positions, cells, (3, 2), &mesh.line_fields)
 }
 
 /// The text of a sheet's file.

@@ -4,7 +4,7 @@
 //! The caller writes the file.
 
 use core::fmt::Write as _;
-use physics::mesh::{Cells, Field, TetMesh, TriMesh};
+use physics::mesh::{Cells, Field, LineMesh, TetMesh, TriMesh};
 use physics::{Mat3, Vec3};
 
 /// Values by name, one per vertex or cell.
@@ -49,6 +49,17 @@ impl Snapshot {
                 .collect(),
             at_vertices: Vec::new(),
             in_cells: mesh.cell_fields.iter().map(field).collect(),
+        }
+    }
+
+    /// A thread at rest, with its fields.
+    pub fn of_thread(mesh: &LineMesh) -> Self {
+        let field = |field: &Field| (field.name.clone(), Values::Scalar(field.values.clone()));
+        Self {
+            positions: mesh.positions.clone(),
+            cells: mesh.lines.iter().map(|line| (line.to_vec(), 3)).collect(),
+            at_vertices: Vec::new(),
+            in_cells: mesh.line_fields.iter().map(field).collect(),
         }
     }
 

@@ -11,7 +11,7 @@ const TARGETS: [(&str, &str); 5] = [
     ("obj", "x.obj"),
     ("vtk_legacy", "x.vtk"),
     ("vtk_xml", "x.vtu"),
-    // Solids of every format, which follows from how a file begins.
+    // Solids and threads of every format, which follows from how a file begins.
     ("solid", "x"),
 ];
 
@@ -20,6 +20,10 @@ fn read_and_check(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
     let mesh = read_mesh(name, bytes);
     match &mesh {
         Ok(Mesh::Sheet(mesh)) => prop_assert_eq!(mesh.validate(), Ok(())),
+        Ok(Mesh::Thread(mesh)) => {
+            prop_assert_eq!(mesh.validate(), Ok(()));
+            prop_assert!(sheet.is_err());
+        }
         Ok(Mesh::Solid(mesh)) => {
             prop_assert_eq!(mesh.validate(), Ok(()));
             prop_assert!(sheet.is_err());

@@ -253,7 +253,7 @@ fn memory_is_bounded_by_the_length_of_the_file() {
         );
         let count = result.map(|mesh| match mesh {
             Mesh::Sheet(mesh) => mesh.triangles.len(),
-            Mesh::Solid(_) => 0,
+            Mesh::Thread(_) | Mesh::Solid(_) => 0,
         });
         assert_eq!(count, Ok(80_000));
     }
@@ -285,4 +285,32 @@ fn memory_is_bounded_by_the_length_of_the_file() {
         };
         assert_eq!(mesh.cell_fields.len(), fields, "{name}");
     }
+
+    // As many lines as points.
+    let thread = dense_lines(100_000);
+    let (peak, result) = peak("x.vtk", &thread);
+    println!("lines: {} bytes, peak {peak}", thread.len());
+    assert!(
+        peak <= MOST_PER_BYTE * thread.len(),
+        "{peak} bytes for {}",
+        thread.len()
+    );
+    let count = result.map(|mesh| matches!(mesh, Mesh::Thread(_)).then(|| mesh.element_count()));
+    assert_eq!(count, Ok(Some(99_999)));
+}
+
+/// A legacy VTK file of lines from each of some points to the next.
+fn dense_lines(points: usize) -> Vec<u8> {
+    let lines = points - 1;
+    let positions: Vec<_> = (0..points).map(|x| format!("{x} 0 0\n")).collect();
+    let cells: Vec<_> = (0..lines).map(|a| format!("2 {a} {}\n", a + 1)).collect();
+    format!(
+        "# vtk DataFile Version 3.0\nmesh\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {points} double\n{}\
+         CELLS {lines} {}\n{}CELL_TYPES {lines}\n{}",
+        positions.concat(),
+        3 * lines,
+        cells.concat(),
+        "3\n".repeat(lines)
+    )
+    .into_bytes()
 }

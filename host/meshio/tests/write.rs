@@ -5,7 +5,8 @@ mod support;
 use meshio::write_vtu::Snapshot;
 use meshio::{read, read_mesh, write_gmsh, write_vtk};
 use physics::mesh::generate::{Pattern, sheet};
-use physics::mesh::{Field, Group, Mesh, TetMesh, TriMesh};
+use physics::mesh::generate_thread::straight_thread;
+use physics::mesh::{Field, Group, LineMesh, Mesh, TetMesh, TriMesh};
 use proptest::prelude::*;
 use support::{expect_solid, fields, finite, groups, solid};
 
@@ -57,6 +58,54 @@ fn any_sheet() -> impl Strategy<Value = TriMesh> {
         })
 }
 
+/// Short threads with groups and fields. As when a file is read, each group of lines has a group of their ends; those
+/// come last.
+fn any_thread() -> impl Strategy<Value = LineMesh> {
+    (1_u32..6, finite())
+        .prop_flat_map(|(segments, z)| {
+            let mut mesh = straight_thread(0.3, segments).unwrap();
+            for x in &mut mesh.positions {
+                x.z = z.clamp(-1e9, 1e9);
+            }
+            // Out of their order, and a branch.
+            mesh.lines.reverse();
+            if segments > 2 {
+                mesh.lines[0] = [segments, 0];
+            }
+            let (vertices, lines) = (mesh.positions.len(), mesh.lines.len());
+            (
+                Just(mesh),
+                groups(vertices as u32),
+                groups(lines as u32),
+                fields(lines),
+            )
+        })
+        .prop_map(|(mut mesh, mut vertex_groups, line_groups, fields)| {
+            vertex_groups.retain(|group| !line_groups.iter().any(|l| l.name == group.name));
+            for group in &line_groups {
+                let ends = group.members.iter().map(|&l| mesh.lines[l as usize]);
+                let mut members: Vec<u32> = ends.flatten().collect();
+                members.sort_unstable();
+                members.dedup();
+                vertex_groups.push(Group {
+                    name: group.name.clone(),
+                    members,
+                });
+            }
+            mesh.vertex_groups = vertex_groups;
+            mesh.line_groups = line_groups;
+            mesh.line_fields = fields;
+            mesh
+        })
+}
+
+fn expect_thread(mesh: Mesh) -> LineMesh {
+    match mesh {
+        Mesh::Thread(mesh) => mesh,
+        other => panic!("no thread: {other:?}"),
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(256))]
 
@@ -80,6 +129,28 @@ proptest! {
         prop_assert!(same_bits(&back.cell_fields, &plain.cell_fields));
         plain.cell_fields = back.cell_fields.clone();
         prop_assert_eq!(&back, &plain);
+    }
+
+    #[test]
+    fn threads_read_back(mesh in any_thread()) {
+        prop_assert_eq!(mesh.validate(), Ok(()));
+        let whole = Mesh::Thread(mesh.clone());
+        let text = write_gmsh::write(&whole);
+        let back = expect_thread(read_mesh("x.msh", text.as_bytes()).unwrap());
+        prop_assert!(same_bits(&back.line_fields, &mesh.line_fields));
+        prop_assert_eq!(&back, &mesh);
+        prop_assert!(read("x.msh", text.as_bytes()).is_err());
+
+        let plain = LineMesh { vertex_groups: Vec::new(), line_groups: Vec::new(), ..mesh };
+        for (name, text) in [
+            ("x.vtk", write_vtk::write(&whole)),
+            ("x.vtu", Snapshot::of_thread(&plain).vtu()),
+        ] {
+            let back = expect_thread(read_mesh(name, text.as_bytes()).unwrap());
+            prop_assert!(same_bits(&back.line_fields, &plain.line_fields));
+            prop_assert_eq!(&back, &plain);
+            prop_assert!(read(name, text.as_bytes()).is_err());
+        }
     }
 
     #[test]

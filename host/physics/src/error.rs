@@ -37,6 +37,16 @@ pub enum BodyError {
         /// Its longest edge (m).
         edge: f64,
     },
+    /// A line has no length at rest, or so little that its stiffness is infinite.
+    #[error(
+        "line {line} has no length at rest ({length:e} m); remove it or move its vertices apart"
+    )]
+    NoLength {
+        /// The line.
+        line: usize,
+        /// Its length (m).
+        length: f64,
+    },
     /// A cell is flat or turned inside out at rest.
     #[error(
         "cell {cell} is flat or turned inside out at rest; remove it, move its vertices apart, or \

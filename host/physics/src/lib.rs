@@ -13,7 +13,7 @@
 //! - [`material`]: laws; [`polar`]: turns and stretches.
 //! - [`linear`]: systems of linear equations.
 //! - [`lanes`]: numbers laid out for vector instructions; [`cost`]: what a pass over arrays costs.
-//! - [`mesh`]: triangle and tetrahedral meshes, their checks and generators.
+//! - [`mesh`]: line, triangle and tetrahedral meshes, their checks and generators.
 //! - [`error`]: what can be wrong with a body, a step or a condensation.
 //!
 //! The main types are here by their names alone.
@@ -42,7 +42,7 @@ pub use linear::block_matrix::BlockMatrix;
 pub use linear::pcg::{Budget, SolveReport};
 pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::Kernels;
-pub use material::{Material, SolidMaterial, Tangent, Weave};
+pub use material::{Material, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
     IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, Scheme, StepReport, Stepper,

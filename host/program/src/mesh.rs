@@ -48,10 +48,7 @@ pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
 fn with_material(built: Built) -> Mesh {
     let own = [("young", built.young), ("poisson", built.poisson)];
     let mut mesh = built.mesh;
-    let fields = match &mut mesh {
-        Mesh::Sheet(mesh) => &mut mesh.triangle_fields,
-        Mesh::Solid(mesh) => &mut mesh.cell_fields,
-    };
+    let fields = mesh.fields_mut();
     for (name, values) in own {
         fields.retain(|field| field.name != name);
         fields.push(Field {
@@ -83,6 +80,7 @@ impl Format {
         match (self, mesh) {
             (Self::Gmsh, mesh) => write_gmsh::write(mesh),
             (Self::Legacy, mesh) => write_vtk::write(mesh),
+            (Self::Xml, Mesh::Thread(mesh)) => Snapshot::of_thread(mesh).vtu(),
             (Self::Xml, Mesh::Sheet(mesh)) => Snapshot::of_sheet(mesh).vtu(),
             (Self::Xml, Mesh::Solid(mesh)) => Snapshot::of_solid(mesh).vtu(),
         }
@@ -91,24 +89,13 @@ impl Format {
 
 /// What kind of mesh it is, how large, and what it calls its parts.
 fn summary(name: &str, mesh: &Mesh) -> String {
-    let (what, elements, positions, groups, parts, fields) = match mesh {
-        Mesh::Sheet(m) => (
-            "triangles",
-            m.triangles.len(),
-            &m.positions,
-            &m.vertex_groups,
-            &m.triangle_groups,
-            &m.triangle_fields,
-        ),
-        Mesh::Solid(m) => (
-            "tetrahedra",
-            m.cells.len(),
-            &m.positions,
-            &m.vertex_groups,
-            &m.cell_groups,
-            &m.cell_fields,
-        ),
+    let (what, parts) = match mesh {
+        Mesh::Thread(mesh) => ("lines", &mesh.line_groups),
+        Mesh::Sheet(mesh) => ("triangles", &mesh.triangle_groups),
+        Mesh::Solid(mesh) => ("tetrahedra", &mesh.cell_groups),
     };
+    let (elements, positions) = (mesh.element_count(), mesh.positions());
+    let (groups, fields) = (mesh.vertex_groups(), mesh.fields());
     let size = Bounds::of(positions).map_or([0.0; 3], |bounds| bounds.size().into());
     let counted = |groups: &[Group]| {
         let groups = groups.iter();

@@ -3,7 +3,7 @@
 use super::places;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
-use physics::body::load::{Spread, spread_on_sheet, spread_on_solid};
+use physics::body::load::{Spread, spread_on_sheet, spread_on_solid, spread_on_thread};
 use physics::mesh::Mesh;
 
 /// The scene's loads on one body together, a force for each vertex (N).
@@ -12,12 +12,13 @@ pub(super) fn build(
     index: usize,
     mesh: &Mesh,
 ) -> Result<Vec<Vec3>, SceneError> {
-    let mut forces = vec![Vec3::zeros(); places::positions(mesh).len()];
+    let mut forces = vec![Vec3::zeros(); mesh.positions().len()];
     for (number, load) in loaded.scene.bodies[index].loads.iter().enumerate() {
         let field = format!("body[{index}].load[{number}]");
         let group = load.group.as_deref();
         let vertices = places::vertices(loaded, &field, group, load.in_box, mesh)?;
         let Spread { shares, area } = match mesh {
+            Mesh::Thread(mesh) => spread_on_thread(mesh, &vertices),
             Mesh::Sheet(mesh) => spread_on_sheet(mesh, &vertices),
             Mesh::Solid(mesh) => spread_on_solid(mesh, &vertices),
         };

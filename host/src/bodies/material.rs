@@ -4,7 +4,7 @@ use super::{Kind, places};
 use crate::scene::spec::body::{Body, LawName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Field, Mesh};
-use physics::{Material, SolidMaterial, Vec3, Weave};
+use physics::{Material, SolidMaterial, ThreadMaterial, Vec3, Weave};
 
 /// What a body is made of.
 pub(super) struct Materials {
@@ -20,11 +20,13 @@ pub(super) enum Elements {
     Sheet(Vec<Material>),
     Woven(Vec<Weave>),
     Solid(Vec<SolidMaterial>),
+    Thread(Vec<ThreadMaterial>),
 }
 
 /// What such a body is.
 pub(super) fn kind(body: &Body, mesh: &Mesh) -> Kind {
     match (mesh, &body.material.weave) {
+        (Mesh::Thread(_), _) => Kind::Thread,
         (Mesh::Solid(_), _) => Kind::Solid,
         (Mesh::Sheet(_), Some(_)) => Kind::Woven,
         (Mesh::Sheet(_), None) => Kind::Sheet,
@@ -37,6 +39,7 @@ struct Values {
     poisson: Vec<f64>,
     density: Vec<f64>,
     thickness: Vec<f64>,
+    area: Vec<f64>,
 }
 
 pub(super) fn build(
@@ -54,9 +57,19 @@ pub(super) fn build(
         poisson,
         density,
         thickness,
+        area,
     } = values;
     let each = 0..young.len();
     let elements = match (kind, body.material.weave) {
+        (Kind::Thread, _) => Elements::Thread(
+            each.map(|e| ThreadMaterial {
+                young: young[e],
+                area: area[e],
+                density: density[e],
+                tension_only: body.material.tension_only.unwrap_or(true),
+            })
+            .collect(),
+        ),
         (Kind::Solid, _) => Elements::Solid(
             each.map(|e| SolidMaterial {
                 young: young[e],
@@ -91,13 +104,42 @@ pub(super) fn build(
     Ok(Materials {
         law: body.material.law.unwrap_or(match kind {
             Kind::Woven => LawName::StVenantKirchhoff,
-            Kind::Sheet | Kind::Solid => LawName::Corotational,
+            Kind::Sheet | Kind::Solid | Kind::Thread => LawName::Corotational,
         }),
         bending: super::bending(body, kind),
         elements,
         young,
         poisson,
     })
+}
+
+/// What is allowed where a body of this kind has no such thing.
+fn none(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Sheet | Kind::Woven => "none: the mesh is a sheet",
+        Kind::Solid => "none: the mesh is a solid",
+        Kind::Thread => "none: the mesh is a thread",
+    }
+}
+
+/// Refuses a thickness or a cross-section that `field` gives a body whose kind has none.
+fn check_kind(
+    loaded: &LoadedScene,
+    field: &str,
+    kind: Kind,
+    (thickness, area): (bool, bool),
+) -> Result<(), SceneError> {
+    let is_sheet = matches!(kind, Kind::Sheet | Kind::Woven);
+    let (name, found) = if thickness && !is_sheet {
+        ("thickness", "a thickness")
+    } else if area && kind != Kind::Thread {
+        ("area", "a cross-section")
+    } else {
+        return Ok(());
+    };
+    Err(loaded
+        .source
+        .error(&format!("{field}.{name}"), found, none(kind)))
 }
 
 /// Whether a body of this kind has what the scene says of it, and nothing more.
@@ -112,15 +154,29 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
         (Kind::Sheet | Kind::Woven, None) => {
             return refuse("material", "no thickness", "`thickness`: sheets have one");
         }
-        (Kind::Solid, Some(_)) => {
-            let allowed = "none: the mesh is a solid";
-            return refuse("material.thickness", "a thickness", allowed);
+        (Kind::Solid | Kind::Thread, Some(_)) => {
+            return refuse("material.thickness", "a thickness", none(kind));
         }
         _ => {}
     }
-    if kind == Kind::Solid && material.weave.is_some() {
-        let allowed = "none: the mesh is a solid";
-        return refuse("material.weave", "a weave", allowed);
+    match (kind, material.area) {
+        (Kind::Thread, None) => {
+            return refuse(
+                "material",
+                "no area",
+                "`area`: threads have a cross-section",
+            );
+        }
+        (Kind::Sheet | Kind::Woven | Kind::Solid, Some(_)) => {
+            return refuse("material.area", "a cross-section", none(kind));
+        }
+        _ => {}
+    }
+    if kind != Kind::Thread && material.tension_only.is_some() {
+        return refuse("material.tension_only", "a thread's property", none(kind));
+    }
+    if matches!(kind, Kind::Solid | Kind::Thread) && material.weave.is_some() {
+        return refuse("material.weave", "a weave", none(kind));
     }
     let laws: &[LawName] = match kind {
         Kind::Solid => &[
@@ -130,13 +186,17 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
             LawName::StableNeoHookean,
         ],
         Kind::Woven => &[LawName::StVenantKirchhoff, LawName::Corotational],
-        Kind::Sheet => &[LawName::Corotational],
+        Kind::Sheet | Kind::Thread => &[LawName::Corotational],
     };
     if material.law.is_some_and(|law| !laws.contains(&law)) {
         let (found, allowed) = match kind {
             Kind::Woven => (
                 "a law of solids",
                 "\"st_venant_kirchhoff\" or \"corotational\" for a woven sheet",
+            ),
+            Kind::Thread => (
+                "a law of solids or woven sheets",
+                "\"corotational\" for a thread",
             ),
             _ => (
                 "a law of solids or woven sheets",
@@ -146,7 +206,7 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
         return refuse("material.law", found, allowed);
     }
     match (kind, body.bending) {
-        (Kind::Woven | Kind::Solid, Some(factor)) if factor > 0.0 => refuse(
+        (Kind::Woven | Kind::Solid | Kind::Thread, Some(factor)) if factor > 0.0 => refuse(
             "bending",
             &format!("{factor:?}"),
             "0: only isotropic sheets have a bending model",
@@ -158,21 +218,17 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
 /// The base values, and in their place what the mesh has.
 fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, SceneError> {
     let material = &loaded.scene.bodies[index].material;
-    let fields = match mesh {
-        Mesh::Sheet(mesh) => &mesh.triangle_fields,
-        Mesh::Solid(mesh) => &mesh.cell_fields,
-    };
-    let count = places::element_count(mesh);
+    let fields = mesh.fields();
+    let count = mesh.element_count();
     let take = |what: &str, name: &Option<String>, base: f64| match name {
         None => Ok(vec![base; count]),
         Some(name) => values(loaded, index, what, name, fields),
     };
     let names = &material.fields;
-    if let (Mesh::Solid(_), Some(_)) = (mesh, &names.thickness) {
-        let field = format!("body[{index}].material.fields.thickness");
-        let allowed = "none: the mesh is a solid";
-        return Err(loaded.source.error(&field, "a thickness", allowed));
-    }
+    let given = (names.thickness.is_some(), names.area.is_some());
+    let kind = kind(&loaded.scene.bodies[index], mesh);
+    let field = format!("body[{index}].material.fields");
+    check_kind(loaded, &field, kind, given)?;
     Ok(Values {
         young: take("young", &names.young, material.young)?,
         poisson: take("poisson", &names.poisson, material.poisson)?,
@@ -182,6 +238,7 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
             &names.thickness,
             material.thickness.unwrap_or(0.0),
         )?,
+        area: take("area", &names.area, material.area.unwrap_or(0.0))?,
     })
 }
 
@@ -221,11 +278,13 @@ fn overwrite(
 ) -> Result<(), SceneError> {
     for (number, region) in loaded.scene.bodies[index].regions.iter().enumerate() {
         let field = format!("body[{index}].region[{number}]");
-        if let (Mesh::Solid(_), Some(_)) = (mesh, region.thickness) {
-            let field = format!("{field}.thickness");
-            let allowed = "none: the mesh is a solid";
-            return Err(loaded.source.error(&field, "a thickness", allowed));
-        }
+        let given = (region.thickness.is_some(), region.area.is_some());
+        check_kind(
+            loaded,
+            &field,
+            kind(&loaded.scene.bodies[index], mesh),
+            given,
+        )?;
         let group = region.group.as_deref();
         for element in places::elements(loaded, &field, group, region.in_box, mesh)? {
             let element = element as usize;
@@ -236,6 +295,7 @@ fn overwrite(
             write(&mut values.poisson, region.poisson);
             write(&mut values.density, region.density);
             write(&mut values.thickness, region.thickness);
+            write(&mut values.area, region.area);
         }
     }
     Ok(())

@@ -5,18 +5,47 @@ use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
+use physics::mesh::generate_thread::straight_thread;
 use physics::mesh::{Cells, Mesh};
+use std::borrow::Cow;
 
-/// The mesh of one body, its elements in the file's order.
-pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneError> {
+/// The mesh of one body, its elements in the file's order. A mesh file is read once, however often its mesh is asked
+/// for: see [`MeshFile`](crate::scene::MeshFile).
+pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
     let spec = &loaded.scene.bodies[index].mesh;
+    let mesh = match &spec.source {
+        MeshSource::File(_) => Cow::Borrowed(from_file(loaded, index)?),
+        generator => Cow::Owned(generated(loaded, index, generator)?),
+    };
+    match &*mesh {
+        Mesh::Solid(linear) if spec.quadratic && matches!(linear.cells, Cells::Linear(_)) => {
+            Ok(Cow::Owned(Mesh::Solid(linear.quadratic())))
+        }
+        Mesh::Thread(_) if spec.quadratic => {
+            let field = format!("body[{index}].mesh.order");
+            let found = "2 for a mesh of lines";
+            Err(loaded.source.error(&field, found, "1: lines are linear"))
+        }
+        Mesh::Sheet(_) if spec.quadratic => {
+            let field = format!("body[{index}].mesh.order");
+            let found = "2 for a mesh of triangles";
+            Err(loaded
+                .source
+                .error(&field, found, "1: triangles are linear"))
+        }
+        _ => Ok(mesh),
+    }
+}
+
+/// The mesh that a generator makes.
+fn generated(loaded: &LoadedScene, index: usize, source: &MeshSource) -> Result<Mesh, SceneError> {
     let field = |name: &str| format!("body[{index}].mesh.{name}");
     let refuse = |name: &str, found: &dyn std::fmt::Display, allowed: &str| {
         loaded
             .source
             .error(&field(name), found.to_string(), allowed)
     };
-    let mesh = match &spec.source {
+    Ok(match source {
         MeshSource::Sheet {
             length,
             width,
@@ -40,27 +69,27 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneErr
             made.map(Mesh::Sheet)
                 .map_err(|e| refuse("plate", &e, "a plate around its hole"))?
         }
+        MeshSource::Thread { length, segments } => straight_thread(*length, *segments)
+            .map(Mesh::Thread)
+            .map_err(|e| refuse("thread", &e, "a thread with a length"))?,
         MeshSource::Box { size, cells } => solid_box(*size, *cells)
             .map(Mesh::Solid)
             .map_err(|e| refuse("box", &e, "a box with a volume"))?,
-        MeshSource::File(name) => {
-            let file = loaded.meshes[index].as_ref();
-            let bytes = file.map_or(&[][..], |file| &file.bytes);
-            meshio::read_mesh(name, bytes).map_err(|source| SceneError::Mesh {
-                place: loaded.source.place(&field("file")),
-                path: file.map_or_else(|| name.into(), |file| file.path.clone()),
-                source: Box::new(source),
-            })?
-        }
-    };
-    match mesh {
-        Mesh::Solid(mesh) if spec.quadratic && matches!(mesh.cells, Cells::Linear(_)) => {
-            Ok(Mesh::Solid(mesh.quadratic()))
-        }
-        Mesh::Sheet(_) if spec.quadratic => {
-            let allowed = "1: triangles are linear";
-            Err(refuse("order", &"2 for a mesh of triangles", allowed))
-        }
-        mesh => Ok(mesh),
-    }
+        MeshSource::File(_) => from_file(loaded, index)?.clone(),
+    })
+}
+
+/// The mesh of the file that a body names, as it was loaded.
+fn from_file(loaded: &LoadedScene, index: usize) -> Result<&Mesh, SceneError> {
+    let field = format!("body[{index}].mesh.file");
+    let file = loaded.meshes[index].as_ref().ok_or_else(|| {
+        loaded
+            .source
+            .error(&field, "no file", "a file that was loaded")
+    })?;
+    file.mesh().map_err(|source| SceneError::Mesh {
+        place: loaded.source.place(&field),
+        path: file.path.clone(),
+        source: Box::new(source.clone()),
+    })
 }

@@ -29,6 +29,8 @@ pub enum Kind {
     Woven,
     /// Tetrahedra.
     Solid,
+    /// Bars.
+    Thread,
 }
 
 /// One body of a scene, at rest.
@@ -84,7 +86,7 @@ pub(crate) fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<V
 pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let mesh = mesh::build(loaded, index)?;
+    let mesh = mesh::build(loaded, index)?.into_owned();
     let material = material::build(loaded, index, &mesh)?;
     let mut handles = handles(loaded, index, &mesh)?;
     let parts = supports(loaded, index, &mesh, &mut handles)?;
@@ -121,6 +123,9 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
                 LawName::StableNeoHookean => SolidLaw::StableNeoHookean,
             };
             Body::solid(mesh, materials, law, config, &handles)
+        }
+        (Mesh::Thread(mesh), material::Elements::Thread(materials)) => {
+            Body::thread(mesh, materials, config, &handles)
         }
         // The material was made for this mesh.
         _ => return Err(refuse(&"a material for another kind of mesh")),
@@ -229,7 +234,7 @@ pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
 
 /// A handle about the centre of `vertices`.
 fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
-    let positions = places::positions(mesh);
+    let positions = mesh.positions();
     let sum: Vec3 = vertices.iter().map(|&v| positions[v as usize]).sum();
     let origin = sum / vertices.len().max(1) as f64;
     HandleSpec {
@@ -272,7 +277,7 @@ fn supports(
             Part::Turned(handles.len() - 1)
         }));
     }
-    let mut held = vec![false; places::positions(mesh).len()];
+    let mut held = vec![false; mesh.positions().len()];
     for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {
         held[vertex as usize] = true;
     }
@@ -293,6 +298,6 @@ fn supports(
 pub fn bending(body: &spec::Body, kind: Kind) -> f64 {
     match kind {
         Kind::Sheet => body.bending.unwrap_or(1.0),
-        Kind::Woven | Kind::Solid => 0.0,
+        Kind::Woven | Kind::Solid | Kind::Thread => 0.0,
     }
 }

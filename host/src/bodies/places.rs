@@ -12,22 +12,6 @@ const LONGEST_NAME: usize = 64;
 /// Lowest and highest corner (m).
 type Box3 = [[f64; 3]; 2];
 
-/// Rest positions (m).
-pub(super) fn positions(mesh: &Mesh) -> &[Vec3] {
-    match mesh {
-        Mesh::Sheet(mesh) => &mesh.positions,
-        Mesh::Solid(mesh) => &mesh.positions,
-    }
-}
-
-/// Number of elements.
-pub(super) fn element_count(mesh: &Mesh) -> usize {
-    match mesh {
-        Mesh::Sheet(mesh) => mesh.triangles.len(),
-        Mesh::Solid(mesh) => mesh.cells.len(),
-    }
-}
-
 /// The vertices in the group or box that `field` gives.
 pub(super) fn vertices(
     loaded: &LoadedScene,
@@ -36,12 +20,9 @@ pub(super) fn vertices(
     in_box: Option<Box3>,
     mesh: &Mesh,
 ) -> Result<Vec<u32>, SceneError> {
-    let groups = match mesh {
-        Mesh::Sheet(mesh) => &mesh.vertex_groups,
-        Mesh::Solid(mesh) => &mesh.vertex_groups,
-    };
+    let groups = mesh.vertex_groups();
     select(loaded, field, name, in_box, groups, "vertex", || {
-        positions(mesh).iter().copied()
+        mesh.positions().iter().copied()
     })
 }
 
@@ -58,6 +39,12 @@ pub(super) fn elements(
         sum / corners.len() as f64
     };
     match mesh {
+        Mesh::Thread(mesh) => {
+            let what = "line's middle";
+            let centres = || mesh.lines.iter().map(|line| centre(line, &mesh.positions));
+            let groups = &mesh.line_groups;
+            select(loaded, field, name, in_box, groups, what, centres)
+        }
         Mesh::Sheet(mesh) => {
             let what = "triangle's barycentre";
             let centres = || mesh.triangles.iter().map(|t| centre(t, &mesh.positions));

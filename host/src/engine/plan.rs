@@ -115,7 +115,12 @@ pub fn plan(loaded: &LoadedScene, kinds: &[Kind], choices: &[Choice]) -> Vec<Sta
         stage(
             "elements",
             true,
-            elements(of(Kind::Sheet), of(Kind::Woven), of(Kind::Solid)),
+            elements([
+                (of(Kind::Sheet), "isotropic membranes"),
+                (of(Kind::Woven), "woven membranes"),
+                (of(Kind::Solid), "tetrahedra"),
+                (of(Kind::Thread), "bars"),
+            ]),
         ),
         stage(
             "assemble",
@@ -257,12 +262,7 @@ fn through(loaded: &LoadedScene) -> String {
 }
 
 /// What is assembled, for so many bodies of each kind.
-fn elements(sheets: usize, woven: usize, solids: usize) -> String {
-    let parts = [
-        (sheets, "isotropic membranes"),
-        (woven, "woven membranes"),
-        (solids, "tetrahedra"),
-    ];
+fn elements(parts: [(usize, &str); 4]) -> String {
     let parts: Vec<_> = parts
         .iter()
         .filter(|(bodies, _)| *bodies > 0)

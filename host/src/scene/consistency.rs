@@ -126,13 +126,14 @@ fn check_body(at: &str, body: &Body) -> Check {
         let found: Vec<_> = cells.iter().map(u32::to_string).collect();
         let found = format!("{} = {total}", found.join(" x "));
         let allowed = format!("up to {MOST_CELLS} cells in all");
-        let field = format!("{at}.mesh.{field}.cells");
+        let field = format!("{at}.mesh.{field}");
         require(total <= MOST_CELLS, &field, found, allowed)
     };
     match &body.mesh.source {
-        MeshSource::Sheet { cells: n, .. } => cells("sheet", n)?,
-        MeshSource::Box { cells: n, .. } => cells("box", n)?,
-        MeshSource::Plate { plate, .. } => cells("plate", &[plate.around, plate.outward])?,
+        MeshSource::Sheet { cells: n, .. } => cells("sheet.cells", n)?,
+        MeshSource::Box { cells: n, .. } => cells("box.cells", n)?,
+        MeshSource::Thread { segments, .. } => cells("thread.segments", &[*segments])?,
+        MeshSource::Plate { plate, .. } => cells("plate.cells", &[plate.around, plate.outward])?,
         MeshSource::File(file) => file_name(&format!("{at}.mesh.file"), file)?,
     }
     for (index, region) in body.regions.iter().enumerate() {

@@ -5,11 +5,14 @@ use super::error::SceneError;
 use super::recording::{self, Sample};
 use super::source::Source;
 use super::spec::{MeshSource, ModelName, Scene};
+use meshio::MeshFileError;
+use physics::mesh::Mesh;
 use sim::{DeviceFile, DeviceModel};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 
 /// The scene that the program carries with it.
 const DEFAULT: &str = include_str!("../../scenes/stretch.toml");
@@ -25,8 +28,9 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Its text, for errors that are found later: see [`Source::error`].
     pub source: Source,
-    /// The mesh file of each body that names one, in the order of the bodies.
-    pub meshes: Vec<Option<MeshFile>>,
+    /// The mesh file of each body that names one, in the order of the bodies. Bodies that name the same file have it
+    /// in common.
+    pub meshes: Vec<Option<Arc<MeshFile>>>,
     /// The model of each device, in the order of the devices.
     pub models: Vec<DeviceModel>,
     /// The recording of each device's hand that names one, in the order of the devices.
@@ -35,13 +39,29 @@ pub struct LoadedScene {
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
-/// A mesh file, not parsed.
-#[derive(Clone, Debug)]
+/// A mesh file: read when its mesh is first asked for, and never again. All copies of a [`LoadedScene`] have it in
+/// common.
+#[derive(Debug)]
 pub struct MeshFile {
+    /// What the scene calls it: its end says which format it is in.
+    name: String,
     /// Where it was found.
     pub path: PathBuf,
-    /// What it holds. Which format that is, and whether it is text, shows once it is parsed.
+    /// What it holds. Which format that is, and whether it is text, shows once it is read.
     pub bytes: Vec<u8>,
+    mesh: OnceLock<Result<Mesh, MeshFileError>>,
+}
+
+impl MeshFile {
+    /// The mesh that the file holds.
+    ///
+    /// # Errors
+    /// Why the file is no mesh.
+    pub fn mesh(&self) -> Result<&Mesh, &MeshFileError> {
+        self.mesh
+            .get_or_init(|| meshio::read_mesh(&self.name, &self.bytes))
+            .as_ref()
+    }
 }
 
 impl Scene {
@@ -145,15 +165,25 @@ fn load(
         }
     };
 
-    let mut meshes = Vec::new();
+    let mut meshes: Vec<Option<Arc<MeshFile>>> = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
-        meshes.push(match &body.mesh.source {
-            MeshSource::Sheet { .. } | MeshSource::Box { .. } | MeshSource::Plate { .. } => None,
-            MeshSource::File(file) => {
-                let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
-                Some(MeshFile { path, bytes })
-            }
-        });
+        let MeshSource::File(file) = &body.mesh.source else {
+            meshes.push(None);
+            continue;
+        };
+        let known = meshes.iter().flatten().find(|mesh| mesh.name == *file);
+        let mesh = if let Some(mesh) = known {
+            Arc::clone(mesh)
+        } else {
+            let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
+            Arc::new(MeshFile {
+                name: file.clone(),
+                path,
+                bytes,
+                mesh: OnceLock::new(),
+            })
+        };
+        meshes.push(Some(mesh));
     }
 
     let mut models = Vec::new();

@@ -260,6 +260,7 @@ impl<'a> Drive<'a> {
     /// The present state. Positions are those of the deformed body.
     pub(super) fn snapshot(&self) -> Snapshot {
         let mut snapshot = match &self.built.mesh {
+            Mesh::Thread(mesh) => Snapshot::of_thread(mesh),
             Mesh::Sheet(mesh) => Snapshot::of_sheet(mesh),
             Mesh::Solid(mesh) => Snapshot::of_solid(mesh),
         };
@@ -307,6 +308,7 @@ impl<'a> Drive<'a> {
             kind: self.built.kind,
             law: self.built.law,
             vertices_of_element: match &self.built.mesh {
+                Mesh::Thread(_) => 2,
                 Mesh::Sheet(_) => 3,
                 Mesh::Solid(mesh) => match mesh.cells {
                     Cells::Linear(_) => 4,

@@ -31,6 +31,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
         (Kind::Woven, _) => "woven triangles",
         (Kind::Solid, 10) => "quadratic tetrahedra",
         (Kind::Solid, _) => "tetrahedra",
+        (Kind::Thread, _) => "bars",
     };
     let law = match body.law {
         LawName::Linear => "linear",

@@ -137,13 +137,13 @@ pub(super) fn read(lines: &mut Lines, text: &str, wanted: Wanted) -> Result<Vec<
     Ok(blocks)
 }
 
-/// Whether there is a tetrahedron. All elements are then of its order, or else of first order.
-pub(super) fn are_solid(blocks: &[Block]) -> Result<bool, GmshError> {
+/// The highest dimension of the elements. With a tetrahedron all elements are of its order, or else of first order.
+pub(super) fn highest_dimension(blocks: &[Block]) -> Result<u8, GmshError> {
     let solid = blocks.iter().find(|block| block.kind.dim == 3);
     let order = solid.map_or(1, |block| block.kind.order);
     let mut others = blocks.iter();
     let Some(other) = others.find(|block| ![0, order].contains(&block.kind.order)) else {
-        return Ok(solid.is_some());
+        return Ok(blocks.iter().map(|block| block.kind.dim).max().unwrap_or(0));
     };
     Err(match solid {
         Some(solid) => GmshError::MixedOrder {

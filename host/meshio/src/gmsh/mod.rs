@@ -10,13 +10,14 @@
 //! - A file with tetrahedra, of 4 nodes or of 10, is a solid, if one is asked for. Triangles, lines and
 //!   points only name vertices; they have to be of the same order as the tetrahedra, or their groups would
 //!   lack the vertices at the middles of edges.
-//! - Vertices are the nodes that a triangle of a sheet, or a cell of a solid, uses, in the file's order;
-//!   others (the centre of an arc) are dropped, from groups too.
-//! - A named physical group of points or curves becomes a vertex group; of surfaces, a vertex group and, in a
-//!   sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
+//! - A file whose lines are its cells of highest dimension is a thread, if one is asked for. Points only name vertices.
+//! - Vertices are the nodes that a line of a thread, a triangle of a sheet, or a cell of a solid, uses, in the file's
+//!   order; others (the centre of an arc) are dropped, from groups too.
+//! - A named physical group of points or curves becomes a vertex group, of curves in a thread also a group of lines; of
+//!   surfaces, a vertex group and, in a sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
 //!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored.
-//! - An `$ElementData` with one component becomes a field of the triangles of a sheet or the cells of a
-//!   solid. It has to name each of them once; what it says of other elements is passed over, and so is one
+//! - An `$ElementData` with one component becomes a field of the lines of a thread, the triangles of a
+//!   sheet or the cells of a solid. It has to name each of them once; what it says of other elements is passed over, and so is one
 //!   without a name or with more components.
 //!
 //! The file is hostile until checked: every number is parsed, every count compared with what follows, and
@@ -28,10 +29,11 @@ mod fields;
 mod groups;
 mod sections;
 pub(crate) mod solid;
+mod thread;
 
 use crate::file::Wanted;
 use crate::lines::Unexpected;
-use physics::mesh::{Mesh, MeshError, SolidError, TriMesh};
+use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use thiserror::Error;
 
 /// The most named physical groups that a file may have.
@@ -138,6 +140,15 @@ pub enum GmshError {
         /// What is wrong with it.
         source: SolidError,
     },
+    /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
+    /// mesh.
+    #[error("line {line}: {source}")]
+    Thread {
+        /// Where the element or vertex at fault stands.
+        line: usize,
+        /// What is wrong with it.
+        source: ThreadError,
+    },
 }
 
 impl From<Unexpected> for GmshError {
@@ -166,16 +177,17 @@ pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
     parse(text(bytes)?)
 }
 
-/// As [`parse_bytes`], a solid if there is a tetrahedron in the file, otherwise a sheet.
+/// As [`parse_bytes`], a solid if there is a tetrahedron in the file, a thread if there is nothing but lines and points,
+/// otherwise a sheet.
 ///
 /// # Errors
 /// As [`parse_bytes`], but for tetrahedra.
 pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
     let sections = sections::read(text(bytes)?, Wanted::Any)?;
-    Ok(if elements::are_solid(&sections.blocks)? {
-        Mesh::Solid(solid::mesh(&sections)?)
-    } else {
-        Mesh::Sheet(assemble::sheet(&sections)?)
+    Ok(match elements::highest_dimension(&sections.blocks)? {
+        3 => Mesh::Solid(solid::mesh(&sections)?),
+        1 => Mesh::Thread(thread::mesh(&sections)?),
+        _ => Mesh::Sheet(assemble::sheet(&sections)?),
     })
 }
 

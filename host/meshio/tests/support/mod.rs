@@ -80,6 +80,7 @@ pub(crate) fn solid() -> impl Strategy<Value = TetMesh> {
 pub(crate) fn expect_solid(mesh: Mesh) -> TetMesh {
     match mesh {
         Mesh::Solid(mesh) => mesh,
+        Mesh::Thread(_) => panic!("a thread"),
         Mesh::Sheet(_) => panic!("a sheet"),
     }
 }

@@ -15,12 +15,13 @@ use crate::element::tet::shape::{Tet4, Tet10};
 use crate::element::tet::solid::Solid;
 use crate::element::triangle::membrane::Membrane;
 use crate::element::triangle::woven::Woven;
+use crate::element::truss::Truss;
 use crate::error::BodyError;
 use crate::material::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
 use crate::material::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
 use crate::material::weave::Weave;
-use crate::material::{Material, SolidMaterial};
-use crate::mesh::{Cells, TetMesh, TriMesh};
+use crate::material::{Material, SolidMaterial, ThreadMaterial};
+use crate::mesh::{Cells, LineMesh, TetMesh, TriMesh};
 
 /// The laws of solids, by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -130,6 +131,24 @@ impl Body {
             SolidLaw::StableNeoHookean => cells(StableNeoHookean, mesh, materials),
         }?;
         Self::from_elements(&mesh.positions, vec![elements], config, handles)
+    }
+
+    /// A thread at rest in the shape of `mesh`.
+    ///
+    /// `materials` holds one for all lines or one for each. `handles` may be empty: a free thread.
+    ///
+    /// # Errors
+    ///
+    /// As [`Body::sheet`].
+    pub fn thread(
+        mesh: &LineMesh,
+        materials: &[ThreadMaterial],
+        config: BodyConfig,
+        handles: &[HandleSpec],
+    ) -> Result<Self, BodyError> {
+        check_positions(&mesh.positions)?;
+        let truss = Truss::new(mesh, materials)?;
+        Self::from_elements(&mesh.positions, vec![Box::new(truss)], config, handles)
     }
 
     /// A body at rest of any elements over vertices at `positions` (m).

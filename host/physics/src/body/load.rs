@@ -1,7 +1,7 @@
 //! Loads that are given per area or for a whole part of a mesh, as forces on vertices.
 
 use crate::Vec3;
-use crate::mesh::{Adjacency, Cells, MeshError, TetMesh, TriMesh};
+use crate::mesh::{Adjacency, Cells, LineMesh, MeshError, TetMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// Faces of a tetrahedron by corners, and for each the vertices at the middles of its edges.
@@ -61,6 +61,21 @@ pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
     let (shares, area) = weigh(mesh.positions.len(), parts);
     if area > 0.0 {
         return Spread { shares, area };
+    }
+    evenly(&chosen)
+}
+
+/// Spreads a force over those lines of a thread whose ends both lie in `vertices`, by their length; evenly over the
+/// vertices if there is none.
+pub fn spread_on_thread(mesh: &LineMesh, vertices: &[u32]) -> Spread {
+    let chosen = chosen(mesh.positions.len(), vertices);
+    let at = |vertex: u32| mesh.positions[vertex as usize];
+    let inside = |ends: &&[u32; 2]| ends.iter().all(|&vertex| chosen[vertex as usize]);
+    let lines = mesh.lines.iter().filter(inside);
+    let parts = lines.map(|&ends| (ends, (at(ends[1]) - at(ends[0])).norm()));
+    let (shares, length) = weigh(mesh.positions.len(), parts);
+    if length > 0.0 {
+        return Spread { shares, area: 0.0 };
     }
     evenly(&chosen)
 }

@@ -7,6 +7,7 @@
 //!   vectors.
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
 //! - [`triangle`]: membranes, with a grain or without.
+//! - [`truss`]: bars of a thread, a suture or a net.
 //! - [`bending`]: what a sheet that is flat at rest resists bending with.
 
 pub mod bending;
@@ -16,5 +17,6 @@ pub mod tet;
 pub mod tet10;
 pub mod tet4;
 pub mod triangle;
+pub mod truss;
 
 pub use elements::Elements;

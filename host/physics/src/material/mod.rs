@@ -2,7 +2,7 @@
 //!
 //! A law knows a deformation gradient and the parameters of a material, nothing of elements, meshes or time.
 //!
-//! - [`Material`], [`SolidMaterial`], [`Weave`]: the parameters.
+//! - [`Material`], [`SolidMaterial`], [`ThreadMaterial`], [`Weave`]: the parameters.
 //! - [`law`]: laws of elastic solids.
 //! - [`sheet_law`]: laws of thin sheets with a grain.
 
@@ -11,7 +11,7 @@ mod parameters;
 pub mod sheet_law;
 pub mod weave;
 
-pub use parameters::{Material, SolidMaterial};
+pub use parameters::{Material, SolidMaterial, ThreadMaterial};
 pub use weave::Weave;
 
 /// Which tangent an element gives.

@@ -1,4 +1,4 @@
-//! The materials of a sheet's triangles and of a solid's cells, and their checks.
+//! The materials of a thread's bars, of a sheet's triangles and of a solid's cells, and their checks.
 
 use crate::error::BodyError;
 
@@ -66,6 +66,32 @@ impl SolidMaterial {
         check_positive(element, "young", self.young)?;
         check_positive(element, "density", self.density)?;
         check_poisson(element, self.poisson)
+    }
+}
+
+/// Material of one bar of a thread, and how thick the bar is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThreadMaterial {
+    /// Young's modulus along the axis (Pa), positive.
+    pub young: f64,
+    /// Cross-section at rest (m^2), positive.
+    pub area: f64,
+    /// Density (kg/m^3), positive.
+    pub density: f64,
+    /// Whether it resists tension alone, as a thread does; otherwise compression, too, as a rod that does not buckle.
+    pub tension_only: bool,
+}
+
+impl ThreadMaterial {
+    /// Checks the ranges that the fields document.
+    ///
+    /// # Errors
+    ///
+    /// [`BodyError::Material`], naming `element`, the field, what was found and what is allowed.
+    pub fn check(&self, element: usize) -> Result<(), BodyError> {
+        check_positive(element, "young", self.young)?;
+        check_positive(element, "area", self.area)?;
+        check_positive(element, "density", self.density)
     }
 }
 

@@ -122,6 +122,6 @@ pub fn sheet(
 
 /// Where grid line `i` of `n` cells lies, from -0.5 to 0.5: exact at the ends, and exactly antisymmetric,
 /// so that a symmetric load on a sheet stays symmetric.
-fn across(i: u32, n: u32) -> f64 {
+pub(super) fn across(i: u32, n: u32) -> f64 {
     (2.0 * f64::from(i) - f64::from(n)) / (2.0 * f64::from(n))
 }

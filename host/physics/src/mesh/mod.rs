@@ -1,9 +1,9 @@
-//! Meshes of triangles ([`TriMesh`]) and of tetrahedra ([`TetMesh`]): positions, cells, and named groups of
-//! either.
+//! Meshes of lines ([`LineMesh`]), of triangles ([`TriMesh`]) and of tetrahedra ([`TetMesh`]): positions, cells, and
+//! named groups of either.
 //!
-//! A mesh comes from a generator ([`generate`], [`generate_box`], [`generate_plate`]) or from a file, which the
-//! crate `meshio` reads. What is read ends in [`TriMesh::new`] or [`TetMesh::new`], so what holds for one mesh
-//! holds for all (see [`check`], [`check_solid`]).
+//! A mesh comes from a generator ([`generate`], [`generate_box`], [`generate_plate`], [`generate_thread`]) or from a
+//! file, which the crate `meshio` reads. What is read ends in [`LineMesh::new`], [`TriMesh::new`] or [`TetMesh::new`],
+//! so what holds for one mesh holds for all (see [`check`], [`check_solid`], [`check_thread`]).
 
 use crate::Vec3;
 
@@ -12,20 +12,27 @@ pub mod check;
 mod check_named;
 mod check_neighbours;
 pub mod check_solid;
+pub mod check_thread;
 mod elevate;
 pub mod generate;
 pub mod generate_box;
 pub mod generate_plate;
+pub mod generate_thread;
+pub mod line;
 pub mod tet;
 
 pub use adjacency::Adjacency;
 pub use check::MeshError;
 pub use check_solid::SolidError;
+pub use check_thread::ThreadError;
+pub use line::LineMesh;
 pub use tet::{Cells, TetMesh};
 
-/// A mesh of either kind.
+/// A mesh of any kind.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Mesh {
+    /// Lines only.
+    Thread(LineMesh),
     /// Triangles only.
     Sheet(TriMesh),
     /// Tetrahedra.
@@ -49,7 +56,7 @@ pub struct TriMesh {
     pub triangle_fields: Vec<Field>,
 }
 
-/// A named set of vertices or triangles.
+/// A named set of vertices, lines, triangles or cells.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Group {
     /// The name by which a scene refers to the set.
@@ -58,7 +65,7 @@ pub struct Group {
     pub members: Vec<u32>,
 }
 
-/// Named values, one per triangle or cell.
+/// Named values, one per line, triangle or cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Field {
     /// The name by which a scene refers to the values.
@@ -97,9 +104,46 @@ impl Bounds {
 }
 
 impl Mesh {
-    /// The named values per triangle or cell, to be changed.
+    /// The rest positions (m), one per vertex.
+    pub fn positions(&self) -> &[Vec3] {
+        match self {
+            Self::Thread(mesh) => &mesh.positions,
+            Self::Sheet(mesh) => &mesh.positions,
+            Self::Solid(mesh) => &mesh.positions,
+        }
+    }
+
+    /// Number of lines, triangles or cells.
+    pub fn element_count(&self) -> usize {
+        match self {
+            Self::Thread(mesh) => mesh.lines.len(),
+            Self::Sheet(mesh) => mesh.triangles.len(),
+            Self::Solid(mesh) => mesh.cells.len(),
+        }
+    }
+
+    /// The named sets of vertices.
+    pub fn vertex_groups(&self) -> &[Group] {
+        match self {
+            Self::Thread(mesh) => &mesh.vertex_groups,
+            Self::Sheet(mesh) => &mesh.vertex_groups,
+            Self::Solid(mesh) => &mesh.vertex_groups,
+        }
+    }
+
+    /// The named values per line, triangle or cell.
+    pub fn fields(&self) -> &[Field] {
+        match self {
+            Self::Thread(mesh) => &mesh.line_fields,
+            Self::Sheet(mesh) => &mesh.triangle_fields,
+            Self::Solid(mesh) => &mesh.cell_fields,
+        }
+    }
+
+    /// The named values per line, triangle or cell, to be changed.
     pub fn fields_mut(&mut self) -> &mut Vec<Field> {
         match self {
+            Self::Thread(mesh) => &mut mesh.line_fields,
             Self::Sheet(mesh) => &mut mesh.triangle_fields,
             Self::Solid(mesh) => &mut mesh.cell_fields,
         }

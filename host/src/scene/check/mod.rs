@@ -117,6 +117,15 @@ pub(super) fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::E
     List::<Cells, 2>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
 
+/// Segments of a thread.
+///
+/// # Errors
+///
+/// Says what was found and what is allowed.
+pub(super) fn segments<'de, D: Deserializer<'de>>(from: D) -> Result<u32, D::Error> {
+    Cells::deserialize(from).map(|n| n.0)
+}
+
 /// Cells of a box along each axis.
 ///
 /// # Errors

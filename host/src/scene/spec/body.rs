@@ -5,7 +5,7 @@ use serde::Deserialize;
 
 use super::mesh::Mesh;
 
-/// `[[body]]`: a deformable sheet or solid.
+/// `[[body]]`: a deformable thread, sheet or solid.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Body {
@@ -48,12 +48,18 @@ pub struct Material {
     /// Young's modulus (Pa); along the warp, if woven.
     #[serde(deserialize_with = "check::positive")]
     pub young: f64,
-    /// Poisson's ratio; contraction along the weft for a pull along the warp, if woven.
+    /// Poisson's ratio, of which a thread makes no use; contraction along the weft for a pull along the warp, if woven.
     #[serde(deserialize_with = "check::poisson")]
     pub poisson: f64,
-    /// Thickness (m): sheets have one, solids do not.
+    /// Thickness (m): sheets have one, threads and solids do not.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub thickness: Option<f64>,
+    /// Cross-section (m^2): threads have one, sheets and solids do not.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub area: Option<f64>,
+    /// Whether a thread resists tension alone. Not given: it does.
+    #[serde(default)]
+    pub tension_only: Option<bool>,
     /// Density (kg/m^3).
     #[serde(deserialize_with = "check::positive")]
     pub density: f64,
@@ -110,6 +116,8 @@ pub struct ElementFields {
     pub density: Option<String>,
     /// Holds the thickness (m).
     pub thickness: Option<String>,
+    /// Holds the cross-section (m^2).
+    pub area: Option<String>,
 }
 
 /// `[[body.region]]`: elements of another material.
@@ -134,6 +142,9 @@ pub struct Region {
     /// Thickness there (m), if another; sheets only.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub thickness: Option<f64>,
+    /// Cross-section there (m^2), if another; threads only.
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    pub area: Option<f64>,
 }
 
 /// Rayleigh damping `C = mass M + stiffness K`.

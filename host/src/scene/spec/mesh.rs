@@ -44,6 +44,13 @@ pub enum MeshSource {
         /// Cells along each axis, six tetrahedra each.
         cells: [u32; 3],
     },
+    /// Lines: a straight thread along x, centred at the origin, its groups `left` and `right` the ends.
+    Thread {
+        /// Length (m).
+        length: f64,
+        /// Lines of equal length.
+        segments: u32,
+    },
     /// A mesh file, its path relative to the scene file (`.obj`, legacy `.vtk`, `.vtu`, `.vtp`, or Gmsh 4.1
     /// ASCII, `.msh`).
     File(String),
@@ -70,6 +77,8 @@ struct MeshFields {
     in_box: Option<BoxFields>,
     #[serde(default, deserialize_with = "check::optional_table")]
     plate: Option<PlateFields>,
+    #[serde(default, deserialize_with = "check::optional_table")]
+    thread: Option<ThreadFields>,
     #[serde(default)]
     file: Option<String>,
     #[serde(default, deserialize_with = "check::order")]
@@ -139,27 +148,48 @@ struct BoxFields {
     cells: [u32; 3],
 }
 
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ThreadFields {
+    #[serde(deserialize_with = "check::positive")]
+    length: f64,
+    #[serde(deserialize_with = "check::segments")]
+    segments: u32,
+}
+
 impl TryFrom<MeshFields> for Mesh {
     type Error = &'static str;
 
     fn try_from(fields: MeshFields) -> Result<Self, Self::Error> {
-        let source = match (fields.sheet, fields.in_box, fields.plate, fields.file) {
-            (Some(sheet), None, None, None) => MeshSource::Sheet {
+        let MeshFields {
+            sheet,
+            in_box,
+            plate,
+            thread,
+            file,
+            ..
+        } = fields;
+        let source = match (sheet, in_box, plate, thread, file) {
+            (Some(sheet), None, None, None, None) => MeshSource::Sheet {
                 length: sheet.length,
                 width: sheet.width,
                 cells: sheet.cells,
                 pattern: sheet.pattern,
             },
-            (None, Some(solid), None, None) => MeshSource::Box {
+            (None, Some(solid), None, None, None) => MeshSource::Box {
                 size: solid.size,
                 cells: solid.cells,
             },
-            (None, None, Some(plate), None) => plate.into(),
-            (None, None, None, Some(file)) => MeshSource::File(file),
+            (None, None, Some(plate), None, None) => plate.into(),
+            (None, None, None, Some(thread), None) => MeshSource::Thread {
+                length: thread.length,
+                segments: thread.segments,
+            },
+            (None, None, None, None, Some(file)) => MeshSource::File(file),
             // Worded as serde words a wrong value.
             _ => {
                 return Err(
-                    "invalid mesh, expected a table with exactly one of `sheet`, `box`, `plate` and `file`",
+                    "invalid mesh, expected a table with exactly one of `sheet`, `box`, `plate`, `thread` and `file`",
                 );
             }
         };

@@ -1,0 +1,43 @@
+//! From a file's sections to a thread: unused nodes dropped, groups filled.
+
+use super::assemble::{nodes_of, places};
+use super::elements::of_dimension;
+use super::groups::groups;
+use super::sections::Sections;
+use super::{GmshError, fields};
+use crate::soup_thread::{ThreadFault, ThreadSoup};
+use physics::mesh::LineMesh;
+use physics::mesh::check::Culprit;
+
+/// The thread of all 2-node lines.
+pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
+    let places = places(&sections.nodes)?;
+    let lines = of_dimension(&sections.blocks, 1)
+        .map(|element| {
+            // Numbers run out only where the mesh is refused for its size.
+            let nodes = nodes_of::<2>(element, &places)?;
+            Ok(nodes.map(|node| node as u32))
+        })
+        .collect::<Result<Vec<_>, GmshError>>()?;
+    let positions = sections.nodes.iter().map(|node| node.position).collect();
+    let refused = |ThreadFault { source, culprit }| {
+        let line = match culprit {
+            Culprit::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+            Culprit::Cell(cell) => of_dimension(&sections.blocks, 1)
+                .nth(cell as usize)
+                .map(|element| element.line),
+            Culprit::Mesh => None,
+        };
+        GmshError::Thread {
+            line: line.unwrap_or(sections.last_line),
+            source,
+        }
+    };
+    let soup = ThreadSoup { positions, lines };
+    let (mut mesh, vertices) = soup.into_mesh().map_err(refused)?;
+    let groups = groups(sections, 0..=3);
+    mesh.vertex_groups = groups.of_vertices(&places, &vertices)?;
+    mesh.line_groups = groups.of_cells(1);
+    mesh.line_fields = fields::per_cell(sections, 1)?;
+    Ok(mesh)
+}

@@ -1,0 +1,53 @@
+//! From the lines that a file lists to a mesh: unused vertices dropped, faults traced back to the file.
+
+use crate::soup::drop_unused;
+use physics::Vec3;
+use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
+use physics::mesh::{LineMesh, MeshError, ThreadError};
+
+/// Vertices and lines as a file lists them. Both ends of a line are among the vertices.
+pub(crate) struct ThreadSoup {
+    pub(crate) positions: Vec<Vec3>,
+    pub(crate) lines: Vec<[u32; 2]>,
+}
+
+/// Why a soup is no mesh.
+#[derive(Debug)]
+pub(crate) struct ThreadFault {
+    pub(crate) source: ThreadError,
+    /// What is at fault, vertices numbered as in the file.
+    pub(crate) culprit: Culprit,
+}
+
+impl ThreadSoup {
+    /// A mesh of these lines, without groups and fields, and the number in it of each vertex of the file; that of one
+    /// that was dropped is [`UNUSED`](crate::soup::UNUSED).
+    pub(crate) fn into_mesh(self) -> Result<(LineMesh, Vec<u32>), ThreadFault> {
+        let found = self.positions.len();
+        if found > MAX_COUNT {
+            let what = "vertices";
+            return Err(ThreadFault {
+                source: MeshError::TooMany { what, found }.into(),
+                culprit: Culprit::Mesh,
+            });
+        }
+        let Self {
+            mut positions,
+            mut lines,
+        } = self;
+        let numbers = drop_unused(&mut positions, &mut lines);
+        let fault = |source: ThreadError| {
+            let culprit = match source.culprit() {
+                Culprit::Vertex(vertex) => {
+                    let place = numbers.iter().position(|&number| number == vertex);
+                    Culprit::Vertex(place.unwrap_or_default() as u32)
+                }
+                other => other,
+            };
+            ThreadFault { source, culprit }
+        };
+        let mesh = LineMesh::new(positions, lines).map_err(fault)?;
+        check_distinct(&mesh.positions).map_err(|error| fault(error.into()))?;
+        Ok((mesh, numbers))
+    }
+}

@@ -1,0 +1,188 @@
+//! What every mesh of lines is checked for before anything computes with it.
+//!
+//! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by zero, reads
+//! out of bounds or gives a vertex no stiffness at all.
+
+use super::check::{Culprit, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check_named::{check_fields, check_groups};
+use super::{LineMesh, MeshError};
+use crate::Vec3;
+use thiserror::Error;
+
+/// Why arrays of positions, lines, groups and fields are no mesh.
+///
+/// Vertices and lines are named by their index, from zero.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum ThreadError {
+    /// What sheets are checked for as well: coordinates, vertices at one place, groups, fields.
+    #[error(transparent)]
+    Common(#[from] MeshError),
+    /// There is no line.
+    #[error("the mesh has no lines, at least 1 is needed")]
+    Empty,
+    /// A line names a vertex that does not exist.
+    #[error("line {line}: there is no vertex {found}, the mesh has {vertices}, counted from 0")]
+    Index {
+        /// The line.
+        line: u32,
+        /// The vertex that it names.
+        found: u32,
+        /// How many vertices there are.
+        vertices: usize,
+    },
+    /// A line names a vertex twice.
+    #[error("line {line}: vertex {vertex} is named twice, its ends must differ")]
+    RepeatedVertex {
+        /// The line.
+        line: u32,
+        /// The vertex that it names twice.
+        vertex: u32,
+    },
+    /// A line has no length, or is too short to be resolved by the coordinates of its mesh.
+    #[error(
+        "line {line}: it is {found:.3e} m long; in a mesh of this extent more than {least:.3e} m is needed"
+    )]
+    Short {
+        /// The line.
+        line: u32,
+        /// Its length (m).
+        found: f64,
+        /// What it must exceed (m).
+        least: f64,
+    },
+    /// Two lines have the same ends.
+    #[error("line {line}: it has the same ends as line {first}")]
+    Duplicate {
+        /// The later line.
+        line: u32,
+        /// The earlier one.
+        first: u32,
+    },
+    /// A vertex belongs to no line.
+    #[error("vertex {vertex}: it belongs to no line, every vertex must")]
+    Unused {
+        /// The vertex.
+        vertex: u32,
+    },
+}
+
+impl ThreadError {
+    /// What a person should look at: of several lines or vertices, the last.
+    pub fn culprit(&self) -> Culprit {
+        match *self {
+            Self::Common(ref error) => error.culprit(),
+            Self::Unused { vertex } => Culprit::Vertex(vertex),
+            Self::Index { line, .. }
+            | Self::RepeatedVertex { line, .. }
+            | Self::Short { line, .. }
+            | Self::Duplicate { line, .. } => Culprit::Cell(line),
+            Self::Empty => Culprit::Mesh,
+        }
+    }
+}
+
+impl LineMesh {
+    /// A mesh without groups and fields from rest positions (m) and lines.
+    ///
+    /// # Errors
+    /// The first [`ThreadError`] found.
+    pub fn new(positions: Vec<Vec3>, lines: Vec<[u32; 2]>) -> Result<Self, ThreadError> {
+        let mesh = Self {
+            positions,
+            lines,
+            ..Self::default()
+        };
+        mesh.validate()?;
+        Ok(mesh)
+    }
+
+    /// Checks the whole mesh, groups and fields included. For a mesh that was changed through its public fields.
+    ///
+    /// # Errors
+    /// The first [`ThreadError`] found.
+    pub fn validate(&self) -> Result<(), ThreadError> {
+        check_counts(self)?;
+        check_coordinates(&self.positions)?;
+        check_ends(self)?;
+        check_lengths(self)?;
+        check_duplicates(&self.lines)?;
+        check_all_used(self)?;
+        check_groups(&self.vertex_groups, self.positions.len())?;
+        check_groups(&self.line_groups, self.lines.len())?;
+        Ok(check_fields(&self.line_fields, self.lines.len())?)
+    }
+}
+
+fn check_counts(mesh: &LineMesh) -> Result<(), ThreadError> {
+    for (what, found) in [
+        ("vertices", mesh.positions.len()),
+        ("lines", mesh.lines.len()),
+    ] {
+        if found > MAX_COUNT {
+            return Err(MeshError::TooMany { what, found }.into());
+        }
+    }
+    if mesh.lines.is_empty() {
+        Err(ThreadError::Empty)
+    } else {
+        Ok(())
+    }
+}
+
+fn check_ends(mesh: &LineMesh) -> Result<(), ThreadError> {
+    let vertices = mesh.positions.len();
+    for (line, &[a, b]) in (0_u32..).zip(&mesh.lines) {
+        if let Some(found) = [a, b].into_iter().find(|&v| v as usize >= vertices) {
+            return Err(ThreadError::Index {
+                line,
+                found,
+                vertices,
+            });
+        }
+        if a == b {
+            return Err(ThreadError::RepeatedVertex { line, vertex: a });
+        }
+    }
+    Ok(())
+}
+
+fn check_lengths(mesh: &LineMesh) -> Result<(), ThreadError> {
+    let diagonal = mesh.bounds().map_or(0.0, |bounds| bounds.size().norm());
+    let least = MIN_EDGE_RATIO * diagonal;
+    for (line, &[a, b]) in (0_u32..).zip(&mesh.lines) {
+        let at = |vertex: u32| -> &Vec3 { &mesh.positions[vertex as usize] };
+        let found = (at(b) - at(a)).norm();
+        if found <= least {
+            return Err(ThreadError::Short { line, found, least });
+        }
+    }
+    Ok(())
+}
+
+fn check_duplicates(lines: &[[u32; 2]]) -> Result<(), ThreadError> {
+    let mut numbered: Vec<([u32; 2], u32)> = lines
+        .iter()
+        .zip(0_u32..)
+        .map(|(&[a, b], line)| ([a.min(b), a.max(b)], line))
+        .collect();
+    numbered.sort_unstable();
+    let pairs = numbered.windows(2).filter_map(|pair| match *pair {
+        [(ends, first), (other, line)] => (ends == other).then_some((line, first)),
+        _ => None,
+    });
+    match pairs.min() {
+        Some((line, first)) => Err(ThreadError::Duplicate { line, first }),
+        None => Ok(()),
+    }
+}
+
+fn check_all_used(mesh: &LineMesh) -> Result<(), ThreadError> {
+    let mut used = vec![false; mesh.positions.len()];
+    for &vertex in mesh.lines.iter().flatten() {
+        used[vertex as usize] = true;
+    }
+    match (0_u32..).zip(used).find(|&(_, used)| !used) {
+        Some((vertex, _)) => Err(ThreadError::Unused { vertex }),
+        None => Ok(()),
+    }
+}
