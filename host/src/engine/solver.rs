@@ -89,7 +89,7 @@ pub(super) struct Assembled {
 
 impl Assembled {
     /// With what condenses, where the scheme wants that.
-    pub fn new(condenser: Option<Condenser>) -> Self {
+    pub(super) fn new(condenser: Option<Condenser>) -> Self {
         Self {
             condenser,
             ..Self::default()
@@ -177,7 +177,7 @@ pub(super) struct Frozen<T> {
 impl<T: Real> Frozen<T> {
     /// A `stepper` that never makes a factor but its first; `beside` makes the others. `options` say how local models are
     /// kept up, where the scheme wants them. Under the real clock a step may take `budget_ns` (ns).
-    pub fn new(
+    pub(super) fn new(
         stepper: Stepper<T>,
         beside: Beside<T>,
         options: Option<ShapeOptions>,
