@@ -1,20 +1,20 @@
-//! A device whose every tick is kept: a wrapper around a simulated device.
+//! A wrapper around a simulated device that records every tick.
 
 use super::measure::DeviceTrace;
 use host::run::AnyDevice;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Wrench};
 use sim::Vanishing;
 
-/// A simulated device that keeps what its motors hold and where its handle truly is.
+/// A simulated device that records the wrench of its motors and the true position of its handle.
 pub(super) struct Traced {
     device: Vanishing<AnyDevice>,
-    /// Where the handle truly was when it was last read.
+    /// The true pose of the handle at the last reading.
     truly: Pose,
     pub(super) trace: DeviceTrace,
 }
 
 impl Traced {
-    /// Traces `device` for so many ticks.
+    /// Traces `device` for `ticks` ticks.
     pub(super) fn new(device: Vanishing<AnyDevice>, ticks: usize) -> Self {
         Self {
             device,
@@ -31,7 +31,7 @@ impl Traced {
         }
     }
 
-    /// Where the handle truly was when it was last read.
+    /// The true pose of the handle at the last reading.
     pub(super) fn truly(&self) -> Pose {
         self.truly
     }
