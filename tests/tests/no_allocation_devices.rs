@@ -1,4 +1,4 @@
-//! A simulated device runs inside the real-time tick: once built, reading and writing never allocate.
+//! A simulated device runs inside the realtime tick: reading and writing never allocate after its construction.
 use palpate_tests::counting::{Counting, count};
 use rt_core::{Device, Vec3, Wrench};
 use sim::{DeviceModel, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired};
@@ -31,7 +31,7 @@ fn reads_and_writes_never_allocate() {
     ]);
     let hand = Hand::new(trajectory).with_tremor(Tremor::new(1e-4, 1).unwrap());
     assert_eq!(count(|| drop(std::hint::black_box(Box::new(7)))), 2);
-    // One of three degrees of freedom and one of six.
+    // A device of three degrees of freedom and one of six.
     for model in ["falcon", "virtuose6d"] {
         let model = DeviceModel::named(model).unwrap();
         let hand = Some(hand.clone());

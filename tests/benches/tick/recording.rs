@@ -1,5 +1,4 @@
-//! What the built-in scene's devices and host gave in a run, kept so that parts of its ticks can be run
-//! again alone.
+//! The readings and models of a run of the built-in scene, recorded so that parts of its ticks can be repeated alone.
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
@@ -9,12 +8,12 @@ use rt_core::device::DeviceError;
 use rt_core::{Capabilities, Device, LocalModel, Wrench};
 use runner::tick_loop::TickLoop;
 
-/// Ticks of the built-in scene that are measured: at rest, then pulling, then holding.
+/// Measured ticks of the built-in scene: at rest, then pulling, then holding.
 pub(crate) const TICKS: usize = 3000;
 /// The scene's host steps and publishes at 250 Hz; a model arrives one period after its step began.
 pub(crate) const HOST_EVERY: usize = 4;
 
-/// A device that keeps what passes through it.
+/// A device that records its readings and wrenches.
 struct Recorder<D> {
     device: D,
     readings: Vec<Reading>,
@@ -36,7 +35,7 @@ impl<D: Device> Device for Recorder<D> {
     }
 }
 
-/// A device that gives recorded readings again and takes every wrench.
+/// A device that replays recorded readings and accepts every wrench.
 pub(crate) struct Player<'a> {
     pub(crate) capabilities: Capabilities,
     pub(crate) readings: std::slice::Iter<'a, Reading>,
@@ -57,7 +56,7 @@ impl Device for Player<'_> {
     }
 }
 
-/// What a run of the scene left: readings and wrenches by device, and the models by tick of arrival.
+/// The recording of a run of the scene: readings and wrenches by device, and the models by tick of arrival.
 pub(crate) struct Recording {
     pub(crate) readings: Vec<Vec<Reading>>,
     pub(crate) wrenches: Vec<Vec<Wrench>>,
