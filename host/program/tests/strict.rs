@@ -201,7 +201,7 @@ fn wait_for_the_tick(program: &Child) {
 }
 
 #[test]
-fn a_signal_ends_a_run_with_zero_force_and_a_finished_log() {
+fn a_signal_ends_a_run_with_a_summary_and_a_finished_log() {
     for (name, number) in [("INT", 2), ("TERM", 15)] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (json, log) = (

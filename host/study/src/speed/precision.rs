@@ -177,10 +177,10 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
         let mut settings = Vec::new();
         for &division in divisions {
             let course = swing(n, division, method)?;
-            let (mine, its) = (samples(&course, division), samples(&exact, finest));
-            let pairs = mine.iter().zip(&its);
+            let (found, expected) = (samples(&course, division), samples(&exact, finest));
+            let pairs = found.iter().zip(&expected);
             let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-            let largest = its.iter().map(Vec3::norm).fold(0.0, f64::max);
+            let largest = expected.iter().map(Vec3::norm).fold(0.0, f64::max);
             settings.push(Setting {
                 name: format!("{} ms", 1e3 * SAMPLE / division as f64),
                 cpu: course.median() * division as f64 / SAMPLE,

@@ -136,8 +136,9 @@ impl Outcome {
         run(trial);
         let energy = trial.energy();
         let regained = energy.rise() / start;
-        let reason = (method.never_gains(kind) && regained > rounding)
-            .then(|| format!("its energy falls, and rises again by {regained:.3e} of the start's"));
+        let reason = (method.never_gains(kind) && regained > rounding).then(|| {
+            format!("the energy falls, and rises again by {regained:.3e} of its initial value")
+        });
         Self {
             figure: energy.excess() / start,
             limit: Some(method.allowed_excess(kind)),

@@ -162,12 +162,12 @@ impl Outcome {
             (None, Some(limit)) if self.figure <= limit => (Verdict::Pass, None),
             (None, Some(limit)) => {
                 let reason = format!(
-                    "its figure is {:.3e}, at most {limit:e} is allowed",
+                    "the figure is {:.3e}, at most {limit:e} is allowed",
                     self.figure
                 );
                 (Verdict::Fail, Some(reason))
             }
-            (None, None) => (Verdict::Fail, Some("its figure is not finite".to_owned())),
+            (None, None) => (Verdict::Fail, Some("the figure is not finite".to_owned())),
         }
     }
 }
@@ -202,7 +202,7 @@ impl Job {
     fn run(self) -> Case {
         let outcome = (self.run)().unwrap_or_else(|error| Outcome {
             figure: f64::NAN,
-            reason: Some(format!("it cannot begin: {error}")),
+            reason: Some(format!("the case cannot start: {error}")),
             ..Outcome::default()
         });
         let (verdict, reason) = outcome.verdict();

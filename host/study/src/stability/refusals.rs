@@ -190,7 +190,8 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
     // The options of the method are the defaults again.
     let mut after = Trial::new(trial.body, method)?;
     let continues = after.run(STEP, 3, &near);
-    let reason = (!continues).then(|| format!("it does not go on: {:?}", after.account.error));
+    let reason =
+        (!continues).then(|| format!("the steps after it fail: {:?}", after.account.error));
     Ok(Outcome {
         figure: f64::from(u8::from(granted)),
         limit: Some(0.0),

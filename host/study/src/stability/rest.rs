@@ -98,8 +98,8 @@ fn watch(
     }
     let gained = trial.body.total_energy() - first;
     // The work of the weight over the drift that passes.
-    let growth =
-        (gained.is_nan() || gained > scale * DRIFT).then(|| format!("it gains {gained:.3e} J"));
+    let growth = (gained.is_nan() || gained > scale * DRIFT)
+        .then(|| format!("the energy rises by {gained:.3e} J"));
     Ok(Outcome {
         figure: drift,
         limit: Some(DRIFT),

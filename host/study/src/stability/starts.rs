@@ -162,13 +162,13 @@ fn recover(
     let reason = {
         if excess > method.allowed_excess(kind) {
             Some(format!(
-                "its energy gets above the start's by {excess:.3e} of it"
+                "the energy exceeds its initial value by the fraction {excess:.3e}"
             ))
         } else if kind.recovers() && trial.account.refused > 0 {
             trial.unexpected()
         } else if (kind.recovers() && inverted > 0) || (must_recover && !recovered) {
             Some(format!(
-                "it does not recover: {inverted} cells are inside out, {left:.3e} of the energy is left"
+                "the body does not recover: {inverted} cells are inverted, {left:.3e} of the energy remains"
             ))
         } else {
             None

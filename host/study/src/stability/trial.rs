@@ -259,7 +259,7 @@ impl Trial {
                 self.account.refused += 1;
                 self.account.error.get_or_insert_with(|| error.to_string());
                 if self.before != self.after {
-                    self.breaks("it was refused, and the state was not kept");
+                    self.breaks("the request was refused, and the state was not kept");
                 }
             }
         }

@@ -189,9 +189,9 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     if let Some(path) = &options.file {
         file = Some(file::open(path, header, &mut done)?);
     }
-    let mine = || (0..header.cells).filter(|cell| options.shard.holds(*cell));
-    let left: Vec<u64> = mine().filter(|cell| !done.contains_key(cell)).collect();
-    let of = mine().count() as u64;
+    let of_shard = || (0..header.cells).filter(|cell| options.shard.holds(*cell));
+    let left: Vec<u64> = of_shard().filter(|cell| !done.contains_key(cell)).collect();
+    let of = of_shard().count() as u64;
     let before = of - left.len() as u64;
     let threads = options
         .threads

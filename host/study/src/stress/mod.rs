@@ -1,7 +1,7 @@
 //! Stress studies: tests of couplings, devices and hosts before a person touches them.
 //!
 //! [`jobs`] runs the many cells of a study on all cores and machines. [`wall`] maps a stiff wall inside the tick.
-//! [`faults`] feeds the tick with input that should never occur. [`hold`] checks that the rendered force is the force
+//! [`faults`] gives the tick input that should never occur. [`hold`] checks that the rendered force is the force
 //! of the body. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
 //! of them.
 

@@ -275,10 +275,10 @@ fn rests(estimator: &VelocityEstimator, model: &DeviceModel, period: f64, dampin
 }
 
 fn mean(method: &'static str, rows: &[Row]) -> Mean {
-    let mine = || rows.iter().filter(|row| row.method == method);
+    let of_method = || rows.iter().filter(|row| row.method == method);
     let geometric = |of: &dyn Fn(&Row) -> f64| {
-        let logs: f64 = mine().map(|row| of(row).ln()).sum();
-        (logs / mine().count() as f64).exp()
+        let logs: f64 = of_method().map(|row| of(row).ln()).sum();
+        (logs / of_method().count() as f64).exp()
     };
     let rms: Vec<_> = (0..Motion::ALL.len())
         .map(|k| geometric(&|row| row.errors[k].rms))
@@ -286,7 +286,7 @@ fn mean(method: &'static str, rows: &[Row]) -> Mean {
     let logs: f64 = rms.iter().map(|e| e.ln()).sum();
     Mean {
         method,
-        delay: mine().fold(0.0, |most, row| row.delay.max(most)),
+        delay: of_method().fold(0.0, |most, row| row.delay.max(most)),
         all: (logs / rms.len() as f64).exp(),
         rms,
         chatter: geometric(&|row| row.chatter),

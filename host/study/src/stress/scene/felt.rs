@@ -9,7 +9,7 @@ use super::measure::{DeviceTrace, LEAST_FORCE, Trace, band_rms, mean};
 use physics::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Length of the windows in which ripple is measured (s). Two windows begin in each length.
+/// Length of the windows in which ripple is measured (s). A window begins every half length.
 const WINDOW: f64 = 0.5;
 
 /// The errors of the rendered force, each that of the worst device.
@@ -34,12 +34,12 @@ impl Felt {
     /// which a device was absent, or at which the tick had not yet received a model of the softened body.
     pub(super) fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
         let mut worst = Self::default();
-        for (number, (mine, right)) in run.devices.iter().zip(&reference.devices).enumerate() {
+        for (number, (device, expected)) in run.devices.iter().zip(&reference.devices).enumerate() {
             let counts = |tick: usize| {
                 let time = tick as f64 * run.period;
                 time >= BEGIN && !run.unaware.holds(time) && !draw.is_gone(number, time)
             };
-            let found = Self::of_device(run, mine, right, counts);
+            let found = Self::of_device(run, device, expected, counts);
             worst = Self {
                 hold_error: worst.hold_error.max(found.hold_error),
                 run_error: worst.run_error.max(found.run_error),
@@ -54,36 +54,36 @@ impl Felt {
 
     fn of_device(
         run: &Trace,
-        mine: &DeviceTrace,
-        right: &DeviceTrace,
+        device: &DeviceTrace,
+        expected: &DeviceTrace,
         counts: impl Fn(usize) -> bool,
     ) -> Self {
-        let each = || (0..mine.own.len()).filter(|tick| counts(*tick));
+        let each = || (0..device.own.len()).filter(|tick| counts(*tick));
         let rms = |off: &dyn Fn(usize) -> Vec3| {
             let sum: f64 = each().map(|tick| off(tick).norm_squared()).sum();
             (sum / each().count().max(1) as f64).sqrt()
         };
         // No device renders more than its largest force.
         let own = |tick: usize| {
-            let (own, most) = (mine.own[tick].force, mine.force[tick].norm());
-            if mine.limited[tick] && own.norm() > most {
+            let (own, most) = (device.own[tick].force, device.force[tick].norm());
+            if device.limited[tick] && own.norm() > most {
                 own * (most / own.norm())
             } else {
                 own
             }
         };
-        let force = |tick: usize| mine.force[tick] - own(tick);
-        let moment = |tick: usize| mine.moment[tick] - mine.own[tick].moment;
+        let force = |tick: usize| device.force[tick] - own(tick);
+        let moment = |tick: usize| device.moment[tick] - device.own[tick].moment;
         let peak = each().map(|tick| own(tick).norm());
         let peak = peak.fold(0.0, f64::max);
-        let hold = run.hold()..mine.own.len();
+        let hold = run.hold()..device.own.len();
         let held = |of: &dyn Fn(usize) -> Vec3| mean(&hold.clone().map(of).collect::<Vec<_>>());
         let own = held(&own).norm();
         Self {
             hold_error: held(&force).norm() / own.max(LEAST_FORCE),
             run_error: rms(&force) / peak.max(LEAST_FORCE),
             peak,
-            worst_ripple: worst_ripple(run, mine, right),
+            worst_ripple: worst_ripple(run, device, expected),
             hold_moment: held(&moment).norm(),
             run_moment: rms(&moment),
         }
@@ -92,16 +92,16 @@ impl Felt {
 
 /// The largest ripple in a window beyond the reference's in that window or in a neighbouring one. Hands under a
 /// slightly different force reach every place slightly earlier or later.
-fn worst_ripple(run: &Trace, mine: &DeviceTrace, right: &DeviceTrace) -> f64 {
+fn worst_ripple(run: &Trace, device: &DeviceTrace, expected: &DeviceTrace) -> f64 {
     let (length, hop) = (run.tick(WINDOW), run.tick(0.5 * WINDOW).max(1));
     let each = |device: &DeviceTrace| -> Vec<f64> {
         let from = device.force.get(run.tick(BEGIN)..).unwrap_or_default();
         let windows = from.windows(length.max(1)).step_by(hop);
         windows.map(|part| band_rms(part, run.period)).collect()
     };
-    let (mine, right) = (each(mine), each(right));
-    let beyond = mine.iter().enumerate().map(|(at, ripple)| {
-        let about = right.iter().take(at + 3).skip(at.saturating_sub(2));
+    let (ripples, expected) = (each(device), each(expected));
+    let beyond = ripples.iter().enumerate().map(|(at, ripple)| {
+        let about = expected.iter().take(at + 3).skip(at.saturating_sub(2));
         ripple - about.copied().fold(0.0, f64::max)
     });
     beyond.fold(0.0, f64::max)

@@ -109,12 +109,12 @@ impl Trace {
     /// over the ticks since the hands began to move whose time (s) `counts` accepts. None if `counts` accepts no tick.
     fn error(&self, reference: &Self, counts: impl Fn(f64) -> bool) -> Option<f64> {
         let (mut off, mut whole, mut samples) = (0.0, 0.0, 0.0);
-        for (mine, right) in self.devices.iter().zip(&reference.devices) {
-            let pairs = mine.force.iter().zip(&right.force).enumerate();
-            for (tick, (mine, right)) in pairs.skip(self.tick(BEGIN)) {
+        for (found, expected) in self.devices.iter().zip(&reference.devices) {
+            let pairs = found.force.iter().zip(&expected.force).enumerate();
+            for (tick, (found, expected)) in pairs.skip(self.tick(BEGIN)) {
                 if counts(tick as f64 * self.period) {
-                    off += (mine - right).norm_squared();
-                    whole += right.norm_squared();
+                    off += (found - expected).norm_squared();
+                    whole += expected.norm_squared();
                     samples += 1.0;
                 }
             }
@@ -129,9 +129,9 @@ impl Trace {
         let from = self.hold();
         let (mut off, mut whole) = (0.0, 0.0);
         for device in &self.devices {
-            let (mine, right) = (mean(&device.force[from..]), mean(&device.body[from..]));
-            off += (mine - right).norm_squared();
-            whole += right.norm_squared();
+            let (found, expected) = (mean(&device.force[from..]), mean(&device.body[from..]));
+            off += (found - expected).norm_squared();
+            whole += expected.norm_squared();
         }
         let least = LEAST_FORCE * LEAST_FORCE * self.devices.len() as f64;
         (off / whole.max(least)).sqrt()
@@ -179,12 +179,12 @@ impl Outcome {
     /// Measures a run, along which a body was moved (`reference::follow`), against its reference.
     pub fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
         let stillness = run.stillness();
-        let right = reference.stillness();
+        let expected = reference.stillness();
         let ticks = run.out.len().max(1) as f64;
         Self {
             bounded: stillness.ripple < MOST_RIPPLE
                 && stillness.motion < MOST_MOTION
-                && stillness.saturated <= right.saturated + MOST_SATURATED,
+                && stillness.saturated <= expected.saturated + MOST_SATURATED,
             stillness,
             net_energy: run.net_energy(),
             error: run.error(reference, |_| true).unwrap_or_default(),
