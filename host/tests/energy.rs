@@ -1,5 +1,5 @@
-//! The account of energy in whole runs: it is the work at the devices, a cap that has nothing to do does nothing, and
-//! what trips is told.
+//! The energy account in whole runs: it equals the work at the devices, a cap without cause changes nothing, and every
+//! trip is reported.
 
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run, setup, virtual_clock};
@@ -12,7 +12,7 @@ use std::error::Error;
 
 const STRETCH: &str = include_str!("../scenes/stretch.toml");
 
-/// A shipped scene with some of its text replaced, each piece in one place or more.
+/// A shipped scene in which each of the given pieces of text is replaced.
 fn with(text: &str, changes: &[(&str, &str)]) -> Result<LoadedScene, Box<dyn Error>> {
     let mut text = text.to_owned();
     for (piece, instead) in changes {
@@ -49,9 +49,10 @@ fn rms(forces: impl Iterator<Item = Vec3>) -> f64 {
 }
 
 #[test]
-fn where_nothing_is_wrong_the_cap_changes_nothing_that_a_hand_could_feel()
+fn without_faults_the_cap_changes_the_force_by_less_than_a_hand_can_notice()
 -> Result<(), Box<dyn Error>> {
-    // A model every tick, at once; the stiffest direction, some 100 N/m, is far within 2 b / T = 1,000 N/m.
+    // A model arrives in every tick without latency. The largest stiffness, some 100 N/m, is far below 2 b / T = 1,000
+    // N/m.
     let healthy = [
         ("step_rate = 250.0", "step_rate = 1000.0"),
         ("publish_rate = 250.0", "publish_rate = 1000.0"),
@@ -67,14 +68,14 @@ fn where_nothing_is_wrong_the_cap_changes_nothing_that_a_hand_could_feel()
     assert_eq!(linear.len(), 2 * 6000);
     let off = rms(linear.iter().zip(&capped).map(|(a, b)| a - b)) / rms(linear.iter().copied());
     println!("off by {:.3} %", 100.0 * off);
-    // The bound of the issue: a tenth of what a hand can tell.
+    // A tenth of the just-noticeable difference.
     assert!(off < 0.01, "{off}");
     assert!(off > 0.0, "the two schemes were the same");
     Ok(())
 }
 
 #[test]
-fn what_the_hands_put_in_is_what_the_motors_took() -> Result<(), Box<dyn Error>> {
+fn the_work_of_the_hands_is_the_work_taken_by_the_motors() -> Result<(), Box<dyn Error>> {
     let falcon = DeviceModel::named("falcon").ok_or("no falcon")?;
     for scheme in ["hold", "linear", "classic", "capped"] {
         let named = format!("scheme = \"{scheme}\"");
@@ -82,8 +83,8 @@ fn what_the_hands_put_in_is_what_the_motors_took() -> Result<(), Box<dyn Error>>
         let found = summary(&scene, 6.0)?;
         let motors: f64 = found.devices.iter().filter_map(|d| d.port_work).sum();
         let supplied: f64 = found.energy.iter().map(|body| body.supplied).sum();
-        // Encoders are off by half a count at most, so every change of force by so much work; and the last tick, of some
-        // newtons at some centimetres a second, is not accounted for yet.
+        // Encoders err by half a count at most, so every change of force changes the work by that displacement. The
+        // account does not yet contain the last tick, of some newtons at some centimetres a second.
         let forces = forces(&scene, 6.0)?;
         let changes = forces
             .iter()
@@ -94,15 +95,15 @@ fn what_the_hands_put_in_is_what_the_motors_took() -> Result<(), Box<dyn Error>>
         println!("{scheme}: {supplied:.6} {motors:.6}, off by {off:.1e} of {tolerance:.1e}");
         assert!(off < tolerance, "{scheme}: {supplied} {motors}");
         for body in &found.energy {
-            let told = body.dissipated.is_some();
-            assert_eq!(told, scheme == "capped" || scheme == "classic");
+            let reported = body.dissipated.is_some();
+            assert_eq!(reported, scheme == "capped" || scheme == "classic");
         }
     }
     Ok(())
 }
 
 #[test]
-fn what_trips_is_named_and_counted_with_what_tripped_it() -> Result<(), Box<dyn Error>> {
+fn every_trip_is_counted_and_reported_with_its_cause() -> Result<(), Box<dyn Error>> {
     let limits = "model = \"falcon\"\nmax_speed = 0.02\nmax_reach = 0.01\nmax_slew = 20.0";
     let scene = with(STRETCH, &[("model = \"falcon\"", limits)])?;
     let found = summary(&scene, 6.0)?;
@@ -119,9 +120,9 @@ fn what_trips_is_named_and_counted_with_what_tripped_it() -> Result<(), Box<dyn 
         };
         assert_eq!(trip.limit, limit);
     }
-    let told = found.to_string();
-    for what in ["too fast", "out of reach", "slewed", "first at"] {
-        assert!(told.contains(what), "{what} is not in\n{told}");
+    let text = found.to_string();
+    for part in ["too fast", "out of reach", "slewed", "first at"] {
+        assert!(text.contains(part), "{part} is not in\n{text}");
     }
     assert!(
         found

@@ -1,4 +1,4 @@
-//! What the fuzzers found worth keeping is read again, without fuzzing tools: no panic, one-line errors.
+//! The corpus of the fuzzers is read again without fuzzing tools: no panic, and errors of one line.
 
 use corpus::inputs;
 use host::log::read_log;

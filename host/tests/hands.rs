@@ -9,7 +9,7 @@ use std::error::Error;
 
 type Outcome = Result<(), Box<dyn Error>>;
 
-/// A scene with two devices, whose hands are given.
+/// A scene with two devices and the given hands.
 fn scene(model: &str, left: &str, right: &str) -> Result<LoadedScene, Box<dyn Error>> {
     let device = |name: &str, hand: &str| {
         format!("[[device]]\nname = \"{name}\"\nmodel = \"{model}\"\nhand = {{ {hand} }}\n\n")
@@ -24,7 +24,7 @@ fn scene(model: &str, left: &str, right: &str) -> Result<LoadedScene, Box<dyn Er
     Ok(Scene::load_texts("hands.toml", &text, &BTreeMap::new())?)
 }
 
-/// What both devices show in four seconds without any force, every 10 ms.
+/// The readings of both devices over four seconds without force, every 10 ms.
 fn shown(loaded: &LoadedScene, seed: u64) -> Result<Vec<[DeviceState; 2]>, Box<dyn Error>> {
     let (_, mut devices) = controls(loaded, seed)?;
     let [left, right] = devices.as_mut_slice() else {
@@ -36,7 +36,7 @@ fn shown(loaded: &LoadedScene, seed: u64) -> Result<Vec<[DeviceState; 2]>, Box<d
 }
 
 #[test]
-fn grips_give_the_numbers_that_are_not_given() -> Outcome {
+fn grips_supply_the_numbers_that_a_scene_omits() -> Outcome {
     let loaded = scene(
         "falcon",
         "grip = \"firm\"",
@@ -62,22 +62,22 @@ fn grips_give_the_numbers_that_are_not_given() -> Outcome {
 }
 
 #[test]
-fn tasks_are_done_and_seeds_tell_them_apart() -> Outcome {
+fn hands_perform_their_tasks_and_seeds_vary_them() -> Outcome {
     let press = "grip = \"rigid\", task = \"press_and_hold\", direction = [0, 0, -1], depth = 0.02";
     let states = shown(&scene("falcon", press, press)?, 1)?;
     let [left, right] = states[399];
     for state in [left, right] {
         let place = state.pose.position;
-        // A depth that varies by a tenth, less what friction holds of the spring, 0.3 N of 2,000 N/m.
+        // The depth varies by a tenth, and friction of 0.3 N reduces it by the deflection of a spring of 2,000 N/m.
         assert!((-0.0221..=-0.0178).contains(&place.z), "{place}");
         assert!(place.xy().norm() < 1e-4);
     }
-    // Each hand does it in its own way, and in another with another seed.
+    // Each hand varies the task, and varies it differently under another seed.
     assert_ne!(left.pose.position, right.pose.position);
     let again = shown(&scene("falcon", press, press)?, 2)?;
     assert_ne!(again[399][0].pose.position, left.pose.position);
 
-    // But hands that move together do, whatever the seed.
+    // The hands of `move_together` move alike under every seed.
     let round = "grip = \"firm\", task = \"move_together\", direction = [1, 0, 0]";
     let loaded = scene("falcon", round, round)?;
     let (a, b) = (shown(&loaded, 1)?, shown(&loaded, 2)?);
@@ -87,7 +87,7 @@ fn tasks_are_done_and_seeds_tell_them_apart() -> Outcome {
 }
 
 #[test]
-fn a_task_that_no_hand_can_follow_is_told_with_its_line() -> Outcome {
+fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
     let fast = "task = \"tap\", direction = [0, 0, 1], depth = 0.01, speed = 5, variation = 0";
     let error = controls(&scene("falcon", fast, "")?, 1)
         .err()
@@ -117,7 +117,7 @@ fn a_device_of_six_degrees_of_freedom_can_be_named() -> Outcome {
         assert_eq!(device.capabilities().actuated, Freedom::Six);
         assert_eq!(config.safety.max_moment, 1.0);
     }
-    // Held still it stays unturned.
+    // A hand that holds still does not turn its handle.
     let states = shown(&loaded, 1)?;
     assert_eq!(states[399][0].pose.rotation.scaled_axis(), Vec3::zeros());
     Ok(())

@@ -1,5 +1,5 @@
-//! A body in the host loop, where the host was late: a handle comes after its hand at a speed that a hand could have,
-//! what is published on the way is withheld, and one tick is told of once. Through the engine, on the built-in sheet.
+//! A body in the host loop after a stall: a handle catches up with its hand at a speed that a hand could have, no model
+//! is published until then, and no tick is published twice. The tests use the engine, on the built-in sheet.
 
 use host::engine::Engine;
 use host::engine::build::{How, bodies};
@@ -8,17 +8,18 @@ use host::engine::stats::Stopwatch;
 use host::scene::Scene;
 use rt_core::{LocalModel, Pose, TickRecord, Vec3};
 
-/// Faster than this (m/s) a handle never comes after a hand that rests: above what the engine allows (0.5 m/s on top of
-/// the hand's own speed), and far below the way of these tests in one step (5 m/s).
+/// A speed (m/s) that a handle never reaches while it catches up with a resting hand. It is above the limit of the
+/// engine (0.5 m/s beyond the speed of the hand), and far below the speed that would cover the displacement of these
+/// tests in one step (5 m/s).
 const FASTEST: f64 = 1.0;
-/// How far the hand went while the host stalled (m).
+/// Displacement of the hand during the stall (m).
 const FAR: f64 = 0.02;
-/// Ticks from one host step to the next: 250 Hz.
+/// Ticks between two host steps: 250 Hz.
 const TICKS: u64 = 4;
 const STEP: f64 = 4e-3;
 const MS: u64 = 1_000_000;
 
-/// No clock: nothing in the state depends on it.
+/// A clock that stands still, because no state depends on it.
 struct Still;
 
 impl Stopwatch for Still {
@@ -36,7 +37,7 @@ struct Rig {
 }
 
 impl Rig {
-    /// After half a second at rest, with models published.
+    /// The rig after half a second at rest, with published models.
     fn new() -> Self {
         let loaded = Scene::embedded_default().expect("the built-in scene");
         assert_eq!(loaded.scene.host.step_rate * STEP, 1.0);
@@ -61,12 +62,12 @@ impl Rig {
         }
         assert!(rig.published.len() > 100);
         let last = rig.published.last().expect("published");
-        // What the tests below rely on: hand and handle have one number.
+        // The tests below rely on equal numbers of device and handle.
         assert!(last.handles().zip(0..).all(|(h, index)| h.device == index));
         rig
     }
 
-    /// `count` ticks in which the second hand is off its place along x by `away` (m) of the tick's number.
+    /// Runs `count` ticks in which the second hand is displaced along x by `away` (m) of the number of the tick.
     fn follow(&mut self, count: u64, away: impl Fn(u64) -> f64) {
         for _ in 0..count {
             let mut record = TickRecord::empty();
@@ -82,7 +83,7 @@ impl Rig {
         }
     }
 
-    /// A step that is due to publish; how many models it published.
+    /// Takes a step that is due to publish. Returns the number of published models.
     fn step(&mut self) -> usize {
         let before = self.published.len();
         let due = Due {
@@ -95,7 +96,7 @@ impl Rig {
         self.published.len() - before
     }
 
-    /// Where the second handle is, from its place at rest (m).
+    /// Displacement of the second handle from its place at rest (m).
     fn handle(&self) -> Vec3 {
         let report = self.engine.bodies()[0].body().handle_report(1);
         report.expect("two handles").pose.position - self.rest[1].position
@@ -103,9 +104,9 @@ impl Rig {
 }
 
 #[test]
-fn a_handle_comes_after_its_hand_no_faster_than_a_hand_and_tells_when_it_is_there() {
+fn a_handle_catches_up_no_faster_than_a_hand_and_then_publishes() {
     let mut rig = Rig::new();
-    // Nobody follows for two seconds, in which the hand goes elsewhere and rests.
+    // The host stalls for two seconds, in which the hand moves and then rests.
     rig.tick += 2000;
     let before = rig.published.len();
     let (mut last, mut steps) = (rig.handle(), 0);
@@ -127,38 +128,38 @@ fn a_handle_comes_after_its_hand_no_faster_than_a_hand_and_tells_when_it_is_ther
         }
         assert!(steps < 100, "the hand is never reached: {handle}");
     }
-    // At less than a metre a second, the way takes more than five steps; at half of that, ten or eleven.
+    // Below a metre a second, the handle needs more than five steps; at half of that speed, ten or eleven.
     assert!(steps > 5, "{steps}");
     assert_eq!(rig.published.len(), before + 1);
     assert_eq!(rig.engine.stats().faults, 0);
 }
 
 #[test]
-fn a_hand_that_moves_fast_is_followed_and_told_of_in_every_step() {
+fn a_fast_hand_is_followed_and_published_in_every_step() {
     let mut rig = Rig::new();
     let start = rig.tick;
-    // To and fro by 20 mm, at 0.5 m/s at most: as fast as a handle may catch up, and no reason to withhold anything.
+    // To and fro by 20 mm, at 0.5 m/s at most: the speed at which a handle may catch up. No model is withheld.
     let omega = 25.0;
     let away = |tick: u64| 0.02 * (omega * (tick - start) as f64 * 1e-3).sin();
     for step in 0..100 {
         rig.follow(TICKS, away);
         assert_eq!(rig.step(), 1, "step {step}");
-        // The filter of the path has a cut-off of tens of Hz and no lag at constant velocity: it errs by less than
-        // the hand's acceleration, 12 m/s^2, over its memory of some ms.
+        // The filter of the path has a cut-off of tens of Hz and no lag at constant velocity. Its error is below the
+        // acceleration of the hand, 12 m/s^2, times the square of its memory of some ms.
         let off = (rig.handle().x - away(rig.tick - 1)).abs();
         assert!(off < 1e-3, "{off} m behind in step {step}");
     }
 }
 
 #[test]
-fn no_time_is_told_of_twice() {
+fn no_tick_is_published_twice() {
     let mut rig = Rig::new();
     rig.follow(TICKS, |_| 0.0);
     assert_eq!(rig.step(), 1);
-    // The host steps on before the next record is there. Its time goes on for ten milliseconds: for three steps, the last
-    // a short one. Then it stands.
-    let told: Vec<usize> = (0..6).map(|_| rig.step()).collect();
-    assert_eq!(told, [1, 1, 1, 0, 0, 0]);
+    // The host takes steps before the next record arrives. Its time advances by ten milliseconds, which are three
+    // steps, the last a short one. Then its time stands still.
+    let published: Vec<usize> = (0..6).map(|_| rig.step()).collect();
+    assert_eq!(published, [1, 1, 1, 0, 0, 0]);
     rig.follow(3 * TICKS, |_| 0.0);
     assert_eq!(rig.step(), 1);
     for pair in rig.published.array_windows() {
@@ -169,7 +170,7 @@ fn no_time_is_told_of_twice() {
 }
 
 #[test]
-fn before_the_first_tick_nothing_is_told() {
+fn before_the_first_tick_no_model_is_published() {
     let loaded = Scene::embedded_default().expect("the built-in scene");
     let bodies = bodies(&loaded, How::default()).expect("it can be built");
     let mut engine = Engine::new(bodies);
@@ -177,5 +178,5 @@ fn before_the_first_tick_nothing_is_told() {
         time_ns: 0,
         publishes: true,
     };
-    engine.step(due, &Still, |_, _| panic!("of what time?"));
+    engine.step(due, &Still, |_, _| panic!("no tick has been recorded"));
 }

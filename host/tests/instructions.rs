@@ -1,4 +1,4 @@
-//! Bytes are equal where the instructions are; the portable ones can be asked for.
+//! Runs with the same instructions give the same bytes; the portable instructions can be selected.
 
 use host::log::Log;
 use host::run::{Clock, RunOptions, run};
@@ -21,8 +21,7 @@ fn logged(instructions: Kernels) -> Result<Vec<u8>, Box<dyn Error>> {
 }
 
 #[test]
-fn each_choice_repeats_its_bytes_and_they_differ_from_each_other_by_rounding()
--> Result<(), Box<dyn Error>> {
+fn each_choice_reproduces_its_bytes_and_the_two_differ_by_rounding() -> Result<(), Box<dyn Error>> {
     let (fastest, portable) = (logged(Kernels::Fastest)?, logged(Kernels::Portable)?);
     assert!(fastest == logged(Kernels::Fastest)?, "two runs differ");
     assert!(
@@ -37,7 +36,7 @@ fn each_choice_repeats_its_bytes_and_they_differ_from_each_other_by_rounding()
         Some(&*format!("{} portable", std::env::consts::ARCH))
     );
     assert_ne!(named, fastest.facts.get("instructions").map(String::as_str));
-    // The first models are of one and the same state: the hands have felt nothing of either yet.
+    // The first models describe the same state, because no force has acted on the hands yet.
     let (a, b) = (fastest.models[0].model(), portable.models[0].model());
     assert_eq!(a.handles, b.handles);
     let pairs = a
@@ -48,9 +47,8 @@ fn each_choice_repeats_its_bytes_and_they_differ_from_each_other_by_rounding()
     for (k, other) in pairs {
         assert!((k - other).amax() < 1e-12 * a.stiffness[0][0].amax());
     }
-    // From there on each run goes its own way: a hand that is one rounding off may be read one encoder
-    // count off. A count of 38 um moves the force by some 0.05 N: stiffness, and damping of the velocity
-    // that the count seems to be.
+    // From then on the runs diverge: a hand that differs by one rounding may be read one encoder count apart. A count
+    // of 38 um changes the force by some 0.05 N, by stiffness, and by damping of the apparent velocity of the count.
     let apart = fastest
         .rows
         .iter()

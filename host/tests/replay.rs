@@ -1,4 +1,4 @@
-//! A logged run comes back bit for bit, and what changed since is named with its tick and field.
+//! A logged run is reproduced bit for bit, and a difference is reported with its tick and field.
 
 use host::log::{Log, LogHeader, LogWriter};
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
@@ -35,7 +35,7 @@ fn replayed(log: &Log) -> Result<ReplayReport, Box<dyn Error>> {
     Ok(replay(log, &scene_of(log, "a log")?, |_| {})?)
 }
 
-/// What the replay says differs first.
+/// The first difference that the replay reports.
 fn first(report: &ReplayReport) -> String {
     report
         .first
@@ -49,7 +49,7 @@ fn a_virtual_run_replays_exactly() -> Outcome {
     let report = replayed(&log)?;
     assert!(report.is_exact(), "{}", first(&report));
     assert_eq!((report.ticks, report.complete), (2000, true));
-    // It had models to work with and forces to reproduce.
+    // The run used models and rendered forces.
     assert!(log.models.len() > 400);
     assert!(log.rows[1800].devices[0].wrench.force.norm() > 1.0);
     assert!(report.to_string().contains("2000 ticks reproduced exactly"));
@@ -66,7 +66,7 @@ fn a_run_under_the_real_clock_replays_exactly() -> Outcome {
     Ok(())
 }
 
-/// The mesh and the recordings that the scene names are in the log.
+/// The log contains the mesh and the recordings that the scene names.
 #[test]
 fn a_log_needs_no_other_file() -> Outcome {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
@@ -92,7 +92,7 @@ const FAULTS: [(Range<u64>, Fault); 4] = [
 ];
 
 #[test]
-fn a_device_that_fails_fails_again_in_the_same_ticks() -> Outcome {
+fn the_failures_of_a_device_are_reproduced() -> Outcome {
     let loaded = Scene::embedded_default()?;
     let setup = setup(&loaded, 0.4, 1)?;
     let faults = FAULTS.map(|(span, fault)| (span.start * 1_000_000..span.end * 1_000_000, fault));
@@ -142,7 +142,7 @@ fn a_flipped_bit_of_a_force_is_named_with_its_tick_and_field() -> Outcome {
 }
 
 #[test]
-fn a_changed_input_or_model_shows_in_what_follows() -> Outcome {
+fn a_changed_input_or_model_changes_the_replay() -> Outcome {
     let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.5)?;
     let whole = Log::parse(&bytes)?;
 
@@ -168,7 +168,7 @@ fn a_changed_input_or_model_shows_in_what_follows() -> Outcome {
     let user = user.ok_or("the model was used")?.tick;
     let report = replayed(&log)?;
     let tick = report.first.as_ref().map(|f| f.tick);
-    // It takes over from the one before within a few ticks, with no share in its first.
+    // The model blends in within a few ticks, with the weight zero in its first tick.
     let expected = (user..user + 3).map(Some).collect::<Vec<_>>();
     assert!(expected.contains(&tick), "{}", first(&report));
     assert!(
@@ -197,7 +197,7 @@ fn another_parameter_of_the_controller_is_found_at_once() -> Outcome {
 }
 
 #[test]
-fn what_lacks_a_tick_or_a_model_is_refused_and_says_which() -> Outcome {
+fn a_log_without_a_tick_or_a_model_is_refused_and_the_missing_one_named() -> Outcome {
     let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 0.3)?;
     let whole = Log::parse(&bytes)?;
     let scene = scene_of(&whole, "a log")?;
@@ -227,7 +227,7 @@ fn what_lacks_a_tick_or_a_model_is_refused_and_says_which() -> Outcome {
 }
 
 #[test]
-fn a_log_that_was_cut_short_replays_as_far_as_it_goes() -> Outcome {
+fn an_incomplete_log_replays_to_its_end() -> Outcome {
     let bytes = logged(&Scene::embedded_default()?, Clock::Virtual, 1.0)?;
     let mut ticks = Vec::new();
     for tenths in [9, 6, 3] {

@@ -1,7 +1,7 @@
-//! A replay compares every field of every tick: a difference planted in any one of them is found, and named.
+//! A replay compares every field of every tick: a difference planted in any field is found and named.
 //!
-//! The fields are listed by taking the records apart without `..`: one that is added to a record and not to this list
-//! does not compile.
+//! The fields are listed by destructuring the records without `..`. A field that is added to a record and not to this
+//! list is a compile error.
 
 use host::log::{Log, TickRow};
 use host::run::replay::{ReplayError, ReplayReport, replay, scene_of};
@@ -25,10 +25,10 @@ enum Leaf<'a> {
     Host(&'a mut HostState),
 }
 
-/// How a number is changed.
+/// The change of a number.
 #[derive(Clone, Copy, Debug)]
 enum Bit {
-    /// The last: the smallest difference that there is.
+    /// The last bit: the smallest possible difference.
     Last,
     /// The sign: a zero then still equals itself as a number.
     Sign,
@@ -105,7 +105,7 @@ fn of_device<'a>(
 
 fn of_body<'a>(part: &str, body: &'a mut BodyTelemetry, leaves: &mut Vec<(String, Leaf<'a>)>) {
     let BodyTelemetry {
-        // Names the model in use: changed, the log lacks the model.
+        // The number of the model in use. With another number, the log would lack the model.
         sequence: _,
         epoch,
         age_ns,
@@ -144,12 +144,12 @@ fn of_body<'a>(part: &str, body: &'a mut BodyTelemetry, leaves: &mut Vec<(String
     leaves.push((format!("{part} capped"), Leaf::Count(capped)));
 }
 
-/// Every field that a tick puts out, with the name that a replay gives it.
+/// Every output field of a tick, with its name in a replay.
 fn leaves(row: &mut TickRow) -> Vec<(String, Leaf<'_>)> {
     let TickRow {
-        // The tick's number and the models' are looked at before the ticks are run again.
+        // The numbers of the tick and the models are compared before the replay.
         tick: _,
-        // What goes in: the tick is run again with these.
+        // The inputs of the tick: the replay uses them.
         time_ns: _,
         lateness_ns: _,
         readings: _,
@@ -191,7 +191,7 @@ fn a_difference_in_any_field_is_found_and_named() -> Outcome {
     assert!(replayed(&log)?.is_exact());
     let whole = log.rows[STRUCK].clone();
     let count = leaves(&mut log.rows[STRUCK]).len();
-    // Two devices of 7 + 6 + 6 numbers and 4 others, one body of 14: what the message definition counts.
+    // Two devices of 7 + 6 + 6 numbers and 4 others, one body of 14: the fields of the message definition.
     assert_eq!(count, 2 * (7 + 6 + 6 + 4) + 14);
     for bit in [Bit::Last, Bit::Sign] {
         for index in 0..count {

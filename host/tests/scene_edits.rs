@@ -1,4 +1,4 @@
-//! Damaged scenes: whatever is done to a scene's text, reading it never panics, and what it says is short.
+//! Damaged scenes: no edit of a scene's text makes the reader panic, and every error is short.
 
 use host::scene::{Scene, recording};
 use proptest::collection::vec;
@@ -9,7 +9,7 @@ const SCENES: [&str; 2] = [
     include_str!("../scenes/cloth.toml"),
 ];
 
-/// What stands in the place of a number.
+/// Replacements for a number.
 const VALUES: [&str; 24] = [
     "0",
     "-1",
@@ -37,7 +37,7 @@ const VALUES: [&str; 24] = [
     "",
 ];
 
-/// One thing done to a text; places count from its start, modulo its length.
+/// An edit of a text. Places count from its start, modulo its length.
 #[derive(Clone, Debug)]
 enum Edit {
     FlipBit(usize, u8),
@@ -107,9 +107,9 @@ fn is_readable(message: &str) -> bool {
     message.starts_with("x:") && message.len() < 1000 && !message.chars().any(char::is_control)
 }
 
-/// All numbers of a scene that passed are finite.
+/// Whether all numbers of an accepted scene are finite.
 fn is_finite(scene: &Scene) -> bool {
-    // A debug print shows them all; what stands in quotes is no number.
+    // A debug print contains all numbers; text in quotes is not a number.
     let text = format!("{scene:?}").replace("\\\\", "").replace("\\\"", "");
     let numbers: String = text.split('"').step_by(2).collect();
     !["NaN", " inf", "-inf", "[inf"]

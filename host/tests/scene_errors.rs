@@ -1,8 +1,8 @@
-//! Wrong scenes: the exact line that a person reads, for each kind of mistake.
+//! Wrong scenes: the exact error line for each kind of mistake.
 
 use host::scene::Scene;
 
-/// A small scene that is right; each case changes one piece of it.
+/// A small valid scene. Each case changes one piece of it.
 const BASE: &str = r#"name = "base"
 duration = 1.0
 gravity = [0, 0, -9.81]
@@ -62,8 +62,8 @@ fn error(text: &str) -> String {
     }
 }
 
-/// Cases of three lines: a piece of the base, what stands there instead, the error that follows. `¶` is
-/// the end of a line of the scene.
+/// Checks cases of three lines: a piece of the base, its replacement, the resulting error. `¶` is the end of a line of
+/// the scene.
 fn check(cases: &str) {
     let lines: Vec<String> = cases
         .trim()

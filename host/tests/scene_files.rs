@@ -171,10 +171,10 @@ fn a_device_of_ones_own_is_read_from_its_file() -> Outcome {
     let loaded = Scene::load(&path)?;
     let masses: Vec<_> = loaded.models.iter().map(|model| model.mass).collect();
     assert_eq!(masses, [0.25, 0.15]);
-    // A log keeps it, so that the run can be repeated.
+    // A log keeps the file, so that the run can be repeated.
     assert!(loaded.files.contains_key("mine.toml"));
 
-    // Its mistakes are told with its own lines.
+    // Errors in the file are reported with the lines of the file.
     let line = 1 + falcon
         .lines()
         .take_while(|line| !line.starts_with("mass = "))

@@ -1,5 +1,4 @@
-//! Scenes name force schemes: each runs under its name, and `proxy` publishes what its springs make
-//! of the body.
+//! Scenes name schemes: each scheme runs under its name, and `proxy` publishes the body in series with its springs.
 
 use host::engine::build::links;
 use host::engine::pacer::Due;
@@ -14,7 +13,7 @@ use std::error::Error;
 
 const SCENE: &str = include_str!("../scenes/stretch.toml");
 
-/// The built-in scene with another scheme and lines more under `[loop]`.
+/// The built-in scene with another scheme and additional lines under `[loop]`.
 fn with(scheme: &str, lines: &str) -> Result<LoadedScene, Box<dyn Error>> {
     let text = SCENE.replacen(
         "scheme = \"capped\"",
@@ -31,7 +30,7 @@ fn published(scene: &LoadedScene) -> Result<LocalModel, Box<dyn Error>> {
     let watch = WallStopwatch::start();
     let mut found = LocalModel::empty();
     for k in 0..10 {
-        // The hands feel nothing, so that all schemes meet the same motion.
+        // No force acts on the hands, so that their motion is the same under all schemes.
         built.tick.tick(k * 4 * built.timing.period_ns, 0);
         built.host.drain(|record| built.engine.follow(record));
         let due = Due {
@@ -62,7 +61,7 @@ fn every_scheme_runs_under_its_name() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn a_proxy_is_felt_through_its_spring() -> Result<(), Box<dyn Error>> {
+fn a_proxy_publishes_the_body_in_series_with_its_spring() -> Result<(), Box<dyn Error>> {
     let linear = published(&with("linear", "")?)?;
     assert_eq!(linear.sequence, 10);
     for lines in ["", "proxy_stiffness = 150.0\nproxy_damping = 0.5"] {
@@ -78,7 +77,7 @@ fn a_proxy_is_felt_through_its_spring() -> Result<(), Box<dyn Error>> {
         let proxy = published(&scene)?;
         let mut coupling = VirtualCoupling::new(links);
         assert_eq!(proxy, *coupling.through(&linear));
-        // The sheet pulls a hand back along x by some 100 N/m.
+        // The stiffness of the sheet along x is some 100 N/m.
         let own = |model: &LocalModel| model.stiffness[0][0][(0, 0)];
         let (ours, body) = (own(&proxy), own(&linear));
         assert!(ours < 0.99 * body, "{ours} {body}");

@@ -75,11 +75,12 @@ axes = ["y"]
     )
 }
 
-/// The reference's forces, four digits after the point (an independent program's).
+/// The forces of the reference (an independent program), to four digits after the point.
 #[test]
-fn a_bonded_cube_pushes_back_as_the_reference_says() {
+fn the_force_of_a_bonded_cube_agrees_with_the_reference() {
     for (law, expected) in [("linear", 21.8183), ("corotational", 21.6604)] {
-        // The supports across the middle change nothing by symmetry only if the mesh had it: leave them out.
+        // The centre-line supports would have no effect on a symmetric mesh. This mesh is not symmetric, so they are
+        // left out.
         let text = cube(law, r#"["x", "y", "z"]"#);
         let cut = text
             .find("[[body.support]]\nname = \"centre line x\"")
@@ -92,7 +93,7 @@ fn a_bonded_cube_pushes_back_as_the_reference_says() {
     }
 }
 
-/// A plate with a hole and the quarter of it that its symmetries leave are the same problem.
+/// A plate with a hole is equivalent to the quarter that its symmetries leave.
 #[test]
 fn a_quarter_of_a_plate_with_a_hole_carries_half_of_its_force() {
     let plate = |quarter: bool, supports: &str| {
@@ -119,35 +120,35 @@ axes = ["z"]
         );
         force(&body(&text), "right")[0]
     };
-    let support = |name: &str, group: &str, axis: &str, way: f64| {
+    let support = |name: &str, group: &str, axis: &str, displacement: f64| {
         format!(
             "[[body.support]]\nname = \"{name}\"\ngroup = \"{group}\"\naxes = [\"{axis}\"]\n\
-             displacement = [{way}, 0, 0]\n"
+             displacement = [{displacement}, 0, 0]\n"
         )
     };
     let quarter = plate(
         true,
         &(support("x", "symmetry_x", "x", 0.0) + &support("y", "symmetry_y", "y", 0.0)),
     );
-    // Nothing keeps the whole from sliding along y but its own symmetry, and Newton's shift.
+    // Only its own symmetry and Newton's shift keep the whole plate from sliding along y.
     let whole = plate(false, &support("left", "left", "x", -0.001));
     assert!(
         (whole - 2.0 * quarter).abs() < 1e-8 * whole,
         "{whole} {quarter}"
     );
-    // Softer than without a hole, E t height strain = 1 N, and the ligament alone would carry 0.6 N.
+    // The plate is softer than without a hole (E t height strain = 1 N). The ligament alone would carry 0.6 N.
     assert!((0.6..1.0).contains(&whole), "{whole}");
 }
 
-/// Free to slide, strain is uniform: E A times the strain, exactly.
+/// Without friction the strain is uniform: the force is exactly E A times the strain.
 #[test]
-fn a_sliding_cube_pushes_back_exactly() {
+fn the_force_of_a_sliding_cube_is_exact() {
     for law in ["linear", "corotational"] {
         let body = body(&cube(law, r#"["z"]"#));
         let bottom = force(&body, "bottom");
         assert!((bottom[2] - 20.0).abs() < 1e-6, "{law}: {bottom:?}");
         assert_eq!([bottom[0], bottom[1]], [0.0, 0.0], "{law}: it slides");
-        // The guides hold what is at rest anyway.
+        // The guides hold vertices that are at rest anyway.
         for name in ["centre line x", "centre line y"] {
             let guide = force(&body, name);
             assert!(guide.iter().all(|f| f.abs() < 1e-6), "{law}: {guide:?}");
@@ -156,7 +157,7 @@ fn a_sliding_cube_pushes_back_exactly() {
     }
 }
 
-/// A block hanging from the ceiling, with a load: the ceiling carries both, and their moment.
+/// A loaded block that hangs from the ceiling: the ceiling carries weight and load, and their moment.
 #[test]
 fn a_support_carries_weight_and_loads() {
     for order in [1, 2] {
@@ -186,8 +187,8 @@ force = [0, 0.5, 0]
         for (found, expected) in found.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
         }
-        // The push acts at mid height, 0.1 m below the ceiling, and 0.05 m beside its middle; what the
-        // body moves by changes the arms by some of its displacement.
+        // The push acts at mid height, 0.1 m below the ceiling, and 0.05 m beside its middle. The displacement of the
+        // body changes the lever arms by as much.
         let moment = body.reactions[0].moment.unwrap();
         let slack = 21.0 * body.displacement.value;
         assert!((moment[0] + 0.05).abs() < slack, "{moment:?}");
@@ -196,10 +197,10 @@ force = [0, 0.5, 0]
     }
 }
 
-/// A bar turned at its end: moment against Saint-Venant's torsion of a square bar, 0.1406 G a^4 / L per
+/// A bar that is turned at its end: the moment against Saint-Venant's torsion of a square bar, 0.1406 G a^4 / L per
 /// radian (Timoshenko and Goodier, "Theory of elasticity", section 109).
 #[test]
-fn a_turned_bar_resists_as_saint_venant_says() {
+fn the_moment_of_a_turned_bar_is_that_of_saint_venant() {
     let torsion = |cells: usize| {
         let body = body(&format!(
             r#"
@@ -223,7 +224,7 @@ rotation = [1e-3, 0, 0]
     };
     let expected = 0.1406 * 0.4e6 * 0.04_f64.powi(4) / 0.4 * 1e-3;
     let [coarse, fine] = [2, 4].map(|cells| torsion(cells) / expected - 1.0);
-    // The ends are held flat where Saint-Venant lets them warp: about one width of the ten is stiffer.
+    // The ends are held flat, where Saint-Venant's theory lets them warp: about one width of the ten is stiffer.
     assert!(fine > 0.0 && fine < 0.04, "{fine}");
     assert!(coarse > fine, "{coarse}: it converges from above");
 }
@@ -251,14 +252,14 @@ group = "bottom"
 force = [0, 0, -2]
 "#;
 
-/// In time, damped, it ends where equilibrium is.
+/// A damped motion ends in the equilibrium.
 #[test]
-fn motion_comes_to_rest_in_equilibrium() {
+fn a_damped_motion_ends_in_equilibrium() {
     let moving = body(HANGING);
     let still = body(&HANGING.replace("\"dynamic\"", "\"static\""));
     let (a, b) = (force(&moving, "ceiling")[2], force(&still, "ceiling")[2]);
     assert!((b - 11.81).abs() < 1e-6, "{b}");
-    // What is left after 1.5 s of damping at 10 /s: e^-15 of some newtons.
+    // After 1.5 s of damping at 10 /s, e^-15 of some newtons remains.
     assert!((a - b).abs() < 1e-5, "{a} {b}");
     let lengths = (moving.displacement.value, still.displacement.value);
     assert!((lengths.0 - lengths.1).abs() < 1e-6, "{lengths:?}");
@@ -301,10 +302,10 @@ fn frames_come_evenly_and_hold_the_state() {
     );
 }
 
-/// A solve that gets stuck says where and why, and keeps what it had.
+/// A solve that stops early reports the place and the reason, and keeps its last state.
 #[test]
-fn a_solve_that_gets_stuck_keeps_the_last_good_state() {
-    // St. Venant-Kirchhoff collapses under compression; 80 % is beyond what it can bear.
+fn a_solve_that_stops_early_keeps_the_last_good_state() {
+    // St. Venant-Kirchhoff bodies collapse under compression; 80 % is beyond their limit.
     let text = cube("st_venant_kirchhoff", r#"["x", "y", "z"]"#)
         .replace("-0.01", "-0.08")
         .replace("load_steps = 2", "load_steps = 8");
@@ -328,7 +329,7 @@ fn a_solve_that_gets_stuck_keeps_the_last_good_state() {
 }
 
 #[test]
-fn bodies_get_what_their_kind_has_and_nothing_else() {
+fn parameters_of_another_kind_of_body_are_refused() {
     let base = r#"
 name = "x"
 [[body]]
@@ -388,7 +389,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
     }
 }
 
-/// A woven strip pulled along its warp, free to contract: E A times the Green strain's force.
+/// A woven strip pulled along its warp, free to contract: E A times the force of the Green strain.
 #[test]
 fn a_woven_strip_pulls_back_along_its_warp() {
     let body = body(

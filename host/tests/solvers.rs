@@ -1,4 +1,4 @@
-//! Whichever solver a scene asks for, the hands feel the same.
+//! The forces and motions of the hands are the same under every solver of a scene.
 
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
@@ -10,7 +10,7 @@ use std::path::Path;
 
 const SCENES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes");
 
-/// A shipped scene with a line more under `[host]`.
+/// A shipped scene with an additional line under `[host]`.
 fn with(name: &str, line: &str) -> Result<LoadedScene, Box<dyn Error>> {
     let text = fs::read_to_string(Path::new(SCENES).join(name))?;
     let text = text.replacen("[host]\n", &format!("[host]\n{line}\n"), 1);
@@ -27,7 +27,7 @@ fn summary(scene: &LoadedScene, duration: f64) -> Result<RunSummary, Box<dyn Err
 }
 
 #[test]
-fn hands_feel_the_same_whatever_solves() -> Result<(), Box<dyn Error>> {
+fn forces_are_the_same_under_every_solver() -> Result<(), Box<dyn Error>> {
     for (scene, duration) in [("stretch.toml", 2.0), ("press.toml", 2.5)] {
         let of = |solver: &str| summary(&with(scene, &format!("solver = \"{solver}\""))?, duration);
         let assembled = of("assembled")?;
@@ -36,8 +36,8 @@ fn hands_feel_the_same_whatever_solves() -> Result<(), Box<dyn Error>> {
             assert_eq!(found.host.faults + found.host.unconverged_steps, 0);
             assert_eq!(found.host.steps, assembled.host.steps);
             for (ours, other) in found.devices.iter().zip(&assembled.devices) {
-                // Different tangents of strained cells, by a few percent of strain, and models a step newer: a
-                // hundredth is a tenth of what a hand can tell.
+                // The tangents differ by a few percent of the strain in strained cells, and models are a step newer. A
+                // hundredth is a tenth of the just-noticeable difference.
                 let off = (ours.peak_force - other.peak_force).abs();
                 assert!(off < 0.01 * other.peak_force, "{scene} {solver}: {off}");
                 let off = (ours.reach - other.reach).abs();
@@ -49,7 +49,7 @@ fn hands_feel_the_same_whatever_solves() -> Result<(), Box<dyn Error>> {
 }
 
 #[test]
-fn factors_are_made_beside_the_steps_and_only_where_there_are_any() -> Result<(), Box<dyn Error>> {
+fn factors_are_made_beside_the_steps_of_frozen_solvers_only() -> Result<(), Box<dyn Error>> {
     let frozen = summary(&with("stretch.toml", "solver = \"frozen\"")?, 2.0)?;
     assert!(frozen.host.factors > 0);
     assert_eq!(frozen.host.assemble.count, 0);
@@ -60,7 +60,7 @@ fn factors_are_made_beside_the_steps_and_only_where_there_are_any() -> Result<()
 }
 
 #[test]
-fn a_budget_ends_steps_early_and_says_so() -> Result<(), Box<dyn Error>> {
+fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn Error>> {
     // A nanosecond: every step ends after its first iteration.
     let scene = with("stretch.toml", "solver = \"frozen\"\nbudget = 1e-9")?;
     let options = RunOptions {
@@ -70,7 +70,7 @@ fn a_budget_ends_steps_early_and_says_so() -> Result<(), Box<dyn Error>> {
     let real = run(&scene, &options, |_| {})?;
     assert_eq!(real.host.iterations[2], 1, "one iteration, never more");
     assert!(real.host.unconverged_steps > 0);
-    // Virtual time knows no budget: two runs are the same.
+    // Virtual time has no budget: two runs are the same.
     let exact = summary(&scene, 0.5)?;
     assert_eq!(exact.host.unconverged_steps, 0);
     Ok(())

@@ -1,7 +1,7 @@
-//! The parts of the fast step, one by one: `cargo bench --bench fast`.
+//! The parts of the fast step, each alone: `cargo bench --bench fast`.
 //!
-//! At 6,000 corotational tetrahedra, bonded below and above, and 1,404 membrane triangles with bending. What the
-//! whole step takes, beside its error and other programs, is `palpate bench speed`.
+//! The bodies are 6,000 corotational tetrahedra, bonded below and above, and 1,404 membrane triangles with bending.
+//! `palpate bench speed` measures the whole step, with its error and the times of other programs.
 
 use divan::{Bencher, black_box};
 use physics::element::tet4::Tets;
@@ -61,7 +61,7 @@ fn cloth() -> Body {
     Body::sheet(&mesh, &[material], CONFIG, &held).expect("a body")
 }
 
-/// Small displacements, no node like another.
+/// Small displacements that differ from node to node.
 fn waves<T: Real>(count: usize) -> Vec<Node<T>> {
     let wave = |k: usize| T::of(1e-4 * (0.7 * k as f64).sin());
     (0..count)
@@ -162,8 +162,8 @@ fn whole_step<T: Real>(bencher: Bencher, name: &str) {
     bencher.bench_local(|| {
         // To and fro by half a millimetre, five times a second.
         step += 1.0;
-        let way = Vec3::z() * (5e-4 * (0.314 * step).sin());
-        let poses = [HandlePose::at(Vec3::zeros()), HandlePose::at(way)];
+        let displacement = Vec3::z() * (5e-4 * (0.314 * step).sin());
+        let poses = [HandlePose::at(Vec3::zeros()), HandlePose::at(displacement)];
         stepper
             .step(&mut body, 0.01, &poses, || false)
             .map(|report| report.iterations)

@@ -1,12 +1,12 @@
 //! The rings between the tick and the rest: `cargo bench --bench ring`.
 //!
-//! **divan**: both ends of a link of 1 kHz ticks and 60 Hz models in one thread: what it costs to hand a
-//! record over and to take it out again, without the way between two cores. Records are read where they
-//! lie; taking a model into use is part of the tick's benchmark.
+//! **divan**: both ends of a link of 1 kHz ticks and 60 Hz models in one thread. It measures the cost to push a record
+//! and to take it out again, without the transfer between two cores. Records are read in place. The benchmark of the
+//! tick includes the acceptance of a model.
 //!
-//! A **line** adds that way: one thread pushes a tick's record, another sees it and publishes a model,
-//! and the first waits until it has copied the model out. Both spin. It needs two free cores, and its
-//! upper percentiles show what else runs on them.
+//! A **line** adds the transfer: one thread pushes a tick's record; another thread sees the record and publishes a
+//! model; the first thread waits until it has copied the model. Both threads spin. The line needs two free cores, and
+//! its upper percentiles show the other load on these cores.
 
 mod common;
 
@@ -34,7 +34,7 @@ fn ends() -> (TickEnd, HostEnd, LogEnd) {
     link(&LinkConfig::new(1000.0, 60.0))
 }
 
-/// Where an end is gone nothing is written for it, so each ring can be measured alone.
+/// No record is written for an end that is gone, so each ring can be measured alone.
 #[divan::bench(sample_count = 1000)]
 fn tick_record_there_and_back(bencher: Bencher) {
     let (mut tick, mut host, _) = ends();
@@ -59,7 +59,7 @@ fn telemetry_there_and_back(bencher: Bencher) {
     });
 }
 
-/// Pushes of one sample fit into the ring; it is emptied between samples.
+/// The pushes of one sample fit into the ring, which is emptied between samples.
 #[divan::bench(sample_count = 1000, sample_size = 64)]
 fn telemetry_push(bencher: Bencher) {
     let (mut tick, _, mut log) = ends();
@@ -69,7 +69,7 @@ fn telemetry_push(bencher: Bencher) {
         .bench_local_values(|_| tick.push(black_box(&telemetry)));
 }
 
-/// What the tick does: both records.
+/// The pushes of a tick: both records.
 #[divan::bench(sample_count = 1000, sample_size = 64)]
 fn both_pushes(bencher: Bencher) {
     let (mut tick, mut host, mut log) = ends();
@@ -79,7 +79,7 @@ fn both_pushes(bencher: Bencher) {
         .bench_local_values(|_| tick.push(black_box(&telemetry)));
 }
 
-/// The host's end with a model to publish again and again.
+/// The end of the host, with a model that is published repeatedly.
 struct Publisher {
     host: HostEnd,
     model: LocalModel,
@@ -88,7 +88,7 @@ struct Publisher {
 impl Publisher {
     fn publish(&mut self) {
         self.model.sequence += 1;
-        // A full ring would be refused; none is here.
+        // A full ring would refuse the model; no ring is full here.
         let _ = self.host.publish(0, black_box(&self.model));
     }
 }
@@ -105,7 +105,7 @@ fn take(tick: &mut TickEnd) {
     });
 }
 
-/// The last of `waiting` models is published, and then the newest of them all is taken.
+/// Publishes the last of `waiting` models, and then takes the newest of them.
 #[divan::bench(args = [1, 300], sample_count = 2000, sample_size = 1)]
 fn local_model_there_and_back(bencher: Bencher, waiting: usize) {
     let (mut tick, publisher) = publisher();
@@ -125,7 +125,7 @@ fn take_models(bencher: Bencher, waiting: usize) {
         .bench_local_values(|()| take(&mut tick));
 }
 
-/// Prints how long a record's way to another thread and a model's way back take.
+/// Prints the time of a record to another thread and a model back.
 fn between_threads() {
     const ROUNDS: u64 = 20_000;
     const LONGEST: Duration = Duration::from_secs(5);
@@ -154,11 +154,11 @@ fn between_threads() {
             telemetry.time_ns += 1;
             let start = Instant::now();
             tick.push(&telemetry);
-            let mut back = false;
-            while !back {
+            let mut returned = false;
+            while !returned {
                 tick.take_models(|_, model| {
                     newest = *black_box(model);
-                    back = newest.time_ns == telemetry.time_ns;
+                    returned = newest.time_ns == telemetry.time_ns;
                 });
                 std::hint::spin_loop();
             }

@@ -1,10 +1,10 @@
-//! An allocator that counts what watched threads ask for.
+//! An allocator that counts the allocations of watched threads.
 #![allow(unsafe_code)]
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-/// Counts allocations and frees of threads that asked to be watched.
+/// Counts allocations and frees of threads that are being watched.
 #[derive(Debug)]
 pub struct Counting;
 
@@ -14,7 +14,7 @@ thread_local! {
 }
 
 fn note() {
-    // A thread that is being torn down has no flag any more, and is not watched.
+    // A thread that is ending has no flag any more, and is not watched.
     if WATCHED.try_with(Cell::get).unwrap_or(false) {
         let _ = COUNT.try_with(|count| count.set(count.get() + 1));
     }
@@ -40,8 +40,8 @@ unsafe impl GlobalAlloc for Counting {
     }
 }
 
-/// How often `body` allocated or freed, on this thread. Zero as well where [`Counting`] is not the
-/// program's allocator, so a test that uses it has to see it count.
+/// Number of allocations and frees of `body` on this thread. The number is zero, too, where [`Counting`] is not the
+/// program's allocator, so a test must also show that an allocation is counted.
 pub fn count(body: impl FnOnce()) -> u64 {
     COUNT.set(0);
     WATCHED.set(true);

@@ -1,5 +1,5 @@
-//! A control law to measure and to try: one body with up to four handles, each held by a device that
-//! moves and turns, and models whose every block is full.
+//! A control law for measurements and tests: one body with up to four handles, each held by a device that moves and
+//! turns, and models in which every block is full.
 
 use nalgebra::UnitQuaternion;
 use rt_core::controller::{DeviceConfig, Reading};
@@ -13,16 +13,16 @@ use rt_core::{
 
 /// The schemes, by name.
 pub const SCHEMES: [&str; 6] = ["hold", "thesis", "linear", "proxy", "classic", "capped"];
-/// Numbers of handles worth telling apart.
+/// The numbers of handles in tests.
 pub const HANDLES: [usize; 3] = [1, 2, 4];
-/// Ticks in a row that a device may stay silent.
+/// Successive ticks in which a device may be silent.
 pub const PATIENCE: u32 = 10;
-/// Age from which a model is no longer trusted (ns).
+/// Age above which a model is no longer trusted (ns).
 pub const AGE_LIMIT_NS: u64 = 100_000_000;
-/// When the models of [`model`] hold (ns).
+/// Time stamp of the models of [`model`] (ns).
 pub const MODEL_NS: u64 = 1_000_000;
 
-/// What may leave for a device.
+/// The limits of the last stage.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Largest force (N).
@@ -34,13 +34,13 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// Never reached by [`model`].
+    /// Limits that [`model`] never reaches.
     pub const WIDE: Self = Self {
         force: 1000.0,
         moment: 1000.0,
         speed: 10.0,
     };
-    /// Reached at once.
+    /// Limits that [`model`] reaches at once.
     pub const NARROW: Self = Self {
         force: 1e-6,
         moment: 1e-6,
@@ -48,7 +48,7 @@ impl Limits {
     };
 }
 
-/// A scheme by its name; anything else is `linear`.
+/// The scheme named `name`; `linear` for any other name.
 pub fn scheme(name: &str) -> Scheme {
     match name {
         "hold" => Scheme::Hold,
@@ -63,7 +63,7 @@ pub fn scheme(name: &str) -> Scheme {
     }
 }
 
-/// One body, held by as many devices as it has handles.
+/// A controller for one body, held by as many devices as it has handles.
 pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
     let period = 1e-3;
     let mut config = ControllerConfig::default();
@@ -89,7 +89,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
         let _ = config.devices.push(device);
     }
     let mut passivity = PassivityConfig::new(period);
-    // More than the models damp, and far less than the limits of force at the speeds of the readings.
+    // More than the damping of the models, and far less than the force limits allow at the speeds of the readings.
     passivity.ports = [Port {
         most_damping: 10.0,
         most_turning_damping: 10.0,
@@ -108,7 +108,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
     Controller::new(&config)
 }
 
-/// A model whose every block is full, published every `period` (s).
+/// A model in which every block is full, published every `period` (s).
 pub fn model(handles: usize, period: f64) -> LocalModel {
     let mut model = LocalModel::empty();
     model.sequence = 1;
@@ -130,7 +130,7 @@ pub fn model(handles: usize, period: f64) -> LocalModel {
     model
 }
 
-/// What devices say whose hands have moved and turned for `phase` (rad); each is elsewhere.
+/// The readings of devices whose hands have moved and turned for `phase` (rad). Each device is at another place.
 pub fn reading(phase: f64) -> [Reading; MAX_DEVICES] {
     core::array::from_fn(|device| {
         let s = phase + device as f64;

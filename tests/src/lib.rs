@@ -1,4 +1,4 @@
-//! What the end-to-end tests and benchmarks share.
+//! Common parts of the end-to-end tests and benchmarks.
 
 pub mod counting;
 pub mod law;
@@ -6,18 +6,18 @@ pub mod law;
 use host::run::setup::{Setup, setup};
 use host::scene::{LoadedScene, Scene};
 
-/// The scene that the program carries with it.
+/// The built-in scene.
 ///
 /// # Panics
-/// If it does not load, which another test says better.
+/// If the scene does not load; another test reports this in detail.
 pub fn default_scene() -> LoadedScene {
     Scene::embedded_default().expect("the built-in scene loads")
 }
 
-/// Everything for a run of the built-in scene.
+/// The setup of a run of the built-in scene.
 ///
 /// # Panics
-/// If it cannot be built.
+/// If the scene cannot be built.
 pub fn default_setup(duration: f64) -> Setup {
     setup(&default_scene(), duration, 1).expect("the built-in scene can be built")
 }

@@ -1,4 +1,4 @@
-//! Virtual time makes a run a function of scene and seed: two runs give the same bytes, whatever the load.
+//! Virtual time makes a run a function of scene and seed: two runs give the same bytes under any load.
 
 use host::run::{Clock, RunOptions, run};
 use std::path::Path;
@@ -22,7 +22,7 @@ fn two_runs_give_the_same_bytes_one_of_them_under_load() {
     let quiet = logged(&folder.path().join("quiet.mcap"), 1);
     let over = AtomicBool::new(false);
     let loaded = std::thread::scope(|scope| {
-        // More threads than cores, each never resting: the run is interrupted at random places.
+        // More threads than cores, each of which is always busy, interrupt the run at random places.
         for _ in 0..8 {
             scope.spawn(|| {
                 while !over.load(Ordering::Relaxed) {
@@ -35,7 +35,7 @@ fn two_runs_give_the_same_bytes_one_of_them_under_load() {
         bytes
     });
     assert!(quiet == loaded, "the logs of two equal runs differ");
-    // Two seconds at 1 kHz with two devices: the comparison was not one of empty files.
+    // Two seconds at 1 kHz with two devices: the compared files are not empty.
     assert!(quiet.len() > 500_000, "{}", quiet.len());
 }
 

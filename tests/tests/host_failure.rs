@@ -1,4 +1,4 @@
-//! The host may fail: the tick goes on, the force fades, the run ends in order.
+//! The host may fail: the tick continues, the force fades, and the run ends in order.
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 #[test]
 fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
-    // One encoder count moves the linear model by K delta + B delta g / T: 180 N/m and 2 N s/m of the
-    // sheet and 2 N s/m of the hold make 0.07 N with both hands; fading adds 1.5 x 2 N / 200 ticks. The hand moved on
-    // while the force was gone, so the cap damps what it did not put in: 15 N s/m, 0.14 N a count.
+    // One encoder count changes the force of the linear model by K delta + B delta g / T: 180 N/m and 2 N s/m of the
+    // sheet and 2 N s/m of the hold give 0.07 N with both hands. Fading adds 1.5 x 2 N / 200 ticks. The hand moved
+    // while the force was gone, so the cap dissipates energy that the hand did not supply: 15 N s/m, 0.14 N a count.
     for (scheme, largest) in [(SchemeName::Linear, 0.12), (SchemeName::Capped, 0.26)] {
         let found = largest_step_under_a_silent_host(scheme);
         assert!(
@@ -22,8 +22,8 @@ fn a_silent_host_lets_the_force_fade_and_return_without_a_jump() {
     }
 }
 
-/// Virtual time: the host goes silent at its 250th step and speaks again half a second later. The largest change of
-/// force from one tick to the next (N).
+/// The largest change of force from one tick to the next (N), under virtual time. The host becomes silent after 1.5 s,
+/// and publishes again half a second later.
 fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
     let mut scene = palpate_tests::default_scene();
     scene.scene.realtime.age_limit = Some(0.1);
@@ -56,7 +56,7 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
             states.push(state);
         }
         if state == Held {
-            // Only the safe hold is left: 2 N s/m of the hand's velocity.
+            // Only the safe hold is left: 2 N s/m times the velocity of the hand.
             let expected = 2.0 * device.twist.linear.norm();
             held_force = held_force.max((device.wrench.force.norm() - expected).abs());
         }
@@ -77,7 +77,7 @@ fn largest_step_under_a_silent_host(scheme: SchemeName) -> f64 {
     largest_step
 }
 
-/// Real time: the host's thread panics at once, with its end of the rings in its hands.
+/// Real time: the host's thread panics at once while it owns its end of the rings.
 #[test]
 fn a_panicking_host_leaves_the_tick_running() {
     let setup = palpate_tests::default_setup(0.3);

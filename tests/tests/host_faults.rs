@@ -1,5 +1,5 @@
-//! The host made to fail in every way, under both clocks: the force stays finite and within the device's
-//! limits, it fades and returns without a jump, and the summary names what happened.
+//! Every fault of the host, under both clocks: the force stays finite and within the limits of the device, it fades and
+//! returns without a jump, and the summary names the fault.
 
 use host::log::{Log, read_log};
 use host::run::summary::RunSummary;
@@ -7,10 +7,10 @@ use host::run::{Clock, RunOptions, run};
 use host::scene::spec::SchemeName;
 use rt_core::coupling::HostState;
 
-/// Age from which a model is not trusted (s): short, so that little waiting is needed.
+/// Age above which a model is not trusted (s). The age is short, so that the tests wait little.
 const AGE_LIMIT: f64 = 0.1;
 
-/// Runs the built-in scene for 3 s with faults; gives its summary and the telemetry of every tick.
+/// Runs the built-in scene for 3 s with faults. Returns its summary and its log.
 fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
     under(SchemeName::Capped, clock, faults)
 }
@@ -34,17 +34,17 @@ fn under(scheme: SchemeName, clock: Clock, faults: &[&str]) -> (RunSummary, Log)
     (summary, Log::parse(&bytes).expect("it can be read"))
 }
 
-/// The largest change of force from one tick to the next that nothing failing can explain: one encoder count
-/// moves the linear model by its stiffness and damping, 0.07 N with both hands; fading and returning add
-/// 3.5 N x 1.5 / 200 ticks; and where the body stores more than the hands put in, the cap damps with 15 N s/m (a
-/// quarter of 0.15 kg over 2.5 ms), of which a count, spread over 4 ms, is 0.14 N. Ticks that were skipped (`slots`)
-/// allow as much again, each.
+/// The largest change of force from one tick to the next without a failure (N). One encoder count changes the linear
+/// model by its stiffness and damping, 0.07 N with both hands. Fading and returning add 3.5 N x 1.5 / 200 ticks. Where
+/// the body stores more than the hands supplied, the cap damps with 15 N s/m (a quarter of 0.15 kg over 2.5 ms), which
+/// is 0.14 N for a count, spread over 4 ms. Each skipped tick (`slots`) allows as much again.
 const LARGEST_STEP: f64 = 0.26;
-/// The same without the cap's damper.
+/// The same without the damper of the cap.
 const LARGEST_UNCAPPED: f64 = 0.12;
-/// The same where the machine decides when a tick comes: counts of all three axes may fall into one, and a late tick may
-/// have two counts and the next none. No line fits those, so the velocity's window shrinks to a tick, in which a count (of
-/// 0.038 mm) is 38 mm/s: times 15 N s/m the damper changes by 0.57 N. The model adds 0.07 N an axis, fading 0.026 N.
+/// The same where the machine decides when a tick comes. Counts of all three axes may fall into one tick, and a late
+/// tick may have two counts and the next none. No line fits those, so the window of the velocity shrinks to a tick. In
+/// that window a count (of 0.038 mm) is 38 mm/s, and the damper changes by 0.57 N at 15 N s/m. The model adds 0.07 N an
+/// axis, fading 0.026 N.
 const LARGEST_REAL: f64 = 0.72;
 
 fn check_forces(log: &Log) {
@@ -93,7 +93,8 @@ fn names(summary: &RunSummary, part: &str) -> bool {
 #[test]
 fn a_stalling_host_under_virtual_time() {
     use HostState::{Fading, Held, Live, Waiting};
-    // Shorter than the age limit (0.1 s): nothing to feel. Longer: fades. Much longer: held.
+    // A stall shorter than the age limit (0.1 s) has no effect on the state. A longer one fades the force; a much
+    // longer one ends in the safe hold.
     for (fault, expected) in [
         ("stall@1.5+0.05", vec![Waiting, Live]),
         ("stall@1.5+0.25", vec![Waiting, Live, Fading, Live]),
@@ -147,7 +148,7 @@ fn a_panicking_host_under_virtual_time() {
 
 #[test]
 fn every_fault_under_the_real_clock() {
-    // One run: what the hand feels is checked at every tick; what is counted depends on the machine's load.
+    // One run. The force is checked at every tick; the counts depend on the load of the machine.
     let faults = [
         "stall@0.5+0.4",
         "nan@1.2+0.4",

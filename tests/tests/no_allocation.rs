@@ -1,5 +1,5 @@
-//! The tick allocates nothing: 100,000 ticks of the built-in scene, on a thread of their own under an
-//! allocator that counts what that thread asks for. The host's steady step is held to the same.
+//! The tick allocates nothing: 100,000 ticks of the built-in scene, on a thread of their own under an allocator that
+//! counts the allocations of that thread. The steady step of the host allocates nothing, either.
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
@@ -19,7 +19,7 @@ fn the_counter_counts() {
     assert_eq!(found, 2, "one allocation and its release");
 }
 
-/// Publishes ever newer models while the tick runs, and reads what the tick leaves.
+/// Publishes newer and newer models while the tick runs, and drains the records of the tick.
 fn host_beside(mut host: HostEnd, mut model: LocalModel, over: &AtomicBool) -> u64 {
     let mut now = 0;
     let mut published = 0;
@@ -42,7 +42,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
     let (mut tick, host, mut log, mut engine) = (setup.tick, setup.host, setup.log, setup.engine);
     let period = setup.timing.period_ns;
 
-    // A real model of the scene's sheet, published again and again with new times.
+    // A real model of the scene's sheet, published repeatedly with new times.
     let mut model = LocalModel::empty();
     let first = tick.tick(0, 0);
     engine.follow(&first.tick_record());
@@ -80,7 +80,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
         let records = drained.join().expect("the log does not panic");
         assert_eq!(found, 0, "allocations on the tick's thread");
         assert_eq!(tick.ticks, TICKS + 1);
-        // The ticks had models to work with and left records, so the paths that matter were taken.
+        // The ticks had models and left records, so the relevant paths were taken.
         let accepted: u64 = tick
             .controller
             .coupling_counters()
@@ -96,7 +96,7 @@ fn a_hundred_thousand_ticks_allocate_nothing() {
 
 #[test]
 fn a_steady_host_step_allocates_nothing() {
-    // Those that the host does more for than for the others.
+    // The schemes for which the host does the most work.
     for scheme in [
         SchemeName::Linear,
         SchemeName::Proxy,

@@ -1,5 +1,5 @@
-//! The tick allocates nothing when things go wrong, either: every scheme and number of handles, through
-//! every fault that the tick knows. Each stretch ends with a look at whether the fault was met.
+//! The tick allocates nothing in faults, either: every scheme and number of handles, through every fault that the tick
+//! handles. Each stretch ends with a check that the fault occurred.
 
 use devices::scripted::{Scripted, small};
 use palpate_tests::counting::{Counting, count};
@@ -18,16 +18,16 @@ use std::sync::{Arc, Mutex, MutexGuard};
 static ALLOCATOR: Counting = Counting;
 
 const TICK_NS: u64 = 1_000_000;
-/// Ticks that the rings cover.
+/// Ticks for which the rings have room.
 const STALL: u64 = 200;
 
-/// What the devices do.
+/// The behaviour of the devices.
 #[derive(Clone, Copy)]
 enum Script {
     Move,
     Fail(DeviceError),
     SayNotANumber,
-    /// Faster than any limit.
+    /// The velocity exceeds every limit.
     Rush,
     /// The hand is this far away (m).
     Stray(f64),
@@ -59,7 +59,7 @@ fn lock(script: &Mutex<Script>) -> MutexGuard<'_, Script> {
     script.lock().expect("nothing panics while it is held")
 }
 
-/// A loop whose every tick is watched.
+/// A loop in which the allocations of every tick are counted.
 struct Watched {
     name: String,
     tick: TickLoop,
@@ -92,14 +92,14 @@ impl Watched {
         *lock(&self.script) = script;
     }
 
-    /// The next model, as of now.
+    /// The next model, with the present time stamp.
     fn next(&mut self) -> LocalModel {
         self.model.sequence += 1;
         self.model.time_ns = self.now_ns;
         self.model
     }
 
-    /// Ticks with a new model every so many; the rings are emptied.
+    /// Runs `ticks` ticks with a new model every `every` ticks, and empties the rings.
     fn live(&mut self, ends: &mut (HostEnd, LogEnd), ticks: u64, every: u64) {
         for k in 0..ticks {
             if k % every == 0 {
@@ -138,7 +138,7 @@ fn no_fault_makes_the_tick_allocate() {
 
 fn go_through_every_fault(name: &str, handles: usize) {
     let (end, host, log) = link(&LinkConfig {
-        // One more than the controller has: a model may come for a body that does not exist.
+        // One body more than the controller has: a model may come for a body that does not exist.
         bodies: 2,
         stall: STALL as f64 * 1e-3,
         ..LinkConfig::new(1000.0, 250.0)
@@ -185,7 +185,7 @@ fn models_that_cannot_be_used(run: &mut Watched, host: &mut HostEnd) {
     offer(run, 0, |model| model.handles[0].device = u8::MAX);
     offer(run, 0, |model| model.time_ns = 0);
     offer(run, 1, |_| {});
-    // Some are lost on the way.
+    // Some models are lost before they arrive.
     offer(run, 0, |model| model.sequence += 7);
     let counters = run.tick.controller.coupling_counters().next();
     let counters = counters.expect("there is a body");
@@ -193,7 +193,7 @@ fn models_that_cannot_be_used(run: &mut Watched, host: &mut HostEnd) {
     assert_eq!(counters.wrong_handles, 3);
     assert_eq!(counters.outdated, 1);
     assert_eq!(run.tick.controller.stray_models(), 1);
-    // Two at once: one is passed over.
+    // Two models at once: the older one is superseded.
     for _ in 0..2 {
         let model = run.next();
         host.publish(0, &model).expect("there is room");
@@ -237,7 +237,7 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
         run.live(ends, 50, 4);
         run.expect(Live, safety);
         run.script(Script::Move);
-        // A hand that is suddenly elsewhere is believed when it stays there.
+        // A hand that appears at another place is accepted when it stays there.
         run.live(ends, u64::from(PATIENCE) + 11, 4);
         run.expect(Live, Recovering);
         run.live(ends, 300, 4);
@@ -254,22 +254,22 @@ fn devices_that_fail(run: &mut Watched, ends: &mut (HostEnd, LogEnd)) {
 
 fn forces_that_cannot_leave(run: &mut Watched, ends: &mut (HostEnd, LogEnd), scheme: &str) {
     let sound = run.model.handles;
-    // The largest numbers overflow where they are turned into the device's axes.
+    // The largest numbers overflow in the axes of the device.
     for (force, safety) in [(1e5, Limited), (f64::MAX, NotANumber)] {
         for handle in &mut run.model.handles {
             handle.wrench.force = Vec3::new(force, force, force);
         }
         run.live(ends, 50, 4);
-        // A cap takes such a force off before, in part or whole: no hand has put its energy in.
+        // The cap withholds such a force, in part or completely, because no hand has supplied its energy.
         if scheme != "capped" {
             run.expect(Live, safety);
         }
         run.model.handles = sound;
-        // Every blend may end: what is left of the force would fade from each to the next otherwise.
+        // Every blend may end. Otherwise the rest of the force would fade from each blend to the next.
         run.live(ends, 400, 20);
         run.expect(Live, Normal);
     }
-    // A hand out of all bounds would overflow in the extrapolation: it is not believed.
+    // A hand out of all bounds would overflow in the extrapolation: its state is ignored.
     run.script(Script::Stray(f64::MAX));
     run.live(ends, 50, 4);
     run.expect(Live, DeviceStale);
@@ -280,14 +280,14 @@ fn forces_that_cannot_leave(run: &mut Watched, ends: &mut (HostEnd, LogEnd), sch
 
 fn the_others_stall_and_go(run: &mut Watched, ends: (HostEnd, LogEnd)) {
     let (mut host, log) = ends;
-    // Nobody reads, and no model comes.
+    // No ring is read, and no model comes.
     run.ticks(101);
     run.expect(Fading, Normal);
     run.ticks(400);
     run.expect(Held, Normal);
     let counters = run.tick.end.counters();
     assert!(counters.refused_records > 0 && counters.refused_telemetry > 0);
-    // The host comes back, then fails for good; the log has gone before.
+    // The host returns, then fails for good. The log has ended before.
     let model = run.next();
     host.publish(0, &model).expect("there is room");
     run.ticks(10);

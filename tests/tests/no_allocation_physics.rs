@@ -1,5 +1,5 @@
-//! A step of the physics allocates nothing, whatever the body, law and scheme: fixed patterns and buffers
-//! are made once.
+//! A step of the physics allocates nothing, for every body, law and scheme: patterns and buffers are fixed and made
+//! once.
 
 use palpate_tests::counting::{Counting, count};
 use physics::mesh::generate::{Pattern, sheet};
@@ -31,7 +31,7 @@ fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {
     }
 }
 
-/// Each kind of body with two handles, the second to be moved, and a support along one axis.
+/// Each kind of body with two handles, of which the second moves, and a support along one axis.
 fn bodies() -> Vec<(String, Body, [Vec3; 2])> {
     let mut all = Vec::new();
     let linear = solid_box([0.1, 0.04, 0.04], [3, 2, 2]).unwrap();
@@ -95,11 +95,11 @@ fn bodies() -> Vec<(String, Body, [Vec3; 2])> {
     all
 }
 
-/// Where the handles are after step `k`: the second is pulled, lifted and turned, evenly.
+/// Poses of the handles after step `k`: the second handle is pulled, lifted and turned, evenly.
 fn targets(ends: [Vec3; 2], k: usize) -> [HandlePose; 2] {
-    let share = k as f64;
-    let mut pulled = HandlePose::at(ends[1] + Vec3::new(1e-4, 0.0, 1e-4) * share);
-    pulled.rotation = nalgebra::UnitQuaternion::from_scaled_axis(Vec3::x() * (2e-3 * share));
+    let count = k as f64;
+    let mut pulled = HandlePose::at(ends[1] + Vec3::new(1e-4, 0.0, 1e-4) * count);
+    pulled.rotation = nalgebra::UnitQuaternion::from_scaled_axis(Vec3::x() * (2e-3 * count));
     [HandlePose::at(ends[0]), pulled]
 }
 
@@ -120,14 +120,14 @@ fn linearized_steps_and_condensations_allocate_nothing() {
     }
 }
 
-/// Nor does anything of the fast step: local models, new factors, waking and falling asleep.
+/// The fast step allocates nothing, either, with local models, new factors, waking and falling asleep.
 fn fast_steps_allocate_nothing<T: Real>(preconditioner: Preconditioner) {
     for (name, mut body, ends) in bodies() {
         let options = StepperOptions {
             preconditioner,
             refresh: false,
             patience: 0,
-            // The incomplete factor takes more of them.
+            // The incomplete factor needs more iterations.
             max_iterations: 1000,
             ..StepperOptions::default()
         };
@@ -154,7 +154,7 @@ fn fast_steps_allocate_nothing<T: Real>(preconditioner: Preconditioner) {
         };
         run(0..2);
         assert_eq!(count(|| run(2..200)), 0, "{name}");
-        // An incomplete one that is as good as new is not asked for.
+        // A new incomplete factor is not requested while the old one is as good.
         let least = if preconditioner == Preconditioner::Complete {
             3
         } else {

@@ -1,14 +1,14 @@
-//! The loop that ticks takes no lock, not even one that is free: in the assembly of everything that it can reach there
-//! is no locked instruction and no name of a lock.
+//! The loop of the tick takes no lock, not even a free one: the assembly of everything that it can reach contains no
+//! locked instruction and no name of a lock.
 //!
 //! A free lock is a single instruction: no trap of system calls, no `strace` and no sanitizer sees it taken, only the
 //! wait that it leads to one day. So the code is read. The loop is compiled together with all that it calls, the
 //! standard library included, into one assembly file, and read from `runner::thread::body::run` on, along every name
 //! that a function or a table mentions; and from the functions of the device, which the loop calls through a table.
 //!
-//! What the search leaves out:
-//! - what follows a panic: the run is over then, and every device is commanded no force;
-//! - where `rustix` looks for the clock, the first time that it is read: before the first tick (`setup`);
+//! The search leaves out:
+//! - the code after a panic: the run is over then, and every device is commanded zero force;
+//! - the code with which `rustix` finds the clock when it is first read: before the first tick (`setup`);
 //! - drivers: the device is opaque here.
 #![cfg(all(target_os = "linux", target_arch = "x86_64"))]
 
@@ -30,13 +30,13 @@ const ENDS: [&str; 7] = [
     "capacity_overflow",
     "13vdso_wrappers18init_clock_gettime",
 ];
-/// Parts of the names of locks and of what waits for them.
+/// Parts of the names of locks and of functions that wait for locks.
 const LOCKS: [&str; 6] = ["mutex", "rwlock", "futex", "condvar", "pthread_", "parking"];
 
 /// A function or a table of the assembly file.
 #[derive(Default)]
 struct Block {
-    /// Names that it mentions.
+    /// Names in the block.
     mentions: BTreeSet<String>,
     /// Instructions that lock the bus: every atomic read-modify-write of this processor.
     locked: Vec<String>,
@@ -67,12 +67,12 @@ fn blocks(assembly: &str) -> BTreeMap<String, Block> {
         }
         let text = line.trim();
         let block = name.as_ref().and_then(|name| blocks.get_mut(name));
-        // Of the directives, those that put an address there.
+        // Of the directives, only those that emit an address count.
         if let Some(block) = block
             && (!text.starts_with('.') || text.starts_with(".quad"))
         {
             let operation = text.split_whitespace().next().unwrap_or_default();
-            // An exchange with memory locks without saying so.
+            // An exchange with memory locks without the prefix.
             if operation == "lock" || (operation.starts_with("xchg") && text.contains('(')) {
                 block.locked.push(text.to_owned());
             }
@@ -84,7 +84,7 @@ fn blocks(assembly: &str) -> BTreeMap<String, Block> {
     blocks
 }
 
-/// What was found from the loop on.
+/// The results of the search.
 #[derive(Debug, Default)]
 struct Found {
     reached: BTreeSet<String>,
@@ -109,7 +109,7 @@ fn search(blocks: &BTreeMap<String, Block>) -> Found {
     let called = blocks.keys().filter(|name| name.contains(DEVICE));
     waiting.extend(called);
     while let Some(name) = waiting.pop() {
-        // A name of another object's is the end of its path, and registers are names, too.
+        // A name from another object ends its path. Registers are names, too.
         if ENDS.iter().any(|part| name.contains(part)) || !found.reached.insert(name.clone()) {
             continue;
         }
@@ -125,7 +125,7 @@ fn search(blocks: &BTreeMap<String, Block>) -> Found {
     found
 }
 
-/// Compiles the loop, with the versions of the workspace, and searches its assembly.
+/// Compiles the loop with the versions of the workspace, and searches its assembly.
 fn compiled(features: &[&str]) -> Found {
     let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("no_lock");
     std::fs::copy(fixture.join("../../Cargo.lock"), fixture.join("Cargo.lock"))
@@ -139,7 +139,7 @@ fn compiled(features: &[&str]) -> Found {
         .arg("--target-dir")
         .arg(&target)
         .args(["--", "--emit=asm", "-Cllvm-args=-x86-asm-syntax=att"])
-        // Flags meant for the whole workspace (coverage, say) would bring code of their own.
+        // Flags for the whole workspace (coverage, for example) would add code of their own.
         .env_remove("RUSTFLAGS")
         .env_remove("CARGO_ENCODED_RUSTFLAGS")
         .env_remove("CARGO_BUILD_TARGET")
@@ -159,7 +159,7 @@ fn compiled(features: &[&str]) -> Found {
 #[test]
 fn the_loop_takes_no_lock_and_a_planted_one_is_found() {
     let found = compiled(&[]);
-    // The search got to where it should: the law, the rings' far end (the device), the histograms.
+    // The search must reach the law, the device and the histograms.
     for part in [
         "device_read",
         "device_write",
@@ -172,7 +172,7 @@ fn the_loop_takes_no_lock_and_a_planted_one_is_found() {
     assert_eq!(found.locked, Vec::<String>::new(), "locked instructions");
     assert_eq!(found.locks, BTreeSet::new(), "names of locks");
 
-    // A lock of the standard library's, in the tick.
+    // A lock of the standard library, in the tick.
     let planted = compiled(&["--features", "planted_lock"]);
     assert!(!planted.locked.is_empty(), "no locked instruction");
     assert!(
@@ -180,7 +180,7 @@ fn the_loop_takes_no_lock_and_a_planted_one_is_found() {
         "{:?}",
         planted.locks
     );
-    // One made by hand, in the device: an exchange that says nothing of locking, and has no name.
+    // A lock made by hand, in the device: an exchange without a lock prefix and without a name.
     let planted = compiled(&["--features", "planted_spin"]);
     assert!(
         planted.locked.iter().any(|text| text.contains("xchg")),

@@ -1,8 +1,8 @@
-//! The control law cannot panic: linked from the tick's entries with everything unreachable dropped, no
-//! panic is left, and nothing is called but the device and copies of memory.
+//! The control law cannot panic. It is linked from the entries of the tick, and unreachable code is dropped. The result
+//! contains no panic, and calls nothing but the device and copies of memory.
 //!
-//! What is read is the linked object, not a library archive: that one holds code which the linker has yet
-//! to drop, or none at all yet.
+//! The test reads the linked object, not a library archive. An archive contains code that the linker would drop, or no
+//! code yet.
 #![cfg(all(target_os = "linux", target_pointer_width = "64"))]
 
 use object::elf::FileHeader64;
@@ -13,17 +13,17 @@ use std::process::Command;
 
 /// The tick's entries, as `tests/no_panic/src/lib.rs` defines them.
 const ENTRIES: [&str; 4] = ["law_accept", "law_cycle", "law_record", "law_velocity"];
-/// The device, which the tick must be seen to call.
+/// The functions of the device, which the tick must call.
 const DEVICE: [&str; 2] = ["device_read", "device_write"];
-/// What the compiler may call to copy or compare plain data.
+/// The functions that the compiler may call to copy or compare plain data.
 const MEMORY: [&str; 5] = ["memcpy", "memmove", "memset", "memcmp", "bcmp"];
-/// Parts of the names of what panics: in `core::panicking`, or the cold ends of slices, results, options.
+/// Parts of the names of functions that panic: in `core::panicking`, or the cold paths of slices, results and options.
 const PANICS: [&str; 2] = ["panic", "_fail"];
 
 /// The names in an object.
 struct Names {
     defined: Vec<String>,
-    /// Called, and expected from elsewhere.
+    /// The names that are called and defined elsewhere.
     called: Vec<String>,
 }
 
@@ -70,7 +70,7 @@ fn link(name: &str, features: &[&str]) -> PathBuf {
         "the law does not link:\n{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    // Both objects have one name: the first is kept apart from the second.
+    // Both objects have the same name, so the first one is copied.
     let kept = target.join(name);
     std::fs::copy(target.join("release/liblaw.so"), &kept).expect("the object was written");
     kept

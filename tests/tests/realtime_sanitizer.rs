@@ -1,7 +1,7 @@
-//! RealtimeSanitizer watches the tick: memory, files, contended locks, waiting. Run by `tests/rtsan`.
+//! RealtimeSanitizer watches the tick: memory, files, contended locks, waiting. `tests/rtsan` runs this test.
 //!
-//! A violation ends the process with a stack trace, so a run that comes back is a run without one. That the
-//! sanitizer is there at all is shown by a child process that must not come back.
+//! A violation ends the process with a stack trace, so a run that returns has none. A child process that must not
+//! return shows that the sanitizer works.
 
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;

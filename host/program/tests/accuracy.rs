@@ -1,4 +1,4 @@
-//! `palpate bench accuracy` prints, writes and draws what the study finds.
+//! `palpate bench accuracy` prints, writes and draws the results of the study.
 
 use std::process::Command;
 use study::Level;
@@ -28,7 +28,7 @@ fn the_command_prints_writes_and_draws() {
     for series in all {
         let title = series["title"].as_str().expect("a title");
         let points = series["points"].as_array().expect("points").len();
-        // One row a point, and the line that names the source.
+        // One row for each point, and one line that names the source.
         assert_eq!(
             printed.matches(&format!("| {title} |")).count(),
             points,

@@ -1,4 +1,4 @@
-//! A scene with a bad mesh, as a person meets it: one line, exit code 2, and nothing written.
+//! A scene with a bad mesh: the program prints one line, returns exit code 2, and writes nothing.
 
 use std::error::Error;
 use std::ffi::OsString;
@@ -41,7 +41,7 @@ fn palpate(arguments: &[&str], scene: &Path) -> std::io::Result<Output> {
         .output()
 }
 
-/// Runs a scene with this mesh file; gives what is said of the mesh after its file's name.
+/// Runs a scene with this mesh file. Returns the message that follows the name of the file.
 fn refused(name: &str, mesh: &[u8]) -> Result<String, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let scene = folder.path().join("scene.toml");

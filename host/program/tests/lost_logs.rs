@@ -1,4 +1,4 @@
-//! What is left of a log when its process is killed or its disk is full.
+//! The remaining part of a log after its process was killed, or after its disk was full.
 #![cfg(unix)]
 
 use host::log::Log;
@@ -15,13 +15,13 @@ const PALPATE: &str = env!("CARGO_BIN_EXE_palpate");
 /// Ticks in a second of the built-in scene.
 const SECOND: u64 = 1000;
 
-/// Ticks done and ticks in the log, as the program says them while it runs.
+/// Ticks that were run and ticks in the log, from a line of progress of the program.
 fn progress(line: &str) -> Option<(u64, u64)> {
     let (ticks, logged) = line.strip_prefix("ticks ")?.split_once(" logged ")?;
     Some((ticks.parse().ok()?, logged.trim().parse().ok()?))
 }
 
-/// The progress that the program reports until it has done `until` ticks; to its end, if it ends before.
+/// The progress of the program when it has run `until` ticks, or at its end.
 fn follow(lines: &mut BufReader<ChildStderr>, until: u64) -> Result<(u64, u64), Box<dyn Error>> {
     let (mut last, mut line) = ((0, 0), String::new());
     while last.0 < until && lines.read_line(&mut line)? > 0 {
@@ -31,7 +31,7 @@ fn follow(lines: &mut BufReader<ChildStderr>, until: u64) -> Result<(u64, u64), 
     Ok(last)
 }
 
-/// The log at `path`, whose ticks must be all from the first on, and replay exactly.
+/// The log at `path`. Its ticks must be complete from the first on, and replay exactly.
 fn sound(path: &Path) -> Result<Log, Box<dyn Error>> {
     let log = Log::parse(&fs::read(path)?)?;
     assert!(
@@ -47,9 +47,8 @@ fn sound(path: &Path) -> Result<Log, Box<dyn Error>> {
     Ok(log)
 }
 
-/// A run under the real clock is killed at a tick that the seed says, again and again. Everything that it
-/// had flushed can be read, and less than a second of what it is known to have done is lost. How often is
-/// in `PALPATE_KILLS`.
+/// Runs under the real clock are killed at ticks that a seed decides. All flushed data can be read, and less than a
+/// second of the reported ticks is lost. `PALPATE_KILLS` sets the number of runs.
 #[test]
 fn a_killed_run_loses_less_than_a_second() -> Outcome {
     let kills = match std::env::var("PALPATE_KILLS") {
@@ -78,7 +77,7 @@ fn a_killed_run_loses_less_than_a_second() -> Outcome {
         let before = follow(&mut lines, until)?;
         child.kill()?;
         child.wait()?;
-        // What it still said before it died.
+        // The lines that the program printed before it ended.
         let after = follow(&mut lines, u64::MAX)?;
         let (ticks, logged) = (before.0.max(after.0), before.1.max(after.1));
 
@@ -94,10 +93,10 @@ fn a_killed_run_loses_less_than_a_second() -> Outcome {
     Ok(())
 }
 
-/// Runs with files that may not grow beyond 512 KiB: to the program, a disk that fills up on the way.
+/// Runs with files limited to 512 KiB, which the program sees as a disk that becomes full during the run.
 fn with_small_disk(log: &Path, arguments: &[&str]) -> Result<Output, Box<dyn Error>> {
     Ok(Command::new("sh")
-        // Blocks of 512 bytes, as POSIX has it; without the trap the signal would end the process.
+        // The limit is in blocks of 512 bytes, as in POSIX. Without the trap the signal would end the process.
         .args([
             "-c",
             "trap '' XFSZ; ulimit -f 1024; exec \"$0\" \"$@\"",
@@ -110,7 +109,7 @@ fn with_small_disk(log: &Path, arguments: &[&str]) -> Result<Output, Box<dyn Err
 }
 
 #[test]
-fn a_disk_that_fills_up_is_reported_and_the_ticks_go_on() -> Outcome {
+fn a_full_disk_is_reported_and_the_ticks_continue() -> Outcome {
     for clock in ["virtual", "real"] {
         let folder = tempfile::tempdir()?;
         let log = folder.path().join("run.mcap");
@@ -129,7 +128,7 @@ fn a_disk_that_fills_up_is_reported_and_the_ticks_go_on() -> Outcome {
 
         let summary: serde_json::Value = serde_json::from_str(&fs::read_to_string(&json)?)?;
         assert_eq!(summary["tick"]["count"], 2000, "{clock}");
-        // The collector went on, too: the hands pull hardest in the last tenth.
+        // The collector continued, too: the force is largest in the last tenth of the run.
         if clock == "virtual" {
             assert!(summary["devices"][0]["peak_time"].as_f64() > Some(1.8));
         }

@@ -1,4 +1,4 @@
-//! The program as a person calls it: what it prints, writes and answers.
+//! The program from outside: its output, its files and its exit codes.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -20,7 +20,7 @@ fn path(folder: &Path, name: &str) -> String {
 }
 
 #[test]
-fn a_run_prints_its_summary_and_writes_what_was_asked_for() {
+fn a_run_prints_its_summary_and_writes_the_requested_files() {
     for clock in ["virtual", "real"] {
         let folder = tempfile::tempdir().expect("a folder");
         let [log, plot, json] = ["run.mcap", "run.svg", "run.json"].map(|n| path(folder.path(), n));
@@ -72,10 +72,10 @@ fn a_run_prints_its_summary_and_writes_what_was_asked_for() {
 }
 
 #[test]
-fn the_default_command_is_a_run_and_help_teaches() {
+fn help_lists_the_commands_and_plan_the_stages() {
     let help = text(&palpate(&["--help"]).stdout);
-    for word in ["run", "plan", "bench", "Examples:"] {
-        assert!(help.contains(word), "{word} is missing from:\n{help}");
+    for part in ["run", "plan", "bench", "Examples:"] {
+        assert!(help.contains(part), "{part} is missing from:\n{help}");
     }
     let plan = text(&palpate(&["plan"]).stdout);
     for line in [
@@ -89,11 +89,11 @@ fn the_default_command_is_a_run_and_help_teaches() {
 }
 
 #[test]
-fn what_is_wrong_with_a_scene_is_said_in_a_line_with_exit_code_2() {
+fn a_wrong_scene_gives_one_line_and_exit_code_2() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = path(folder.path(), "bad.toml");
     let default = include_str!("../../scenes/stretch.toml");
-    // A group that only the mesh can tell does not exist: found when the scene is built.
+    // A group that does not exist in the mesh; the error appears when the scene is built.
     let bad = default.replace("group = \"left\"", "group = \"lfet\"");
     std::fs::write(&scene, bad).expect("written");
     let json = path(folder.path(), "never.json");

@@ -1,4 +1,4 @@
-//! `palpate run --replay` says whether a log comes back, and where it does not.
+//! `palpate run --replay` reports whether a log is reproduced, and the first difference.
 
 use host::scene::Scene;
 use std::error::Error;
@@ -17,7 +17,7 @@ fn palpate(arguments: &[&str]) -> Result<(Output, String), Box<dyn Error>> {
 }
 
 #[test]
-fn the_command_says_exact_or_where_and_its_exit_code_agrees() -> Outcome {
+fn the_command_reports_the_first_difference_and_its_exit_code_agrees() -> Outcome {
     let folder = tempfile::tempdir()?;
     let at = |name: &str| folder.path().join(name).display().to_string();
     let (log, scene, json) = (at("run.mcap"), at("other.toml"), at("replay.json"));

@@ -1,4 +1,4 @@
-//! `palpate solve` and `palpate mesh`: what they print, write and answer.
+//! `palpate solve` and `palpate mesh`: their output, files and exit codes.
 
 use host::scene::{LoadedScene, Scene};
 use host::solve::{BodySolution, Frame, Solution, solve};
@@ -69,9 +69,9 @@ axes = ["y"]
     )
 }
 
-/// The program: what it prints, writes and answers.
+/// The output, the files and the exit codes of the program.
 #[test]
-fn the_program_writes_what_was_asked_for() {
+fn the_program_writes_the_requested_files() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| folder.path().join(name);
     let palpate = |scene: &str| {
@@ -117,7 +117,7 @@ fn the_program_writes_what_was_asked_for() {
         assert!(frame.ends_with("</VTKFile>\n"));
     }
 
-    // One that gets stuck: what it has is written, and the answer is 1.
+    // A solve that stops early: its results so far are written, and the exit code is 1.
     let stuck = cube("st_venant_kirchhoff", r#"["x", "y", "z"]"#).replace("-0.01", "-0.09");
     let output = palpate(&stuck);
     assert_eq!(output.status.code(), Some(1));
@@ -125,12 +125,12 @@ fn the_program_writes_what_was_asked_for() {
     assert!(printed.contains("not solved cube: at 0."), "{printed}");
     assert!(file("frames/cube_0000.vtu").exists());
 
-    // One that is wrong.
+    // A wrong scene.
     let output = palpate("name = 3");
     assert_eq!(output.status.code(), Some(2));
 }
 
-/// What the program says of a scene, and its exit code.
+/// The output of the program for a scene, and its exit code.
 fn said(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
     let path = folder.join("scene.toml");
     std::fs::write(&path, scene).unwrap();
@@ -143,9 +143,10 @@ fn said(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
     (printed, output.status.code())
 }
 
-/// Steel under next to nothing: it moves, the program says that rounding limits the digits, or that they are too few.
+/// Steel under a very small load: the solution moves, the program reports that rounding limits the digits, or that
+/// there are too few digits.
 #[test]
-fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
+fn a_load_below_rounding_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let scene = |analysis: &str, force: f64| {
         format!(
@@ -169,7 +170,7 @@ force = [{force}, 0, 0]
     };
     let moved = |force: f64| body(&scene("", force)).displacement.value / force;
     let (far, near) = (moved(1e4), moved(1e-4));
-    // Strains of 5e-14 are known to 1.1e-16: 0.2 %; three times that.
+    // Strains of 5e-14 are known to 1.1e-16, which is 0.2 %. The tolerance is three times that.
     assert!((near - far).abs() < 7e-3 * far, "{near:e} {far:e}");
     let (printed, code) = said(folder.path(), &scene("", 1e-4));
     assert_eq!(code, Some(0), "{printed}");
@@ -186,7 +187,7 @@ force = [{force}, 0, 0]
     }
 }
 
-/// A strip that lies a kilometre from the origin: rubber deforms as at the origin, steel under next to nothing is told.
+/// A strip a kilometre from the origin. Rubber deforms as at the origin; steel under a very small load is reported.
 #[test]
 fn a_strip_far_away_is_solved_as_far_as_its_digits_allow() {
     let folder = tempfile::tempdir().unwrap();
@@ -241,7 +242,7 @@ force = [{force:e}, 0, 0]
             .value
     };
     let (near, far) = (moved(0), moved(1000));
-    // Coordinates of 1 km are kept to 6e-14 m, of 4 mm of motion: 1.5e-11; each of eight cells adds as much.
+    // Coordinates of 1 km are rounded to 6e-14 m, for a motion of 4 mm: 1.5e-11. Each of eight cells adds as much.
     assert!((near - far).abs() < 1e-9 * near, "{near} {far}");
     let (printed, code) = said(folder.path(), &scene(1000, 210e9, 1e-4));
     assert_eq!(code, Some(1), "{printed}");
@@ -249,9 +250,9 @@ force = [{force:e}, 0, 0]
     assert!(printed.contains("nearer to the origin"), "{printed}");
 }
 
-/// A mesh written in each format and read again, with its material by element, gives the same solution.
+/// A mesh that is written in each format and read again, with its material by element, gives the same solution.
 #[test]
-fn a_mesh_travels_with_its_material() {
+fn a_mesh_keeps_its_material_through_every_format() {
     let scene = |mesh: &str, material: &str, region: &str, hold: &str, pull: &str| {
         format!(
             r#"
@@ -316,7 +317,7 @@ poisson = 0.4
             (found.elements, found.vertices),
             (expected.elements, expected.vertices)
         );
-        // Formats number vertices in another order, so sums round differently, and the tolerance is 1e-10.
+        // Formats number the vertices in another order, so sums round differently. The tolerance of the solve is 1e-10.
         let (a, b) = (found.displacement.value, expected.displacement.value);
         assert!((a - b).abs() < 1e-8 * b, "{ending}: {a} {b}");
         let (a, b) = (force(found, "wall"), force(&expected, "wall"));

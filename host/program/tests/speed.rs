@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::LazyLock;
 
-/// One run of the program, and what it wrote.
+/// One run of the program, and its files.
 struct Run {
     printed: String,
     json: Value,
@@ -48,7 +48,7 @@ fn rows() -> impl Iterator<Item = &'static Value> {
     all.chain(list(&RUN.json, "sheets"))
 }
 
-/// The curve that varies something in one kind of setting.
+/// The errors of the curve named `name` that varies `varied`.
 fn errors(varied: &str, name: &str) -> Vec<f64> {
     let curve = list(&RUN.json, "precision")
         .iter()
@@ -60,15 +60,15 @@ fn errors(varied: &str, name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn the_pressed_cube_s_force_is_the_reference_s_to_four_digits_on_every_path() {
-    // SOFA's, with polar rotations, and an independent program's.
+fn the_pressed_cubes_force_agrees_with_the_reference_to_four_digits_on_every_path() {
+    // References: SOFA with polar rotations, and an independent program.
     for (elements, force) in [(1296, 21.6604), (3072, 21.4799), (6000, 21.3776)] {
         let these: Vec<_> = rows()
             .filter(|row| row["scene"] == "press" && row["elements"] == elements)
             .collect();
         assert!(!these.is_empty(), "{elements}");
         for row in these {
-            // Half of the last digit, and what the damping has left: a fifth of the force, times 1e-7.
+            // Half of the last digit, and the rest of the damping's force: a fifth of the force, times 1e-7.
             let found = number(row, "force");
             assert!((found - force).abs() < 6e-5, "{row}");
         }
@@ -76,22 +76,22 @@ fn the_pressed_cube_s_force_is_the_reference_s_to_four_digits_on_every_path() {
 }
 
 #[test]
-fn strict_solvers_leave_nothing_and_no_solver_what_a_hand_could_tell() {
+fn strict_solvers_are_exact_and_no_solver_errs_noticeably() {
     for row in rows() {
         let path = row["path"].as_str().expect("a name");
         let error = number(row, "solver_error");
         let bound = match path {
             // Newton's method is its own reference.
             "newton 1e-9" => 0.0,
-            // The residual is relative to a guess that is the last step's velocity, the first step's aside; the
-            // force sums it over a face.
+            // The residual is relative to that of a guess, which continues with the velocity of the last step, except
+            // in the first step. The force sums the residual over a face.
             path if path.ends_with("1e-6") || path.ends_with("1e-9") => 1e-6,
             path if path.ends_with("1e-3") => 1e-3,
-            // A single one: enough for slow hands, and about what can be told where a cube is sheared by half its
-            // height in a second.
+            // A single iteration suffices for slow hands. Its error is about the just-noticeable difference where a
+            // cube is sheared by half its height in a second.
             "single 1 it" if row["scene"] == "shear" => 0.2,
             "single 1 it" => 2e-2,
-            // So many iterations: a tenth of what can be told is asked of the scenes here.
+            // A fixed number of iterations: the scenes here require a tenth of the just-noticeable difference.
             _ => 1e-2,
         };
         assert!(error <= bound, "{row}");
@@ -107,13 +107,14 @@ fn one_linearization_a_step_is_far_from_noticeable() {
             continue;
         };
         compared += 1;
-        // Of the order of the square of a step's strain (2 % in these faster motions) for solids; a sheet that is
-        // pressed stiffens by as much within a few steps. A hand tells 10 %.
+        // For solids, the error is of the order of the square of the strain in a step (2 % in these faster motions). A
+        // sheet that is pressed stiffens by as much within a few steps. A hand notices 10 %.
         let frozen = row["path"] == "frozen 1e-6";
         let bound = match row["scene"].as_str() {
             Some("sheet_press") => 1e-2,
-            // Rayleigh's damping takes the stiffness of the step: here without, there with what the turn of strained
-            // cells adds. At half a unit of strain a second that is a fifth of 0.1 s times as much.
+            // Rayleigh damping uses the stiffness of the step. The two steps differ in the part of the stiffness that
+            // the rotation of strained cells adds. At a strain rate of a half per second, this part times 0.1 s is a
+            // fifth.
             Some("shear") if frozen => 2e-2,
             _ => 1e-3,
         };
@@ -123,7 +124,7 @@ fn one_linearization_a_step_is_far_from_noticeable() {
 }
 
 #[test]
-fn more_work_brings_less_error() {
+fn finer_settings_have_smaller_errors() {
     let falling = |errors: &[f64]| errors.windows(2).all(|pair| pair[1] < pair[0]);
     for (varied, name) in [
         ("solver", "assembled, to a tolerance"),
@@ -137,13 +138,13 @@ fn more_work_brings_less_error() {
         let errors = errors(varied, name);
         assert!(errors.len() > 1 && falling(&errors), "{name} {errors:?}");
     }
-    // A tolerance is kept: the force errs by less than ten times as much as the residual's share.
+    // A tolerance holds: the error of the force is below ten times the relative residual.
     let strict = errors("solver", "assembled, to a tolerance");
     assert!(
         strict.last().is_some_and(|error| *error < 1e-7),
         "{strict:?}"
     );
-    // The second-order scheme is ahead of the first-order one at the same steps.
+    // The error of the second-order scheme is smaller than that of the first-order scheme with the same steps.
     let [first, second] = [
         "implicit Euler, Newton's method",
         "TR-BDF2, Newton's method",
@@ -190,8 +191,9 @@ fn every_part_of_the_fast_step_is_counted_and_no_faster_than_the_machine() {
                     let value = number(row, name);
                     assert!(value > 0.0 && value.is_finite(), "{name} {row}");
                 }
-                // Of the peak the best part reaches two fifths: above all of it either the operations are miscounted or
-                // what was measured is not the peak. A shared cache gives what it will, so of bandwidth nothing is said.
+                // The best part reaches two fifths of the peak. A fraction above one would mean that the operations are
+                // miscounted or the measured peak is too low. The bandwidth of a shared cache varies, so the test does
+                // not limit its fraction.
                 assert!(number(row, "share_of_peak") < 1.0, "{row}");
                 let start = format!(
                     "| {body} | {elements} | {precision} | {} | ",
@@ -210,8 +212,8 @@ fn memory_of_the_fast_step_is_bounded() {
     for row in memory {
         let [stepper, body] =
             ["stepper_per_element", "body_per_element"].map(|name| number(row, name));
-        // Two sets of elements, a matrix and two sets of panels, and a factor in double precision of a mesh of this
-        // size; finer ones fill more. A sheet has twice as many unknowns for an element.
+        // Two sets of elements, a matrix and two sets of panels, and a factor in double precision for a mesh of this
+        // size; finer meshes have more fill. A sheet has twice as many unknowns per element.
         let (most, most_of_body) = match row["body"].as_str() {
             Some("cube") => (3000.0, 600.0),
             _ => (8000.0, 1200.0),
@@ -248,7 +250,7 @@ fn every_scene_is_printed_and_written_on_every_path() {
     let head = columns(lines.next().expect("a head"));
     assert!(run.csv.lines().all(|line| columns(line) == head));
     assert_eq!(lines.count(), rows().count());
-    // The other programs' figures stand beside them.
+    // The figures of the other programs are in the same table.
     assert!(
         run.printed
             .contains("| SOFA, fastest, factor refreshed every 50 steps (1e-6) | 6000 | 4.04 | ")

@@ -1,4 +1,4 @@
-//! `palpate stress hold` goes on where it was, shows one cell whole, and writes a cell as a scene.
+//! `palpate stress hold` resumes, prints one complete cell, and writes a cell as a scene.
 
 use std::path::Path;
 use std::process::Command;
@@ -17,7 +17,7 @@ fn the_program_resumes_and_shows_one_cell_whole() {
         let text = String::from_utf8(output.stdout).expect("it prints UTF-8");
         (output.status.code(), text)
     };
-    // A block that passes: its cell alone, of the seventh and eighth.
+    // A block that passes; the shard contains only this cell of the first eight.
     let json = path("cells.jsonl");
     let one = ["stress", "hold", "--runs", "8", "--shard", "8/8"];
     let (code, first) = palpate(&one, &[("--json", &json)]);
@@ -39,10 +39,10 @@ fn the_program_resumes_and_shows_one_cell_whole() {
     assert!(shown.contains("linear: Outcome"), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
     assert!(svg.contains("own along this run"));
-    // A line for each tick, and the head.
+    // One line for each tick, and the head.
     let lines = std::fs::read_to_string(&log).expect("it was logged");
     assert_eq!(lines.lines().count(), 4001);
-    // What was drawn is a scene like any other, and is judged like one.
+    // The drawn cell is a scene like any other, and has the same verdict.
     let (code, judged) = palpate(&["stress", "hold", scene.to_str().expect("a path")], &[]);
     assert_eq!(code, Some(0), "{judged}");
     let (code, _) = palpate(&["plan", scene.to_str().expect("a path")], &[]);

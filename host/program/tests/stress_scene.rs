@@ -1,4 +1,4 @@
-//! `palpate stress scene` goes on where it was, and shows one world whole.
+//! `palpate stress scene` resumes, and prints one complete world.
 
 use std::path::Path;
 use std::process::Command;
@@ -36,7 +36,7 @@ fn the_program_resumes_and_shows_one_world_whole() {
     assert!(shown.contains("linear: Outcome"), "{shown}");
     let svg = std::fs::read_to_string(&plot).expect("it was drawn");
     assert!(svg.contains("net work on the hands (mJ)"));
-    // A line for each tick, and the head.
+    // One line for each tick, and the head.
     let lines = std::fs::read_to_string(&log).expect("it was logged");
     assert_eq!(lines.lines().count(), 4501);
 }

@@ -1,4 +1,4 @@
-//! `palpate stress wall` as a person calls it: shards, a file to resume from, the picture.
+//! `palpate stress wall` from outside: shards, a file from which it resumes, the plot.
 
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -6,10 +6,10 @@ use std::process::Command;
 
 /// Cells 0, 40, 80 and 120 of the quick study's 146: one of the boundary, two of the map and one of a scheme.
 const CELLS: &str = "1/40";
-/// The same in two shares: cells 0 and 80, and cells 40 and 120.
-const SHARES: [&str; 2] = ["1/80", "41/80"];
+/// The same cells in two shards: cells 0 and 80, and cells 40 and 120.
+const SHARDS: [&str; 2] = ["1/80", "41/80"];
 
-/// What the program prints.
+/// The output of the program.
 fn stress_wall(shard: &str, json: &Path, more: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
         .args(["stress", "wall", "--quick", "--shard", shard, "--json"])
@@ -59,7 +59,7 @@ fn cells_and_picture_are_written() {
     ];
     assert_eq!(
         kinds,
-        expected.map(|(cell, what)| (Some(cell), Some(what))).into()
+        expected.map(|(cell, kind)| (Some(cell), Some(kind))).into()
     );
     let svg = text(&plot);
     assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
@@ -74,23 +74,23 @@ fn shards_together_are_the_whole() {
     let whole = folder.path().join("whole.jsonl");
     let printed = stress_wall(CELLS, &whole, &[]);
     let merged = folder.path().join("merged.jsonl");
-    let shares = SHARES.map(|shard| {
+    let texts = SHARDS.map(|shard| {
         let json = folder
             .path()
             .join(format!("{}.jsonl", shard.replace('/', "-")));
         stress_wall(shard, &json, &[]);
         text(&json)
     });
-    std::fs::write(&merged, shares.concat()).expect("they are merged");
+    std::fs::write(&merged, texts.concat()).expect("they are merged");
     assert_eq!(lines(&merged), lines(&whole));
-    // Nothing is left to do, and the tables are the same.
+    // No cell is left to run, and the tables are the same.
     let before = text(&merged);
     assert_eq!(stress_wall(CELLS, &merged, &[]), printed);
     assert_eq!(text(&merged), before);
 }
 
 #[test]
-fn a_run_that_was_cut_off_goes_on_where_it_was() {
+fn an_interrupted_run_resumes() {
     let folder = tempfile::tempdir().expect("a folder");
     let json = folder.path().join("cells.jsonl");
     // On one thread, so that cells are appended in order.
@@ -100,8 +100,8 @@ fn a_run_that_was_cut_off_goes_on_where_it_was() {
     assert_eq!(stress_wall(CELLS, &json, &one), printed);
     assert_eq!(text(&json), written);
 
-    // Killed in the middle of the third line. What stands there is taken as it is: a cell that was computed again
-    // would not have this count of ticks.
+    // The run was killed in the middle of the third line. The lines before it are not computed again: their marked
+    // count of ticks is kept.
     let start = written.find("{\"cell\":80").expect("the third cell");
     let kept = &written[..start];
     let marked = kept.replace("\"spent\":", "\"spent\":1");

@@ -24,17 +24,17 @@ fn text(bytes: &[u8]) -> String {
 /// Whether the run was refused because this system cannot watch system calls.
 fn skipped(output: &Output) -> bool {
     let said = text(&output.stderr);
-    let why = ["the filter of system calls", "system calls can be watched"];
-    let skipped = why.iter().any(|why| said.contains(why));
+    let reasons = ["the filter of system calls", "system calls can be watched"];
+    let skipped = reasons.iter().any(|reason| said.contains(reason));
     if skipped {
-        // Not `eprintln`, which the test harness keeps to itself.
+        // The test harness captures `eprintln`.
         let _ = writeln!(std::io::stderr(), "\n!! SKIPPED: strict runs: {said}");
     }
     skipped
 }
 
 #[test]
-fn the_built_in_scene_keeps_to_the_calls_of_a_strict_run() {
+fn the_built_in_scene_makes_only_allowed_system_calls() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let json = folder.path().join("run.json");
     let output = palpate(&["--strict=syscalls", "--duration", "0.5", "--json"])
@@ -56,8 +56,8 @@ fn the_built_in_scene_keeps_to_the_calls_of_a_strict_run() {
 }
 
 #[test]
-fn without_the_privileges_it_insists_on_it_does_not_start() {
-    // What this account is granted shows without insisting.
+fn a_strict_run_without_its_privileges_does_not_start() {
+    // A run without `--strict` shows the privileges of this account.
     let granted = palpate(&["--duration", "0.05"])
         .output()
         .expect("the program runs");
@@ -79,7 +79,7 @@ fn without_the_privileges_it_insists_on_it_does_not_start() {
 }
 
 #[test]
-fn what_is_about_the_tick_s_thread_needs_the_real_clock() {
+fn options_of_the_ticks_thread_need_the_real_clock() {
     for option in ["--strict", "--core=0", "--priority=50"] {
         let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
             .args(["run", option, "--duration", "0.01"])
@@ -95,7 +95,7 @@ fn what_is_about_the_tick_s_thread_needs_the_real_clock() {
     }
 }
 
-/// What the summary says of the tick's thread, with the notes on what it did not get.
+/// The place of the tick's thread in the summary, and the printed notes on privileges that were not granted.
 fn placed(arguments: &[&str]) -> (Value, String) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let json = folder.path().join("run.json");
@@ -112,20 +112,20 @@ fn placed(arguments: &[&str]) -> (Value, String) {
 }
 
 #[test]
-fn the_summary_says_which_core_and_priority_the_tick_got() {
+fn the_summary_names_core_and_priority_of_the_tick() {
     for (arguments, core, priority) in [
         (&["--core", "0"] as &[_], Some(0), 80),
         (&["--core", "0", "--priority", "7"], Some(0), 7),
         (&["--priority", "99"], None, 99),
     ] {
         let (place, printed) = placed(arguments);
-        let noted = |what: &str| {
+        let noted = |note: &str| {
             printed
                 .lines()
-                .any(|l| l.contains("note ") && l.contains(what))
+                .any(|l| l.contains("note ") && l.contains(note))
         };
-        // Whether the machine gives a core (it may have one only) or a priority is its own affair: what it did not
-        // give is a note, and what it gave is what was asked for.
+        // The machine decides whether it grants a core (it may have one only) or a priority. The summary notes each
+        // privilege that was not granted, and names the requested value of each that was.
         match place["core"].as_u64() {
             Some(got) => {
                 assert!(core.is_none_or(|core| core == got), "{place}");
@@ -146,7 +146,7 @@ fn the_summary_says_which_core_and_priority_the_tick_got() {
 }
 
 #[test]
-fn a_core_that_is_none_is_refused_with_those_that_are() {
+fn an_invalid_core_is_refused_with_a_list_of_the_valid_ones() {
     let online = std::fs::read_to_string("/sys/devices/system/cpu/online");
     for strict in [&[] as &[_], &["--strict=privileges"]] {
         let output = palpate(&["--core", "65535", "--duration", "0.05"])
@@ -161,7 +161,7 @@ fn a_core_that_is_none_is_refused_with_those_that_are() {
                 assert!(said.contains(online.trim()), "{said}");
                 assert!(text(&output.stdout).is_empty());
             }
-            // A system that does not list its cores: the core is tried, and not granted.
+            // A system that does not list its cores: the program tries the core, which is not granted.
             Err(_) => assert_eq!(
                 output.status.code(),
                 Some(i32::from(!strict.is_empty())),
@@ -172,7 +172,7 @@ fn a_core_that_is_none_is_refused_with_those_that_are() {
 }
 
 #[test]
-fn a_priority_that_is_none_is_refused() {
+fn an_invalid_priority_is_refused() {
     for priority in ["0", "100", "-1", "high"] {
         let output = palpate(&["--duration", "0.05", &format!("--priority={priority}")])
             .output()
@@ -186,7 +186,7 @@ fn a_priority_that_is_none_is_refused() {
     }
 }
 
-/// Waits until the program has its tick's thread, so that a signal finds it at work.
+/// Waits until the tick's thread of the program exists, so that a signal arrives while it runs.
 fn wait_for_the_tick(program: &Child) {
     let tasks = format!("/proc/{}/task", program.id());
     let ticking = || {
@@ -201,7 +201,7 @@ fn wait_for_the_tick(program: &Child) {
 }
 
 #[test]
-fn a_signal_ends_a_run_in_order() {
+fn a_signal_ends_a_run_with_a_summary_and_a_finished_log() {
     for (name, number) in [("INT", 2), ("TERM", 15)] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (json, log) = (
@@ -231,15 +231,16 @@ fn a_signal_ends_a_run_in_order() {
         assert_eq!(summary["tick"]["stopped"], Value::Bool(true));
         assert_eq!(summary["failures"], Value::Array(vec![]));
         assert!(text(&output.stdout).contains("stopped"));
-        // A finished log ends with the magic of its format.
+        // A complete log ends with the magic bytes of its format.
         let log = std::fs::read(&log).expect("the log was written");
         assert!(log.ends_with(b"\x89MCAP0\r\n"));
     }
 }
 
 #[test]
-fn a_core_that_the_tick_cannot_have_to_itself_is_a_privilege_not_granted() {
-    // In a thread of its own, with one core only: the program inherits that, and has no other for its other threads.
+fn a_core_shared_with_other_threads_is_a_privilege_not_granted() {
+    // The program inherits the mask of this thread, which has one core only. No other core is left for the other
+    // threads.
     let output = std::thread::spawn(|| {
         use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
         let all = sched_getaffinity(None).expect("a mask");
@@ -261,10 +262,10 @@ fn a_core_that_the_tick_cannot_have_to_itself_is_a_privilege_not_granted() {
     assert!(!text(&output.stdout).contains("ticks"));
 }
 
-/// Name and cores of each thread of a running program, as the system tells.
+/// Name and cores of each thread of a running program, from the system.
 fn threads(program: &Child) -> Vec<(String, String)> {
     let tasks = std::fs::read_dir(format!("/proc/{}/task", program.id()));
-    let told = tasks.into_iter().flatten().filter_map(|task| {
+    let named = tasks.into_iter().flatten().filter_map(|task| {
         let path = task.ok()?.path();
         let name = std::fs::read_to_string(path.join("comm")).ok()?;
         let status = std::fs::read_to_string(path.join("status")).ok()?;
@@ -273,16 +274,16 @@ fn threads(program: &Child) -> Vec<(String, String)> {
             .find_map(|line| line.strip_prefix("Cpus_allowed_list:"))?;
         Some((name.trim().to_owned(), cores.trim().to_owned()))
     });
-    told.collect()
+    named.collect()
 }
 
 #[test]
-fn the_other_threads_keep_off_the_core_that_was_named() {
+fn the_other_threads_do_not_use_the_named_core() {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     if cores < 2 {
         return;
     }
-    // The first core of this test's own mask: the program inherits the mask, so the core is there for it.
+    // The first core of this test's own mask. The program inherits the mask, so it may use the core.
     let status = std::fs::read_to_string("/proc/thread-self/status").expect("Linux tells");
     let own = status
         .lines()

@@ -1,20 +1,20 @@
-//! The running tick makes no system call but the clock's and the sleep: seen from outside, with strace.
+//! The running tick makes no system call but those for the clock and the sleep: observed from outside, with strace.
 //!
-//! The scene's devices are simulated, so not even a device's calls are made. Skipped with a loud line where
-//! there is no strace or it may not trace.
+//! The devices of the scene are simulated, so the tick makes no call to a device either. The test is skipped with a
+//! visible line where strace is missing or may not trace.
 
 use std::fs;
 use std::io::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-/// What may stand between the first sleep and the last.
+/// The system calls that are allowed between the first sleep and the last.
 const ALLOWED: [&str; 2] = [
     "clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, ",
     "clock_gettime(",
 ];
 
-/// Runs the program under strace; the trace of the tick's thread, or why there is none.
+/// Runs the program under strace. Returns the trace of the tick's thread, or the reason why there is none.
 fn trace(folder: &Path) -> Result<String, String> {
     let traced = Command::new("strace")
         .args(["-ff", "-qq", "-o"])
@@ -30,7 +30,7 @@ fn trace(folder: &Path) -> Result<String, String> {
         let path = file.expect("the folder can be listed").path();
         String::from_utf8_lossy(&fs::read(path).expect("the trace can be read")).into_owned()
     });
-    // The thread names itself before anything else.
+    // The thread sets its name before anything else.
     let tick = traces
         .into_iter()
         .find(|trace| trace.contains("\"palpate-tick\""));
@@ -42,15 +42,15 @@ fn trace(folder: &Path) -> Result<String, String> {
 }
 
 #[test]
-fn between_the_first_and_the_last_tick_there_is_only_the_clock_and_the_sleep() {
+fn between_the_first_and_the_last_sleep_there_are_only_allowed_calls() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let trace = match trace(folder.path()) {
         Ok(trace) => trace,
-        Err(why) => {
-            // Not `eprintln`, which the test harness keeps to itself.
+        Err(reason) => {
+            // The test harness captures `eprintln`.
             let _ = writeln!(
                 std::io::stderr(),
-                "\n!! SKIPPED: system calls of the tick: {why}"
+                "\n!! SKIPPED: system calls of the tick: {reason}"
             );
             return;
         }
@@ -70,7 +70,7 @@ fn between_the_first_and_the_last_tick_there_is_only_the_clock_and_the_sleep() {
         strays.len(),
         &strays[..strays.len().min(5)]
     );
-    // A tick that is late does not sleep, and strace makes many late; one in ten is not too much to ask.
+    // A tick that is late does not sleep, and strace makes many ticks late. One in ten is required.
     let count = between.iter().filter(|line| sleeps(line)).count();
     assert!(count >= 50, "{count} sleeps in 500 ticks");
 }

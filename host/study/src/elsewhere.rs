@@ -1,13 +1,13 @@
-//! Figures of other programs, with which studies compare ours. They stand in `data/`, with their sources.
+//! Figures of other programs, with which the studies compare. They are in `data/`, with their sources.
 
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
-/// What other programs take for a step.
+/// Times of other programs for a step.
 pub static SPEED: LazyLock<Speed> = LazyLock::new(|| read(include_str!("../data/speed.toml")));
 
-/// What an independent program computes.
+/// Results of an independent program.
 pub(crate) static ACCURACY: LazyLock<Accuracy> =
     LazyLock::new(|| read(include_str!("../data/accuracy.toml")));
 
@@ -28,7 +28,7 @@ pub struct Speed {
     pub sheets: Vec<Steps>,
 }
 
-/// What one program takes in one setting.
+/// Times of one program with one setting.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Steps {
@@ -37,12 +37,12 @@ pub struct Steps {
     /// Whether the times are 99th percentiles, and not medians.
     #[serde(default)]
     pub p99: bool,
-    /// Whether the times were taken where the calibration was, so that they can be scaled.
+    /// Whether the times were taken on the machine of the calibration, so that they can be scaled.
     #[serde(default = "yes")]
     pub scalable: bool,
     /// Tetrahedra or triangles.
     elements: Vec<usize>,
-    /// Time of a whole step of so many elements (ms).
+    /// Time of a whole step for each number of elements (ms).
     milliseconds: Vec<f64>,
 }
 
@@ -51,24 +51,24 @@ fn yes() -> bool {
 }
 
 impl Steps {
-    /// Each number of elements, and the time of a whole step of as many (s).
+    /// Each number of elements with the time of a whole step (s).
     pub fn times(&self) -> impl Iterator<Item = (usize, f64)> {
         let seconds = self.milliseconds.iter().map(|time| 1e-3 * time);
         self.elements.iter().copied().zip(seconds)
     }
 }
 
-/// Forces and stresses that an independent program computes on the meshes of the study of accuracy.
+/// Forces and stresses of an independent program on the meshes of the accuracy study.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Accuracy {
     pub(crate) cube: Cube,
     pub(crate) strip: Strip,
-    /// Largest stress of each family of plates with a hole, over that applied, from the coarsest mesh on.
+    /// Largest stress of each family of plates with a hole, relative to the applied stress, from the coarsest mesh on.
     pub(crate) kirsch: BTreeMap<String, Vec<f64>>,
 }
 
-/// Forces (N) of the bonded cube pressed by a tenth.
+/// Forces (N) of the bonded cube, compressed by a tenth.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Cube {

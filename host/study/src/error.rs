@@ -1,4 +1,4 @@
-//! Why a study could not be done.
+//! The errors of the studies.
 
 use host::scene::SceneError;
 use physics::mesh::MeshError;
@@ -7,7 +7,7 @@ use physics::mesh::generate_box::BoxError;
 use physics::mesh::generate_plate::PlateError;
 use physics::{BodyError, CondenseError, StepError};
 
-/// Why a study, or a cell of it, could not be done.
+/// Why a study, or a cell of it, could not run.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyError {
     /// A scene cannot be built.

@@ -1,12 +1,12 @@
-//! How well each force scheme bridges the gap between publications.
+//! How well each scheme renders the force between publications.
 //!
-//! The sheet of the built-in scene is simulated with 1 ms steps while both hands follow prescribed paths.
-//! The reference is the wrench of every step, as if each were published. Beside it, couplings with each
-//! scheme get a model only at 30 to 500 Hz and fill in the rest, from the same poses and velocities. What
-//! is measured is therefore the scheme and its blending alone: no device, no latency, no encoder.
+//! The sheet of the built-in scene is simulated with steps of 1 ms while both hands follow prescribed paths. The
+//! reference is the wrench of every step, as if each were published. Couplings with each scheme receive a model at 30
+//! to 500 Hz only, and evaluate it at the same poses and velocities. The study therefore measures the scheme and its
+//! blending alone: there is no device, no latency and no encoder.
 //!
-//! Hands that **pull apart** stretch the sheet; hands that **move together** hold it stretched and carry it
-//! around. Contents reach up to 5 Hz, what a hand can do on purpose.
+//! Hands that **pull apart** stretch the sheet. Hands that **move together** hold the sheet stretched and carry it
+//! around. The motions contain frequencies up to 5 Hz, the limit of voluntary motion.
 
 use crate::StudyError;
 use host::bodies::{self, Built};
@@ -18,14 +18,14 @@ use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec
 use serde::Serialize;
 use sim::minimum_jerk;
 
-/// Length of a physics step, which is also the tick (s).
+/// Length of a physics step, and the period of the tick (s).
 const STEP: f64 = 1e-3;
-/// Time before which nothing is measured: hands and couplings settle (s).
+/// Time in which hands and couplings settle, before the measurement (s).
 const SETTLE: f64 = 1.0;
-/// Publication rates that are compared (Hz).
+/// Publication rates (Hz).
 pub const RATES: [f64; 5] = [30.0, 60.0, 125.0, 250.0, 500.0];
 
-/// What the hands do.
+/// The motion of the hands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
@@ -41,7 +41,7 @@ impl Motion {
         let (ramp, _) = minimum_jerk(t / SETTLE);
         let sine = |f: f64, phase: f64| libm::sin(std::f64::consts::TAU * f * t + phase);
         match self {
-            // 4 to 12 mm of stretch a hand, most of it slow, a little at 4.7 Hz.
+            // 4 to 12 mm of stretch a hand, mostly slow, with a small part at 4.7 Hz.
             Self::Apart => {
                 let x =
                     8e-3 + 3e-3 * sine(0.6, 0.0) + 1e-3 * sine(2.1, 1.0) + 0.3e-3 * sine(4.7, 2.0);
@@ -62,13 +62,13 @@ impl Motion {
 /// One cell of the table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cell {
-    /// What the hands do.
+    /// The motion of the hands.
     pub motion: Motion,
-    /// How often a model was published (Hz).
+    /// Publication rate (Hz).
     pub rate: f64,
     /// The scheme's name.
     pub scheme: &'static str,
-    /// Share of a publication period over which a new model takes over.
+    /// Fraction of a publication period over which a new model blends in.
     pub blend: f64,
     /// Root mean square error of the force on a hand (N), over both hands.
     pub rms: f64,
@@ -76,19 +76,19 @@ pub struct Cell {
     pub worst: f64,
 }
 
-/// What the study found.
+/// The results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Extrapolation {
     /// `palpate.extrapolation/1`.
     pub schema: &'static str,
     /// Largest force on a hand while they pull apart, and while they move together (N).
     pub peak: [f64; 2],
-    /// Spring and damper of the scheme `thesis` (N/m, N s/m): the sheet's own at 60 Hz.
+    /// Spring and damper of the scheme `thesis` (N/m, N s/m): stiffness and damping of the sheet at 60 Hz.
     pub thesis_gains: [f64; 2],
-    /// For each rate (Hz), `|sum_j K_ij|` along x (N/m): how much the published stiffness resists hands that
-    /// move together. Zero in the static limit.
+    /// For each rate (Hz), `|sum_j K_ij|` along x (N/m): the published stiffness for hands that move together. Zero in
+    /// the static limit.
     pub rigid_stiffness: Vec<(f64, f64)>,
-    /// Largest share that clipping to semidefinite took, of the largest eigenvalue.
+    /// Largest fraction of the largest eigenvalue that clipping to semidefinite removed.
     pub worst_clip: f64,
     /// All cells.
     pub cells: Vec<Cell>,
@@ -116,8 +116,7 @@ struct Rival {
     worst: f64,
 }
 
-/// Runs the study over `duration` seconds of motion, at these rates and blends. `progress` is given the
-/// share done.
+/// Runs the study over `duration` seconds of motion, at these rates and blends. `progress` receives the fraction done.
 ///
 /// # Errors
 /// [`StudyError`].
@@ -162,7 +161,7 @@ pub fn run(
                 }
             }
         }
-        let report = |share: f64| progress(0.5 * (half as f64 + share));
+        let report = |fraction: f64| progress(0.5 * (half as f64 + fraction));
         let race = race(&loaded, motion, duration, rates, &mut rivals, report)?;
         found.peak[half] = race.peak;
         found.worst_clip = found.worst_clip.max(race.worst_clip);
@@ -184,7 +183,7 @@ fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
         scheme,
         period: STEP,
         blend,
-        // Models are never late here; trust is full long before anything is measured.
+        // Models are never late here, and the trust is one long before the measurement.
         age_limit: 1.0,
         decay: 0.1,
         recovery: 0.1,
@@ -193,7 +192,7 @@ fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
     }
 }
 
-/// What a race found besides the rivals' own errors.
+/// The results of a race, except for the errors of its couplings.
 struct Race {
     peak: f64,
     worst_clip: f64,
@@ -214,13 +213,13 @@ fn race(
         handles,
         ..
     } = bodies::build(loaded, 0)?;
-    // Far tighter than any error that is measured.
+    // Far tighter than any measured error.
     sheet.set_budget(Budget {
         tolerance: 1e-9,
         absolute_tolerance: 1e-10,
         max_iterations: 10_000,
     })?;
-    // One each: a model's drift needs the one before.
+    // One condenser for each rate, because the drift of a model needs the previous model.
     let condensers: Result<Vec<_>, _> = rates.iter().map(|_| Condenser::new(&sheet)).collect();
     let mut condensers = condensers?;
     let steps = (duration / STEP).round() as u64;
@@ -252,7 +251,7 @@ fn race(
         let hands: Vec<(Pose, Twist)> = model.handles().map(|h| (h.pose, h.twist)).collect();
 
         for (index, rate) in rates.iter().enumerate() {
-            // At the first step at or after each multiple of the period.
+            // A publication is due at the first step at or after each multiple of the period.
             let due = (t * rate * (1.0 + 1e-12)) as u64;
             if due == published[index] {
                 continue;
@@ -265,7 +264,7 @@ fn race(
             fill_blocks(&mut model, condensed);
             model.period = 1.0 / rate;
             for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
-                // Sound by construction; a refusal would show as an error that grows.
+                // The coupling accepts any sound model. A refusal would appear as a growing error.
                 let _ = rival.coupling.accept(&model);
             }
         }
@@ -291,8 +290,8 @@ fn race(
     Ok(race)
 }
 
-/// The best that equation 4.5 can be given: the sheet's own stiffness and damping along the pull, as the
-/// left hand feels it at 60 Hz.
+/// The best constants for equation 4.5: stiffness and damping of the sheet along the pull, as the left hand meets them
+/// at 60 Hz.
 fn thesis_gains(loaded: &LoadedScene) -> Result<[f64; 2], StudyError> {
     let condenser = bodies::condense::<StudyError>(loaded, 0, 1.0 / 60.0)?;
     let condensed = condenser.condensed();

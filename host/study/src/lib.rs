@@ -1,4 +1,4 @@
-//! Experiments whose figures the book quotes. Each can be run again with `palpate bench` or `palpate stress`.
+//! Experiments whose figures the book quotes. `palpate bench` or `palpate stress` repeats each of them.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;

@@ -1,4 +1,4 @@
-//! The figures of `palpate bench accuracy`, on its coarse meshes, held to what theory promises.
+//! The figures of `palpate bench accuracy` on its coarse meshes, compared with theory.
 
 use std::sync::LazyLock;
 use study::Level;
@@ -11,7 +11,7 @@ fn series(name: &str) -> &'static Series {
     FOUND.get(name).expect("the study has the series")
 }
 
-/// Order at which the error fell last.
+/// Order of convergence at the finest mesh.
 fn order(name: &str) -> f64 {
     let last = series(name).finest().expect("it has points");
     last.order.expect("it has an order")
@@ -26,7 +26,7 @@ fn errors(name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn the_stress_at_a_hole_is_the_independent_program_s_and_converges() {
+fn the_stress_at_a_hole_is_that_of_an_independent_program_and_converges() {
     for name in [
         "kirsch_graded_1.15",
         "kirsch_graded_1.3",
@@ -35,17 +35,18 @@ fn the_stress_at_a_hole_is_the_independent_program_s_and_converges() {
     ] {
         for point in &series(name).points {
             let other = point.independent.expect("it is known for every mesh");
-            // The sheet's law is nonlinear: of the order of the strain at the hole, 3e-7, and of stress times
-            // stretches; positions resolve strains to 1e-16 over the smallest cell over 1e-7.
+            // The law of the sheet is nonlinear, which changes the stress by a fraction of the order of the strain at
+            // the hole, 3e-7, times the stretch. Positions resolve a strain of 1e-7 to 1e-16 over the size of the
+            // smallest cell.
             assert!((point.ours / other - 1.0).abs() < 2e-6, "{name} {point:?}");
         }
     }
-    // A published figure of these gradings: 1.2, 0.9 and 0.5 % low at 1.4, 1.9 and 3.3 thousand triangles.
+    // Published figures of these gradings: 1.2, 0.9 and 0.5 % low at 1.4, 1.9 and 3.3 thousand triangles.
     for (error, expected) in errors("kirsch_graded_1.15")
         .iter()
         .zip([0.012, 0.009, 0.005])
     {
-        // To the digits given.
+        // To the published digits.
         assert!((error + expected).abs() < 6e-4, "{error}");
     }
     for name in ["kirsch_graded_1.15", "kirsch_graded_1.3"] {
@@ -59,27 +60,29 @@ fn the_stress_at_a_hole_is_the_independent_program_s_and_converges() {
 
 #[test]
 fn cook_s_membrane_converges_and_only_linear_tetrahedra_lock() {
-    // Smooth solutions converge with the square of the size; the held corner costs some of it.
+    // For smooth solutions the convergence is of second order; the singularity at the held corner reduces the order.
     assert!(order("cook_sheet") > 1.8, "{}", order("cook_sheet"));
     assert!(errors("cook_sheet").iter().all(|error| *error < 0.0));
-    // One percent is what 32 cells of constant strain give elsewhere, too.
+    // Other programs' triangles of constant strain have an error of one percent with 32 cells, too.
     assert!(errors("cook_sheet")[2] > -0.01);
     assert!(errors("cook_quadratic")[1] > -0.005);
-    // Nearly incompressible: below a third, whatever the mesh, against two percent.
+    // Nearly incompressible linear tetrahedra are below a third of the deflection on any mesh; quadratic tetrahedra err
+    // by two percent.
     let (linear, quadratic) = (
         errors("cook_incompressible_linear"),
         errors("cook_incompressible_quadratic"),
     );
     assert!(linear.iter().all(|error| *error < -2.0 / 3.0), "{linear:?}");
     assert!(quadratic[2].abs() < 0.025, "{quadratic:?}");
-    // The corner's singularity, not the elements, sets this order.
+    // The singularity at the corner, not the elements, determines this order.
     assert!(order("cook_incompressible_quadratic") > 1.4);
 }
 
 #[test]
-fn sheets_bend_as_thin_plates_where_diagonals_are_alike() {
+fn sheets_with_parallel_diagonals_bend_as_thin_plates() {
     for name in ["strip_end", "strip_press", "strip_wide", "plate"] {
-        // A clamp's and a border's edge have no fold of their own: an error of the order of a cell.
+        // The edges of a clamp and of a border have no hinge of their own: an error of first order in the size of a
+        // cell.
         let found = order(name);
         assert!((found - 1.0).abs() < 0.08, "{name} {found}");
         assert!(
@@ -93,13 +96,13 @@ fn sheets_bend_as_thin_plates_where_diagonals_are_alike() {
         "strip_wide_moved",
         "plate_moved",
     ] {
-        // What the vertices' places add falls more slowly.
+        // The error due to the places of the vertices falls more slowly.
         assert!(order(name) > 0.8, "{name} {}", order(name));
     }
-    // Known, and the reason for stating the cut beside every figure on bending: alternating diagonals converge
-    // to a plate that is far too soft. Whoever mends this will want to know by this line.
+    // A known limitation, and the reason why every figure on bending states the cut: with alternating diagonals, the
+    // deflection converges to that of a plate that is far too soft. This line fails when the limitation is removed.
     assert!(errors("plate_alternating")[2] > 0.5);
-    // A quadratic tetrahedron's strain is linear: deflections of a beam converge with its square at least.
+    // The strain of a quadratic tetrahedron is linear: deflections of a beam converge at least with the second order.
     assert!(
         order("strip_quadratic") > 1.9,
         "{}",
@@ -109,22 +112,22 @@ fn sheets_bend_as_thin_plates_where_diagonals_are_alike() {
 }
 
 #[test]
-fn strips_pull_as_their_law_says() {
-    // Exact, to Newton's 1e-9 of the forces that balance.
+fn strips_pull_as_their_law_predicts() {
+    // Exact, to Newton's 1e-9 of the balanced forces.
     for name in ["strip_corotational", "strip_stvk"] {
         assert!(errors(name)[0].abs() < 1e-8, "{name} {:?}", errors(name));
     }
-    // Half of the last digit that the other program gives.
+    // Half of the last digit of the other program's figure.
     assert!((series("strip_clamped").points[0].ours - 8.138_05).abs() < 0.5e-5);
 }
 
 #[test]
-fn errors_fall_with_the_square_and_the_cube_of_the_element() {
+fn linear_elements_converge_with_order_two_and_quadratic_ones_with_three() {
     let (linear, quadratic) = (
         order("manufactured_linear"),
         order("manufactured_quadratic"),
     );
-    // The error's next term is some percent of the first on these meshes.
+    // The next term of the error is some percent of the first term on these meshes.
     assert!((linear - 2.0).abs() < 0.1, "{linear}");
     assert!((quadratic - 3.0).abs() < 0.1, "{quadratic}");
 }
@@ -132,9 +135,10 @@ fn errors_fall_with_the_square_and_the_cube_of_the_element() {
 #[test]
 fn near_incompressibility_locks_linear_elements_and_not_quadratic_ones() {
     let (linear, quadratic) = (errors("locking_linear"), errors("locking_quadratic"));
-    // From nu = 0.3 to 0.4999 the beam's own deflection hardly changes.
+    // From nu = 0.3 to 0.4999 the exact deflection hardly changes.
     assert!(1.0 + linear[1] < 0.05 * (1.0 + linear[0]), "{linear:?}");
-    // The held end, which may not contract, costs a share of the order of nu^2 times the slenderness.
+    // The held end, which may not contract, changes the deflection by a fraction of the order of nu^2 times the
+    // slenderness.
     assert!(
         1.0 + quadratic[1] > 0.9 * (1.0 + quadratic[0]),
         "{quadratic:?}"
@@ -143,16 +147,16 @@ fn near_incompressibility_locks_linear_elements_and_not_quadratic_ones() {
 }
 
 #[test]
-fn a_bonded_cube_presses_back_as_an_independent_program_says() {
+fn the_force_of_a_bonded_cube_is_that_of_an_independent_program() {
     for name in ["cube_linear", "cube_corotational"] {
         for point in &series(name).points {
             let other = point.independent.expect("it is known for every mesh");
-            // Half of the last of eight digits, and Newton's residual.
+            // Half of the last of eight digits, and the residual of Newton's method.
             assert!((point.ours - other).abs() < 1e-6, "{name} {point:?}");
         }
         assert!(errors(name)[1] < errors(name)[0]);
     }
-    // Cells twice as wide as the linear ones' hold as many vertices, and err less than half as much.
+    // Quadratic cells that are twice as wide as the linear ones have as many vertices, and less than half of the error.
     let (linear, quadratic) = (errors("cube_linear"), errors("cube_quadratic"));
     assert!(quadratic[0] > 0.0 && quadratic[0] < 0.5 * linear[0]);
 }
@@ -160,30 +164,30 @@ fn a_bonded_cube_presses_back_as_an_independent_program_says() {
 #[test]
 fn time_schemes_have_the_order_they_state() {
     let (euler, second) = (order("time_implicit_euler"), order("time_tr_bdf2"));
-    // The reference's own steps are 8 times shorter: it takes a sixty-fourth of the error.
+    // The steps of the reference are 8 times shorter, so its error is a sixty-fourth.
     assert!((euler - 1.0).abs() < 0.05, "{euler}");
     assert!((second - 2.0).abs() < 0.05, "{second}");
 }
 
 #[test]
-fn a_local_model_foretells_one_step_exactly_and_with_its_drift_a_steady_motion() {
+fn a_local_model_predicts_one_step_exactly_and_with_its_drift_a_steady_motion() {
     let found = &FOUND.local_models;
-    // The linear solver's 1e-12, and its matrix's condition.
+    // The linear solver's 1e-12, times the condition of its matrix.
     assert!(found.exactness < 1e-9, "{:e}", found.exactness);
     for cell in found
         .predictions
         .iter()
         .filter(|cell| cell.motion == "steady")
     {
-        // With the drift all is foretold but what a second derivative would bring.
+        // With the drift, the error is of second order in time.
         assert!(cell.error < 0.02, "{cell:?}");
-        // Without it the model of a short period takes steady motion for news, of a body that has not had
-        // the time to answer: stiffer than it is.
+        // Without the drift, the model of a short period attributes the steady motion to the displacement of the hand,
+        // and is too stiff: it is condensed for a body that has no time to respond.
         if cell.period < 2.5e-3 {
             assert!(cell.error_without_drift > 10.0 * cell.error, "{cell:?}");
         }
     }
-    // After a jump of the velocity, worse than nothing nowhere.
+    // After a jump of the velocity, the model is better than none in every case.
     assert!(
         found
             .predictions

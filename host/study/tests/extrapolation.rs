@@ -1,5 +1,5 @@
-//! The force between publications, against physics with the same steps that publishes every step. The whole
-//! table is `palpate bench extrapolation`; here a short run at 60 Hz guards what the book promises.
+//! The force between publications, compared with physics of the same steps that publishes every step.
+//! `palpate bench extrapolation` prints the whole table. Here a short run at 60 Hz checks the claims of the book.
 
 use study::extrapolation::{Motion, run};
 
@@ -14,13 +14,13 @@ fn linear_bridges_the_gap_at_60_hz() {
         "pulling apart: linear {linear} N, hold {hold} N"
     );
 
-    let share = rms(Motion::Together, "linear") / found.peak[0];
+    let fraction = rms(Motion::Together, "linear") / found.peak[0];
     assert!(
-        share < 0.01,
-        "moving together: {share} of the pulling-apart peak {}",
+        fraction < 0.01,
+        "moving together: {fraction} of the pulling-apart peak {}",
         found.peak[0]
     );
 
-    // Element tangents are clipped to semidefinite, so nothing is left to clip but rounding.
+    // Element tangents are clipped to semidefinite matrices, so the condensed matrix is clipped by rounding only.
     assert!(found.worst_clip < 1e-9, "{}", found.worst_clip);
 }

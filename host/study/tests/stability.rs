@@ -1,9 +1,9 @@
-//! The quick part of `palpate bench stability`: all of it passes.
+//! The quick part of `palpate bench stability`: every case passes.
 
 use study::Level;
 use study::stability::{self, Family, Report, Verdict};
 
-/// Families of elastic motion; the rest is in [`STARTS`] and [`ENDS`]. In three, to run side by side.
+/// Families of elastic motion. The other families are in [`STARTS`] and [`ENDS`]. The three lists run side by side.
 const MOTION: [&str; 6] = [
     "materials and steps",
     "hard kicks",
@@ -44,13 +44,13 @@ fn no_family_is_left_out() {
 }
 
 #[test]
-fn bodies_in_motion_make_no_energy() {
+fn bodies_in_motion_gain_no_energy() {
     let families = run(&MOTION);
-    // Every one of these has a figure that is held to a limit.
+    // The figure of every case in these families has a limit.
     for family in &families {
         assert_eq!(family.count(Verdict::Pass), family.cases.len());
     }
-    // The bound is what keeps the hard kicks in theirs.
+    // The guard keeps the hard kicks within their limit.
     let damped = |family: &Family| -> usize {
         let cases = family.cases.iter();
         cases.map(|case| case.account.damped).sum()
@@ -59,7 +59,7 @@ fn bodies_in_motion_make_no_energy() {
 }
 
 #[test]
-fn bodies_inside_out_recover_as_their_law_promises() {
+fn inverted_bodies_recover_if_their_law_guarantees_it() {
     for family in &run(&STARTS[..2]) {
         let of = |law: &str, body: &str| {
             let these = family.cases.iter();
@@ -70,7 +70,7 @@ fn bodies_inside_out_recover_as_their_law_promises() {
         };
         let recovered = of("stable neo-Hookean", "linear tetrahedra");
         assert!(!recovered.is_empty() && recovered.iter().all(|case| case.figure == 0.0));
-        // And it does not come of itself: this law's cells like it inside out.
+        // Recovery is a property of the law: the St. Venant-Kirchhoff law has equilibria with inverted cells.
         let stuck = of("St. Venant-Kirchhoff", "linear tetrahedra");
         assert!(stuck.iter().any(|case| case.figure > 0.0));
     }

@@ -1,4 +1,5 @@
-//! The study of holds: its cells repeat, its limits let the body itself pass, and it finds a scheme that is not the body.
+//! The study of holds: its cells are reproducible, its limits accept the body's own force, and it detects a scheme that
+//! renders another force.
 
 use host::scene::spec::SchemeName;
 use study::stress::hold::draw::Kind;
@@ -7,7 +8,7 @@ use study::stress::hold::{CASES, CellResult, SCHEMES, Study};
 use study::stress::scene::measure::Outcome;
 
 const SEED: u64 = 1;
-/// The first cell that is drawn.
+/// The first drawn cell.
 const FIRST: u64 = CASES.len() as u64;
 
 fn run(cell: u64, scheme: SchemeName, name: &str) -> (CellResult, Outcome) {
@@ -27,25 +28,26 @@ fn a_cell_is_a_function_of_its_number() {
 }
 
 #[test]
-fn a_linear_hold_is_the_bodys_own_for_every_specimen() {
+fn the_hold_under_linear_is_the_bodys_own_for_every_specimen() {
     for cell in FIRST..FIRST + Kind::ALL.len() as u64 {
         let (found, outcome) = run(cell, SchemeName::Linear, "linear");
         println!("{cell} {:?} {outcome:?}", found.draw);
-        // The model is the body linearized where the hand rests: what is left is how the copy takes over the encoder's
-        // offset, and what the smoothed path of a trembling hand is behind.
+        // The model is the body linearized at the place of the resting hand. The remaining error is that of the
+        // filtered encoder offset of the copy, and the lag of the smoothed path of a trembling hand.
         assert!(outcome.felt.hold_error < 0.002, "cell {cell}: {outcome:?}");
         assert!(outcome.capped == 0.0, "cell {cell}");
     }
 }
 
 #[test]
-fn a_scheme_that_is_not_the_body_is_found() {
+fn a_scheme_that_renders_another_force_is_detected() {
     let corotational = FIRST + 1;
-    // Felt through a spring: too soft.
+    // The virtual coupling makes the body softer.
     let (found, outcome) = run(corotational, SchemeName::Proxy, "proxy");
     assert!(failures(&found, "proxy").contains(&Failure::Hold));
     assert!(outcome.felt.hold_error > 0.05, "{outcome:?}");
-    // The force of the last step, held until the next: the run is off, and on a stiff body it throws the hand about.
+    // The force of the last publication, held until the next one: the error of the run is large, and on a stiff body
+    // the force throws the hand.
     let stiff = (FIRST..FIRST + 100)
         .filter(|cell| {
             let draw = Study::new(SEED).draw(*cell).expect("it is drawn");
@@ -62,9 +64,9 @@ fn a_scheme_that_is_not_the_body_is_found() {
 }
 
 /// The quick part: the cases, and each specimen on each device. A strip that swings faster than its host publishes is
-/// beyond every scheme: there `linear` is beyond the same limits, and is no measure for what is within them.
+/// too fast for every scheme. There `linear` exceeds the same limits, and is no reference for the other limits.
 #[test]
-fn capped_is_the_body_for_every_specimen_on_every_device() {
+fn capped_renders_the_body_for_every_specimen_on_every_device() {
     let failing: Vec<_> = (FIRST..FIRST + 54)
         .map(|cell| (cell, Study::new(SEED).cell(cell, &SCHEMES)))
         .filter_map(|(cell, found)| {

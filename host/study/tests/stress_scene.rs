@@ -1,4 +1,5 @@
-//! The scene study: its cells repeat, its reference is passive, and it tells a sound scheme from an unsound one.
+//! The study of scenes: its cells are reproducible, its reference is passive, and it distinguishes a sound scheme from
+//! an unsound one.
 
 use host::scene::spec::SchemeName;
 use host::scene::{LoadedScene, Scene};
@@ -23,7 +24,7 @@ fn cell(rate: f64, trouble: Trouble) -> u64 {
 
 fn outcome(study: &Study, cell: u64, scheme: SchemeName) -> Outcome {
     let (draw, reference, runs) = study.traces(cell, &[scheme]).expect("it runs");
-    // The reference is stable, and gives nothing but what it was given. Its physics is held between ticks: 1 uJ.
+    // The reference is stable and passive. Its force is constant between ticks, which costs up to 1 uJ.
     assert!(reference.stillness().ripple < 1e-3);
     assert!(reference.net_energy() < 1e-6, "{}", reference.net_energy());
     Outcome::of(&runs[0], &reference, &draw)
@@ -41,7 +42,7 @@ fn a_cell_is_a_function_of_its_number() {
 }
 
 #[test]
-fn capped_hands_come_to_rest_and_get_nothing_that_they_did_not_give() {
+fn hands_under_capped_come_to_rest_without_net_energy() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
     for (rate, trouble) in [
         (20.0, Trouble::Nothing),
@@ -60,14 +61,15 @@ fn capped_hands_come_to_rest_and_get_nothing_that_they_did_not_give() {
 }
 
 #[test]
-fn a_hold_after_a_device_came_back_is_as_stiff_as_the_body() {
+fn a_hold_after_the_return_of_a_device_is_as_stiff_as_the_body() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
-    // The lightest of hands; its proxy once followed whole while the force came back, and the hold was soft for good.
+    // The lightest hands. The proxy once followed with its full displacement while the force returned, and the hold
+    // stayed soft.
     let lightest = 576;
     let draw = Draw::new(SEED, lightest, 2);
     assert!(draw.vanishing.is_some() && draw.grips.iter().any(|grip| grip.mass < 0.11));
     let found = outcome(&study, lightest, SchemeName::Capped);
-    // The count of 38 um in 4 mm, and what the blends of 60 Hz are behind.
+    // The count of 38 um in 4 mm, and the lag of the blends at 60 Hz.
     assert!(
         found.stiffness_error < 0.01 && found.error < 0.02,
         "{found:?}"
@@ -75,26 +77,29 @@ fn a_hold_after_a_device_came_back_is_as_stiff_as_the_body() {
 }
 
 #[test]
-fn nobody_is_blamed_for_what_no_tick_can_know() {
+fn the_time_before_the_first_softened_model_does_not_count() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
     let cell = cell(60.0, Trouble::Softening);
     let (draw, reference, runs) = study.traces(cell, &[SchemeName::Linear]).expect("it runs");
     let softening = draw.softening.expect("it softens");
     let unaware = runs[0].unaware;
     assert_eq!(unaware.at, softening.at);
-    // The step in which it softens, the next publication, its latency, and the tick after it.
+    // The step in which the body softens, the next publication, its latency, and the tick after its arrival.
     let longest = 1e-3 + 1.0 / draw.rate + draw.latency + 1e-3;
     assert!((draw.latency..longest).contains(&unaware.duration));
     let found = Outcome::of(&runs[0], &reference, &draw);
-    let aware = found.error_aware.expect("it was told in time");
-    // What is left is the hand, which felt the old force meanwhile and is not where that of the reference is.
+    let aware = found
+        .error_aware
+        .expect("the tick received a softened model in time");
+    // The remaining error is due to the hand: it was under the old force meanwhile, and its place differs from that in
+    // the reference.
     assert!(aware < 0.8 * found.error, "{found:?}");
 }
 
 #[test]
-fn a_model_that_comes_every_tick_and_at_once_renders_the_reference() {
+fn a_model_in_every_tick_without_latency_renders_the_reference() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
-    // Of the fast and untroubled hosts the one that is least late.
+    // The least latency among the fast hosts without faults.
     let quick = |cell: &u64| {
         let draw = Draw::new(SEED, *cell, 2);
         draw.rate == 1000.0 && draw.trouble == Trouble::Nothing
@@ -107,19 +112,19 @@ fn a_model_that_comes_every_tick_and_at_once_renders_the_reference() {
     assert!(latency(&found) < 1e-5);
     let linear = outcome(&study, found, SchemeName::Linear);
     println!("{linear:?}");
-    // A tick or two late, and blended over two: hands of 5 Hz move by a hundredth of their way meanwhile.
+    // The model is a tick or two late and blends over two: hands of 5 Hz move by a hundredth of their travel meanwhile.
     assert!(linear.error < 0.02);
-    // The body rests: what is left is the encoder's count of 38 um in 10 mm.
+    // The body is at rest: the remaining error is the encoder's count of 38 um in 10 mm.
     assert!(linear.stiffness_error < 0.005);
 }
 
 #[test]
-fn a_held_force_makes_energy_where_a_linear_model_makes_none() {
+fn a_held_force_generates_energy_and_a_linear_model_none() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
     let cell = cell(20.0, Trouble::Nothing);
     let held = outcome(&study, cell, SchemeName::Hold);
     let linear = outcome(&study, cell, SchemeName::Linear);
-    // The study of multirate schemes found joules at 20 Hz.
+    // Under `hold` the net energy at 20 Hz is of the order of joules.
     assert!(!held.bounded && held.net_energy > 0.1, "{held:?}");
     assert!(linear.bounded && linear.net_energy < 1e-3, "{linear:?}");
 }

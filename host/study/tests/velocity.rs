@@ -1,4 +1,4 @@
-//! What `palpate bench velocity` says for the estimate that drivers use, and against the others.
+//! The results of `palpate bench velocity` for the estimate of the drivers, compared with the other estimates.
 
 use rt_core::velocity::{Method, VelocityEstimator, most_damping};
 use std::sync::LazyLock;
@@ -14,16 +14,16 @@ fn of(method: &str) -> &'static Mean {
 }
 
 #[test]
-fn drivers_use_what_errs_least_among_those_as_quick() {
+fn the_drivers_estimate_errs_least_among_the_equally_fast() {
     let used = CANDIDATES[1];
     assert_eq!((used.at)(1e-3), Method::BestFit { window: 4 });
     let ours = of(used.name);
-    // Two milliseconds, as the low-pass of 80 Hz.
+    // Two milliseconds, as for the low-pass of 80 Hz.
     assert!((ours.delay - 2e-3).abs() < 1e-12);
     for mean in &FOUND.means {
         let quick = mean.delay < 1.05 * ours.delay;
-        // Filters of acceleration have no lag where velocity grows steadily, and overshoot: little
-        // damping is stable.
+        // Filters with a state of acceleration have no lag for a velocity that grows steadily, but they overshoot: only
+        // little damping is stable.
         let bears = mean.stable > 0.75 * ours.stable;
         if quick && bears {
             assert!(mean.all >= ours.all, "{mean:?}");
@@ -32,20 +32,20 @@ fn drivers_use_what_errs_least_among_those_as_quick() {
 }
 
 #[test]
-fn the_estimate_in_use_is_better_than_the_filter_it_replaced() {
+fn the_drivers_estimate_is_better_than_the_filter_before_it() {
     let (old, ours) = (of("low-pass, 80 Hz"), of("best fit, 4 ms"));
-    // Press, rub, hand, tap: 18, 29, 25, 47 % less.
+    // Press, rub, hand, tap: 18, 29, 25 and 47 % less.
     for (k, least) in [0.15, 0.25, 0.2, 0.4].into_iter().enumerate() {
         let gain = 1.0 - ours.rms[k] / old.rms[k];
         assert!(gain > least, "{:?}: {gain}", Motion::ALL[k]);
     }
-    // Held at a boundary of counts: a twentieth more.
+    // In a hold at a boundary of counts: a twentieth more.
     assert!(ours.rms[4] < 1.1 * old.rms[4]);
     assert!(ours.chatter < 0.9 * old.chatter);
 }
 
 #[test]
-fn every_device_stands_the_damping_that_is_allowed() {
+fn the_allowed_damping_is_stable_on_every_device() {
     for (device, model) in sim::DeviceModel::all() {
         for row in FOUND.rows.iter().filter(|row| row.device == device) {
             if row.method != "best fit, 4 ms" {

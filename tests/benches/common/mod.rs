@@ -1,23 +1,23 @@
-//! What the benchmarks share: a clock that counts this thread alone, and medians with their spread.
+//! Common parts of the benchmarks: a clock that counts this thread alone, and medians with their spread.
 #![allow(dead_code)]
 
 use rustix::time::{ClockId, clock_gettime};
 use std::fmt;
 
-/// Whether to print the tables that stand beside divan's. Only a plain `cargo bench` does: with a filter
-/// or any other argument divan alone runs, and a test run takes no times.
+/// Whether to print the tables beside divan's. Only a plain `cargo bench` prints them: with a filter or any other
+/// argument divan runs alone, and a test run measures no times.
 pub(crate) fn tables_wanted() -> bool {
     std::env::args().skip(1).eq(["--bench"])
 }
 
-/// Processor time of this thread (s): what other programs take meanwhile does not count. Reading it takes
-/// a system call, some 0.3 us.
+/// Processor time of this thread (s). The time of other programs is not included. A reading takes a system call, some
+/// 0.3 us.
 pub(crate) fn cpu_time() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
 
-/// Processor time of `body` (s), with what it returns.
+/// Processor time of `body` (s), and the result of `body`.
 pub(crate) fn timed<R>(body: impl FnOnce() -> R) -> (f64, R) {
     let start = cpu_time();
     let result = body();
@@ -33,13 +33,13 @@ pub(crate) struct Spread {
 }
 
 impl Spread {
-    /// Of any number of values; not a number where there are none.
+    /// The spread of `values`; not a number if there are none.
     pub(crate) fn of(mut values: Vec<f64>) -> Self {
         values.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| {
+        let at = |fraction: f64| {
             let last = values.len().saturating_sub(1) as f64;
             values
-                .get((share * last).round() as usize)
+                .get((fraction * last).round() as usize)
                 .copied()
                 .unwrap_or(f64::NAN)
         };
@@ -50,7 +50,7 @@ impl Spread {
         }
     }
 
-    /// In a unit that is `factor` times smaller.
+    /// The spread in a unit that is `factor` times smaller.
     pub(crate) fn times(&self, factor: f64) -> Self {
         Self {
             p10: self.p10 * factor,

@@ -10,22 +10,22 @@ use physics::{Body, Budget, HandlePose, Material, SolveReport, Vec3};
 
 /// Measured steps.
 const COUNT: usize = 100;
-/// Iterations that stop nothing.
+/// A number of iterations that no solve reaches.
 const ENDLESS: usize = 10_000;
 
-/// A way to stop the solver, and what it came to.
+/// A stopping criterion of the solver, and its results.
 struct Row {
     name: &'static str,
     budget: Budget,
-    /// Steps from where the reference stood, so that each is a step from the same state for all rows.
+    /// Times of steps from the state of the reference, so that all rows start from the same state.
     times: Vec<f64>,
     iterations: Vec<f64>,
     residuals: Vec<f64>,
     /// Largest force error of one such step (N).
     step_error: f64,
-    /// Goes its own way: every step starts from what the one before left.
+    /// The body after the row's own steps: each step starts from the state after the one before.
     own: Body,
-    /// Its largest force error (N).
+    /// Largest force error of the own steps (N).
     run_error: f64,
 }
 
@@ -43,7 +43,7 @@ fn step(sheet: &mut Body, dt: f64, poses: &[HandlePose]) -> SolveReport {
     sheet.step(dt, poses).expect("it steps")
 }
 
-/// Runs all rows over the same motion; gives them, the largest force (N), and the time of a product (s).
+/// Runs all rows over the same motion. Returns the rows, the largest force (N), and the time of a product (s).
 fn run(bending: f64, dt: f64) -> (Vec<Row>, f64, f64) {
     let Case { sheet, hands, .. } = case(bending, dt);
     let mut tight = with_budget(sheet, budget(1e-12, ENDLESS));
@@ -107,11 +107,11 @@ pub(crate) fn print() {
 E {:.0} MPa, nu {poisson}, {:.0} mm, {density:.0} kg/m^3, Rayleigh damping {} /s by mass and {} s by stiffness,
 no gravity. Each hand pulls {:.0} mm at {PULLS_PER_SECOND} Hz, with {} mm of tremor; {COUNT} steps.
 
-Conjugate gradients from last step's velocity, 3 x 3 block Jacobi. ms: thread CPU time, median (10th
-to 90th percentile). Residual: share of the guess's, median. Force error: the largest against a
-solution to 1e-12, as a share of the largest force; of one step from the reference's state, and over
-the whole run of the setting's own steps. Products: share of the time in matrix products, estimated
-from the time of one alone.
+Conjugate gradients from the previous velocity, 3 x 3 block Jacobi. ms: thread CPU time, median (10th
+to 90th percentile). Residual: relative to the guess's, median. Force error: the largest against a
+solution to 1e-12, relative to the largest force; of one step from the reference's state, and over
+the whole run of the setting's own steps. Products: fraction of the time in matrix products, estimated
+from the time of one product alone.
 
 For reference only: SOFA v26.06, 1,404 triangles, 25 iterations, not converged, no bending: 0.85 ms a
 step on a machine where one product of its calibration kernel takes 29.45 us.

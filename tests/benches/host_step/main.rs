@@ -1,13 +1,13 @@
 //! One host step at 1.4K triangles: `cargo bench --bench host_step`.
 //!
-//! A rubber sheet of 27 x 26 cells (1,404 triangles), held along its left and right edges by two hands
-//! that stretch it slowly, with tremor; steps of 10 ms and of 1 ms, with and without bending.
+//! A rubber sheet of 27 x 26 cells (1,404 triangles) is held along its left and right edges by two hands that stretch
+//! it slowly, with tremor. Steps of 10 ms and of 1 ms, with and without bending.
 //!
-//! A **table** sets the time of a whole step (`assemble` and `solve`) beside what the solver left: its
-//! residual, and the force error against a solution solved to 1e-12. A time without them says nothing.
-//! Another gives the stages alone: assembling, one product of the free part of the stiffness with a vector,
-//! and condensing onto the hands (factorization and six columns), which is done once a publication.
-//! **divan** then measures steps and stages again, in wall time: on a busy machine trust the tables.
+//! A **table** lists the time of a whole step (`assemble` and `solve`) with the error of the solver: its residual, and
+//! the force error against a solution to 1e-12. A time without the error is meaningless. Another table lists the stages
+//! alone: the assembly, one product of the free part of the stiffness with a vector, and the condensation onto the
+//! hands (factorization and six columns), which is done once a publication. **divan** then measures steps and stages
+//! again, in wall time. On a busy machine only the tables are reliable.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -20,7 +20,7 @@ use divan::{Bencher, black_box};
 use physics::{Body, Budget, Condenser, Vec3};
 use stretch::{BEGIN, BENDING, Case, STEPS, case};
 
-/// Sheets, as divan names them.
+/// Names of the sheets in divan.
 const SHEETS: [&str; 2] = ["membrane", "with bending"];
 
 fn main() {
@@ -31,7 +31,7 @@ fn main() {
     divan::main();
 }
 
-/// What stops the solver.
+/// The stopping criterion of the solver.
 pub(crate) fn budget(tolerance: f64, max_iterations: usize) -> Budget {
     Budget {
         tolerance,

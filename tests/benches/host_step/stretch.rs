@@ -1,4 +1,4 @@
-//! The sheet that is stepped, and the hands that stretch it.
+//! The sheet of the steps, and the hands that stretch it.
 
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
@@ -6,7 +6,7 @@ use physics::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, Vec3}
 use sim::Tremor;
 use std::sync::LazyLock;
 
-/// Without and with the plate's bending stiffness; without, the matrix has fewer blocks.
+/// Without and with the bending stiffness of a plate. Without it, the matrix has fewer blocks.
 pub(crate) const BENDING: [f64; 2] = [0.0, 1.0];
 /// Step lengths (s).
 pub(crate) const STEPS: [f64; 2] = [0.01, 0.001];
@@ -14,12 +14,12 @@ pub(crate) const STEPS: [f64; 2] = [0.01, 0.001];
 pub(crate) const CELLS: [u32; 2] = [27, 26];
 /// Side of a cell (m).
 const CELL: f64 = 0.01;
-/// How far each hand pulls (m), and how often (Hz).
+/// Displacement of each hand (m), and pulls a second (Hz).
 pub(crate) const PULL: f64 = 0.004;
 pub(crate) const PULLS_PER_SECOND: f64 = 0.25;
 /// Root mean square of each hand's tremor (m), along all axes.
 pub(crate) const TREMOR: f64 = 1e-4;
-/// When the measured steps begin (s): half way out, where the hands are fastest.
+/// Start of the measured steps (s), in the middle of a pull, where the hands are fastest.
 pub(crate) const BEGIN: f64 = 1.0;
 
 pub(crate) const MATERIAL: Material = Material {
@@ -38,13 +38,13 @@ pub(crate) struct Hands {
 }
 
 impl Hands {
-    /// Where they hold at a time (s).
+    /// Poses of the hands at a time (s).
     pub(crate) fn at(&self, time: f64) -> [HandlePose; 2] {
         let phase = std::f64::consts::TAU * PULLS_PER_SECOND * time;
         let pull = Vec3::x() * (0.5 * PULL * (1.0 - phase.cos()));
-        let moved = |hand: usize, way: f64| {
+        let moved = |hand: usize, side: f64| {
             let tremor = self.tremors[hand].at(time).0;
-            HandlePose::at(self.origins[hand] + pull * way + tremor)
+            HandlePose::at(self.origins[hand] + pull * side + tremor)
         };
         [moved(0, -1.0), moved(1, 1.0)]
     }
@@ -73,13 +73,13 @@ static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
     all.map(|(bending, dt)| stretched(bending, dt)).collect()
 });
 
-/// The case of one of [`BENDING`] and one of [`STEPS`].
+/// The case with this entry of [`BENDING`] and this entry of [`STEPS`].
 pub(crate) fn case(bending: f64, dt: f64) -> &'static Case {
     let found = CASES.iter().find(|c| c.bending == bending && c.dt == dt);
     found.expect("one of the cases")
 }
 
-/// Stretches a sheet, by steps of `dt` (s) in the end.
+/// Stretches a sheet, with steps of `dt` (s) at the end.
 fn stretched(bending: f64, dt: f64) -> Case {
     const SETTLING_STEPS: usize = 20;
     const FIRST: f64 = 0.02;
@@ -99,7 +99,7 @@ fn stretched(bending: f64, dt: f64) -> Case {
         ..BodyConfig::default()
     };
     let mut sheet = Body::sheet(&mesh, &[MATERIAL], config, &handles).expect("it can be simulated");
-    // Coarsely up to shortly before, then as it will go on.
+    // Long steps almost to the start of the measurement, then steps of the measured length.
     let coarse = ((BEGIN - SETTLING_STEPS as f64 * dt) / FIRST).round() as usize;
     for k in 1..=coarse {
         sheet

@@ -1,14 +1,13 @@
 //! One tick: `cargo bench --bench tick`.
 //!
-//! **Law** (divan): `Controller::tick` alone, per force scheme, for one body with 1, 2 or 4 handles, each
-//! held by a device that moves and turns (one that does not turn costs less). Three kinds of tick:
-//! between models, in the middle of a blend, and the tick that checks and takes in a new model, which is
-//! the dearest.
+//! **Law** (divan): `Controller::tick` alone, for each scheme, for one body with 1, 2 or 4 handles. Each handle is held
+//! by a device that moves and turns; a device that does not turn costs less. There are three kinds of tick: between
+//! models, in the middle of a blend, and the tick that checks and accepts a new model, which is the most expensive.
 //!
-//! **Whole** (a table): every tick of the first seconds of the built-in scene, two simulated devices
-//! behind their firmware reports on one sheet, with the models that its host published. The same ticks
-//! run whole, from recorded readings in the place of the devices, as the law alone, and as the devices
-//! alone; one after the other in one process, so that the parts can be compared.
+//! **Whole** (a table): every tick of the first seconds of the built-in scene, with two simulated devices behind their
+//! firmware reports on one sheet, and the models that its host published. The same ticks run whole, with recorded
+//! readings instead of the devices, as the law alone, and as the devices alone. They run one after the other in one
+//! process, so that the parts can be compared.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -21,9 +20,9 @@ use palpate_tests::law::{HANDLES, Limits, SCHEMES, law, model, reading, scheme};
 use rt_core::MAX_DEVICES;
 use rt_core::controller::Reading;
 
-/// Ticks until every smooth start is over.
+/// Ticks until every smooth start has ended.
 const SETTLE: usize = 300;
-/// When the law's ticks happen (ns); the model is young then.
+/// Time of the measured ticks (ns), at which the model is young.
 const NOW_NS: u64 = 2_000_000;
 
 fn main() {
@@ -33,7 +32,7 @@ fn main() {
     divan::main();
 }
 
-/// 64 different sets of readings, to be cycled through.
+/// 64 different sets of readings, which are used in turn.
 fn readings() -> Vec<[Reading; MAX_DEVICES]> {
     (0..64).map(|k| reading(0.1 * f64::from(k))).collect()
 }
@@ -56,7 +55,7 @@ fn law_between_models<const N: usize>(bencher: Bencher, scheme: &str) {
     ticks(bencher, scheme, N, 0.004);
 }
 
-/// A model that is published once in years takes as long to take over.
+/// A model with a publication period of years blends in equally slowly.
 #[divan::bench(consts = HANDLES, args = SCHEMES, sample_count = 1000, sample_size = 16)]
 fn law_in_a_blend<const N: usize>(bencher: Bencher, scheme: &str) {
     ticks(bencher, scheme, N, 1e9);

@@ -1,5 +1,4 @@
-//! What the built-in scene's devices and host gave in a run, kept so that parts of its ticks can be run
-//! again alone.
+//! The readings and models of a run of the built-in scene, recorded so that parts of its ticks can be repeated alone.
 
 use devices::Scripted;
 use host::engine::pacer::Due;
@@ -11,7 +10,7 @@ use runner::{AnyDevice, TickLoop};
 use std::mem::take;
 use std::sync::{Arc, Mutex, MutexGuard};
 
-/// Ticks of the built-in scene that are measured: at rest, then pulling, then holding.
+/// Measured ticks of the built-in scene: at rest, then pulling, then holding.
 pub(crate) const TICKS: usize = 3000;
 /// The scene's host steps and publishes at 250 Hz; a model arrives one period after its step began.
 pub(crate) const HOST_EVERY: usize = 4;
@@ -50,7 +49,7 @@ fn lock(tape: &Mutex<Tape>) -> MutexGuard<'_, Tape> {
     tape.lock().expect("no device panics")
 }
 
-/// What a run of the scene left: readings and wrenches by device, and the models by tick of arrival.
+/// The recording of a run of the scene: readings and wrenches by device, and the models by tick of arrival.
 pub(crate) struct Recording {
     pub(crate) readings: Vec<Vec<Reading>>,
     pub(crate) wrenches: Vec<Vec<Wrench>>,

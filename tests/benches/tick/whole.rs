@@ -16,7 +16,7 @@ use std::time::Instant;
 /// Times (s) of all ticks, or of one part of each.
 type Pass = fn(&Recording) -> Vec<f64>;
 
-/// How often each pass is repeated.
+/// Repetitions of each pass.
 const PASSES: usize = 3;
 
 /// Times (s) of all ticks of `tick`, with the recorded models.
@@ -76,7 +76,7 @@ fn pass_law(run: &Recording) -> Vec<f64> {
         for (reading, recorded) in readings.iter_mut().zip(&run.readings) {
             *reading = recorded[k];
         }
-        // A copy, as a ring's slot is one: the recording itself is long out of every cache.
+        // A copy, because a ring's slot is one: the recording itself is no longer in any cache.
         let model = black_box(run.models[k]);
         let start = Instant::now();
         if let Some(model) = &model {
@@ -123,17 +123,17 @@ pub(crate) fn print() {
     let clock = Spread::of(clock.collect()).times(1e9);
     println!(
         "One tick of the built-in scene: two simulated devices behind firmware reports, one sheet, scheme
-capped, a new model every {HOST_EVERY} ticks: to check and take it in makes the upper percentiles.
-{TICKS} ticks, {PASSES} times. Wall time, the clock's own {:.0} ns inside; median (10th to 90th percentile).
+capped, a new model every {HOST_EVERY} ticks, whose acceptance determines the upper percentiles.
+{TICKS} ticks, {PASSES} times. Wall time, with the clock's own {:.0} ns; median (10th to 90th percentile).
 ",
         clock.median
     );
-    println!("| | us | share of the whole |");
+    println!("| | us | fraction of the whole |");
     println!("|---|---|---|");
     let spreads: Vec<Spread> = times.into_iter().map(Spread::of).collect();
     for ((name, _), spread) in passes.iter().zip(&spreads) {
-        let share = 100.0 * spread.median / spreads[0].median;
-        println!("| {name} | {:.2} | {share:.0} % |", spread.times(1e6));
+        let percent = 100.0 * spread.median / spreads[0].median;
+        println!("| {name} | {:.2} | {percent:.0} % |", spread.times(1e6));
     }
     println!();
 }

@@ -1,8 +1,8 @@
-//! The calls that are counted: steps of the fast path, what is made beside them, and the assembled step.
+//! The counted calls: steps of the fast path, the work beside them, and the assembled step.
 //!
-//! Iterations are fixed, at what a tolerance of 1e-6 takes here (but for an iteration more or less): counts are
-//! to tell of the code, and not jump where rounding lets a residual pass under its goal. What is left of the
-//! residual is checked against [`MOST_RESIDUAL`], so that nothing is counted that solves less.
+//! The number of iterations is fixed at the number that a tolerance of 1e-6 needs here, to within one. Counts then
+//! depend on the code only, and do not jump where rounding moves a residual below its tolerance. The remaining residual
+//! is checked against [`MOST_RESIDUAL`], so that every counted call solves its problem.
 
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
@@ -13,13 +13,13 @@ use physics::{
 use std::error::Error;
 use std::hint::black_box;
 
-/// A step (s).
+/// Length of a step (s).
 const H: f64 = 1e-2;
-/// Steps before the one that is counted: the guess knows the last step, rotations turn from where they were.
+/// Steps before the counted step: the guess needs the previous step, and rotations start from the previous ones.
 const SETTLE: u32 = 50;
-/// Steps that the factor is old.
+/// Age of the factor (steps).
 const AGE: u32 = 10;
-/// How fast one end is pulled (m/s).
+/// Speed at which one end is pulled (m/s).
 const SPEED: f64 = 0.01;
 
 /// Iterations of a fast step.
@@ -28,15 +28,15 @@ const ITERATIONS: usize = 2;
 const SHAPE_ITERATIONS: usize = 1;
 /// Iterations of an assembled step.
 const ASSEMBLED_ITERATIONS: usize = 42;
-/// The most that iterations may leave, as a share of the forces: far more than they do.
+/// Largest residual after the iterations, as a fraction of the forces: far above the residuals here.
 const MOST_RESIDUAL: f64 = 1e-5;
 
 type Failure = Box<dyn Error>;
 
-/// Makes all ready for a call.
+/// Prepares a call.
 type Prepare = fn() -> Result<Case, Failure>;
 
-/// By name, what prepares each case.
+/// Name and preparation of each case.
 pub(crate) const ALL: [(&str, Prepare); 10] = [
     ("step, solid, f64", || step::<f64>(solid(6, false)?)),
     ("step, solid, f32", || step::<f32>(solid(6, false)?)),
@@ -56,7 +56,7 @@ pub(crate) const ALL: [(&str, Prepare); 10] = [
     ("assembled step, solid", assembled),
 ];
 
-/// A call to count.
+/// A counted call.
 pub(crate) struct Case {
     pub(crate) elements: usize,
     call: Box<dyn FnMut() -> Result<usize, Failure>>,
@@ -68,25 +68,25 @@ impl Case {
         Self { elements, call }
     }
 
-    /// Makes the call; returns the iterations that it took.
+    /// Makes the call. Returns the number of its iterations.
     ///
     /// # Errors
-    /// Why it failed.
+    /// The error of the call.
     pub(crate) fn run(&mut self) -> Result<usize, Failure> {
         black_box(measured(black_box(&mut *self.call)))
     }
 }
 
-/// [`measured`], as valgrind calls it.
+/// The name of [`measured`] in valgrind.
 pub(crate) const MEASURED: &str = "host_instructions::cases::measured";
 
-/// What is counted.
+/// The counted function.
 #[inline(never)]
 fn measured(call: &mut dyn FnMut() -> Result<usize, Failure>) -> Result<usize, Failure> {
     black_box(call())
 }
 
-/// A body held at both ends, the second of which is pulled.
+/// A body held at both ends. The second end is pulled.
 struct Pulled {
     body: Body,
     axis: Vec3,
@@ -94,7 +94,7 @@ struct Pulled {
 }
 
 impl Pulled {
-    /// The hands go to where they are one step later.
+    /// Moves the pulled hand by one step.
     fn pull(&mut self) {
         self.poses[1].position += self.axis * (SPEED * H);
     }
@@ -118,7 +118,7 @@ fn solid(n: u32, quadratic: bool) -> Result<Pulled, Failure> {
     solid_of(SolidLaw::Corotational, n, quadratic)
 }
 
-/// The same of another law.
+/// The same under another law.
 fn solid_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Pulled, Failure> {
     let (length, axis) = (0.1, Vec3::z());
     let mesh = solid_box([length; 3], [n; 3])?;
@@ -162,12 +162,12 @@ fn strip() -> Result<Pulled, Failure> {
     Ok(Pulled { body, axis, poses })
 }
 
-/// A stepper that has settled, with a factor of [`AGE`] steps ago, and goes on by a fixed number of iterations.
+/// A stepper in steady motion, with a factor that is [`AGE`] steps old, and a fixed number of further iterations.
 fn settled<T: Real>(pulled: &mut Pulled) -> Result<Stepper<T>, Failure> {
     let options = StepperOptions {
-        // Counted by itself.
+        // The refresh is counted by itself.
         refresh: false,
-        // A step that takes an iteration makes the refresher lend itself.
+        // With this patience, any step with an iteration lends the refresher.
         patience: 0,
         sleep_speed: 0.0,
         ..StepperOptions::default()
@@ -195,7 +195,7 @@ fn solved(residual: f64) -> Result<(), Failure> {
         return Ok(());
     }
     Err(format!(
-        "the iterations left {residual:e} of the forces, at most {MOST_RESIDUAL:e} is to be"
+        "the iterations left a residual of {residual:e} of the forces, at most {MOST_RESIDUAL:e} is allowed"
     )
     .into())
 }
@@ -210,7 +210,7 @@ fn step<T: Real>(mut pulled: Pulled) -> Result<Case, Failure> {
     }))
 }
 
-/// All shapes of the model before a step are renewed after it.
+/// All shapes of the previous model are renewed after a step.
 fn local_model() -> Result<Case, Failure> {
     let mut pulled = solid(6, false)?;
     let mut stepper = settled::<f64>(&mut pulled)?;
@@ -219,7 +219,7 @@ fn local_model() -> Result<Case, Failure> {
         max_iterations: SHAPE_ITERATIONS,
         ..ShapeOptions::default()
     };
-    // The first model has its shapes from nowhere.
+    // The first model has no shapes to start from.
     let mut shapes = Shapes::default();
     shapes.condense(&mut stepper, &pulled.body, H, &ShapeOptions::default())?;
     pulled.pull();

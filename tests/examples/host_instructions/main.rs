@@ -1,18 +1,18 @@
-//! What the host's fast step takes, in instructions: a regression is seen where times are too noisy to show one.
+//! The cost of the host's fast step in instructions: counts show a regression that noisy times would hide.
 //!
 //! ```sh
 //! cargo run --release -p palpate-tests --example host_instructions              # compare
 //! cargo run --release -p palpate-tests --example host_instructions -- --refresh # write the table anew
 //! ```
 //!
-//! Counted with valgrind's callgrind in the optimized code that users run, but for one thing: valgrind does not
-//! know AVX-512, so functions compiled for several sets of instructions run as their AVX2 clones. The counts are
-//! those of AVX2 code, the same on every x86-64 machine that has it; where AVX-512 is, users run other code. (The
-//! library that factorizes cuts large matrices to the machine's caches. The factors here are too small for that to
-//! show.) Fails where a count is more than 5 % above `tests/instructions/host.toml`.
+//! Valgrind's callgrind counts the optimized code that users run, with one exception: valgrind does not know AVX-512,
+//! so functions that are compiled for several instruction sets run as their AVX2 clones. The counts are those of the
+//! AVX2 code, the same on every x86-64 machine that supports it. On machines with AVX-512, users run other code. (The
+//! library for factorizations blocks large matrices by the machine's caches. The factors here are too small for a
+//! difference.) The program fails where a count is more than 5 % above `tests/instructions/host.toml`.
 //!
-//! Called with `count`, it runs every case once for valgrind to count, and says how many elements and iterations
-//! that were.
+//! With the argument `count`, the program runs every case once for valgrind, and prints the number of elements and
+//! iterations.
 
 #[path = "../instructions/callgrind.rs"]
 mod callgrind;
@@ -36,7 +36,7 @@ const TABLE: Table = Table {
 #
 # and compared by the same command without `--refresh`.
 ",
-    // Tens to thousands: one more says nothing.
+    // There are tens to thousands of copies, so one more is not significant.
     more_copies: 0.05,
 };
 
@@ -54,7 +54,7 @@ fn main() -> ExitCode {
         None => counted(|counts| TABLE.judge(counts)),
         Some("--refresh") => counted(|counts| TABLE.refresh(counts)),
         Some("count") => run_each().map_err(|error| error.to_string()),
-        Some(other) => Err(format!("{other}: not known; only --refresh is")),
+        Some(other) => Err(format!("found {other}, allowed: --refresh")),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -75,7 +75,7 @@ fn run_each() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Counts, prints and goes on with the counts.
+/// Counts, prints the counts, and passes them to `then`.
 fn counted(then: impl FnOnce(&[(String, Count)]) -> Result<(), String>) -> Result<(), String> {
     if !callgrind::available() {
         println!(
@@ -144,7 +144,7 @@ fn has_avx2() -> bool {
     is_x86_feature_detected!("avx2")
 }
 
-/// Elsewhere nothing is chosen at run time.
+/// On other processors no instruction set is selected at run time.
 #[cfg(not(target_arch = "x86_64"))]
 fn has_avx2() -> bool {
     true

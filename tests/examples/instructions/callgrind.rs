@@ -1,22 +1,22 @@
-//! Counting with valgrind's callgrind: one dump for each call of what is counted.
+//! Counts by valgrind's callgrind: one dump for each call of the counted function.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What one call took.
+/// The count of one call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Count {
     /// Instructions in the program's own code.
     pub(crate) instructions: u64,
-    /// Calls that left it. The law calls only the C library's copies of memory (`tests/no_panic.rs` proves
-    /// that), the host's step those and its fills, of which the fastest for the processor is taken: their
-    /// instructions are left out.
+    /// Calls out of the program. The law calls only the memory copies of the C library (`tests/no_panic.rs` proves
+    /// this); the host's step calls these and its fills. The C library selects the fastest version for the processor,
+    /// so their instructions are not counted.
     pub(crate) copies: u64,
 }
 
-/// Whether there is a valgrind to count with.
+/// Whether valgrind is installed.
 pub(crate) fn available() -> bool {
     Command::new("valgrind")
         .arg("--version")
@@ -25,11 +25,11 @@ pub(crate) fn available() -> bool {
         .is_ok_and(|status| status.success())
 }
 
-/// Runs `program argument` and counts in each call of `function`, in order of the calls. The text is what the
-/// program printed.
+/// Runs `program argument` and counts each call of `function`, in the order of the calls. Also returns the output of
+/// the program.
 ///
 /// # Errors
-/// What went wrong, in words.
+/// A message that states the failure.
 pub(crate) fn count(
     program: &Path,
     argument: &str,
@@ -45,7 +45,7 @@ pub(crate) fn count(
         .arg(format!("--dump-after={function}"))
         .arg(program)
         .arg(argument)
-        // The dynamic linker looks up every function before the first call, not inside it.
+        // The dynamic linker resolves every function before the first call, not during a call.
         .env("LD_BIND_NOW", "1")
         .output()
         .map_err(|e| format!("valgrind does not run: {e}"))?;
@@ -64,13 +64,13 @@ pub(crate) fn count(
     Ok((counts, String::from_utf8_lossy(&output.stdout).into_owned()))
 }
 
-/// Reads a dump: what the functions in `program` took, and how often they called out of it.
+/// Reads a dump: the instructions of the functions in `program`, and the number of calls out of it.
 ///
-/// `ob=` says in which file the functions after it lie, `cob=` in which the one lies that the next
-/// `calls=` is about (the same, where it does not say). Each line of costs is an address, a line number and
-/// how often the instruction there was executed; the one after `calls=` has the address of the call, and
-/// what it took, which is counted where it was taken. How often a call was executed is taken from its
-/// address: the number after `calls=` includes calls outside the collected part.
+/// `ob=` names the file of the functions after it. `cob=` names the file of the function to which the next `calls=`
+/// refers (the same file if there is no `cob=`). Each line of costs is an address, a line number and the number of
+/// executions of the instruction at the address. The line after `calls=` has the address of the call and the cost
+/// inside the call, which is counted in the called function. The number of executions of a call is taken from its
+/// address, because the number after `calls=` includes calls outside the collected part.
 pub(crate) fn parse(text: &str, program: &Path) -> Option<Count> {
     let program = program.to_str()?;
     let mut executed = BTreeMap::<&str, u64>::new();

@@ -1,4 +1,4 @@
-//! The ticks that are counted: every scheme, number of handles and situation.
+//! The counted ticks: every scheme, number of handles and situation.
 
 use palpate_tests::law::{
     AGE_LIMIT_NS, HANDLES, Limits, MODEL_NS, PATIENCE, SCHEMES, law, model, reading, scheme,
@@ -9,33 +9,33 @@ use rt_core::safety::SafetyState;
 use rt_core::{Controller, DeviceError, DeviceState, LocalModel, MAX_DEVICES, Telemetry, Wrench};
 use std::hint::black_box;
 
-/// Ticks until every smooth start is over.
+/// Ticks until every smooth start has ended.
 const SETTLE: usize = 300;
-/// A period so long that the blend of its model never ends while anyone looks (s).
+/// A period so long that the blend of its model does not end during the count (s).
 const ENDLESS: f64 = 1e9;
-/// The period of a model that is blended in long before [`SETTLE`] ticks are over (s).
+/// The period of a model that has blended in long before [`SETTLE`] ticks (s).
 const BRIEF: f64 = 0.004;
 
-/// What a tick meets.
+/// The situation in a tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Situation {
-    /// The least there can be: an old acquaintance of a model, hands at its reference.
+    /// The cheapest tick: a model that has blended in, and hands at its reference.
     AtRest,
     /// Hands that move and turn.
     Moving,
     /// Moving hands, in the middle of a blend.
     Blending,
-    /// No number came from the devices; the last states stay. In a blend.
+    /// The devices give numbers that are not finite; the last states are used. In a blend.
     NotANumber,
-    /// The devices have been silent for long. In a blend.
+    /// The devices have been silent for a long time. In a blend.
     Silent,
     /// The devices move too fast. In a blend.
     TooFast,
     /// The model is too old, in a blend, and the force is beyond the limits.
     Fading,
-    /// A model comes whose very last number in use is none, in a blend, beyond the limits.
+    /// A model arrives whose last used number is not finite, in a blend, beyond the limits.
     Refused,
-    /// A sound model comes in the middle of a blend, beyond the limits.
+    /// A sound model arrives in the middle of a blend, beyond the limits.
     NewModel,
 }
 
@@ -74,7 +74,7 @@ impl Situation {
     }
 }
 
-/// One tick to count.
+/// One counted tick.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Case {
     pub(crate) scheme: &'static str,
@@ -95,7 +95,7 @@ impl Case {
         })
     }
 
-    /// As the table calls it.
+    /// The name in the table.
     pub(crate) fn name(&self) -> String {
         format!(
             "{}, {}, {}",
@@ -105,7 +105,7 @@ impl Case {
         )
     }
 
-    /// Everything just before the tick.
+    /// The state just before the tick.
     pub(crate) fn prepare(&self) -> Prepared {
         let situation = self.situation;
         let mut law = law(scheme(self.scheme), self.handles, situation.limits());
@@ -119,7 +119,7 @@ impl Case {
         };
         let mut first = model(self.handles, BRIEF);
         if at_rest {
-            // The hands are exactly where the model has them: no rotation to take the logarithm of.
+            // The hands are exactly at the reference of the model, so that no logarithm of a rotation is computed.
             let (_, seen) = law.tick(MODEL_NS, &readings(0));
             for (handle, device) in first.handles.iter_mut().zip(seen.devices()) {
                 handle.pose = device.pose;
@@ -147,7 +147,7 @@ impl Case {
     }
 }
 
-/// A tick that is about to happen.
+/// A tick that is prepared to run.
 #[derive(Clone)]
 pub(crate) struct Prepared {
     law: Controller,
@@ -204,7 +204,7 @@ impl Prepared {
         black_box(telemetry)
     }
 
-    /// Whether the tick met what its situation says: a case that slipped would count something else.
+    /// Whether the tick met its situation. Otherwise the count would be that of another situation.
     pub(crate) fn met(&self, situation: Situation, telemetry: &Telemetry) -> bool {
         let safety = telemetry.devices[0].safety;
         let host = telemetry.bodies[0].state;
@@ -224,10 +224,10 @@ impl Prepared {
     }
 }
 
-/// [`measured_tick`], as valgrind calls it.
+/// The name of [`measured_tick`] in valgrind.
 pub(crate) const MEASURED: &str = "instructions::cases::measured_tick";
 
-/// What is counted. The model comes in as it does in the loop.
+/// The counted function. The model arrives as in the loop.
 #[inline(never)]
 fn measured_tick(
     law: &mut Controller,
@@ -236,7 +236,7 @@ fn measured_tick(
     readings: &[Reading; MAX_DEVICES],
 ) -> ([Wrench; MAX_DEVICES], Telemetry) {
     if let Some(model) = model {
-        // Refusals are part of what is measured.
+        // Refusals are a part of the count.
         let _ = law.accept(0, model);
     }
     law.tick(now_ns, readings)

@@ -1,4 +1,4 @@
-//! A table of expected counts, and what is a regression.
+//! A table of expected counts, and the definition of a regression.
 
 use crate::callgrind::Count;
 use std::collections::BTreeMap;
@@ -6,22 +6,22 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::Command;
 
-/// How much a count may grow before it is a regression.
+/// Largest relative growth of a count that is no regression.
 const TOLERANCE: f64 = 0.05;
 
 /// By case: instructions, then calls of memory copies.
 type Counts = BTreeMap<String, [u64; 2]>;
 
-/// By toolchain: another compiler makes other code.
+/// Counts by toolchain, because another compiler generates other code.
 type Expected = BTreeMap<String, Counts>;
 
 /// A committed table.
 pub(crate) struct Table {
-    /// Its file's name, in `tests/instructions`.
+    /// The name of its file in `tests/instructions`.
     pub(crate) file: &'static str,
-    /// The comment that it begins with.
+    /// The comment at its beginning.
     pub(crate) head: &'static str,
-    /// How much the number of copies may grow, as a share, before it is a regression.
+    /// Largest relative growth of the number of copies that is no regression.
     pub(crate) more_copies: f64,
 }
 
@@ -32,7 +32,7 @@ impl Table {
             .join(self.file)
     }
 
-    /// Reads it; empty where there is none yet.
+    /// Reads the table; empty if there is none yet.
     fn read(&self) -> Result<Expected, String> {
         let path = self.path();
         if !path.exists() {
@@ -43,10 +43,10 @@ impl Table {
         toml::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))
     }
 
-    /// Writes these counts into it for the compiler at hand; other compilers keep theirs.
+    /// Writes these counts into the table for the present compiler. The counts of other compilers are kept.
     ///
     /// # Errors
-    /// What went wrong, in words.
+    /// A message that states the failure.
     pub(crate) fn refresh(&self, counts: &[(String, Count)]) -> Result<(), String> {
         let mut expected = self.read()?;
         let entries = counts
@@ -66,10 +66,11 @@ impl Table {
         Ok(())
     }
 
-    /// Holds counts against it, and prints that all are well or that there is nothing to hold them against.
+    /// Compares counts with the table, and prints that all are within it or that the table has no counts for the
+    /// compiler.
     ///
     /// # Errors
-    /// What is above it, or what went wrong, in words.
+    /// A message that states the counts above the table, or the failure.
     pub(crate) fn judge(&self, counts: &[(String, Count)]) -> Result<(), String> {
         let toolchain = toolchain()?;
         let expected = self.read()?;
@@ -94,7 +95,7 @@ impl Table {
     }
 }
 
-/// The compiler, as the table calls it.
+/// The name of the compiler in the table.
 fn toolchain() -> Result<String, String> {
     let rustc = std::env::var("RUSTC").unwrap_or_else(|_| "rustc".into());
     let output = Command::new(rustc)
@@ -111,7 +112,7 @@ fn toolchain() -> Result<String, String> {
     Ok(format!("rustc {}, {}", field("release: "), field("host: ")))
 }
 
-/// What is wrong with a count, if anything.
+/// The regression of a count, if there is one.
 fn regression(case: &str, found: Count, expected: &Counts, more_copies: f64) -> Option<String> {
     let Some(&[instructions, copies]) = expected.get(case) else {
         return Some(format!("{case}: not in the table"));

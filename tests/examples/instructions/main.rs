@@ -1,15 +1,15 @@
-//! What one tick of the control law takes, in instructions and in time, at best and at worst:
+//! The cost of one tick of the control law, in instructions and in time, at best and at worst:
 //!
 //! ```sh
 //! cargo run --release -p palpate-tests --example instructions              # compare
 //! cargo run --release -p palpate-tests --example instructions -- --refresh # write the table anew
 //! ```
 //!
-//! Counted with valgrind's callgrind in the optimized code that users run. Fails where a count is more
-//! than 5 % above `tests/instructions/expected.toml`, or where the dearest tick of a scheme takes more
-//! than [`MOST_RATIO`] times the cheapest. Times are printed beside the counts and judged by nobody.
+//! Valgrind's callgrind counts the optimized code that users run. The program fails where a count is more than 5 %
+//! above `tests/instructions/expected.toml`, or where the most expensive tick of a scheme takes more than
+//! [`MOST_RATIO`] times the instructions of the cheapest. Times are printed beside the counts, without a limit.
 //!
-//! Called with `count`, it runs every case once for valgrind to count.
+//! With the argument `count`, the program runs every case once for valgrind.
 
 mod callgrind;
 mod cases;
@@ -22,11 +22,11 @@ use palpate_tests::law::{HANDLES, SCHEMES};
 use std::process::ExitCode;
 use std::time::Instant;
 
-/// How much dearer the dearest tick may be than the cheapest. Every loop of the law runs over as many
-/// handles as the body has, whatever the numbers, so there is a dearest tick: the one that takes in a
-/// model during a blend. It evaluates a linear model five times where the cheapest does it once (both
-/// models of a blend before the change and after it, and the old one at the new reference), checks the new
-/// model and mixes the two before it; what surrounds that is done once in both. So five, and a little.
+/// Largest ratio of the most expensive tick to the cheapest. Every loop of the law runs over all handles of the body,
+/// whatever the numbers, so there is a most expensive tick: the tick that accepts a model during a blend. It evaluates
+/// a linear model five times where the cheapest tick does so once (both models of a blend before the change and after
+/// it, and the old model at the new reference). It checks the new model, and first mixes the two old ones. The rest of
+/// the tick is done once in both. The ratio is therefore slightly above five.
 const MOST_RATIO: f64 = 6.0;
 const TABLE: Table = Table {
     file: "expected.toml",
@@ -39,10 +39,10 @@ const TABLE: Table = Table {
 #
 # and compared by the same command without `--refresh`.
 ",
-    // The law makes so few that each has been looked at.
+    // The law makes so few copies that each has been examined.
     more_copies: 0.0,
 };
-/// How often each tick is timed.
+/// Number of times each tick is timed.
 const TIMED: usize = 301;
 
 fn main() -> ExitCode {
@@ -51,7 +51,7 @@ fn main() -> ExitCode {
         None => compare(),
         Some("--refresh") => refresh(),
         Some("count") => run_each(),
-        Some(other) => Err(format!("{other}: not known; only --refresh is")),
+        Some(other) => Err(format!("found {other}, allowed: --refresh")),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -69,7 +69,7 @@ fn run_each() -> Result<(), String> {
         let telemetry = prepared.run();
         if !prepared.met(case.situation, &telemetry) {
             return Err(format!(
-                "{}: met something else: {telemetry:?}",
+                "{}: the tick met another situation: {telemetry:?}",
                 case.name()
             ));
         }
@@ -92,7 +92,7 @@ fn counted() -> Result<Vec<(Case, Count)>, String> {
     Ok(cases.into_iter().zip(counts).collect())
 }
 
-/// The counts as the table has them.
+/// The counts with their names in the table.
 fn named(counts: &[(Case, Count)]) -> Vec<(String, Count)> {
     counts
         .iter()
@@ -148,7 +148,7 @@ fn print_table(counts: &[(Case, Count)]) {
     println!();
 }
 
-/// Time of the tick (ns), the clock's own included.
+/// Time of the tick (ns), including the clock's own.
 fn nanoseconds(case: Case) -> u128 {
     let prepared = case.prepare();
     let mut times: Vec<u128> = (0..TIMED)
@@ -163,7 +163,7 @@ fn nanoseconds(case: Case) -> u128 {
     times.get(TIMED / 2).copied().unwrap_or_default()
 }
 
-/// Prints how much dearer the worst tick is than the best.
+/// Prints the ratio of the most expensive tick to the cheapest.
 fn ratios(counts: &[(Case, Count)]) -> Result<(), String> {
     for (scheme, handles) in SCHEMES
         .into_iter()

@@ -1,8 +1,8 @@
-//! A long run under the real clock on a machine that is kept busy, and what has to add up afterwards.
+//! A long run under the real clock on a busy machine, with checks of its counts.
 //!
-//! `tests/soak [SECONDS] [ARGUMENTS OF palpate run]`. Beside the program, this one spins on every core, moves
-//! memory and writes files. Nothing is said about times: a loaded machine is late. What may not happen is
-//! that a tick is lost without being counted, or that memory grows.
+//! `tests/soak [SECONDS] [ARGUMENTS OF palpate run]`. While the program runs, this one spins on every core, moves
+//! memory and writes files. Times are not checked, because a loaded machine is late. Every lost tick must be counted,
+//! and memory must not grow.
 
 use serde_json::Value;
 use std::fs::File;
@@ -15,19 +15,19 @@ use std::time::Duration;
 
 /// Length without an argument (s).
 const TEN_MINUTES: u64 = 600;
-/// What memory may grow by between the end of the warm-up and the end of the run (KiB). The log's index
-/// grows with the log by some hundred bytes a second; the rest is the allocator's slack.
+/// Largest growth of the memory between the end of the warm-up and the end of the run (KiB). The index of the log grows
+/// by some hundred bytes a second; the rest is slack of the allocator.
 const MOST_GROWTH_KIB: u64 = 16 * 1024;
-/// Memory that is moved about.
+/// Size of the memory that is moved.
 const MOVED_BYTES: usize = 64 << 20;
-/// A file is written up to here, then again from its start.
+/// Size of the file, which is then written again from its start.
 const FILE_BYTES: usize = 256 << 20;
 
 fn main() -> ExitCode {
     match soak() {
         Ok(()) => ExitCode::SUCCESS,
-        Err(why) => {
-            eprintln!("soak: {why}");
+        Err(reason) => {
+            eprintln!("soak: {reason}");
             ExitCode::FAILURE
         }
     }
@@ -71,7 +71,7 @@ fn soak() -> Result<(), String> {
         result
     })?;
     if !status {
-        return Err("palpate did not end well".into());
+        return Err("palpate failed".into());
     }
     let text = std::fs::read(&json).map_err(|e| format!("no summary: {e}"))?;
     let summary = serde_json::from_slice(&text).map_err(|e| format!("no summary: {e}"))?;
@@ -107,7 +107,7 @@ fn move_memory(over: &AtomicBool) {
     }
 }
 
-/// A disk that is full or slow is load as well; what it says is not our business.
+/// A disk that is full or slow is load as well, so errors are ignored.
 fn write_files(path: PathBuf, over: &AtomicBool) {
     let block = vec![7_u8; 1 << 20];
     let Ok(mut file) = File::create(path) else {
@@ -134,7 +134,7 @@ struct Memory {
     most_later: u64,
 }
 
-/// Looks at the program's memory twice a second until it ends; whether it ended well.
+/// Reads the memory of the program twice a second until it ends. Also returns whether the program succeeded.
 fn watch(program: &mut Child, seconds: u64) -> Result<(Memory, bool), String> {
     let path = PathBuf::from(format!("/proc/{}/status", program.id()));
     // A tenth of the run, between one second and thirty.
@@ -143,13 +143,13 @@ fn watch(program: &mut Child, seconds: u64) -> Result<(Memory, bool), String> {
         after_warm_up: 0,
         most_later: 0,
     };
-    for look in 0_u64.. {
+    for sample in 0_u64.. {
         if let Some(status) = program.try_wait().map_err(|e| e.to_string())? {
-            // What was seen is complete: a signal or a failure is a run that did not end well.
+            // The measurement is complete. A signal or a failure is an unsuccessful run.
             return Ok((memory, status.success()));
         }
         let resident = resident_kib(&path).unwrap_or(0);
-        if look < warm_up {
+        if sample < warm_up {
             memory.after_warm_up = memory.after_warm_up.max(resident);
         } else {
             memory.most_later = memory.most_later.max(resident);
@@ -165,7 +165,7 @@ fn resident_kib(status: &Path) -> Option<u64> {
     line.split_whitespace().nth(1)?.parse().ok()
 }
 
-/// Prints the counts and says what does not add up.
+/// Prints the counts, and reports those that are inconsistent.
 fn judge(summary: &Value, memory: &Memory) -> Result<(), String> {
     let number = |path: &str| {
         let value = summary.pointer(path).and_then(Value::as_u64);
@@ -187,7 +187,7 @@ fn judge(summary: &Value, memory: &Memory) -> Result<(), String> {
         memory.after_warm_up
     );
     let checks = [
-        (ticks > 0, "no tick was done"),
+        (ticks > 0, "no tick was run"),
         (
             ticks + missed == slots,
             "ticks and missed deadlines are not the slots",
@@ -202,14 +202,14 @@ fn judge(summary: &Value, memory: &Memory) -> Result<(), String> {
         ),
         (
             memory.after_warm_up > 0,
-            "the program's memory was never seen",
+            "the program's memory was never read",
         ),
         (growth <= MOST_GROWTH_KIB, "memory grew"),
     ];
     let failed: Vec<_> = checks
         .iter()
         .filter(|(holds, _)| !holds)
-        .map(|(_, what)| *what)
+        .map(|(_, failure)| *failure)
         .collect();
     if failed.is_empty() {
         Ok(())

@@ -1,9 +1,9 @@
-//! Cook's membrane: a tapered panel, held at its left end and sheared at its right one (Cook, "Improved
-//! two-dimensional finite element", 1974). Coarse meshes of elements that bend badly are far too stiff.
+//! Cook's membrane: a tapered panel, held at its left end and sheared at its right end (Cook, "Improved two-dimensional
+//! finite element", 1974). Coarse meshes of elements that bend badly are far too stiff.
 //!
-//! Corners (0, 0), (48, 44), (48, 60), (0, 44), thickness 1, force 1. In plane stress with E = 1 and
-//! nu = 1/3 the middle of the free end moves up by 23.96. Nearly incompressible and in plane strain (E =
-//! 1.125, nu = 0.4999) linear tetrahedra lock; the reference is our own quadratic elements', extrapolated.
+//! Corners (0, 0), (48, 44), (48, 60), (0, 44), thickness 1, force 1. In plane stress with E = 1 and nu = 1/3 the
+//! middle of the free end moves up by 23.96. Linear tetrahedra lock in plane strain if they are nearly incompressible
+//! (E = 1.125, nu = 0.4999). The reference there is extrapolated from the quadratic elements of this engine.
 
 use super::Series;
 use super::solve::{displacement_at, settle, sheet_material, solid_material, vertices, weightless};
@@ -13,11 +13,12 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, SolidLaw, Vec3};
 
-/// Sheets are nonlinear: they get this force, and err by about as much. Slabs are linear and get 1.
+/// Sheets are nonlinear. Under this force their relative error is about as large as the force. Slabs are linear and
+/// carry the force 1.
 const LOAD: f64 = 1e-6;
 const END: f64 = 16.0;
 
-/// From the unit square around the origin to the panel; z is kept.
+/// Maps the unit square around the origin to the panel; z is unchanged.
 fn panel(at: &Vec3) -> Vec3 {
     let (s, t) = (at.x + 0.5, at.y + 0.5);
     let (bottom, top) = (44.0 * s, 44.0 + 16.0 * s);
@@ -84,8 +85,8 @@ fn membrane(n: u32) -> Result<f64, StudyError> {
     Ok(displacement_at(&body, &mesh.positions, MIDDLE).y / LOAD)
 }
 
-/// One layer of tetrahedra: in plane strain between two planes, or with one free face in plane stress (nearly:
-/// the slab is a forty-eighth as thick as long).
+/// One layer of tetrahedra: in plane strain between two planes, or with one free face in plane stress (approximately:
+/// the thickness of the slab is about a hundredth of its length).
 fn slab(
     n: u32,
     quadratic: bool,

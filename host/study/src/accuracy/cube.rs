@@ -1,6 +1,6 @@
-//! A cube of gelatine between two plates to which it is bonded, pressed together by a tenth: 10 cm, 20 kPa,
-//! nu = 0.3. The reference is the independent program's quadratic elements, extrapolated; its linear
-//! elements' force on the same mesh stands beside ours.
+//! A cube of gelatine, bonded to two plates and compressed by a tenth: 10 cm, 20 kPa, nu = 0.3. The reference is
+//! extrapolated from the quadratic elements of an independent program. The force of that program's linear elements on
+//! the same mesh is listed for comparison.
 
 use super::Series;
 use super::solve::{settle, settle_linear, vertices, weightless};
@@ -68,7 +68,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     Ok(all)
 }
 
-/// Force (N) that presses the cube together.
+/// Force (N) that compresses the cube.
 fn pressed(n: u32, quadratic: bool, law: SolidLaw) -> Result<f64, StudyError> {
     let mut mesh = solid_box([EDGE; 3], [n; 3])?;
     if quadratic {

@@ -1,20 +1,21 @@
-//! How well the local model of a solid foretells the force between publications.
+//! How well the local model of a solid predicts the force between publications.
 //!
-//! A cube of gelatine is pressed between a fixed plate and a hand. From some moment on the hand moves at a
-//! constant velocity, and the change of its force after 1 to 50 ms is foretold by stiffness, damping and drift as
-//! condensed for just that period, as the tick does, and simulated with steps far shorter. A model that is
-//! held errs by the whole change: 1. Two motions:
+//! A cube of gelatine is pressed between a fixed plate and a hand. From some moment on the hand moves at a constant
+//! velocity. The change of its force after 1 to 50 ms is predicted as in the tick: by stiffness, damping and drift,
+//! condensed for that period. The prediction is compared with a simulation with far shorter steps. A scheme that holds
+//! the force has the error 1. There are two motions:
 //!
-//! - **from rest**: the body at rest, the hand's velocity jumps, which no hand can do: the worst case.
-//! - **steady**: the hand has come to its velocity over 0.2 s and keeps it.
+//! - **from rest**: the body is at rest, and the velocity of the hand jumps, which no hand can do: the worst case.
+//! - **steady**: the hand has accelerated for 0.2 s and keeps its velocity.
 //!
-//! A body in steady motion carries on without the hand's doing, which stiffness and damping cannot know: they
-//! take all of the hand's displacement for news. The drift knows. So the errors of a model without drift stand beside
-//! those of the published one. The models come from a body that is stepped as the host does: its drift tells what its
-//! steps missed.
+//! A body in steady motion keeps moving without the hand. Stiffness and damping cannot represent this, because they
+//! attribute the whole change to the displacement of the hand; the drift can. The errors of a model without drift are
+//! therefore listed beside those of the published model. The models come from a body that is stepped as in the host;
+//! its drift contains the error of these steps.
 //!
-//! One linearized step of implicit Euler as long as the period is foretold exactly, once the inertia is added
-//! that is published but not extrapolated: that is what the condensation is made for, and checks it.
+//! The prediction is exact for one linearized step of implicit Euler that is as long as the period, if the inertia is
+//! added, which is published but not extrapolated. The condensation is defined by this property, and the property is
+//! checked.
 
 use super::solve::{vertices, weightless};
 use crate::{Level, StudyError};
@@ -33,7 +34,7 @@ const GELATINE: SolidMaterial = SolidMaterial {
 };
 /// Velocity of the hand (m/s): down and aside, 1.1 mm in 50 ms.
 const VELOCITY: Vec3 = Vec3::new(0.01, 0.0, -0.02);
-/// Time in which the steady hand comes to its velocity (s).
+/// Time in which the steady hand accelerates to its velocity (s).
 const APPROACH: f64 = 0.2;
 /// Length of the host's steps (s).
 const STEP: f64 = 1e-3;
@@ -47,31 +48,31 @@ pub struct Prediction {
     pub motion: &'static str,
     /// Rayleigh damping by stiffness (s).
     pub damping: f64,
-    /// Time since the model was published, and the period that it was condensed for (s).
+    /// Time since the publication of the model, and the period for which the model was condensed (s).
     pub period: f64,
-    /// Change of the hand's force over it, as simulated (N).
+    /// Change of the hand's force over the period, as simulated (N).
     pub change: f64,
-    /// Error of the change foretold, as a share of it.
+    /// Error of the predicted change, as a fraction of the change.
     pub error: f64,
     /// The same without the drift.
     pub error_without_drift: f64,
-    /// The same with drift, condensed from the exact tangent of a body that no step has moved. Steps need one without
-    /// negative parts and condense that; their drift tells what it lacks in pressed cells.
+    /// The same with drift, condensed from the exact tangent of a body that no step has moved. Steps need a tangent
+    /// without negative eigenvalues and condense that one; their drift contains the difference in compressed cells.
     pub error_exact_tangent: f64,
 }
 
-/// What was found.
+/// The results.
 #[derive(Clone, Debug, Serialize)]
 pub struct LocalModels {
     /// Length of the short steps (s).
     pub step: f64,
-    /// Largest error, as a share of the change, where the future is one linearized step and inertia is added.
+    /// Largest error, as a fraction of the change, for one linearized step with inertia.
     pub exactness: f64,
     /// All cells.
     pub predictions: Vec<Prediction>,
 }
 
-/// Runs all; `progress` is given the share done.
+/// Runs all cases. `progress` receives the fraction done.
 pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<LocalModels, StudyError> {
     let (cells, steps_a_ms, dampings): (_, _, &[f64]) = match level {
         Level::Quick => (3, 2, &[0.0, 1e-2]),
@@ -88,25 +89,25 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<LocalMo
         found.exactness = found.exactness.max(scene.exactness()?);
         found
             .predictions
-            .extend(scene.foretell("from_rest", damping)?);
+            .extend(scene.predict("from_rest", damping)?);
         let mut scene = Scene::new(cells, damping, steps_a_ms)?;
         scene.approach()?;
-        found.predictions.extend(scene.foretell("steady", damping)?);
+        found.predictions.extend(scene.predict("steady", damping)?);
     }
     progress(1.0);
     Ok(found)
 }
 
-/// The cube, pressed, with a fixed plate (handle 0) and the hand (handle 1).
+/// The compressed cube, with a fixed plate (handle 0) and the hand (handle 1).
 struct Scene {
     body: Body,
-    /// The same body, stepped as the host does.
+    /// The same body, stepped as in the host.
     stepped: Body,
     poses: [HandlePose; 2],
-    /// Velocity of the hand before it is foretold (m/s).
+    /// Velocity of the hand before the prediction (m/s).
     velocity: Vec3,
     integrator: Integrator,
-    /// One for each period, kept up by the stepped body.
+    /// One condenser for each period, for the stepped body.
     condensers: Vec<Condenser>,
     steps_a_ms: u32,
 }
@@ -129,7 +130,7 @@ impl Scene {
         };
         let law = SolidLaw::Corotational;
         let mut body = Body::solid(&mesh, &[GELATINE], law, config, &handles)?;
-        let poses = [-0.5, 0.45].map(|share| HandlePose::at(Vec3::z() * (share * EDGE)));
+        let poses = [-0.5, 0.45].map(|side| HandlePose::at(Vec3::z() * (side * EDGE)));
         Equilibrium::new(&body, EquilibriumOptions::default())?.solve(&mut body, &poses, 1.0)?;
         let options = IntegratorOptions {
             scheme: Scheme::TrBdf2,
@@ -154,7 +155,7 @@ impl Scene {
         report.map_or(Vec3::zeros(), |report| report.wrench_on_hand.force)
     }
 
-    /// Moves the hand with a growing velocity until it has [`VELOCITY`].
+    /// Accelerates the hand to [`VELOCITY`].
     fn approach(&mut self) -> Result<(), StudyError> {
         let steps = (APPROACH * 1e3) as u32 * self.steps_a_ms;
         let h = APPROACH / f64::from(steps);
@@ -169,7 +170,7 @@ impl Scene {
                 self.stepped.step(STEP, &self.poses)?;
                 let ms = step / self.steps_a_ms;
                 let due = self.condensers.iter_mut().zip(PERIODS);
-                for (condenser, period) in due.filter(|(_, period)| is_told(ms, *period)) {
+                for (condenser, period) in due.filter(|(_, period)| is_published(ms, *period)) {
                     condenser.condense(&self.stepped, f64::from(period) * 1e-3)?;
                 }
             }
@@ -178,8 +179,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Compares the model of each period with what comes.
-    fn foretell(
+    /// Compares the prediction of the model of each period with the simulation.
+    fn predict(
         mut self,
         motion: &'static str,
         damping: f64,
@@ -195,9 +196,9 @@ impl Scene {
         self.body.assemble_with(Tangent::Exact);
         for (ms, condenser) in PERIODS.into_iter().zip(&mut self.condensers) {
             let t = f64::from(ms) * 1e-3;
-            let foretold = |body: &Body, condenser: &mut Condenser| {
+            let predicted = |body: &Body, condenser: &mut Condenser| {
                 let condensed = condenser.condense(body, t)?;
-                // As the tick does: displacement, and velocity less that published.
+                // The displacement, and the velocity less the published velocity, as in the tick.
                 let jump = VELOCITY - self.velocity;
                 let stiffness = hand(condensed, |m| &m.stiffness);
                 let damper = hand(condensed, |m| &m.damping) * jump;
@@ -205,12 +206,12 @@ impl Scene {
                 let drift = Vec3::from_column_slice(&condensed.drift[6..9]) * t;
                 Ok::<_, StudyError>([plain, plain + drift])
             };
-            let [plain, whole] = foretold(&self.stepped, condenser)?;
-            let [_, exact] = foretold(&self.body, &mut exact)?;
+            let [plain, whole] = predicted(&self.stepped, condenser)?;
+            let [_, exact] = predicted(&self.body, &mut exact)?;
             models.push((ms, t, [whole, plain, exact]));
         }
         let mut done = 0;
-        for (ms, period, foretold) in models {
+        for (ms, period, predicted) in models {
             for step in done + 1..=ms * self.steps_a_ms {
                 self.poses[1].position = before + VELOCITY * (f64::from(step) * h);
                 self.integrator.step(&mut self.body, h, &self.poses)?;
@@ -218,7 +219,7 @@ impl Scene {
             done = ms * self.steps_a_ms;
             let simulated = self.force() - start;
             let [error, error_without_drift, error_exact_tangent] =
-                foretold.map(|change| (change - simulated).norm() / simulated.norm());
+                predicted.map(|change| (change - simulated).norm() / simulated.norm());
             predictions.push(Prediction {
                 motion,
                 damping,
@@ -232,7 +233,7 @@ impl Scene {
         Ok(predictions)
     }
 
-    /// The largest error, over all periods, where the future is one linearized step.
+    /// The largest error over all periods for one linearized step.
     fn exactness(&self) -> Result<f64, StudyError> {
         let mut worst = 0.0_f64;
         let mut condenser = Condenser::new(&self.body)?;
@@ -242,7 +243,7 @@ impl Scene {
             body.assemble();
             let by = VELOCITY * t;
             let condensed = condenser.condense(&body, t)?;
-            let foretold = hand(condensed, |m| &m.raw_stiffness) * by
+            let predicted = hand(condensed, |m| &m.raw_stiffness) * by
                 + hand(condensed, |m| &m.raw_damping) * (by / t)
                 + hand(condensed, |m| &m.mass) * (by / (t * t));
             let reaction = |motion: Vec3| -> Result<Vec3, StudyError> {
@@ -254,18 +255,19 @@ impl Scene {
                 Ok(report.map_or(Vec3::zeros(), |report| report.reaction.force))
             };
             let simulated = reaction(by)? - reaction(Vec3::zeros())?;
-            worst = worst.max((foretold - simulated).norm() / simulated.norm());
+            worst = worst.max((predicted - simulated).norm() / simulated.norm());
         }
         Ok(worst)
     }
 }
 
-/// Whether a model is published `ms` after the hand set out, every `period` (ms): only the last ones matter.
-fn is_told(ms: u32, period: u32) -> bool {
+/// Whether a model with the period `period` (ms) is published `ms` after the start of the hand. Only the last models
+/// matter.
+fn is_published(ms: u32, period: u32) -> bool {
     ms.is_multiple_of(period) && ms + 10 * period >= (APPROACH * 1e3) as u32
 }
 
-/// What the hand's own motion does to its force, in one of the matrices.
+/// The block of one of the matrices that relates the hand's motion to its force.
 fn hand(
     condensed: &Condensed,
     matrix: impl Fn(&Condensed) -> &physics::linear::dense::Square,

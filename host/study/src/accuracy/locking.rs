@@ -1,6 +1,6 @@
-//! Volumetric locking: a beam whose material is nearly incompressible bends as any other; linear tetrahedra
-//! cannot bend without changing volume, quadratic ones can. The held end, which may not contract, costs a few
-//! percent that Timoshenko's beam does not know of, more so the larger Poisson's ratio.
+//! Volumetric locking: a beam of nearly incompressible material bends like any other beam. Linear tetrahedra cannot
+//! bend without a change of volume; quadratic tetrahedra can. The held end, which may not contract, changes the
+//! deflection by a few percent that Timoshenko's beam does not include. The difference grows with Poisson's ratio.
 
 use super::Series;
 use super::solve::{displacements, settle, solid_material, vertices, weightless};
@@ -11,7 +11,7 @@ use physics::{Body, SolidLaw, Vec3};
 
 const THICK: f64 = 0.1;
 const CELLS: [u32; 3] = [20, 2, 2];
-/// Small, so that no cell turns over.
+/// A small force, so that no cell is inverted.
 const FORCE: f64 = 1e-9;
 
 pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
@@ -37,7 +37,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     Ok(all)
 }
 
-/// Mean deflection of the free end over that of Timoshenko's beam.
+/// Mean deflection of the free end, relative to Timoshenko's beam.
 fn deflection(poisson: f64, quadratic: bool) -> Result<f64, StudyError> {
     let mut mesh = solid_box([1.0, THICK, THICK], CELLS)?;
     if quadratic {

@@ -1,7 +1,7 @@
-//! Manufactured solutions (Roache, "Code verification by the method of manufactured solutions", 2002): a
-//! displacement is chosen, the body force that it needs is derived, and the error over the cube's volume is
-//! what the elements make of it. Linear elements err with the square of their size, quadratic ones with the
-//! cube.
+//! Manufactured solutions (Roache, "Code verification by the method of manufactured solutions", 2002). A displacement
+//! is chosen, and the body force that causes it is derived. The finite elements compute the displacement from the
+//! force, and the error is measured over the volume of the cube. The error is of second order in the size of linear
+//! elements, of third order for quadratic elements.
 
 use super::Series;
 use super::solve::{displacements, settle_linear, solid_material, vertices, weightless};
@@ -12,8 +12,8 @@ use physics::material::law::Lame;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, Mat3, SolidLaw, Vec3};
 
-/// The displacement is `DIRECTION sin(pi x) sin(pi y) sin(pi z)`, zero on the cube's surface; small, so that
-/// no cell turns over.
+/// The displacement is `DIRECTION sin(pi x) sin(pi y) sin(pi z)`, zero on the surface of the cube. It is small, so that
+/// no cell is inverted.
 const DIRECTION: Vec3 = Vec3::new(1e-3, -0.5e-3, 0.7e-3);
 const POISSON: f64 = 0.3;
 
@@ -64,8 +64,8 @@ fn body_force(lame: Lame, at: &Vec3) -> Vec3 {
     -(second * DIRECTION * (lame.lambda + lame.mu) + DIRECTION * (lame.mu * second.trace()))
 }
 
-/// Points of a rule of degree 7 on the reference tetrahedron: Gauss-Legendre points of a cube, collapsed
-/// (Duffy). Weights include the map.
+/// A quadrature rule of degree 7 on the reference tetrahedron: Gauss-Legendre points of a cube, collapsed (Duffy). The
+/// weights include the map's determinant.
 fn fine_rule() -> Vec<(Vec3, f64)> {
     let root = 2.0 / 7.0 * libm::sqrt(6.0 / 5.0);
     let (a, b) = (libm::sqrt(3.0 / 7.0 - root), libm::sqrt(3.0 / 7.0 + root));
@@ -84,7 +84,7 @@ fn fine_rule() -> Vec<(Vec3, f64)> {
     rule
 }
 
-/// Error of the finite elements in the mean square over the cube, over the solution's own mean square.
+/// Root mean square of the finite elements' error over the cube, relative to the root mean square of the solution.
 fn error<const N: usize, const Q: usize, S: Shape<N, Q>>(
     n: u32,
     quadratic: bool,
@@ -98,8 +98,8 @@ fn error<const N: usize, const Q: usize, S: Shape<N, Q>>(
     }
     let material = solid_material(1.0, POISSON);
     let lame = Lame::new(material.young, material.poisson);
-    // At each point the shape functions, and what it stands for: a cell's Jacobian is 6 times its volume, a
-    // sixth of a cube's cell.
+    // The shape functions and the weight at each point. The Jacobian of a tetrahedron is 6 times its volume, which is a
+    // sixth of the grid cell.
     let jacobian = 1.0 / f64::from(n).powi(3);
     let rule: Vec<([f64; N], f64)> = fine_rule()
         .into_iter()

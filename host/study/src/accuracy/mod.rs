@@ -1,9 +1,9 @@
-//! How far the engine's bodies lie from exact solutions and from independent programs.
+//! The errors of the engine's bodies against exact solutions and independent programs.
 //!
-//! Each benchmark is one file and gives [`Series`]: the same quantity on finer and finer meshes, with the
-//! error against a reference and the order at which it falls. Nothing here is tuned to its reference: meshes
-//! are the generators', options the defaults, and where a published figure is known to lie off the exact one
-//! the source says so.
+//! Each benchmark is one file and computes [`Series`]: the same quantity on a sequence of refined meshes, with the
+//! error against a reference and the order of convergence. No benchmark is tuned to its reference: meshes come from the
+//! generators, and options have their defaults. Where a published figure is known to differ from the exact one, the
+//! source says so.
 
 mod cook;
 mod cube;
@@ -24,34 +24,34 @@ pub use local_model::{LocalModels, Prediction};
 /// One mesh of a series.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
-    /// What it is, for people.
+    /// Description for readers.
     pub mesh: String,
-    /// Size of its elements over the length of the problem (or of a time step over the duration).
+    /// Size of the elements over the length of the problem (or of a time step over the duration).
     pub size: f64,
-    /// What was computed, in the series' unit.
+    /// The computed value, in the unit of the series.
     pub ours: f64,
-    /// What an independent program computes on the same mesh, in the same unit, where that is known.
+    /// The value of an independent program on the same mesh, in the same unit, if it is known.
     pub independent: Option<f64>,
-    /// `ours / reference - 1`; for a series whose value is an error already, that error.
+    /// `ours / reference - 1`; the value itself if the series is an error already.
     pub error: f64,
-    /// Order at which the error fell since the last point; `None` at the first, and where sizes are equal.
+    /// Order of convergence from the previous point; none at the first point, and for equal sizes.
     pub order: Option<f64>,
 }
 
-/// One quantity on finer and finer meshes.
+/// One quantity on a sequence of refined meshes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Series {
-    /// A short name, by which programs find it.
+    /// A short name, by which programs find the series.
     pub name: &'static str,
-    /// Problem, elements and quantity, for people.
+    /// Problem, elements and quantity, for readers.
     pub title: String,
     /// Unit of the quantity; "1" for a ratio.
     pub unit: &'static str,
-    /// The exact or agreed value; `None` where the quantity is an error.
+    /// The exact or agreed value; none if the quantity is an error.
     pub reference: Option<f64>,
-    /// Where the reference comes from.
+    /// The source of the reference.
     pub source: &'static str,
-    /// Coarse to fine.
+    /// The points, from coarse to fine.
     pub points: Vec<Point>,
 }
 
@@ -89,22 +89,22 @@ impl Series {
         });
     }
 
-    /// The finest mesh's point.
+    /// The point of the finest mesh.
     pub fn finest(&self) -> Option<&Point> {
         self.points.last()
     }
 }
 
-/// What the study found.
+/// The results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Accuracy {
     /// `palpate.accuracy/2`.
     pub schema: &'static str,
-    /// How much was computed.
+    /// The extent of the computation.
     pub level: Level,
     /// All series, benchmark by benchmark.
     pub series: Vec<Series>,
-    /// How well a published local model foretells the force.
+    /// How well a published local model predicts the force.
     pub local_models: LocalModels,
 }
 
@@ -117,12 +117,12 @@ impl Accuracy {
 
 type Benchmark = fn(Level) -> Result<Vec<Series>, StudyError>;
 
-/// Runs all benchmarks. `progress` is given the share done.
+/// Runs all benchmarks. `progress` receives the fraction done.
 ///
 /// # Errors
 /// [`StudyError`].
 pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, StudyError> {
-    // Each with its share of the whole time, roughly; the local models take the rest.
+    // Each benchmark with its approximate fraction of the whole time. The local models take the rest.
     let benchmarks: [(Benchmark, f64); 8] = [
         (plate_hole::run, 0.01),
         (cook::run, 0.08),
@@ -135,12 +135,13 @@ pub fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Accuracy, Stud
     ];
     let mut series = Vec::new();
     let mut done = 0.0;
-    for (benchmark, share) in benchmarks {
+    for (benchmark, fraction) in benchmarks {
         progress(done);
         series.extend(benchmark(level)?);
-        done += share;
+        done += fraction;
     }
-    let local_models = local_model::run(level, |share| progress(done + (1.0 - done) * share))?;
+    let local_models =
+        local_model::run(level, |fraction| progress(done + (1.0 - done) * fraction))?;
     Ok(Accuracy {
         schema: "palpate.accuracy/2",
         level,

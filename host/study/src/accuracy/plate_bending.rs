@@ -1,15 +1,15 @@
 //! Sheets that bend, against the theory of thin plates (Timoshenko and Woinowsky-Krieger, "Theory of plates
 //! and shells", 2nd edition): rigidity `D = E t^3 / (12 (1 - nu^2))`.
 //!
-//! A strip held at one end, as a beam (nu = 0) under a force at its end and under pressure; a strip eight
-//! times as wide as long (nu = 0.3), which bends cylindrically, so that its end's middle feels `D`; and a
-//! square plate held all around. Values are deflections over the theory's. Sheets have no angles: a clamp is
-//! one more row of cells that is held. For comparison, the first strip as a slab of quadratic tetrahedra.
+//! A strip held at one end bends as a beam (nu = 0), under a force at its end and under pressure. A strip eight times
+//! as wide as long (nu = 0.3) bends cylindrically, so that `D` governs the middle of its end. A square plate is held
+//! along all its edges. Values are deflections relative to the theory. Sheets have no angles; a clamp is one more row
+//! of cells that is held. For comparison, the first strip is also computed as a slab of quadratic tetrahedra.
 //!
-//! How the sheet is cut into triangles matters. With all diagonals alike deflections converge to the theory's
-//! with the size of the cells, from above; with alternating ones, to nearly one and a half times (the strips
-//! along their length) or more. The model's energy of a smooth shape is right on either; on the latter other
-//! shapes cost too little, and equilibrium finds them.
+//! The cut of a sheet into triangles matters. With parallel diagonals, deflections converge to the theory with the size
+//! of the cells, from above. With alternating diagonals, they converge to nearly one and a half times the theory (the
+//! strips along their length) or more. The energy of a smooth shape is right on both meshes. With alternating
+//! diagonals, other shapes have too little energy, and the equilibrium contains them.
 
 use super::Series;
 use super::solve::{
@@ -22,30 +22,30 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, BodyConfig, SolidLaw, Vec3};
 
-/// Of a strip 1 long and of a square 1 wide: the model is that of a thin plate whatever the thickness.
+/// For a strip of length 1 and a square of width 1. The model is that of a thin plate at any thickness.
 const THICKNESS: f64 = 0.1;
-/// Sheets are nonlinear, and err by the square of deflection over thickness.
+/// Sheets are nonlinear. Their error is of second order in deflection over thickness.
 const DEFLECTION: f64 = 1e-3 * THICKNESS;
 /// Thickness of the slab.
 const SLAB: f64 = 0.02;
-/// Deflection of the slab, which is linear: any is right.
+/// Deflection of the slab. The slab is linear, so any value is valid.
 const SLAB_DEFLECTION: f64 = 1e-3;
 
-/// What bends a strip.
+/// The load of a strip.
 #[derive(Clone, Copy, PartialEq)]
 enum Load {
     End,
     Pressure,
 }
 
-/// How a sheet is cut into triangles.
+/// The cut of a sheet into triangles.
 #[derive(Clone, Copy, PartialEq)]
 enum Cut {
-    /// All diagonals alike.
+    /// Parallel diagonals.
     Regular,
-    /// The same, inner vertices moved by up to a fifth of a cell along either axis.
+    /// Parallel diagonals, with inner vertices moved by up to a fifth of a cell along either axis.
     Moved,
-    /// Diagonals in turn: half of the vertices have four triangles, half eight.
+    /// Alternating diagonals: half of the vertices have four triangles, half have eight.
     Alternating,
 }
 
@@ -102,7 +102,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     Ok(all)
 }
 
-/// Names by cut, problem, load, width, Poisson's ratio, cells along it, source.
+/// Names by cut, problem, load, width, Poisson's ratio, cells along the length, source.
 type Strip = (
     [&'static str; 3],
     &'static str,
@@ -169,7 +169,8 @@ fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, Stud
                 .wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
         };
-        // Two rows on each side stay, so that clamps and borders stay straight, and the middle.
+        // Two rows on each side keep their places, so that clamps and borders are straight. The middle vertex keeps its
+        // place, too.
         let inner = |x: f64, axis: usize| x.abs() < 0.5 * size[axis] - 1.5 * cell[axis];
         for x in &mut mesh.positions {
             let by = [signed(), signed()];
@@ -182,7 +183,7 @@ fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, Stud
     Ok(mesh)
 }
 
-/// A body of `mesh` that resists bending and can only move along z, not at all where `held`.
+/// A body of `mesh` that resists bending, moves along z only, and is fixed where `held` holds.
 fn plate(mesh: &TriMesh, poisson: f64, held: impl Fn(&Vec3) -> bool) -> Result<Body, StudyError> {
     let config = BodyConfig {
         bending: 1.0,
@@ -211,7 +212,7 @@ fn pressure(mesh: &TriMesh, pressure: f64) -> Vec<Vec3> {
     forces
 }
 
-/// Deflection at the middle of the free end over the exact one.
+/// Deflection at the middle of the free end, relative to the theory.
 fn strip(
     n: u32,
     across: u32,
@@ -240,7 +241,7 @@ fn strip(
     Ok(displacement_at(&body, &mesh.positions, Vec3::x()).z / DEFLECTION)
 }
 
-/// Deflection of the middle over the exact one.
+/// Deflection of the middle, relative to the theory.
 fn square(n: u32, cut: Cut) -> Result<f64, StudyError> {
     let cell = 1.0 / f64::from(n);
     let whole = 1.0 + 2.0 * cell;
@@ -253,7 +254,7 @@ fn square(n: u32, cut: Cut) -> Result<f64, StudyError> {
     Ok(displacement_at(&body, &mesh.positions, Vec3::zeros()).z / DEFLECTION)
 }
 
-/// The strip as a slab: mean deflection of the free end over the exact one.
+/// Mean deflection of the slab's free end, relative to the theory.
 fn slab(n: u32, across: u32) -> Result<f64, StudyError> {
     let width = 0.25;
     let mesh = solid_box([1.0, width, SLAB], [n, across, 1])?.quadratic();
@@ -263,7 +264,7 @@ fn slab(n: u32, across: u32) -> Result<f64, StudyError> {
     let end = vertices(&mesh.positions, |x| x.x > 0.5 - 1e-9);
     let area = width * SLAB;
     let inertia = area * SLAB * SLAB / 12.0;
-    // Without Poisson's effect: G = E / 2, and 5 / 6 of the section carries shear.
+    // For nu = 0: G = E / 2, and the shear area is 5 / 6 of the section.
     let per_force = 1.0 / (3.0 * inertia) + 1.0 / (5.0 / 6.0 * 0.5 * area);
     let force = SLAB_DEFLECTION / per_force;
     let (forces, _) = traction(&mesh, &end, Vec3::z() * (force / area));

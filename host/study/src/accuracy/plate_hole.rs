@@ -1,10 +1,10 @@
-//! Kirsch's problem: a plate with a round hole in uniaxial tension (Kirsch, "Die Theorie der Elasticität und
-//! die Bedürfnisse der Festigkeitslehre", 1898). The largest stress, at the hole, is 3 times that applied.
+//! Kirsch's problem: a plate with a round hole in uniaxial tension (Kirsch, "Die Theorie der Elasticität und die
+//! Bedürfnisse der Festigkeitslehre", 1898). The largest stress, at the hole, is 3 times the applied stress.
 //!
-//! A quarter of a square plate of 5 radii (10 in one case), its border under the exact solution's tractions,
-//! so that the plate being finite costs nothing. Stress is that of single elements, the largest principal
-//! one anywhere. An independent program's figures, on the same meshes (rays at equal angles, an odd
-//! number of them cutting the corner off, diagonals alternating), stand beside ours.
+//! The domain is a quarter of a square plate of 5 radii (10 in one case). The tractions of the exact solution act on
+//! its border, so that the finite size causes no error. The stress is the largest principal stress of a single element.
+//! The figures of an independent program on the same meshes are listed for comparison (rays at equal angles, an odd
+//! number of them that cut the corner off, alternating diagonals).
 
 use super::Series;
 use super::solve::{settle, sheet_material, vertices, weightless};
@@ -14,11 +14,11 @@ use physics::body::load::edge_traction;
 use physics::mesh::generate_plate::{HoledPlate, Rays, quarter_plate_with_hole};
 use physics::{Body, Mat3, Vec3};
 
-/// Remote stress over Young's modulus: sheets are nonlinear, and err by about as much.
+/// Remote stress over Young's modulus. Sheets are nonlinear, and their relative error is about as large.
 const STRAIN: f64 = 1e-7;
 const POISSON: f64 = 0.3;
 
-/// Stress at a place in an infinite plate with a hole of radius 1, over that applied along x.
+/// Stress at a place in an infinite plate with a hole of radius 1, relative to the stress applied along x.
 fn exact_stress(at: &Vec3) -> Mat3 {
     let q = 1.0 / (at.x * at.x + at.y * at.y);
     let angle = libm::atan2(at.y, at.x);
@@ -31,9 +31,9 @@ fn exact_stress(at: &Vec3) -> Mat3 {
     Mat3::new(xx, xy, 0.0, xy, yy, 0.0, 0.0, 0.0, 0.0)
 }
 
-/// One family of meshes: name, title, half the plate's width over the radius, growth, and for each mesh
-/// cells around a quarter, cells outward, and how often its cells were halved (each time the growth becomes its
-/// root).
+/// One family of meshes: name, title, half the width of the plate over the radius, growth; and for each mesh the cells
+/// around a quarter, the cells outward, and the number of times its cells were halved (each halving replaces the growth
+/// by its square root).
 type Family = (
     &'static str,
     &'static str,
@@ -111,7 +111,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     Ok(all)
 }
 
-/// The largest principal stress of any element, over that applied.
+/// The largest principal stress of any element, relative to the applied stress.
 fn largest_stress(plate: &HoledPlate) -> Result<f64, StudyError> {
     let mesh = quarter_plate_with_hole(plate)?;
     let material = sheet_material(1.0, POISSON, 1.0);
@@ -133,7 +133,7 @@ fn largest_stress(plate: &HoledPlate) -> Result<f64, StudyError> {
     Ok(stresses.map(|s| larger_principal(&s)).fold(0.0, f64::max) / STRAIN)
 }
 
-/// The larger principal value in the xy-plane.
+/// The larger principal value in the plane of x and y.
 fn larger_principal(s: &Mat3) -> f64 {
     let mean = 0.5 * (s[(0, 0)] + s[(1, 1)]);
     mean + libm::hypot(0.5 * (s[(0, 0)] - s[(1, 1)]), s[(0, 1)])

@@ -1,9 +1,9 @@
-//! What all benchmarks do: choose vertices, hold a body, bring it to rest.
+//! The operations of all benchmarks: choosing vertices, making materials, solving for equilibrium.
 
 use crate::StudyError;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Material, SolidMaterial, Vec3};
 
-/// No gravity; the linear solver as tight as double precision gives.
+/// No gravity, and a linear solver that converges as far as double precision permits.
 pub(super) fn weightless() -> BodyConfig {
     BodyConfig {
         gravity: Vec3::zeros(),
@@ -14,7 +14,7 @@ pub(super) fn weightless() -> BodyConfig {
     }
 }
 
-/// A sheet's material whose density does not matter.
+/// The material of a sheet whose density does not matter.
 pub(super) fn sheet_material(young: f64, poisson: f64, thickness: f64) -> Material {
     Material {
         young,
@@ -24,7 +24,7 @@ pub(super) fn sheet_material(young: f64, poisson: f64, thickness: f64) -> Materi
     }
 }
 
-/// A solid's material whose density does not matter.
+/// The material of a solid whose density does not matter.
 pub(super) fn solid_material(young: f64, poisson: f64) -> SolidMaterial {
     SolidMaterial {
         young,
@@ -33,7 +33,7 @@ pub(super) fn solid_material(young: f64, poisson: f64) -> SolidMaterial {
     }
 }
 
-/// Numbers of those vertices that `chosen` picks by their place.
+/// Numbers of the vertices whose positions satisfy `chosen`.
 pub(super) fn vertices(positions: &[Vec3], chosen: impl Fn(&Vec3) -> bool) -> Vec<u32> {
     let numbered = (0_u32..).zip(positions);
     numbered
@@ -42,21 +42,21 @@ pub(super) fn vertices(positions: &[Vec3], chosen: impl Fn(&Vec3) -> bool) -> Ve
         .collect()
 }
 
-/// Equilibrium under the loads and supports that `body` has.
+/// Moves `body` to equilibrium under its loads and supports.
 pub(super) fn settle(body: &mut Body) -> Result<(), StudyError> {
     let mut equilibrium = Equilibrium::new(body, EquilibriumOptions::default())?;
     equilibrium.solve(body, &[], 1.0)?;
     Ok(())
 }
 
-/// The same for a linear body that is too large to factorize: one step so long that inertia is nothing, by
+/// The same for a linear body that is too large to factorize: one step that is so long that inertia is negligible, by
 /// conjugate gradients.
 pub(super) fn settle_linear(body: &mut Body) -> Result<(), StudyError> {
     body.step(1e9, &[])?;
     Ok(())
 }
 
-/// Displacements of `body`'s vertices from `rest`.
+/// Displacements of the vertices of `body` from `rest`.
 pub(super) fn displacements(body: &Body, rest: &[Vec3]) -> Vec<Vec3> {
     body.positions()
         .zip(rest)

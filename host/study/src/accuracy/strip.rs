@@ -1,5 +1,5 @@
-//! A membrane strip pulled to 1.2 of its length: exact with free sides, whatever the mesh; with clamped ends
-//! against an independent program on the same mesh.
+//! A membrane strip stretched to 1.2 of its length. With free sides the solution is exact on any mesh. With clamped
+//! ends the reference is an independent program on the same mesh.
 
 use super::Series;
 use super::solve::{settle, vertices, weightless};
@@ -62,14 +62,14 @@ pub(super) fn run(_: Level) -> Result<Vec<Series>, StudyError> {
     Ok(vec![corotational, stvk, clamped])
 }
 
-/// Force that stretches the strip; its ends may contract or not.
+/// Force (N) that stretches the strip. Clamped ends cannot contract.
 fn pulled(mesh: &TriMesh, mut body: Body, clamped: bool) -> Result<f64, StudyError> {
     let at = |chosen: &dyn Fn(&Vec3) -> bool| vertices(&mesh.positions, chosen);
     body.add_support(&at(&|_| true), [false, false, true])?;
     let left = at(&|x| x.x < 1e-9 - 0.5 * LENGTH);
     let right = at(&|x| x.x > 0.5 * LENGTH - 1e-9);
     body.add_support(&left, [true, clamped, false])?;
-    // Without clamps one vertex keeps the strip from sliding along y.
+    // Without clamps, one fixed vertex prevents sliding along y.
     body.add_support(&left[..1], [true, true, false])?;
     let end = body.add_support(&right, [true, clamped, false])?;
     body.set_support(end, Vec3::x() * (LENGTH * (STRETCH - 1.0)))?;

@@ -1,5 +1,5 @@
-//! Orders of the time schemes: a cube that hangs by one face is struck and swings for a tenth of a second;
-//! the error is that of its vertices, against the second-order scheme with very short steps.
+//! Orders of the time schemes. A cube that is held by one face is struck and swings for a tenth of a second. The error
+//! is that of its vertices, against the second-order scheme with very short steps.
 
 use super::Series;
 use super::solve::{vertices, weightless};
@@ -60,7 +60,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
     Ok(all)
 }
 
-/// Where the vertices are after the swing, in `steps` steps.
+/// The positions of the vertices after the swing, in `steps` steps.
 fn swing(scheme: Scheme, steps: u32) -> Result<Vec<Vec3>, StudyError> {
     let mesh = solid_box([1.0; 3], [1; 3])?.quadratic();
     let config = BodyConfig {

@@ -1,15 +1,15 @@
-//! A small kernel by which times of one machine are scaled to another's.
+//! A small kernel by which times of one machine are scaled to another machine.
 //!
-//! The products of a symmetric block-sparse matrix with a vector: 3 x 3 blocks on the edges of a grid of
-//! 10 x 10 x 10 cells cut into tetrahedra, in double precision, on one thread. A C program of the same
-//! arithmetic was run where the other programs' times were taken (gcc -O3 -march=native).
+//! The kernel is the product of a symmetric block-sparse matrix with a vector: 3 x 3 blocks on the edges of a grid of
+//! 10 x 10 x 10 cells that are cut into tetrahedra, in double precision, on one thread. A C program of the same
+//! arithmetic ran on the machine on which the times of the other programs were taken (gcc -O3 -march=native).
 
 use super::clock::cpu_time;
 use std::hint::black_box;
 
-/// The C program's time over this translation's, both taken in the same minute on one machine (26.2 and 22.0
-/// microseconds, AMD EPYC with AVX-512): Rust knows that the vectors do not overlap, and gcc's wide gathers
-/// do not pay.
+/// The time of the C program divided by the time of this translation, both taken in the same minute on one machine
+/// (26.2 and 22.0 microseconds, AMD EPYC with AVX-512). Rust knows that the vectors do not overlap, and the wide
+/// gathers of gcc do not pay.
 const C_OVER_RUST: f64 = 1.19;
 
 const NODES_ALONG: usize = 11;
@@ -17,8 +17,8 @@ const NODES: usize = NODES_ALONG * NODES_ALONG * NODES_ALONG;
 const ATTEMPTS: usize = 300;
 const REPEATS: usize = 20;
 
-/// A vector on a cache line of its own, as the C program's are: elsewhere the time depends by a fifth on where
-/// the heap happens to begin.
+/// A vector that begins at a cache line, as in the C program. Otherwise the time depends by a fifth on the address at
+/// which the heap begins.
 #[repr(align(64))]
 struct Aligned([[f64; 3]; NODES]);
 
@@ -37,7 +37,7 @@ impl Kernel {
         for node in 0..NODES {
             let (i, j) = (node % NODES_ALONG, node / NODES_ALONG % NODES_ALONG);
             let k = node / (NODES_ALONG * NODES_ALONG);
-            // The seven edges of a cell cut by Kuhn's split that start at its corner.
+            // The seven edges of a cell in Kuhn's split that start at the cell's corner.
             for side in 1..8 {
                 let [a, b, c] = [i + (side & 1), j + (side >> 1 & 1), k + (side >> 2)];
                 if [a, b, c].iter().all(|&at| at < NODES_ALONG) {
@@ -69,7 +69,7 @@ impl Kernel {
     }
 }
 
-/// A function of its own, so that it is compiled in the same way wherever it is called.
+/// A function of its own, so that it is compiled identically for every caller.
 #[inline(never)]
 fn product(
     diagonal: &[[f64; 9]],
@@ -97,7 +97,7 @@ fn product(
     }
 }
 
-/// The least time of one product here, as the C program would print it (s).
+/// The least time of one product on this machine, scaled to the C program (s).
 pub(super) fn measure() -> f64 {
     let mut kernel = Kernel::new();
     let mut least = f64::INFINITY;
@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn the_kernel_is_the_c_program_s() {
         let mut kernel = Kernel::new();
-        // As many edges as it prints, and its sum: in every attempt, one entry after each repeat.
+        // The number of edges and the sum that the C program prints: in every attempt, one entry after each repeat.
         assert_eq!(kernel.edges.len(), 7930);
         kernel.product();
         let entries = (0..ATTEMPTS).map(|attempt| kernel.y.0[attempt % NODES][0]);
@@ -127,6 +127,6 @@ mod tests {
         assert!((sum - SUM).abs() < 5e-4, "{sum}");
     }
 
-    /// Of the C program, to the three decimals that it prints.
+    /// The sum of the C program, to the three decimals that it prints.
     const SUM: f64 = 770.254;
 }

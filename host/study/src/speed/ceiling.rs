@@ -1,4 +1,4 @@
-//! What the machine can do at most, on one thread: read from memory, and multiply and add.
+//! The limits of the machine on one thread: reading from memory, and multiplying and adding.
 
 use super::clock::{Times, cpu_time};
 #[cfg(not(palpate_one_version))]
@@ -6,14 +6,14 @@ use multiversion::multiversion;
 use physics::Real;
 use std::hint::black_box;
 
-/// Numbers read side by side: sixteen of the widest registers of `f64`, enough to hide what a sum waits.
+/// Numbers that are read side by side: sixteen of the widest registers of `f64`, enough to hide the latency of a sum.
 const SIDE: usize = 128;
 
 /// Rounds of a measurement.
 const ROUNDS: usize = 2000;
 
-/// Processor time of `work` (s): the median of so many samples as take `time` (s) together, at least three. A sample
-/// is as many calls as take 0.1 ms, so that reading the clock does not count.
+/// Number of calls of `work`, and the processor time of one call (s): the median over samples that take `time` (s)
+/// together, at least three. A sample is as many calls as take 0.1 ms, so that reading the clock is negligible.
 pub(super) fn median(time: f64, mut work: impl FnMut()) -> (usize, f64) {
     let start = cpu_time();
     work();
@@ -31,7 +31,7 @@ pub(super) fn median(time: f64, mut work: impl FnMut()) -> (usize, f64) {
     (calls * times.len(), Times::of(times).median)
 }
 
-/// Bytes that are read in a second from a block of `bytes`, again and again; measured for `time` (s).
+/// Bytes that are read in a second from a block of `bytes`, repeatedly; measured for `time` (s).
 pub(super) fn bandwidth(bytes: usize, time: f64) -> f64 {
     let count = (bytes / size_of::<f32>()).next_multiple_of(SIDE);
     let block = vec![1.0_f32; count];
@@ -59,12 +59,12 @@ fn sum(block: &[f32]) -> f32 {
     sums.iter().sum()
 }
 
-/// Multiplications and additions that are made in a second, as many of one as of the other and none of them fused, as
-/// the kernels'; measured for `time` (s).
+/// Multiplications and additions in a second, in equal numbers and not fused, as in the kernels; measured for `time`
+/// (s).
 ///
-/// Two units of either kind that take three or four cycles want eight of each in flight. Registers of 64 bytes come by
-/// the 32; of narrower ones there are 16, of which those six and six leave some for the factor. The better of the two
-/// is this machine's.
+/// Two units of either kind with a latency of three or four cycles need eight operations of each kind in flight. There
+/// are 32 registers of 64 bytes. There are 16 narrower registers, of which six and six leave some for the factor. The
+/// larger rate of the two is the machine's.
 pub(super) fn peak<T: Real>(time: f64) -> f64 {
     if size_of::<T>() == size_of::<f32>() {
         rate::<T, 16, 8>(0.5 * time).max(rate::<T, 8, 6>(0.5 * time))
@@ -73,7 +73,7 @@ pub(super) fn peak<T: Real>(time: f64) -> f64 {
     }
 }
 
-/// The same with so many chains of vectors of so many lanes.
+/// The same with `CHAINS` chains of vectors of `LANES` lanes.
 fn rate<T: Real, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
     let (start, one) = ([[T::of(1.0); LANES]; CHAINS], T::of(1.0));
     let (_, once) = median(time, || {
@@ -82,9 +82,9 @@ fn rate<T: Real, const LANES: usize, const CHAINS: usize>(time: f64) -> f64 {
     (2 * CHAINS * LANES * ROUNDS) as f64 / once
 }
 
-/// Independent chains of products by `one` and of sums with it, in registers. Where they start is not known to the
-/// compiler, which would make one chain of equal ones; and lanes are outside of chains, for otherwise it makes vectors
-/// of some numbers of them only.
+/// Independent chains of products by `one` and of sums with `one`, in registers. The compiler does not know the start
+/// values; it would merge chains with equal ones. The loop over lanes encloses the loop over chains; otherwise the
+/// compiler vectorizes some of the numbers only.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets(
@@ -118,9 +118,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_measured_is_done() {
+    fn the_measured_work_is_done() {
         assert_eq!(sum(&[1.0; 3 * SIDE]), (3 * SIDE) as f32);
-        // Products of ones, and as many ones added as there are rounds.
+        // The product of ones, the sum's initial one, and a one for each round.
         let expected = (1 + 1 + ROUNDS) as f64;
         assert_eq!(multiply_and_add(&[[1.0; 8]; 6], 1.0), [[expected; 8]; 6]);
         assert!(bandwidth(1 << 12, 0.0).is_finite() && peak::<f32>(0.0).is_finite());

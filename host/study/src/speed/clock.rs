@@ -1,37 +1,37 @@
-//! Processor time of the calling thread, and what many times of one step say.
+//! Processor time of the calling thread, and the distribution of the times of one step.
 
 use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
-/// Processor time of this thread (s): what other programs take meanwhile does not count. Reading it takes
-/// a system call, some 0.3 us.
+/// Processor time of this thread (s). The time of other programs is not included. A reading takes a system call, some
+/// 0.3 us.
 pub(super) fn cpu_time() -> f64 {
     let now = clock_gettime(ClockId::ThreadCPUTime);
     now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64
 }
 
-/// Times of one step, taken many times (s).
+/// The distribution of the times of a step (s).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Times {
-    /// How many were taken.
+    /// Number of times.
     pub count: usize,
-    /// Half are shorter.
+    /// Median.
     pub median: f64,
-    /// 99 of 100 are shorter.
+    /// 99th percentile.
     pub p99: f64,
-    /// 999 of 1000 are shorter; the longest where fewer were taken.
+    /// 99.9th percentile; the longest of fewer than 1000 times.
     pub p999: f64,
-    /// The longest.
+    /// The longest time.
     pub worst: f64,
 }
 
 impl Times {
-    /// Of any number of times; not a number where there are none.
+    /// The distribution of `times`; not a number if there are none.
     pub(super) fn of(mut times: Vec<f64>) -> Self {
         times.sort_unstable_by(f64::total_cmp);
-        let at = |share: f64| {
-            // The least time that `share` of all do not exceed.
-            let rank = libm::ceil(share * times.len() as f64) as usize;
+        let at = |fraction: f64| {
+            // The least time that the fraction `fraction` of all times does not exceed.
+            let rank = libm::ceil(fraction * times.len() as f64) as usize;
             times
                 .get(rank.saturating_sub(1))
                 .copied()
@@ -67,7 +67,7 @@ mod tests {
     #[test]
     fn the_clock_runs_forward_while_the_thread_works() {
         let start = cpu_time();
-        // Until it has: a clock that stands still would never let this end.
+        // The loop ends when the clock has advanced. It would not end with a clock that stands still.
         while cpu_time() <= start {}
     }
 }

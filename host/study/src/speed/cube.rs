@@ -1,4 +1,4 @@
-//! The cube on which the other programs were measured, and harder motions and materials of it.
+//! The cube on which the other programs were measured, and harder motions and materials of the cube.
 //!
 //! 10 cm, 1 kg, E = 20 kPa, nu = 0.3, Rayleigh damping by mass 0.1 and by stiffness 0.1, no gravity, bonded to
 //! two plates, corotational linear tetrahedra by Kuhn's split, implicit Euler.
@@ -14,15 +14,15 @@ use physics::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial, Ve
 
 pub(super) const EDGE: f64 = 0.1;
 const YOUNG: f64 = 2e4;
-/// The handle on top, of two.
+/// The handle on top, one of two.
 pub(super) const TOP: usize = 1;
 
-/// How stiff the cube's parts are.
+/// The distribution of the stiffness in the cube.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stiffness {
-    /// The same everywhere.
+    /// Uniform.
     Uniform,
-    /// 0.5 to 1.5 times as much, cell by cell, at random.
+    /// Multiplied by 0.5 to 1.5, cell by cell, at random.
     Varied,
     /// A core of half the edge that is a hundred times stiffer.
     Core,
@@ -32,7 +32,7 @@ impl Stiffness {
     /// Factors on Young's modulus, one for each of `cells` centres (m).
     fn factors(self, centres: impl Iterator<Item = Vec3>) -> Vec<f64> {
         let factor = |(cell, centre): (u64, Vec3)| match self {
-            Self::Varied => 0.5 + share(cell),
+            Self::Varied => 0.5 + uniform(cell),
             Self::Core if centre.amax() < 0.25 * EDGE => 100.0,
             Self::Uniform | Self::Core => 1.0,
         };
@@ -40,21 +40,21 @@ impl Stiffness {
     }
 }
 
-/// A number from 0 to 1 that `seed` alone decides (SplitMix64: Steele, Lea and Flood, "Fast splittable
-/// pseudorandom number generators", 2014).
-fn share(seed: u64) -> f64 {
+/// A number from 0 to 1 that depends on `seed` alone (SplitMix64: Steele, Lea and Flood, "Fast splittable pseudorandom
+/// number generators", 2014).
+fn uniform(seed: u64) -> f64 {
     let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     ((z ^ (z >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// The cube of `n` cells along each edge, at rest; handle 0 holds its bottom, [`TOP`] its top.
+/// The cube of `n` cells along each edge, at rest. Handle 0 holds the bottom, [`TOP`] the top.
 pub(super) fn cube(n: u32, quadratic: bool, stiffness: Stiffness) -> Result<Body, StudyError> {
     cube_damped(n, quadratic, stiffness, 0.1)
 }
 
-/// The same with another damping by stiffness (s).
+/// The same with another stiffness damping (s).
 pub(super) fn cube_damped(
     n: u32,
     quadratic: bool,
@@ -65,7 +65,7 @@ pub(super) fn cube_damped(
     cube_with(law, n, quadratic, stiffness, stiffness_damping)
 }
 
-/// The same everywhere, under another law.
+/// The uniform cube under another law.
 pub(super) fn cube_of(law: SolidLaw, n: u32, quadratic: bool) -> Result<Body, StudyError> {
     cube_with(law, n, quadratic, Stiffness::Uniform, 0.1)
 }
@@ -118,14 +118,14 @@ fn centres(mesh: &TetMesh) -> impl Iterator<Item = Vec3> + '_ {
     })
 }
 
-/// Pressed by a tenth within `duration` (s), and held until nothing moves.
+/// The cube compressed by a tenth within `duration` (s), and held until it is at rest.
 pub(super) fn press(n: u32, duration: f64) -> Result<Scene, StudyError> {
     Ok(Scene {
         name: "press",
         title: format!("pressed by a tenth in {duration} s, steps of 10 ms"),
         body: cube(n, false, Stiffness::Uniform)?,
         tool: TOP,
-        // Of what the damping adds, at most a fifth, each step leaves 1 / (1 + h / beta): 1e-7 at the end.
+        // Damping adds at most a fifth to the force. Each step leaves 1 / (1 + h / beta) of that part: 1e-7 at the end.
         motion: Motion::ramp(Vec3::z() * (-0.1 * EDGE), duration, 1.5, 0.01),
         along: Vec3::z(),
     })
@@ -153,7 +153,7 @@ pub(super) fn tremor(n: u32, steps: usize) -> Result<Scene, StudyError> {
     })
 }
 
-/// The other motions and materials, less of each where `level` is quick.
+/// The other motions and materials, shorter if `level` is quick.
 fn harder(n: u32, level: Level) -> Result<Vec<Scene>, StudyError> {
     let down = Vec3::z() * (-0.1 * EDGE);
     let aside = Vec3::x() * (0.5 * EDGE);
@@ -206,7 +206,7 @@ fn harder(n: u32, level: Level) -> Result<Vec<Scene>, StudyError> {
 
 /// All scenes of the cube on all paths.
 pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row>, StudyError> {
-    // With the share of the time that each mesh takes, roughly.
+    // Each mesh with its approximate fraction of the time.
     let (presses, others, duration) = match level {
         Level::Quick => ([(6, 0.25), (8, 0.2), (10, 0.4)], &[(4, 0.15)][..], 0.5),
         Level::Full => (
@@ -217,45 +217,45 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
     };
     let mut rows = Vec::new();
     let mut done = 0.0;
-    for (n, share) in presses {
+    for (n, fraction) in presses {
         progress(done);
         compare(&press(n, duration)?, paths(level, n), &mut rows)?;
-        done += share;
+        done += fraction;
     }
-    for &(n, share) in others {
+    for &(n, fraction) in others {
         progress(done);
         for scene in harder(n, level)? {
             compare(&scene, paths(level, n), &mut rows)?;
         }
-        done += share;
+        done += fraction;
     }
     Ok(rows)
 }
 
-/// The paths that are taken on a mesh of `n` cells along the edge.
+/// The paths for a mesh of `n` cells along the edge.
 fn paths(level: Level, n: u32) -> impl Iterator<Item = Path> {
     path::ALL.into_iter().filter(move |path| match level {
         _ if n <= 6 => true,
-        // Newton's method takes longer than all the others together.
+        // Newton's method takes longer than all other paths together.
         Level::Full => path.method != path::NEWTON,
         Level::Quick => path.strict && path.method != path::NEWTON,
     })
 }
 
-/// A row for each path.
+/// Adds a row for each path.
 pub(super) fn compare(
     scene: &Scene,
     paths: impl IntoIterator<Item = Path>,
     rows: &mut Vec<Row>,
 ) -> Result<(), StudyError> {
     let mut newton = None;
-    // The tight solutions that were needed so far.
+    // The tight solutions that have been computed so far.
     let mut tight: Vec<(Method, Course)> = Vec::new();
     for path in paths {
         let course = scene.drive(path.method)?;
         let exact = path.method.tight();
         if exact == path.method {
-            // Its own reference.
+            // This path is its own reference.
             rows.push(scene.row(path.name, &course, &course, Some(&course)));
             newton = Some(course);
             continue;

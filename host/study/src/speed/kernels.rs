@@ -1,9 +1,9 @@
-//! What a step takes for each kind of element and law: assembled, and with what the fast step has for that kind.
+//! The cost of a step for each kind of element and law: assembled, and by the fast step.
 //!
-//! Cubes are pressed and a sheet is pulled by a tenth, fast, in steps of 10 ms, on three paths: assembled to 1e-6,
-//! frozen to 1e-6, and Newton's method, against which the other two's forces are held. A tangent that leaves out a part
-//! (the warped stiffness of corotational solids) shows in that error and nowhere else. Then the parts of each are
-//! repeated where the body is.
+//! Cubes are compressed and a sheet is stretched by a tenth, fast, in steps of 10 ms, on three paths: assembled to
+//! 1e-6, frozen to 1e-6, and Newton's method, the reference for the forces of the other two. An incomplete tangent (the
+//! warped stiffness of corotational solids) appears in that error only. Afterwards the parts of each step are repeated
+//! in the final state of the body.
 
 use super::ceiling::median;
 use super::cube::{EDGE, TOP, cube_of};
@@ -15,7 +15,7 @@ use crate::{Level, StudyError};
 use physics::{Body, HandlePose, Part, SheetLawName, SolidLaw, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
-/// One kind of element under one law. Times are processor times for each element (s).
+/// One kind of element under one law. Times are processor times per element (s).
 #[derive(Clone, Debug, Serialize)]
 pub struct KernelRow {
     /// The kind of element.
@@ -24,19 +24,19 @@ pub struct KernelRow {
     pub law: &'static str,
     /// Elements of the body.
     pub elements: usize,
-    /// Assembling forces and matrix.
+    /// Assembly of forces and matrix.
     pub assemble: f64,
-    /// The fast step's forces and tangent.
+    /// Forces and tangent of the fast step.
     pub linearize: f64,
-    /// The fast step's product with the tangent.
+    /// Product with the tangent in the fast step.
     pub product: f64,
     /// An assembled step, solved to 1e-6.
     pub assembled_step: f64,
     /// A fast step, solved to 1e-6.
     pub fast_step: f64,
-    /// Largest error of the assembled step's force against Newton's method, as a share of the largest force.
+    /// Largest error of the assembled step's force against Newton's method, as a fraction of the largest force.
     pub assembled_error: f64,
-    /// That of the fast step.
+    /// The same error of the fast step.
     pub fast_error: f64,
 }
 
@@ -51,7 +51,7 @@ const SOLIDS: [(SolidLaw, &str); 4] = [
 /// Length of a step (s).
 const STEP: f64 = 0.01;
 
-/// A body that is moved, and how much is measured.
+/// A body that is moved, and the extent of the measurement.
 struct Task {
     kind: &'static str,
     law: &'static str,
@@ -77,7 +77,7 @@ pub(super) fn run(
             tasks.push(Task {
                 kind,
                 law: name,
-                // As many nodes.
+                // The same number of nodes for both orders.
                 body: cube_of(law, if quadratic { cells / 2 } else { cells }, quadratic)?,
                 tool: TOP,
                 motion: Motion::ramp(Vec3::z() * (-0.1 * EDGE), 0.5, 0.1, STEP).first(steps),
@@ -136,7 +136,7 @@ impl Task {
         })
     }
 
-    /// Medians (s) of linearizing, of a product and of assembling, where the motion ends.
+    /// Median times (s) of the linearization, of a product and of the assembly, at the end of the motion.
     fn parts(&self) -> Result<(f64, f64, f64), StudyError> {
         let mut body = self.body.clone();
         let options = StepperOptions {

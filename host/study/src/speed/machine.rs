@@ -10,20 +10,20 @@ use std::thread::available_parallelism;
 pub struct Machine {
     /// The processor, as the system names it.
     pub processor: String,
-    /// Cores that this program may use; every time is of one thread.
+    /// Cores that this program may use. Every time is that of one thread.
     pub cores: usize,
-    /// Instruction sets for which the compiler was let to build all of the program.
+    /// Instruction sets that the compiler was allowed to use in the whole program.
     pub built_for: Vec<&'static str>,
-    /// Instruction sets that were found when the program ran: factorizations choose by them.
+    /// Instruction sets that were found at run time. Factorizations select their instructions by these.
     pub found: Vec<&'static str>,
-    /// Time of the small kernel here (s), as the C program would print it.
+    /// Time of the calibration kernel on this machine (s), scaled to the C program.
     pub calibration: f64,
-    /// Its time on the machine on which the other programs' figures were taken (s).
+    /// Time of the calibration kernel on the machine on which the figures of the other programs were taken (s).
     pub calibration_elsewhere: f64,
 }
 
 impl Machine {
-    /// This one. Takes a quarter of a second.
+    /// This machine. The measurement takes a quarter of a second.
     pub(super) fn here() -> Self {
         Self {
             processor: processor(),
@@ -41,7 +41,7 @@ impl Machine {
     }
 }
 
-/// The first processor's name, by the system's list.
+/// The name of the first processor in the list of the system.
 fn processor() -> String {
     let list = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let named = list.lines().find_map(|line| {
@@ -51,7 +51,7 @@ fn processor() -> String {
     named.unwrap_or_else(|| format!("unknown ({})", std::env::consts::ARCH))
 }
 
-/// Pairs of an instruction set's name and whether the compiler was let to use it everywhere.
+/// The instruction sets that the compiler was allowed to use in the whole program.
 fn built_for() -> Vec<&'static str> {
     let sets = [
         ("sse2", cfg!(target_feature = "sse2")),

@@ -1,10 +1,10 @@
-//! Run time against error: what a step costs on each path, and how far its force lies from the exact one.
+//! Run time against error: the cost of a step on each path, and the error of its force.
 //!
-//! Times are processor time of one thread for whole steps, medians and upper percentiles, with the machine
-//! and a small kernel's time on it: absolute times of different machines say little about programs. Every
-//! time stands beside two errors of the force on the hand, each the largest over the motion as a share of
-//! the largest force: that of the solver (against the same equation solved to 1e-12), and that of the
-//! linearization (against implicit Euler by Newton's method, the same steps).
+//! Times are processor times of one thread for whole steps: medians and upper percentiles. They stand beside a
+//! description of the machine and the time of a small kernel, because absolute times of different machines do not
+//! compare programs. Beside every time stand two errors of the force on the hand, each the largest over the motion as a
+//! fraction of the largest force: the error of the solver (against the same equation solved to 1e-12), and the error of
+//! the linearization (against implicit Euler by Newton's method, with the same steps).
 
 mod calibration;
 mod ceiling;
@@ -34,34 +34,34 @@ pub use scaling::{Scaling, Size};
 pub use set_up::SetUp;
 pub use skips::Skip;
 
-/// The share of a force that a hand can just tell: the unit of errors that matter to it.
+/// The fraction of a force that a hand can just notice: the unit for errors.
 pub const JUST_NOTICEABLE: f64 = 0.1;
 
 /// A part of the study.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Section {
-    /// The cube's scenes.
+    /// The scenes of the cube.
     Cube,
-    /// The sheets' scenes.
+    /// The scenes of the sheets.
     Sheets,
-    /// Larger and larger cubes.
+    /// Cubes of growing size.
     Scaling,
-    /// What is left undone on purpose.
+    /// Work that is skipped on purpose.
     Skips,
     /// Error against time.
     Precision,
-    /// Where the time of the fast step goes.
+    /// The parts of the fast step's time.
     Parts,
-    /// Each kind of element and law, assembled and not.
+    /// Each kind of element and law, assembled and by the fast step.
     Kernels,
 }
 
 /// One scene on one path.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
-    /// The scene, for programs.
+    /// The scene's name in files.
     pub scene: &'static str,
-    /// The scene, for people.
+    /// The scene's title for readers.
     pub title: String,
     /// Tetrahedra or triangles.
     pub elements: usize,
@@ -73,49 +73,49 @@ pub struct Row {
     pub path: &'static str,
     /// Processor time of a step.
     pub times: Times,
-    /// Iterations in a step, on average: of conjugate gradients, or of Newton's method.
+    /// Mean number of iterations in a step: of conjugate gradients, or of Newton's method.
     pub mean_iterations: f64,
-    /// Iterations in the step that took most.
+    /// Largest number of iterations in a step.
     pub most_iterations: usize,
-    /// The worst residual of any step, as the path measures it.
+    /// The largest residual of a step, in the definition of the path.
     pub residual: f64,
     /// Force at the end, along the motion (N).
     pub force: f64,
-    /// Largest error of the force against the same equation solved tightly, as a share of the largest force.
+    /// Largest error of the force against the same equation solved tightly, as a fraction of the largest force.
     pub solver_error: f64,
-    /// The same against implicit Euler by Newton's method, where that was run.
+    /// The same against implicit Euler by Newton's method, if that path ran.
     pub step_error: Option<f64>,
 }
 
 impl Row {
-    /// The larger of its errors, in just-noticeable differences.
+    /// The larger of the two errors, in just-noticeable differences.
     pub fn noticeable(&self) -> f64 {
         self.step_error.unwrap_or(0.0).max(self.solver_error) / JUST_NOTICEABLE
     }
 }
 
-/// What the study found.
+/// The results of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Speed {
     /// `palpate.speed/1`.
     pub schema: &'static str,
-    /// How much was measured.
+    /// The extent of the measurements.
     pub level: Level,
-    /// Where.
+    /// The machine.
     pub machine: Machine,
-    /// The cube's scenes.
+    /// The scenes of the cube.
     pub cube: Vec<Row>,
-    /// The sheets' scenes.
+    /// The scenes of the sheets.
     pub sheets: Vec<Row>,
-    /// Larger and larger cubes; empty where little was measured.
+    /// Cubes of growing size; empty at the quick level.
     pub scaling: Vec<Scaling>,
-    /// What is left undone on purpose.
+    /// Work that is skipped on purpose.
     pub skips: Vec<Skip>,
     /// Error against time.
     pub precision: Vec<Curve>,
-    /// Where the time of the fast step goes.
+    /// The parts of the fast step's time.
     pub parts: Parts,
-    /// Each kind of element and law, assembled and not.
+    /// Each kind of element and law, assembled and by the fast step.
     pub kernels: Vec<KernelRow>,
 }
 
@@ -127,8 +127,8 @@ impl Speed {
     }
 }
 
-/// Measures everything, or `only` one part of the study: the others are empty then. `progress` is given the share
-/// done.
+/// Measures everything, or the part `only` of the study; the other parts are then empty. `progress` receives the
+/// fraction done.
 ///
 /// # Errors
 /// [`StudyError`].
@@ -137,7 +137,7 @@ pub fn run(
     only: Option<Section>,
     mut progress: impl FnMut(f64),
 ) -> Result<Speed, StudyError> {
-    // Each part with its share of the whole time, roughly.
+    // Each part ends at an approximate fraction of the whole time.
     let [cube_end, sheets_end, scaling_end, precision_end, parts_end] = match level {
         Level::Quick => [0.5, 0.65, 0.65, 0.85, 0.9],
         Level::Full => [0.54, 0.68, 0.82, 0.95, 0.96],
@@ -155,27 +155,29 @@ pub fn run(
         parts: Parts::default(),
         kernels: Vec::new(),
     };
-    let mut within = |from: f64, to: f64, share: f64| progress(from + (to - from) * share);
+    let mut within = |from: f64, to: f64, fraction: f64| progress(from + (to - from) * fraction);
     if wanted(Section::Cube) {
-        found.cube = cube::run(level, |share| within(0.0, cube_end, share))?;
+        found.cube = cube::run(level, |fraction| within(0.0, cube_end, fraction))?;
     }
     if wanted(Section::Sheets) {
-        found.sheets = sheets::run(level, |share| within(cube_end, sheets_end, share))?;
+        found.sheets = sheets::run(level, |fraction| within(cube_end, sheets_end, fraction))?;
     }
     if wanted(Section::Scaling) {
-        found.scaling = scaling::run(level, |share| within(sheets_end, scaling_end, share))?;
+        found.scaling = scaling::run(level, |fraction| within(sheets_end, scaling_end, fraction))?;
     }
     if wanted(Section::Skips) {
         found.skips = skips::run(level)?;
     }
     if wanted(Section::Precision) {
-        found.precision = precision::run(level, |share| within(scaling_end, precision_end, share))?;
+        found.precision = precision::run(level, |fraction| {
+            within(scaling_end, precision_end, fraction)
+        })?;
     }
     if wanted(Section::Parts) {
-        found.parts = parts::run(level, |share| within(precision_end, parts_end, share))?;
+        found.parts = parts::run(level, |fraction| within(precision_end, parts_end, fraction))?;
     }
     if wanted(Section::Kernels) {
-        found.kernels = kernels::run(level, |share| within(parts_end, 1.0, share))?;
+        found.kernels = kernels::run(level, |fraction| within(parts_end, 1.0, fraction))?;
     }
     Ok(found)
 }

@@ -1,46 +1,46 @@
-//! How the hand moves: displacements of a handle over time.
+//! The motions of the hand: displacements of a handle over time.
 
 use physics::Vec3;
 
-/// A displacement over time, of so many steps of one length.
+/// A displacement over time, in steps of one length.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// Length of a step (s).
     pub(super) step: f64,
     /// Number of steps.
     pub(super) steps: usize,
-    /// The first so many are timed: those in which the hand moves.
+    /// Number of timed steps, from the first: those in which the hand moves.
     pub(super) timed: usize,
-    /// Where the handle is, from where it was.
+    /// Displacement of the handle over time.
     pub(super) path: Path,
 }
 
 /// The shape of a motion.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Path {
-    /// Straight to `to` (m) within `duration` (s), and held there.
+    /// Straight to `to` (m) within `duration` (s), then constant.
     Ramp {
         /// Displacement at the end.
         to: Vec3,
-        /// When it is reached.
+        /// Duration of the ramp (s).
         duration: f64,
     },
-    /// The same with a tremor of `amplitude` (m) at `frequency` (Hz) on top, from the start.
+    /// The same with a tremor of `amplitude` (m) at `frequency` (Hz), from the start.
     Tremor {
         /// Displacement at the end of the ramp.
         to: Vec3,
-        /// When it is reached (s).
+        /// Duration of the ramp (s).
         duration: f64,
-        /// Of the tremor, along all axes.
+        /// Amplitude of the tremor along each axis (m).
         amplitude: Vec3,
-        /// Of the tremor.
+        /// Frequency of the tremor (Hz).
         frequency: f64,
     },
-    /// To `to` (m) and back, again and again, from rest: half of one less a cosine.
+    /// To `to` (m) and back, repeatedly, from rest: `(1 - cos) / 2`.
     Swing {
-        /// The far end.
+        /// The far end (m).
         to: Vec3,
-        /// How often (Hz).
+        /// Frequency (Hz).
         frequency: f64,
     },
 }
@@ -56,7 +56,7 @@ impl Motion {
         }
     }
 
-    /// Its first `steps` only.
+    /// The first `steps` steps of the motion.
     pub(super) fn first(self, steps: usize) -> Self {
         Self {
             steps,

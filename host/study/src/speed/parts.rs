@@ -1,10 +1,10 @@
-//! Where the time of the fast step goes: each part of it alone, beside what its bytes and operations would take at
-//! least on this machine.
+//! The parts of the fast step's time: each part alone, compared with the least time that its bytes and operations would
+//! take on this machine.
 //!
-//! The cube is pressed and the sheet is pulled for some steps; then each part is repeated where the body is. A part
-//! that moves its bytes as fast as this machine reads a block as large is limited by memory, one that computes as
-//! fast as it can multiply and add without fusing both by arithmetic, and one that does neither by something else:
-//! gathering, waiting for the last result, or a loop too short.
+//! The cube is compressed and the sheet is stretched for some steps. Then each part is repeated in the final state of
+//! the body. A part that moves its bytes as fast as this machine reads a block of the same size is limited by memory. A
+//! part that computes as fast as the machine multiplies and adds without fusing is limited by arithmetic. A part that
+//! does neither is limited by gathering, by the latency of its results, or by short loops.
 
 use super::ceiling::{bandwidth, median, peak};
 use super::clock::{Times, cpu_time};
@@ -34,20 +34,20 @@ pub struct Timed {
     pub body: &'static str,
     /// Tetrahedra or triangles.
     pub elements: usize,
-    /// Precision of the step: `f64` or `f32`. The preconditioner's panels are in `f32` and what factorizes is in `f64`
-    /// either way.
+    /// Precision of the step: `f64` or `f32`. In both, the panels of the preconditioner are in `f32` and the
+    /// factorization is in `f64`.
     pub precision: &'static str,
     /// `linearize`, `product`, `precondition`, `vectors`, `refresh` or `step`.
     pub part: &'static str,
-    /// How often it was done.
+    /// Number of repetitions.
     pub count: usize,
-    /// Median of its processor time (s).
+    /// Median of the processor time (s).
     pub median: f64,
-    /// How often a step does it, on average; a refresh is not a part of the step.
+    /// Mean number of repetitions in a step. A refresh is not a part of the step.
     pub per_step: f64,
-    /// Bytes that it must read and write.
+    /// Bytes that the part must read and write.
     pub bytes: usize,
-    /// Bytes of the memory in which they lie.
+    /// Size of the memory that contains these bytes (bytes).
     pub touched: usize,
     /// Operations on floating-point numbers.
     pub flops: usize,
@@ -55,10 +55,10 @@ pub struct Timed {
     pub bytes_per_second: f64,
     /// Operations a second.
     pub flops_per_second: f64,
-    /// Bytes a second that this machine reads from a block as large as `touched`.
+    /// Bytes a second that this machine reads from a block of size `touched`.
     pub bandwidth: f64,
-    /// Operations a second that this machine makes in registers, without fusing; of a whole step with its parts'
-    /// precisions.
+    /// Operations a second of this machine in registers, without fusing; for a whole step, in the precisions of its
+    /// parts.
     pub peak: f64,
     /// `bytes_per_second` over `bandwidth`.
     pub share_of_bandwidth: f64,
@@ -73,30 +73,30 @@ pub struct Memory {
     pub body: &'static str,
     /// Tetrahedra or triangles.
     pub elements: usize,
-    /// Of the step.
+    /// Precision of the step.
     pub precision: &'static str,
-    /// Of the stepper (bytes), with what makes its factor.
+    /// Memory of the stepper (bytes), including its refresher.
     pub stepper_bytes: usize,
-    /// Of that, what makes its factor.
+    /// Memory of the refresher (bytes).
     pub refresher_bytes: usize,
-    /// Of the body (bytes).
+    /// Memory of the body (bytes).
     pub body_bytes: usize,
-    /// Of the stepper, for each element.
+    /// Memory of the stepper per element (bytes).
     pub stepper_per_element: f64,
-    /// Of the body, for each element.
+    /// Memory of the body per element (bytes).
     pub body_per_element: f64,
 }
 
-/// What was found.
+/// The results.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Parts {
     /// Each part of each body's step.
     pub timed: Vec<Timed>,
-    /// Memory of each.
+    /// Memory of each body and stepper.
     pub memory: Vec<Memory>,
 }
 
-/// A body that is moved, and how much is measured.
+/// A body that is moved, and the extent of the measurement.
 struct Task {
     name: &'static str,
     body: Body,
@@ -107,7 +107,7 @@ struct Task {
     time: f64,
 }
 
-/// What the machine can do at most, in operations a second.
+/// The limits of the machine, in operations a second.
 #[derive(Clone, Copy)]
 struct Peaks {
     single: f64,
@@ -150,7 +150,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Parts, 
     let mut found = Parts::default();
     for (i, task) in [pressed, pulled].iter().enumerate() {
         progress(0.5 * i as f64);
-        // As on the paths: strict in double precision, loose in single.
+        // As on the paths: a strict tolerance in double precision, a loose one in single precision.
         task.measure::<f64>("f64", 1e-6, peaks, &mut found)?;
         task.measure::<f32>("f32", 1e-3, peaks, &mut found)?;
     }
@@ -189,7 +189,7 @@ impl Task {
             outcome?;
             let per_step = match part {
                 Part::Linearize => 1.0,
-                // That of the guess, too.
+                // One product is that of the initial guess.
                 Part::Product => iterations + 1.0,
                 Part::Precondition | Part::Vectors => iterations,
                 Part::Refresh => 0.0,
@@ -227,7 +227,7 @@ impl Task {
         Ok(())
     }
 
-    /// Takes all steps; returns the median of their times (s) and the iterations of one on average.
+    /// Takes all steps. Returns the median of their times (s) and the mean number of iterations.
     fn steps<T: Real>(
         &self,
         body: &mut Body,
@@ -243,7 +243,7 @@ impl Task {
             let report = stepper.step(body, STEP, &targets, || false)?;
             times.push(cpu_time() - before);
             iterations += report.iterations;
-            // Another thread's work, elsewhere.
+            // In a run, another thread does this work.
             if let Some(mut refresher) = stepper.lend() {
                 refresher.work()?;
                 stepper.give_back(refresher);
@@ -254,7 +254,8 @@ impl Task {
     }
 }
 
-/// What a part of `cost` reaches in `time` (s) on a machine of this `bandwidth` and `peak`; its names are empty.
+/// The rates of a part with `cost` that takes `time` (s), on a machine of this `bandwidth` and `peak`. The names are
+/// empty.
 fn rates(cost: &Cost, time: f64, bandwidth: f64, peak: f64) -> Timed {
     let bytes = cost.read + cost.written;
     let bytes_per_second = bytes as f64 / time;
@@ -279,8 +280,8 @@ fn rates(cost: &Cost, time: f64, bandwidth: f64, peak: f64) -> Timed {
     }
 }
 
-/// A whole step that took `step` (s): its parts as often as it does them. What it does once for each node besides is
-/// in its time alone.
+/// A whole step that took `step` (s), composed of its parts. Other work that the step does once for each node appears
+/// in the time only.
 fn whole(parts: &[Timed], step: f64, time: f64) -> Timed {
     let sum = |of: fn(&Timed) -> f64| {
         parts

@@ -1,6 +1,6 @@
-//! The paths: each way in which a step can be solved, under one call.
+//! The paths: the solvers of a step, behind one interface.
 //!
-//! A new one is a variant of [`Method`], its stepper and its tight version, and an entry in [`ALL`].
+//! A new path needs a variant of [`Method`] with its stepper and its tight version, and an entry in [`ALL`].
 
 use crate::StudyError;
 use physics::{
@@ -9,27 +9,27 @@ use physics::{
 };
 use std::thread;
 
-/// How a step is solved.
+/// The solver of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Method {
     /// [`Body::step`]: one linearization, its matrix assembled, conjugate gradients with block Jacobi.
     Assembled(Budget),
     /// [`physics::Stepper`]: one linearization, nothing assembled, conjugate gradients on a frozen factor.
     Frozen {
-        /// Which factor.
+        /// The factor.
         preconditioner: Preconditioner,
-        /// Whether in single precision.
+        /// Whether the solver works in single precision.
         single: bool,
-        /// Where the residual is this share of the forces that act, it stops.
+        /// The solver stops when the residual is below this fraction of the applied forces,
         tolerance: f64,
-        /// Or after so many iterations.
+        /// or after this number of iterations.
         max_iterations: usize,
     },
     /// [`Integrator`]: Newton's method, every matrix factorized.
     Newton {
-        /// How time is discretized.
+        /// The discretization of time.
         scheme: Scheme,
-        /// Where the residual is this share of the forces that balance, it stops.
+        /// The solver stops when the residual is below this fraction of the balanced forces.
         tolerance: f64,
     },
 }
@@ -37,27 +37,27 @@ pub(super) enum Method {
 /// A method with a name.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
-    /// For programs and people.
+    /// The path's name, in files and tables.
     pub(super) name: &'static str,
     pub(super) method: Method,
-    /// Whether what the solver leaves over is far below what any hand or test could tell.
+    /// Whether the error of the solver is far below the threshold of any hand or test.
     pub(super) strict: bool,
 }
 
-/// What one step says of itself.
+/// The report of one step.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Outcome {
     /// Iterations of the solver: of conjugate gradients, or of Newton's method.
     pub(super) iterations: usize,
-    /// Residual at the end, as the method measures it.
+    /// Residual at the end, in the definition of the method.
     pub(super) residual: f64,
 }
 
-/// Takes one step of a body that it was made for.
+/// Takes one step of the body for which it was made.
 pub(super) type Stepper =
     Box<dyn FnMut(&mut Body, f64, &[HandlePose]) -> Result<Outcome, StudyError>>;
 
-/// Conjugate gradients down to `tolerance`, however many iterations that takes.
+/// Conjugate gradients to `tolerance`, with any number of iterations.
 pub(super) const fn to(tolerance: f64) -> Method {
     Method::Assembled(Budget {
         tolerance,
@@ -66,7 +66,7 @@ pub(super) const fn to(tolerance: f64) -> Method {
     })
 }
 
-/// So many iterations of conjugate gradients, whatever is left over.
+/// A fixed number of iterations of conjugate gradients, with any residual.
 pub(super) const fn iterations(max_iterations: usize) -> Method {
     Method::Assembled(Budget {
         tolerance: 0.0,
@@ -75,7 +75,7 @@ pub(super) const fn iterations(max_iterations: usize) -> Method {
     })
 }
 
-/// Nothing assembled, in double precision down to `tolerance`.
+/// The frozen step, in double precision to `tolerance`.
 pub(super) const fn frozen(tolerance: f64) -> Method {
     Method::Frozen {
         preconditioner: Preconditioner::Complete,
@@ -85,7 +85,7 @@ pub(super) const fn frozen(tolerance: f64) -> Method {
     }
 }
 
-/// Nothing assembled, in single precision down to `tolerance`, at most so many iterations.
+/// The frozen step, in single precision to `tolerance`, with at most `max_iterations` iterations.
 pub(super) const fn single(tolerance: f64, max_iterations: usize) -> Method {
     Method::Frozen {
         preconditioner: Preconditioner::Complete,
@@ -95,14 +95,14 @@ pub(super) const fn single(tolerance: f64, max_iterations: usize) -> Method {
     }
 }
 
-/// Newton's method on implicit Euler, to nine digits of the forces that balance: rounding leaves no more of
-/// thin sheets' forces.
+/// Newton's method on implicit Euler, to nine digits of the balanced forces. Rounding allows no more digits for thin
+/// sheets.
 pub(super) const NEWTON: Method = Method::Newton {
     scheme: Scheme::ImplicitEuler,
     tolerance: 1e-9,
 };
 
-/// The paths that are compared, Newton's method first: the others' steps are held against its.
+/// The paths that are compared. Newton's method comes first: it is the reference for the steps of the others.
 pub(super) const ALL: [Path; 8] = [
     Path {
         name: "newton 1e-9",
@@ -146,7 +146,7 @@ pub(super) const ALL: [Path; 8] = [
     },
 ];
 
-/// For bodies too large for a complete factor: [`ALL`] is of small ones.
+/// The path for bodies too large for a complete factor; [`ALL`] is for small bodies.
 pub(super) const INCOMPLETE: Path = Path {
     name: "incomplete 1e-6",
     method: Method::Frozen {
@@ -158,8 +158,8 @@ pub(super) const INCOMPLETE: Path = Path {
     strict: true,
 };
 
-/// Factors are made on another thread, whose time is not the step's, and taken a fixed number of steps later: about
-/// ten milliseconds, so that errors repeat.
+/// A frozen stepper. Another thread makes the factors, and its time does not count. The stepper takes a factor after a
+/// fixed number of steps, about ten milliseconds, so that errors are reproducible.
 fn frozen_stepper<T: Real>(
     body: &Body,
     h: f64,
@@ -187,20 +187,20 @@ fn frozen_stepper<T: Real>(
 }
 
 impl Method {
-    /// The same equation, solved as far as double precision lets it: what errors of the solver are against.
+    /// The same equation, solved as far as double precision permits: the reference for errors of the solver.
     pub(super) fn tight(self) -> Self {
         match self {
             Self::Assembled(_) => to(1e-12),
             Self::Frozen { .. } => frozen(1e-13),
-            // Quadratic convergence has left less than this of the error already.
+            // Quadratic convergence has already reduced the error below this.
             Self::Newton { .. } => self,
         }
     }
 
-    /// Makes it ready for steps of `h` seconds of `body`, which may be given a budget.
+    /// Prepares the method for steps of `h` seconds of `body`. The method may set the budget of `body`.
     ///
     /// # Errors
-    /// [`StudyError`], from what the method needs.
+    /// [`StudyError`] if the method cannot be prepared.
     pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Stepper, StudyError> {
         Ok(match self {
             Self::Assembled(budget) => {
@@ -223,9 +223,9 @@ impl Method {
                     preconditioner,
                     tolerance,
                     max_iterations,
-                    // What is measured is stepping.
+                    // The measurement is of stepping, not of sleep.
                     sleep_speed: 0.0,
-                    // Another thread's work: see `lend`.
+                    // Another thread does this work: see `lend`.
                     refresh: false,
                     ..StepperOptions::default()
                 };

@@ -1,4 +1,4 @@
-//! Error against processor time: what a finer setting, mesh or time step costs, and what it brings.
+//! Error against processor time: the cost and the benefit of a finer setting, mesh or time step.
 
 use super::cube::{EDGE, Stiffness, TOP, cube, cube_damped, press, tremor};
 use super::motion::{Motion, Path};
@@ -9,38 +9,38 @@ use crate::{Level, StudyError};
 use physics::{Scheme, Vec3};
 use serde::Serialize;
 
-/// What is varied.
+/// The quantity that varies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Varied {
-    /// The solver's tolerance or budget: the force's error against the same equation solved tightly, over the
-    /// time of a step.
+    /// The solver's tolerance or budget: the error of the force against the same equation solved tightly, over the time
+    /// of a step.
     Solver,
-    /// The mesh: the force's error against the converged one, over the time of a step.
+    /// The mesh: the error of the force against the converged force, over the time of a step.
     Mesh,
-    /// The time step: the force's error against far shorter ones, over the time for a simulated second.
+    /// The time step: the error of the force against far shorter steps, over the time for a simulated second.
     TimeStep,
 }
 
 /// One setting.
 #[derive(Clone, Debug, Serialize)]
 pub struct Setting {
-    /// Which.
+    /// The name of the setting.
     pub name: String,
     /// Processor time (s), of a step or of a simulated second.
     pub cpu: f64,
-    /// Error of the force, as a share of the largest.
+    /// Error of the force, as a fraction of the largest force.
     pub error: f64,
 }
 
-/// Settings of one kind, coarse to fine.
+/// The settings of one kind, from coarse to fine.
 #[derive(Clone, Debug, Serialize)]
 pub struct Curve {
-    /// What is varied.
+    /// The quantity that varies.
     pub varied: Varied,
     /// The kind.
     pub name: &'static str,
-    /// Coarse to fine.
+    /// The settings, from coarse to fine.
     pub settings: Vec<Setting>,
 }
 
@@ -148,7 +148,7 @@ fn meshes(level: Level) -> Result<Vec<Curve>, StudyError> {
     Ok(curves)
 }
 
-/// Simulated time (s), and the time between the forces that are compared: no step is longer.
+/// Simulated time (s), and the time between the compared forces: no step is longer.
 const DURATION: f64 = 0.4;
 const SAMPLE: f64 = 0.02;
 
@@ -177,10 +177,10 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
         let mut settings = Vec::new();
         for &division in divisions {
             let course = swing(n, division, method)?;
-            let (mine, its) = (samples(&course, division), samples(&exact, finest));
-            let pairs = mine.iter().zip(&its);
+            let (found, expected) = (samples(&course, division), samples(&exact, finest));
+            let pairs = found.iter().zip(&expected);
             let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
-            let largest = its.iter().map(Vec3::norm).fold(0.0, f64::max);
+            let largest = expected.iter().map(Vec3::norm).fold(0.0, f64::max);
             settings.push(Setting {
                 name: format!("{} ms", 1e3 * SAMPLE / division as f64),
                 cpu: course.median() * division as f64 / SAMPLE,
@@ -196,8 +196,8 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
     Ok(curves)
 }
 
-/// The cube with little damping by stiffness, for much would hide what a scheme itself takes from the motion,
-/// swung aside and back by 4 mm at 5 Hz, from rest, `division` steps between two samples.
+/// The cube, displaced sideways and back by 4 mm at 5 Hz, from rest, with `division` steps between two samples. The
+/// stiffness damping is small, because a large one would hide the numerical damping of the scheme.
 fn swing(n: u32, division: usize, method: Method) -> Result<Course, StudyError> {
     let steps = libm::round(DURATION / SAMPLE) as usize * division;
     let motion = Motion {

@@ -1,4 +1,4 @@
-//! How the time of a step grows with the mesh: the cube pressed, in finer and finer cells.
+//! The growth of a step's time with the mesh: the compressed cube in finer and finer cells.
 
 use super::cube::{EDGE, Stiffness, TOP, cube};
 use super::motion::Motion;
@@ -16,13 +16,13 @@ pub struct Size {
     pub elements: usize,
     /// Unknown coordinates.
     pub unknowns: usize,
-    /// Median of a step (s).
+    /// Median time of a step (s).
     pub median: f64,
-    /// Iterations in a step, on average.
+    /// Mean number of iterations in a step.
     pub iterations: f64,
-    /// Time of a step for each tetrahedron and iteration (s).
+    /// Time of a step per tetrahedron and iteration (s).
     pub per_element_and_iteration: f64,
-    /// Memory and time beside the steps, of frozen paths.
+    /// Memory and time besides the steps, for frozen paths.
     pub set_up: Option<SetUp>,
 }
 
@@ -31,19 +31,19 @@ pub struct Size {
 pub struct Scaling {
     /// The path.
     pub path: &'static str,
-    /// Coarse to fine.
+    /// The meshes, from coarse to fine.
     pub sizes: Vec<Size>,
-    /// Power of the number of tetrahedra with which a step's time grows, fitted by least squares.
+    /// Exponent of the number of tetrahedra in the time of a step, fitted by least squares.
     pub exponent: f64,
-    /// The same of the time of one iteration: 1 where memory is as fast for large meshes as for small ones.
+    /// The same exponent for one iteration: 1 if memory is as fast for large meshes as for small ones.
     pub exponent_of_iteration: f64,
 }
 
-/// Steps of each mesh: a press of 10 % in 1.5 s, begun.
+/// Steps of each mesh: the start of a compression by 10 % in 1.5 s.
 const STEPS: usize = 15;
 
 pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Scaling>, StudyError> {
-    // 6, 20, 64 and 197 thousand tetrahedra; the time goes with the power 1.3.
+    // 6, 20, 64 and 197 thousand tetrahedra. The time grows with the exponent 1.3.
     let meshes: &[(u32, f64)] = match level {
         Level::Quick => &[],
         Level::Full => &[(10, 0.01), (15, 0.04), (22, 0.2), (32, 0.75)],
@@ -51,7 +51,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
     let paths = path::ALL
         .into_iter()
         .chain([path::INCOMPLETE])
-        // Factors of fine meshes in three dimensions take gigabytes.
+        // Complete factors of fine meshes in three dimensions take gigabytes.
         .filter(|path| path.method != path::NEWTON);
     let mut all: Vec<Scaling> = paths
         .clone()
@@ -63,7 +63,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
         })
         .collect();
     let mut done = 0.0;
-    for &(n, share) in meshes {
+    for &(n, fraction) in meshes {
         progress(done);
         let body = cube(n, false, Stiffness::Uniform)?;
         let elements = body.element_count();
@@ -81,7 +81,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
                 set_up: set_up(path.method, &body, h)?,
             });
         }
-        done += share;
+        done += fraction;
     }
     all.retain(|scaling| !scaling.sizes.is_empty());
     for scaling in &mut all {
@@ -92,7 +92,7 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Sca
     Ok(all)
 }
 
-/// Slope of the logarithm of `time` over that of the number of tetrahedra.
+/// Slope of the logarithm of `time` over the logarithm of the number of tetrahedra.
 fn exponent(sizes: &[Size], time: impl Fn(&Size) -> f64) -> f64 {
     let points = || {
         sizes

@@ -1,4 +1,4 @@
-//! What a frozen path takes beside its steps: memory, and time before them and beside them.
+//! The cost of a frozen path besides its steps: its memory, the time before the steps, and the time beside them.
 
 use super::clock::cpu_time;
 use super::path::Method;
@@ -6,14 +6,14 @@ use crate::StudyError;
 use physics::{Body, Part, Real, Stepper, StepperOptions};
 use serde::Serialize;
 
-/// What one stepper takes.
+/// The cost of one stepper.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SetUp {
-    /// Memory that it holds (bytes).
+    /// Memory (bytes).
     pub bytes: usize,
-    /// Until it can step (s): its memory, and the first factor.
+    /// Time until the first step (s): for the memory and the first factor.
     pub time: f64,
-    /// A new factor (s).
+    /// Time of a new factor (s).
     pub refresh: f64,
 }
 
@@ -30,7 +30,7 @@ fn measure<T: Real>(body: &Body, h: f64, options: StepperOptions) -> Result<SetU
     })
 }
 
-/// What `method` takes for steps of `h` seconds; nothing where it is not a frozen one.
+/// The cost of `method` for steps of `h` seconds; none if the method is not a frozen one.
 pub(super) fn set_up(method: Method, body: &Body, h: f64) -> Result<Option<SetUp>, StudyError> {
     let Method::Frozen {
         preconditioner,

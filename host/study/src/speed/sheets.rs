@@ -1,8 +1,8 @@
-//! Sheets with bending, of as many triangles as the thesis's cloth, banknote and T-shirt: pulled by one end,
+//! Sheets with bending, with as many triangles as the thesis's cloth, banknote and T-shirt: pulled at one end, and
 //! pressed in the middle.
 //!
-//! 20 x 20 cm, 1 mm, E = 1 MPa, nu = 0.3, 1000 kg/m^3, Rayleigh damping by mass 0.1 and by stiffness 0.01,
-//! steps of 10 ms. The other programs' sheets have no bending: theirs is the lighter task.
+//! 20 x 20 cm, 1 mm, E = 1 MPa, nu = 0.3, 1000 kg/m^3, mass damping 0.1 and stiffness damping 0.01, steps of 10 ms. The
+//! sheets of the other programs do not bend, so those programs solve an easier problem.
 
 use super::Row;
 use super::cube::compare;
@@ -53,9 +53,9 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Row
     Ok(rows)
 }
 
-/// Of `nx` by `ny` cells, held at two opposite sides, and by a patch in the middle: handles 0, 1 and 2.
+/// A sheet of `nx` by `ny` cells, held at two opposite sides and at a patch in the middle: handles 0, 1 and 2.
 pub(super) fn body(nx: u32, ny: u32) -> Result<Body, StudyError> {
-    // Diagonals alike: such a sheet bends as a plate does.
+    // With parallel diagonals, such a sheet bends as a plate does.
     let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
     let material = Material {
         young: 1e6,
@@ -66,7 +66,7 @@ pub(super) fn body(nx: u32, ny: u32) -> Result<Body, StudyError> {
     Ok(Body::sheet(&mesh, &[material], config(), &handles(&mesh))?)
 }
 
-/// The same of cloth, half as stiff along the weft as along the warp, which has no bending.
+/// The same sheet of cloth, half as stiff along the weft as along the warp, without bending stiffness.
 pub(super) fn woven(nx: u32, ny: u32, law: SheetLawName) -> Result<Body, StudyError> {
     let mesh = sheet(SIDE, SIDE, nx, ny, Pattern::Regular)?;
     let weave = Weave {

@@ -1,5 +1,5 @@
-//! What is left undone on purpose, against doing it: local models kept up a few shapes at a time, and bodies that
-//! sleep.
+//! Work that is skipped on purpose, compared with the complete work: local models whose shapes are renewed a few at a
+//! time, and bodies that sleep.
 
 use super::clock::{Times, cpu_time};
 use super::cube::{Stiffness, TOP, cube};
@@ -9,22 +9,22 @@ use physics::linear::dense::Square;
 use physics::{Body, Condenser, HandlePose, ShapeOptions, Shapes, Stepper, StepperOptions, Vec3};
 use serde::Serialize;
 
-/// One thing left undone.
+/// One kind of skipped work.
 #[derive(Clone, Debug, Serialize)]
 pub struct Skip {
-    /// What, for people.
+    /// Description for readers.
     pub what: String,
     /// Tetrahedra.
     pub elements: usize,
-    /// Processor time of doing it all (s).
+    /// Processor time of the complete work (s).
     pub whole: f64,
-    /// Processor time of what is done (s).
+    /// Processor time of the reduced work (s).
     pub skipped: f64,
-    /// Largest error, as a share: of a local model's stiffness, or of the largest force.
+    /// Largest error, as a fraction: of the stiffness of a local model, or of the largest force.
     pub error: f64,
 }
 
-/// Length of a step, and of the time for which a local model is published (s).
+/// Length of a step, and publication period of the local models (s).
 const STEP: f64 = 1e-3;
 
 pub(super) fn run(level: Level) -> Result<Vec<Skip>, StudyError> {
@@ -48,7 +48,8 @@ fn poses(body: &Body) -> Vec<HandlePose> {
         .collect()
 }
 
-/// Local models of a cube whose top trembles while it is pressed and sheared, against a factorization for each.
+/// Local models of a cube whose top trembles while it is pressed and sheared, compared with a factorization for each
+/// model.
 fn shapes(n: u32, at_a_time: usize) -> Result<Skip, StudyError> {
     let mut body = cube(n, false, Stiffness::Uniform)?;
     let motion = Motion {
@@ -104,7 +105,7 @@ fn shapes(n: u32, at_a_time: usize) -> Result<Skip, StudyError> {
     })
 }
 
-/// The largest difference as a share of the largest entry.
+/// The largest difference, as a fraction of the largest entry.
 fn distance(a: &Square, b: &Square) -> f64 {
     let entries = (0..a.size()).flat_map(|i| (0..a.size()).map(move |j| (i, j)));
     let (mut difference, mut largest) = (0.0_f64, f64::MIN_POSITIVE);
@@ -115,7 +116,7 @@ fn distance(a: &Square, b: &Square) -> f64 {
     difference / largest
 }
 
-/// A cube that is pressed and left alone, against one that never sleeps.
+/// A cube that is pressed and then at rest, compared with a cube that never sleeps.
 fn sleep(n: u32) -> Result<Skip, StudyError> {
     let h = 0.01;
     let mut sleeper = cube(n, false, Stiffness::Uniform)?;

@@ -1,4 +1,4 @@
-//! One body on one path through one motion: times, iterations and the force that the hand feels.
+//! One body on one path through one motion: times, iterations and the force on the hand.
 
 use super::Row;
 use super::clock::{Times, cpu_time};
@@ -7,31 +7,31 @@ use super::path::Method;
 use crate::StudyError;
 use physics::{Body, HandlePose, Vec3};
 
-/// A body to be moved, and how.
+/// A body and its motion.
 pub(super) struct Scene {
-    /// For programs.
+    /// The name in files.
     pub(super) name: &'static str,
-    /// For people.
+    /// The title for readers.
     pub(super) title: String,
     pub(super) body: Body,
-    /// The handle that moves; the others stay.
+    /// The handle that moves. The other handles stay.
     pub(super) tool: usize,
     pub(super) motion: Motion,
-    /// Direction along which the force at the end is given, of unit length.
+    /// Unit direction along which the final force is given.
     pub(super) along: Vec3,
 }
 
-/// What was seen on the way.
+/// The recording of a motion.
 pub(super) struct Course {
-    /// Of each step in which the hand moves (s).
+    /// Time of each step in which the hand moves (s).
     pub(super) times: Vec<f64>,
-    /// On the hand after each step (N).
+    /// Force on the hand after each step (N).
     pub(super) forces: Vec<Vec3>,
     iterations: Vec<usize>,
     residual: f64,
 }
 
-/// Takes `body` through `motion`, handle number `tool` moving.
+/// Moves handle number `tool` of `body` through `motion`.
 pub(super) fn drive(
     body: &Body,
     tool: usize,
@@ -69,7 +69,7 @@ pub(super) fn drive(
 }
 
 impl Course {
-    /// The largest distance of its forces from `other`'s, as a share of the largest of those.
+    /// The largest difference between the forces of the two courses, as a fraction of the largest force of `other`.
     pub(super) fn error(&self, other: &Self) -> f64 {
         let pairs = self.forces.iter().zip(&other.forces);
         let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
@@ -82,25 +82,25 @@ impl Course {
         self.forces.last().copied().unwrap_or_default()
     }
 
-    /// Median of a step (s).
+    /// Median time of a step (s).
     pub(super) fn median(&self) -> f64 {
         Times::of(self.times.clone()).median
     }
 
-    /// All iterations together.
+    /// Sum of the iterations of all steps.
     pub(super) fn iterations(&self) -> usize {
         self.iterations.iter().sum()
     }
 }
 
 impl Scene {
-    /// Through its own motion.
+    /// Moves the body through the motion of the scene.
     pub(super) fn drive(&self, method: Method) -> Result<Course, StudyError> {
         drive(&self.body, self.tool, &self.motion, method)
     }
 
-    /// A row of the table: `course`, taken on the path called `path`, against that of the same equation
-    /// solved tightly, and against Newton's method where that was run.
+    /// A row of the table: `course`, taken on the path called `path`, compared with the tight solution of the same
+    /// equation, and with Newton's method if that path ran.
     pub(super) fn row(
         &self,
         path: &'static str,

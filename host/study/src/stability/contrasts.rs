@@ -1,4 +1,4 @@
-//! Stiff beside soft, heavy beside light, a million to one, element by element.
+//! Stiff elements beside soft ones and heavy elements beside light ones, with ratios of a million.
 
 use super::materials::EXCESS;
 use super::specimen::{Kind, Stuff, quiet};
@@ -6,18 +6,18 @@ use super::trial::Trial;
 use super::{Job, Outcome, Plan};
 use crate::Level;
 
-/// Newton's method leaves 1e-9 of the forces of cells that are a million times stiffer: ten times the rounding
-/// elsewhere.
+/// Newton's method leaves 1e-9 of the forces of cells that are a million times stiffer: ten times the rounding of the
+/// other families.
 const ROUNDING: f64 = 1e-5;
 
 pub(super) fn plan(level: Level) -> Plan {
     let mut jobs = Vec::new();
     let ratios = [("E", 1e6, 1.0), ("density", 1.0, 1e6), ("both", 1e6, 1e6)];
     for (kind, method) in Kind::solved() {
-        for (what, stiffness, mass) in ratios {
+        for (quantity, stiffness, mass) in ratios {
             for h in level.choose(vec![1e-3], vec![1e-4, 1e-3, 1e-2, 1e-1]) {
                 let steps = level.choose(5, 30);
-                let name = format!("{what} 1e6 : 1, h {h} s");
+                let name = format!("{quantity} 1e6 : 1, h {h} s");
                 jobs.push(Job::new(name, (kind, method), 3 * steps, move || {
                     let shape = kind.mesh(3)?;
                     // Every other element is stiff, every third heavy.
@@ -35,7 +35,7 @@ pub(super) fn plan(level: Level) -> Plan {
                         },
                     };
                     let mut body = kind.build(&shape, stuff, quiet(), &[])?;
-                    // Strains of a hundredth where it is soft and heavy.
+                    // Strains of a hundredth in the soft and heavy elements.
                     let speed = 0.01 * (1e3 / (1e-2 * mass)).sqrt();
                     body.set_velocities(&shape.kick(speed))?;
                     let mut trial = Trial::new(body, method)?;

@@ -1,4 +1,4 @@
-//! Bodies that nothing holds, or next to nothing.
+//! Bodies that are free, or held by one vertex.
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
@@ -46,9 +46,9 @@ fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, St
         let off = (trial.body.momentum() - expected).norm() / (weight + mass * speed);
         worst = worst.max(if off.is_nan() { f64::INFINITY } else { off });
     }
-    // Each solve leaves 1e-9 of the forces that balance (1e-6 of the guess's the linearized step), some of
-    // them with a resultant: forces times the step, over the steps. Forces here are a few times what kicks the
-    // body, m c^2 0.01 / L against m g.
+    // Each solve leaves 1e-9 of the balanced forces (the linearized step 1e-6 of those of its guess), partly with a
+    // resultant. The error of the momentum is this force times the step, summed over the steps. The forces here are a
+    // few times the force of the kick, m c^2 0.01 / L against m g.
     let limit = if method.is_linearized() { 1e-4 } else { 1e-6 };
     Ok(Outcome {
         figure: worst,
@@ -59,7 +59,7 @@ fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, St
     })
 }
 
-/// Hung by one vertex, let go sideways.
+/// A body that hangs by one vertex and is released sideways.
 pub(super) fn pendulum(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::all() {

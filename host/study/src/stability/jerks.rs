@@ -1,4 +1,4 @@
-//! A hand that moves by ten body lengths within one step.
+//! A hand that moves by ten lengths of the body within one step.
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
@@ -6,7 +6,7 @@ use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
 use physics::{BodyConfig, Vec3};
 
-/// Ten body lengths along `(7, 3, -6)`, all but.
+/// Almost ten lengths of the body, approximately along `(7, 3, -6)`.
 const JERK: Vec3 = Vec3::new(7.0, 3.0, -6.5);
 
 pub(super) fn plan(level: Level) -> Plan {
@@ -15,8 +15,8 @@ pub(super) fn plan(level: Level) -> Plan {
         for h in level.choose(vec![1e-2], vec![1e-3, 1e-2, 1e-1]) {
             for back in [true, false] {
                 let steps = level.choose(30, 300);
-                let what = if back { "out and back" } else { "out for good" };
-                let name = format!("{what}, h {h} s");
+                let motion = if back { "out and back" } else { "out for good" };
+                let name = format!("{motion}, h {h} s");
                 jobs.push(Job::new(name, (kind, method), 2 * steps, move || {
                     jerk(kind, method, h, back, steps)
                 }));
@@ -52,18 +52,18 @@ fn jerk(
     let mut out = still.clone();
     out[1].position += JERK;
     trial.step(h, &out);
-    let put_in = trial.body.total_energy();
+    let supplied = trial.body.total_energy();
     let last = if back { &still } else { &out };
-    // The step back is the hand's, too.
+    // The hand also does the work of the step back.
     trial.step(h, last);
     trial.restart();
-    let put_in = put_in.max(trial.body.total_energy());
+    let supplied = supplied.max(trial.body.total_energy());
     trial.run(h, steps, last);
-    // Corotational laws are not smooth where an element is both stretched and crushed; there may be no balance
-    // there to be found.
+    // Corotational laws are not smooth where an element is both stretched and crushed. An equilibrium may not exist
+    // there.
     let must_be_taken = kind.law() != "corotational" || method.is_linearized();
     Ok(Outcome {
-        figure: trial.energy().excess() / put_in,
+        figure: trial.energy().excess() / supplied,
         limit: Some(method.allowed_excess(kind)),
         reason: trial.unexpected().filter(|_| must_be_taken),
         account: trial.account,

@@ -1,4 +1,4 @@
-//! Free bodies, kicked: any stiffness, any compressibility, any step; lightly, hard, and for long.
+//! Free bodies that are kicked: any stiffness, any compressibility, any step; lightly, hard, and for a long time.
 
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Method, ROUNDING, Trial};
@@ -16,7 +16,7 @@ pub(super) fn light(level: Level) -> Plan {
                 for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
                     let kick = Kick {
                         stuff: Stuff::new(young, poisson),
-                        share: 0.01,
+                        fraction: 0.01,
                         h,
                     };
                     let steps = level.choose(5, 20);
@@ -35,7 +35,7 @@ pub(super) fn light(level: Level) -> Plan {
     }
 }
 
-/// A kick at the speed of sound: cells are crushed and turned inside out.
+/// A kick at the speed of sound: cells are crushed and inverted.
 pub(super) fn hard(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::solved() {
@@ -43,7 +43,7 @@ pub(super) fn hard(level: Level) -> Plan {
             for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
                 let kick = Kick {
                     stuff: Stuff::new(1e5, poisson),
-                    share: 1.0,
+                    fraction: 1.0,
                     h,
                 };
                 jobs.push(kick.job(kind, method, level.choose(20, 100)));
@@ -59,14 +59,14 @@ pub(super) fn hard(level: Level) -> Plan {
     }
 }
 
-/// Thousands of steps without any damping of the body's own.
+/// Thousands of steps without damping of the body.
 pub(super) fn long(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::solved() {
         for h in level.ends(&[1e-4, 1e-3, 1e-2]) {
             let kick = Kick {
                 stuff: Stuff::new(1e5, 0.3),
-                share: 0.05,
+                fraction: 0.05,
                 h,
             };
             jobs.push(kick.job(kind, method, level.choose(20, 3000)));
@@ -81,12 +81,12 @@ pub(super) fn long(level: Level) -> Plan {
     }
 }
 
-/// A free body of one material that starts at a random speed.
+/// A free body of one material that starts at random velocities.
 #[derive(Clone, Copy)]
 struct Kick {
     stuff: Stuff,
-    /// The largest speed along an axis, as a share of that of sound.
-    share: f64,
+    /// The largest speed along an axis, as a fraction of the speed of sound.
+    fraction: f64,
     h: f64,
 }
 
@@ -108,13 +108,13 @@ impl Kick {
     fn trial(self, kind: Kind, method: Method) -> Result<Trial, StudyError> {
         let shape = kind.mesh(2)?;
         let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
-        body.set_velocities(&shape.kick(self.share * self.stuff.sound()))?;
+        body.set_velocities(&shape.kick(self.fraction * self.stuff.sound()))?;
         Trial::new(body, method)
     }
 }
 
 impl Outcome {
-    /// What a free undamped body makes of its energy in `run`.
+    /// The energy of a free undamped body over `run`.
     pub(super) fn of_energy(
         trial: &mut Trial,
         kind: Kind,
@@ -124,7 +124,7 @@ impl Outcome {
         Self::of_energy_to(ROUNDING, trial, kind, method, run)
     }
 
-    /// The same where a rise of `rounding`, as a share of the start's energy, is none.
+    /// The same, where a rise of the energy by the fraction `rounding` of the initial energy is allowed.
     pub(super) fn of_energy_to(
         rounding: f64,
         trial: &mut Trial,
@@ -136,8 +136,9 @@ impl Outcome {
         run(trial);
         let energy = trial.energy();
         let regained = energy.rise() / start;
-        let reason = (method.never_gains(kind) && regained > rounding)
-            .then(|| format!("its energy falls, and rises again by {regained:.3e} of the start's"));
+        let reason = (method.never_gains(kind) && regained > rounding).then(|| {
+            format!("the energy falls, and rises again by {regained:.3e} of its initial value")
+        });
         Self {
             figure: energy.excess() / start,
             limit: Some(method.allowed_excess(kind)),

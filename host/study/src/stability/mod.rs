@@ -1,14 +1,14 @@
-//! The numerical stress suite: bodies under what a hand, a mesh or a scene may do to them.
+//! The numerical stress suite: bodies under the extremes of hands, meshes and scenes.
 //!
-//! Every family takes one stress to its end (time steps, stiffness, slivers, inside out, jerked, ...) with every
-//! law, element and scheme for which it makes sense. A case is a body that is stepped and watched: no number
-//! that is not finite, no energy from nowhere, and a step that cannot be taken is a typed error after which the
-//! state is the last good one, bit for bit. Beside its verdict each case has one figure, the smaller the better.
+//! Every family applies one stress (time steps, stiffness, slivers, inversion, jerks, ...) to every law, element and
+//! scheme for which the stress makes sense. A case is a body that is stepped and observed. No number may become
+//! infinite or not a number. No energy may be created. A step that cannot be taken gives a typed error, after which the
+//! state equals the last good one, bit for bit. Each case has a verdict and one figure; smaller figures are better.
 //!
-//! Energy is kinetic, elastic and of the loads together. It may never get above what there was at the start, and
-//! under implicit Euler, and for linear bodies, never rise again once it has fallen. TR-BDF2 and the linearized
-//! step make no such promise for bodies that are not linear (they hide some energy between steps and give it
-//! back): a hundredth is allowed.
+//! The energy is the sum of kinetic energy, elastic energy and the potential of the loads. It may never exceed its
+//! initial value. Under implicit Euler, and for linear bodies, it may never rise again once it has fallen. TR-BDF2 and
+//! the linearized step do not guarantee this for nonlinear bodies, where they return some energy between steps: a
+//! hundredth is allowed.
 
 mod contrasts;
 mod free;
@@ -30,43 +30,43 @@ use specimen::Kind;
 pub use trial::Account;
 use trial::Method;
 
-/// What came of a case.
+/// The verdict on a case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// It holds what is asked of it.
+    /// The case fulfils every requirement.
     Pass,
-    /// Nothing is asked of its figure, and all else holds.
+    /// The figure has no limit, and the case fulfils all other requirements.
     Reported,
-    /// It does not; [`Case::reason`] says why.
+    /// The case fails; [`Case::reason`] states why.
     Fail,
 }
 
 /// One body under one stress.
 #[derive(Clone, Debug, Serialize)]
 pub struct Case {
-    /// The stress, in words.
+    /// The name of the stress.
     pub name: String,
     /// The elements.
     pub body: &'static str,
-    /// Their law.
+    /// The law of the elements.
     pub law: &'static str,
-    /// How the body was stepped.
+    /// The scheme that stepped the body.
     pub scheme: &'static str,
-    /// What came of it.
+    /// The verdict.
     pub verdict: Verdict,
-    /// The family's figure.
+    /// The figure of the case, as the family defines it.
     pub figure: f64,
-    /// The largest that passes, if any is asked for.
+    /// The largest figure that passes; none if the figure has no limit.
     pub limit: Option<f64>,
-    /// What was counted on the way.
+    /// The counts over the case.
     pub account: Account,
-    /// Why it fails.
+    /// The reason of the failure.
     pub reason: Option<String>,
-    /// Starts: elastic energy at the end, as a share of the start's.
+    /// For starts: elastic energy at the end, as a fraction of the initial energy.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub left: Option<f64>,
-    /// Starts: share of the cells that are the right way round, over time (s).
+    /// For starts: fraction of the cells that are not inverted, over time (s).
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub recovery: Vec<(f64, f64)>,
 }
@@ -74,20 +74,20 @@ pub struct Case {
 /// All cases under one stress.
 #[derive(Clone, Debug, Serialize)]
 pub struct Family {
-    /// Its name.
+    /// The name of the family.
     pub name: &'static str,
-    /// What is done to the bodies.
+    /// The stress on the bodies.
     pub stress: &'static str,
-    /// What the figure of a case is.
+    /// The definition of the figure of a case.
     pub figure: &'static str,
-    /// The figure's unit; empty for a share.
+    /// The unit of the figure; empty for a fraction.
     pub unit: &'static str,
     /// The cases.
     pub cases: Vec<Case>,
 }
 
 impl Case {
-    /// Starts: whether every cell is the right way round again and no energy to speak of is left.
+    /// For starts: whether no cell is inverted and the remaining energy is negligible.
     pub fn recovered(&self) -> bool {
         self.figure == 0.0 && self.left.is_some_and(|left| left < starts::RECOVERED)
     }
@@ -96,7 +96,7 @@ impl Case {
 impl Family {
     /// The case with the worst figure.
     pub fn worst(&self) -> Option<&Case> {
-        // A figure that is not a number is worse than any.
+        // A figure that is not a number is worse than any number.
         let rank = |case: &Case| {
             if case.figure.is_nan() {
                 f64::INFINITY
@@ -116,12 +116,12 @@ impl Family {
     }
 }
 
-/// What the suite found.
+/// The results of the suite.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// `palpate.stability/1`.
     pub schema: &'static str,
-    /// How much was done.
+    /// The extent of the suite.
     pub level: Level,
     /// The families.
     pub families: Vec<Family>,
@@ -141,13 +141,13 @@ impl Report {
     }
 }
 
-/// What a case found.
+/// The result of a case.
 #[derive(Debug, Default)]
 struct Outcome {
     figure: f64,
     limit: Option<f64>,
     account: Account,
-    /// Why it fails, besides its figure.
+    /// The reason of a failure, except for the figure.
     reason: Option<String>,
     left: Option<f64>,
     recovery: Vec<(f64, f64)>,
@@ -162,22 +162,22 @@ impl Outcome {
             (None, Some(limit)) if self.figure <= limit => (Verdict::Pass, None),
             (None, Some(limit)) => {
                 let reason = format!(
-                    "its figure is {:.3e}, at most {limit:e} is allowed",
+                    "the figure is {:.3e}, at most {limit:e} is allowed",
                     self.figure
                 );
                 (Verdict::Fail, Some(reason))
             }
-            (None, None) => (Verdict::Fail, Some("its figure is not finite".to_owned())),
+            (None, None) => (Verdict::Fail, Some("the figure is not finite".to_owned())),
         }
     }
 }
 
-/// A case to be run.
+/// A case that has not run yet.
 struct Job {
     name: String,
     kind: Kind,
     method: Method,
-    /// About how long it takes beside others.
+    /// Approximate running time, relative to other cases.
     weight: f64,
     run: Box<dyn FnOnce() -> Result<Outcome, StudyError>>,
 }
@@ -202,7 +202,7 @@ impl Job {
     fn run(self) -> Case {
         let outcome = (self.run)().unwrap_or_else(|error| Outcome {
             figure: f64::NAN,
-            reason: Some(format!("it cannot begin: {error}")),
+            reason: Some(format!("the case cannot start: {error}")),
             ..Outcome::default()
         });
         let (verdict, reason) = outcome.verdict();
@@ -222,7 +222,7 @@ impl Job {
     }
 }
 
-/// A family before it is run.
+/// A family that has not run yet.
 struct Plan {
     name: &'static str,
     stress: &'static str,
@@ -256,7 +256,7 @@ fn plans(level: Level) -> Vec<Plan> {
     ]
 }
 
-/// Runs the suite, or one family of it by name. `progress` is given the share done.
+/// Runs the suite, or the family named `only`. `progress` receives the fraction done.
 pub fn run(level: Level, only: Option<&str>, mut progress: impl FnMut(f64)) -> Report {
     let mut plans = plans(level);
     plans.retain(|plan| only.is_none_or(|name| name == plan.name));

@@ -1,5 +1,5 @@
-//! The realtime step: one linearization, so that a fast turn stretches what it turns. What that would put in is
-//! held back.
+//! The realtime step uses one linearization, so that a fast rotation stretches the elements that it turns. The guard
+//! holds back the energy that this would add.
 
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Method, Trial};
@@ -13,14 +13,14 @@ pub(super) fn plan(level: Level) -> Plan {
             for contrast in [1.0, 1e6] {
                 for poisson in level.ends(&[0.0, 0.3, 0.499]) {
                     for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
-                        for share in [0.01, 1.0] {
+                        for fraction in [0.01, 1.0] {
                             let name = format!(
-                                "E {young:e} Pa, {contrast:e} : 1, nu {poisson}, h {h} s, kicked at {share} c"
+                                "E {young:e} Pa, {contrast:e} : 1, nu {poisson}, h {h} s, kicked at {fraction} c"
                             );
                             let kick = Kick {
                                 stuff: Stuff::new(young, poisson),
                                 contrast,
-                                share,
+                                fraction,
                             };
                             jobs.push(Job::new(name, (kind, method), 200, move || {
                                 kick.run(kind, method, h)
@@ -44,10 +44,10 @@ pub(super) fn plan(level: Level) -> Plan {
 #[derive(Clone, Copy)]
 struct Kick {
     stuff: Stuff,
-    /// Between elements, of their stiffness.
+    /// Ratio between the stiffnesses of adjacent elements.
     contrast: f64,
-    /// The largest speed along an axis, as a share of that of sound in what is soft.
-    share: f64,
+    /// The largest speed along an axis, as a fraction of the speed of sound in the soft elements.
+    fraction: f64,
 }
 
 impl Kick {
@@ -63,7 +63,7 @@ impl Kick {
         };
         let soft = stuff(1);
         let mut body = kind.build(&shape, stuff, quiet(), &[])?;
-        body.set_velocities(&shape.kick(self.share * soft.sound()))?;
+        body.set_velocities(&shape.kick(self.fraction * soft.sound()))?;
         let mut trial = Trial::new(body, method)?;
         let start = trial.body.total_energy();
         trial.run(h, 200, &[]);

@@ -1,4 +1,4 @@
-//! What cannot be done is refused by name, the state is kept bit for bit, and the next step works.
+//! Invalid requests: each is refused with an error, the state is preserved bit for bit, and the next step works.
 
 use super::specimen::{Kind, Stuff, rest_poses};
 use super::trial::{Method, Trial};
@@ -11,28 +11,28 @@ use physics::{
 /// The step (s).
 const STEP: f64 = 1e-3;
 
-/// What is asked of a body that is in motion between two handles.
+/// A request to a body that moves between two handles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Request {
     /// A step of this length (s).
     Length(f64),
-    /// Fewer poses than there are handles.
+    /// Fewer poses than handles.
     Targets,
     /// A handle at this distance (m).
     Far(f64),
     /// A jerk for which Newton's method gets one iteration and no halving.
     Hasty,
-    /// Through the other handle without turning anything inside out.
+    /// A handle that moves through the other handle, where no element may be inverted.
     Through,
-    /// Velocities that no energy can hold (m/s).
+    /// Velocities whose energy is not finite (m/s).
     Speed(f64),
-    /// Forces beyond all numbers once they are squared (N).
+    /// Forces whose squares are not finite (N).
     Force(f64),
     /// Positions, velocities and forces that are not numbers.
     Arrays,
     /// Equilibrium under a load that is not a number.
     Load,
-    /// Equilibrium of a body that nothing holds, under gravity.
+    /// Equilibrium of a free body under gravity.
     Unheld,
 }
 
@@ -52,13 +52,13 @@ impl Request {
         }
     }
 
-    /// Whether it makes sense.
+    /// Whether the request makes sense for `kind` and `method`.
     fn is_for(self, kind: Kind, method: Method) -> bool {
         let solid = Kind::solids().any(|solid| solid == kind);
         match self {
             Self::Hasty => !method.is_linearized() && !kind.is_quadratic_in_energy(),
             Self::Through => solid && !method.is_linearized(),
-            // Not a matter of time steps: once for each kind.
+            // These requests do not depend on the time step, so one method suffices.
             Self::Arrays | Self::Load | Self::Unheld => method == Method::ImplicitEuler,
             _ => true,
         }
@@ -139,7 +139,7 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
         },
         _ => method.options(),
     };
-    // Something to keep: a state with forces on the hands.
+    // A state with forces on the hands, which a refusal must preserve.
     let mut before = Trial::new(body, method)?;
     before.run(STEP, 3, &near);
     let mut trial = Trial::with_options(before.body, method, options)?;
@@ -187,10 +187,11 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
         }
     };
     let asked = trial.account.clone();
-    // With the usual patience.
+    // The options of the method are the defaults again.
     let mut after = Trial::new(trial.body, method)?;
-    let goes_on = after.run(STEP, 3, &near);
-    let reason = (!goes_on).then(|| format!("it does not go on: {:?}", after.account.error));
+    let continues = after.run(STEP, 3, &near);
+    let reason =
+        (!continues).then(|| format!("the steps after it fail: {:?}", after.account.error));
     Ok(Outcome {
         figure: f64::from(u8::from(granted)),
         limit: Some(0.0),

@@ -1,4 +1,4 @@
-//! A million steps in which nothing should happen.
+//! A million steps of bodies at rest.
 
 use super::specimen::{Kind, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
@@ -7,11 +7,11 @@ use crate::{Level, StudyError};
 use nalgebra::Rotation3;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, Vec3};
 
-/// The largest drift that passes (m, of a body of 1 m): what is left when an equilibrium is found to 1e-9 of
-/// the forces, and the rounding of positions of 1 m.
+/// The largest drift that passes (m, for a body of 1 m): the error of an equilibrium to 1e-9 of the forces, and the
+/// rounding of positions of 1 m.
 const DRIFT: f64 = 1e-9;
 
-/// Held at one end, under gravity, from its equilibrium.
+/// Bodies held at one end, under gravity, in equilibrium.
 pub(super) fn loaded(level: Level) -> Plan {
     let steps = level.choose(500, 1_000_000);
     let jobs = Kind::all().map(|(kind, method)| {
@@ -29,7 +29,7 @@ pub(super) fn loaded(level: Level) -> Plan {
     }
 }
 
-/// Free, turned and far from the origin: rounding pulls at it, nothing holds it.
+/// Free bodies, turned and far from the origin: rounding disturbs them, and no support holds them.
 pub(super) fn turned(level: Level) -> Plan {
     let steps = level.choose(500, 1_000_000);
     let nonlinear = Kind::all().filter(|(kind, _)| !kind.is_quadratic_in_energy());
@@ -57,7 +57,7 @@ fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> 
     let handles = [shape.end(-1.0)];
     let mut body = kind.build(&shape, |_| stuff(), BodyConfig::default(), &handles)?;
     let targets = rest_poses(&handles);
-    // A thin sheet that is held at one end sags far: in many steps.
+    // A thin sheet that is held at one end sags far, so its equilibrium takes many load steps.
     let options = EquilibriumOptions {
         load_steps: 8,
         ..EquilibriumOptions::default()
@@ -97,9 +97,9 @@ fn watch(
         drift = off.fold(drift, f64::max);
     }
     let gained = trial.body.total_energy() - first;
-    // A force times the drift that passes.
-    let growth =
-        (gained.is_nan() || gained > scale * DRIFT).then(|| format!("it gains {gained:.3e} J"));
+    // The work of the weight over the drift that passes.
+    let growth = (gained.is_nan() || gained > scale * DRIFT)
+        .then(|| format!("the energy rises by {gained:.3e} J"));
     Ok(Outcome {
         figure: drift,
         limit: Some(DRIFT),

@@ -10,14 +10,14 @@ use physics::Vec3;
 /// Thickness over length.
 const THIN: f64 = 1e-4;
 
-/// How a mesh gets its slivers.
+/// How the mesh gets its slivers.
 #[derive(Clone, Copy)]
 enum Sliver {
     /// The whole body is flattened: along z, or a sheet along y.
     Flat,
-    /// The whole body is drawn out along x.
+    /// The whole body is stretched along x.
     Needle,
-    /// One inner vertex nearly lies on its neighbour.
+    /// One inner vertex lies almost at its neighbour.
     Pinched,
 }
 
@@ -48,7 +48,7 @@ impl Sliver {
             x.component_mul_assign(&scale);
         }
         if let Self::Pinched = self {
-            // Numbered along x first: the next vertex is the neighbour along x.
+            // Vertices are numbered along x first: the next vertex is the neighbour along x.
             let x = shape.positions_mut();
             let neighbour = x[middle + 1];
             x[middle] = neighbour + (x[middle] - neighbour) * THIN;
@@ -68,7 +68,7 @@ pub(super) fn plan(level: Level) -> Plan {
                     let shape = sliver.shape(kind)?;
                     let stuff = Stuff::new(1e5, 0.3);
                     let mut body = kind.build(&shape, |_| stuff, quiet(), &[])?;
-                    // Strains along every axis as those of a body that is not thin.
+                    // Along every axis, the strains are those of a body that is not thin.
                     let extent = extent(shape.positions());
                     let kick = shape.waves(0.01 * stuff.sound());
                     let kick: Vec<Vec3> = kick.iter().map(|v| v.component_mul(&extent)).collect();
@@ -90,7 +90,7 @@ pub(super) fn plan(level: Level) -> Plan {
     }
 }
 
-/// Size along each axis, at least as thick as a sheet is thin.
+/// Size along each axis, but at least the thickness of a sheet.
 fn extent(x: &[Vec3]) -> Vec3 {
     let size = |axis: usize| {
         let along = || x.iter().map(|x| x[axis]);

@@ -47,19 +47,19 @@ impl Kind {
         .into_iter()
     }
 
-    /// Every kind with every way to step it.
+    /// Every kind with each of its methods.
     pub(super) fn all() -> impl Iterator<Item = (Self, Method)> {
         Self::solids()
             .chain(Self::sheets())
             .flat_map(Self::with_methods)
     }
 
-    /// Every kind with both schemes that are solved to a tolerance.
+    /// Every kind with both methods that solve to a tolerance.
     pub(super) fn solved() -> impl Iterator<Item = (Self, Method)> {
         Self::all().filter(|(_, method)| !method.is_linearized())
     }
 
-    /// This kind with every way to step it.
+    /// This kind with each of its methods.
     pub(super) fn with_methods(self) -> impl Iterator<Item = (Self, Method)> {
         let methods: &[Method] = match self {
             Self::Linear(_) | Self::Quadratic(_) => {
@@ -105,7 +105,7 @@ impl Kind {
         )
     }
 
-    /// Whether it must recover from any state.
+    /// Whether the body must recover from any state.
     pub(super) fn recovers(self) -> bool {
         use SolidLaw::StableNeoHookean;
         matches!(
@@ -114,7 +114,7 @@ impl Kind {
         )
     }
 
-    /// About how long a step takes beside the others'.
+    /// Approximate time of a step, relative to the other kinds.
     pub(super) fn cost(self) -> f64 {
         match self {
             Self::Linear(_) => 1.0,
@@ -123,8 +123,8 @@ impl Kind {
         }
     }
 
-    /// A cube of edge 1 in `n`^3 cells (half as many along an edge where elements are quadratic), or a square
-    /// in (2 n)^2; no cell like another.
+    /// A cube of edge 1 in `n`^3 grid cells (half as many along an edge for quadratic elements), or a square in (2
+    /// n)^2. No two cells are equal.
     pub(super) fn mesh(self, n: u32) -> Result<Shape, StudyError> {
         let mut shape = match self {
             Self::Linear(_) => Shape::Solid(solid_box([1.0; 3], [n; 3])?),
@@ -149,7 +149,7 @@ impl Kind {
         Ok(self.elevated(shape))
     }
 
-    /// With middles on the edges, where elements have them.
+    /// The shape with nodes in the middle of the edges, for elements that have them.
     pub(super) fn elevated(self, shape: Shape) -> Shape {
         match (self, shape) {
             (Self::Quadratic(_), Shape::Solid(mesh)) => Shape::Solid(mesh.quadratic()),
@@ -180,7 +180,7 @@ impl Kind {
                 let materials: Vec<_> = stuff.map(Stuff::sheet).collect();
                 Body::sheet(mesh, &materials, config, handles)
             }
-            // Shapes come from `mesh` of the same kind.
+            // A shape comes from `mesh` of the same kind.
             (_, Shape::Solid(_)) => Err(physics::BodyError::Empty),
         };
         Ok(body?)
@@ -216,7 +216,7 @@ impl Shape {
         }
     }
 
-    /// A handle on the end at `side` (-1 or 1) of the x-axis.
+    /// A handle at the end at `side` (-1 or 1) of the x axis.
     pub(super) fn end(&self, side: f64) -> HandleSpec {
         let numbered = (0_u32..).zip(self.positions());
         HandleSpec {
@@ -229,8 +229,8 @@ impl Shape {
         }
     }
 
-    /// Waves about as long as the body, of up to `speed` along each axis: strains no larger in small elements
-    /// than in large ones.
+    /// Velocities in waves about as long as the body, of up to `speed` along each axis. The strains in small elements
+    /// are no larger than in large ones.
     pub(super) fn waves(&self, speed: f64) -> Vec<Vec3> {
         let wave = |x: &Vec3| {
             let along = |a: f64, b: f64, c: f64| libm::sin(a * x.x + b * x.y + c * x.z + a);
@@ -243,7 +243,7 @@ impl Shape {
         self.positions().iter().map(wave).collect()
     }
 
-    /// Every vertex at a random speed of up to `speed` along each axis.
+    /// A random velocity of every vertex, of up to `speed` along each axis.
     pub(super) fn kick(&self, speed: f64) -> Vec<Vec3> {
         let mut random = Random(11);
         self.positions()
@@ -253,7 +253,7 @@ impl Shape {
     }
 }
 
-/// Poses that leave handles where they were made.
+/// The rest poses of the handles.
 pub(super) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
     handles
         .iter()
@@ -261,7 +261,7 @@ pub(super) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
         .collect()
 }
 
-/// What a body is made of.
+/// The material of a body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stuff {
     /// Young's modulus (Pa).
@@ -276,7 +276,7 @@ pub(super) struct Stuff {
 pub(super) const THICKNESS: f64 = 0.01;
 
 impl Stuff {
-    /// As heavy as water.
+    /// A material with the density of water.
     pub(super) fn new(young: f64, poisson: f64) -> Self {
         Self {
             young,
@@ -307,7 +307,7 @@ impl Stuff {
         }
     }
 
-    /// Twice as stiff along the warp as along the weft, and softer in shear than a plain sheet.
+    /// Twice as stiff along the warp as along the weft, and softer in shear than an isotropic sheet.
     fn weave(self) -> Weave {
         Weave {
             warp: Vec3::new(1.0, 0.4, 0.0),
@@ -329,11 +329,11 @@ pub(super) fn quiet() -> BodyConfig {
     }
 }
 
-/// A linear congruential generator (Knuth's constants): the same numbers on every machine.
+/// A linear congruential generator (Knuth's constants), the same on every machine.
 pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    /// Between -1 and 1.
+    /// A number between -1 and 1.
     fn signed(&mut self) -> f64 {
         self.0 = self
             .0

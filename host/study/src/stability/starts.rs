@@ -1,4 +1,4 @@
-//! Bodies that start inside out, scrambled or crumpled.
+//! Bodies that start inverted, scrambled or crumpled.
 
 use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
 use super::trial::{Method, Trial};
@@ -8,17 +8,17 @@ use physics::{BodyConfig, SolidLaw, Vec3};
 
 /// The step (s).
 const STEP: f64 = 0.02;
-/// Elastic energy, as a share of the start's, below which a body counts as recovered.
+/// Fraction of the initial elastic energy below which a body counts as recovered.
 pub(super) const RECOVERED: f64 = 1e-6;
 
-/// Where the vertices start.
+/// The initial positions of the vertices.
 #[derive(Clone, Copy)]
 enum Start {
     /// Mirrored along an axis.
     Mirrored(usize),
-    /// Mirrored along x, then each vertex moved by up to a hundredth of the body.
+    /// Mirrored along x, then each vertex moved by up to a hundredth of the length of the body.
     Shaken,
-    /// Each anywhere in the box, by a seed.
+    /// Each vertex at a random place in the box, by a seed.
     Scrambled(u64),
 }
 
@@ -57,7 +57,7 @@ impl Start {
     }
 }
 
-/// Every cell inside out.
+/// Every cell is inverted.
 pub(super) fn inverted(level: Level) -> Plan {
     let starts = level.choose(
         vec![Start::Shaken],
@@ -72,7 +72,7 @@ pub(super) fn inverted(level: Level) -> Plan {
     }
 }
 
-/// Every vertex anywhere.
+/// Every vertex is at a random place.
 pub(super) fn scrambled(level: Level) -> Plan {
     let seeds = level.choose(1, 10);
     let starts: Vec<Start> = (1..=seeds).map(Start::Scrambled).collect();
@@ -142,7 +142,7 @@ fn recover(
     let first = trial.body.total_energy();
     let mut recovery = vec![(0.0, right(&trial))];
     for step in 1..=steps {
-        // A refused step leaves the state, so the next would be refused, too.
+        // A refused step leaves the state, so the next step would be refused, too.
         if trial.account.refused == 0 {
             trial.step(STEP, &targets);
         }
@@ -153,8 +153,8 @@ fn recover(
     let left = trial.body.elastic_energy() / first;
     let inverted = trial.body.inverted_count();
     let recovered = inverted == 0 && left < RECOVERED;
-    // Smith et al. promise that no cell stays inside out. Where cells bend (quadratic), hardly change their volume
-    // or wind twice around a vertex (scrambled), a body can still settle in a balance other than rest.
+    // Smith et al. guarantee that no cell stays inverted. A body can still settle in another equilibrium where cells
+    // bend (quadratic), hardly change their volume, or wind twice around a vertex (scrambled).
     let must_recover = kind == Kind::Linear(SolidLaw::StableNeoHookean)
         && poisson <= 0.3
         && !matches!(start, Start::Scrambled(_));
@@ -162,13 +162,13 @@ fn recover(
     let reason = {
         if excess > method.allowed_excess(kind) {
             Some(format!(
-                "its energy gets above the start's by {excess:.3e} of it"
+                "the energy exceeds its initial value by the fraction {excess:.3e}"
             ))
         } else if kind.recovers() && trial.account.refused > 0 {
             trial.unexpected()
         } else if (kind.recovers() && inverted > 0) || (must_recover && !recovered) {
             Some(format!(
-                "it does not recover: {inverted} cells are inside out, {left:.3e} of the energy is left"
+                "the body does not recover: {inverted} cells are inverted, {left:.3e} of the energy remains"
             ))
         } else {
             None
@@ -184,7 +184,7 @@ fn recover(
     })
 }
 
-/// Sheets have no inside; their vertices start anywhere in a box.
+/// Sheets have no inside. Their vertices start at random places in a box.
 pub(super) fn crumpled(level: Level) -> Plan {
     let mut jobs = Vec::new();
     for (kind, method) in Kind::sheets().flat_map(Kind::with_methods) {

@@ -1,4 +1,4 @@
-//! The suite can fail: each of its checks is shown what it is there to find.
+//! The suite can fail: each check is given the fault that it must find.
 
 use super::specimen::{Kind, Stuff, quiet};
 use super::trial::{Account, Method, Trial};
@@ -39,7 +39,7 @@ fn a_figure_above_its_limit_or_not_finite_fails() {
 }
 
 #[test]
-fn energy_from_nowhere_fails() {
+fn created_energy_fails() {
     let run = |speed: f64| {
         let mut trial = trial();
         let outcome = Outcome::of_energy(&mut trial, KIND, METHOD, |trial| {
@@ -53,11 +53,11 @@ fn energy_from_nowhere_fails() {
         verdict(outcome)
     };
     assert_eq!(run(1.0).verdict, Verdict::Pass);
-    // Above the start's.
+    // The energy exceeds its initial value.
     let case = run(2.0);
     assert_eq!(case.verdict, Verdict::Fail);
     assert!(case.figure > 0.1, "{}", case.figure);
-    // A thousandth more than before, far below the start's: implicit Euler may not even do that.
+    // The energy rises by a thousandth, far below its initial value: implicit Euler may not even do that.
     let case = run(1.0005);
     assert_eq!((case.verdict, case.figure), (Verdict::Fail, 0.0));
     assert!(case.reason.unwrap().contains("rise"));

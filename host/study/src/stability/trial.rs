@@ -1,4 +1,4 @@
-//! A body that is stepped and watched.
+//! A body that is stepped and observed.
 
 use super::Kind;
 use crate::StudyError;
@@ -8,7 +8,7 @@ use physics::{
 use serde::Serialize;
 use std::fmt::Display;
 
-/// How a body is stepped.
+/// The scheme that steps a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Method {
     /// Implicit Euler, solved to its tolerance.
@@ -21,9 +21,10 @@ pub(super) enum Method {
     Frozen,
 }
 
-/// What rounding may add to an energy, as a share: a velocity is a difference of positions over the step, so in
-/// a body of 1 m at 3e-4 m/s a step of 1e-4 s leaves 1e-16 / (1e-4 * 3e-4) = 3e-9 of it unknown, ten times that
-/// where TR-BDF2 extrapolates; Newton's method leaves 1e-9 of the forces; and all that adds up over the steps.
+/// Rounding error of an energy, as a fraction. A velocity is a difference of positions over the step, so in a body of 1
+/// m at 3e-4 m/s a step of 1e-4 s leaves a relative error of 1e-16 / (1e-4 * 3e-4) = 3e-9 in the velocity. The error is
+/// ten times as large where TR-BDF2 extrapolates. Newton's method leaves 1e-9 of the forces. These errors accumulate
+/// over the steps.
 pub(super) const ROUNDING: f64 = 1e-6;
 
 impl Method {
@@ -36,7 +37,7 @@ impl Method {
         }
     }
 
-    /// About how long a step takes beside the others'.
+    /// Approximate time of a step, relative to the other methods.
     pub(super) fn cost(self) -> f64 {
         match self {
             Self::ImplicitEuler => 1.0,
@@ -45,23 +46,23 @@ impl Method {
         }
     }
 
-    /// How far the energy may get above the start's, as a share of it.
+    /// Largest allowed excess of the energy over its initial value, as a fraction of that value.
     pub(super) fn allowed_excess(self, kind: Kind) -> f64 {
         if self.never_gains(kind) {
             ROUNDING
         } else {
-            // L-stable means something for linear bodies only; the bound for others.
+            // L-stability is defined for linear bodies only; other bodies have a bound of their own.
             0.01
         }
     }
 
-    /// Whether the energy may not even rise again after it has fallen. Implicit Euler promises that for convex
-    /// energies, and holds it for others as long as a step is taken on one side of a dent.
+    /// Whether the energy may not rise again after it has fallen. Implicit Euler guarantees this for convex energies.
+    /// For other energies it holds as long as a step stays on one side of a barrier.
     pub(super) fn never_gains(self, kind: Kind) -> bool {
         self == Self::ImplicitEuler || (self == Self::TrBdf2 && kind.is_quadratic_in_energy())
     }
 
-    /// Whether it takes one linearization a step.
+    /// Whether the method uses one linearization a step.
     pub(super) fn is_linearized(self) -> bool {
         matches!(self, Self::Linearized | Self::Frozen)
     }
@@ -79,27 +80,27 @@ impl Method {
     }
 }
 
-/// What is counted over a case.
+/// The counts over a case.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Account {
-    /// Steps asked for.
+    /// Steps that were requested.
     pub steps: usize,
     /// Steps that were refused with an error.
     pub refused: usize,
-    /// Substeps of all steps taken; as many as these where none was halved.
+    /// Substeps of all steps that were taken; equal to their number if none was halved.
     pub substeps: usize,
-    /// Substeps of TR-BDF2 taken by implicit Euler, and linearized steps of which a part was held back: what
-    /// keeps them from making energy.
+    /// Substeps of TR-BDF2 that were taken by implicit Euler, and linearized steps of which a part was held back. Both
+    /// prevent a gain of energy.
     pub damped: usize,
-    /// The worst residual of any step taken, as a share of the forces that balance.
+    /// The largest residual of a step that was taken, as a fraction of the balanced forces.
     pub residual: f64,
     /// The first error.
     pub error: Option<String>,
-    /// What no step may do: a number that is not finite, or a refused step that moved the body.
+    /// A violation that no step may cause: a number that is not finite, or a refused step that moved the body.
     pub broken: Option<String>,
 }
 
-/// How a step went, as [`Account`] counts it.
+/// The report of a step, for [`Account`].
 #[derive(Default)]
 struct Taken {
     substeps: usize,
@@ -107,7 +108,7 @@ struct Taken {
     residual: f64,
 }
 
-/// What steps a body.
+/// The solver that steps a body.
 #[derive(Debug)]
 enum Stepped {
     Assembled,
@@ -115,7 +116,7 @@ enum Stepped {
     Solved(Box<Integrator>),
 }
 
-/// A body, how it is stepped, and what it has done.
+/// A body, its solver, and the record of its steps.
 #[derive(Debug)]
 pub(super) struct Trial {
     pub(super) body: Body,
@@ -126,7 +127,7 @@ pub(super) struct Trial {
     energy: Energy,
 }
 
-/// What an energy has been (J).
+/// The history of an energy (J).
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Energy {
     start: f64,
@@ -146,7 +147,7 @@ impl Energy {
     }
 
     pub(super) fn add(&mut self, energy: f64) {
-        // An energy that is not a number is beyond all bounds.
+        // An energy that is not a number exceeds every bound.
         let energy = if energy.is_nan() {
             f64::INFINITY
         } else {
@@ -157,12 +158,12 @@ impl Energy {
         self.least = self.least.min(energy);
     }
 
-    /// How far it has been above the start.
+    /// Largest excess over the initial value (J).
     pub(super) fn excess(&self) -> f64 {
         self.highest - self.start
     }
 
-    /// How far it has been above the least that it was before.
+    /// Largest rise over an earlier minimum (J).
     pub(super) fn rise(&self) -> f64 {
         self.rise
     }
@@ -198,7 +199,7 @@ impl Trial {
         })
     }
 
-    /// One step; whether it was taken.
+    /// Takes one step. Returns whether the step was taken.
     pub(super) fn step(&mut self, h: f64, targets: &[HandlePose]) -> bool {
         self.watch(|body, stepped| match stepped {
             Stepped::Solved(integrator) => integrator.step(body, h, targets).map(|report| Taken {
@@ -223,15 +224,15 @@ impl Trial {
         })
     }
 
-    /// Anything that is asked of the body; whether it was granted.
+    /// Makes any request to the body. Returns whether it was granted.
     pub(super) fn ask<T, E: Display>(
         &mut self,
-        what: impl FnOnce(&mut Body) -> Result<T, E>,
+        request: impl FnOnce(&mut Body) -> Result<T, E>,
     ) -> bool {
-        self.watch(|body, _| what(body).map(|_| Taken::default()))
+        self.watch(|body, _| request(body).map(|_| Taken::default()))
     }
 
-    /// Watches what says how it went, or gives an error.
+    /// Observes an action, and records its report or its error.
     fn watch<E: Display>(
         &mut self,
         act: impl FnOnce(&mut Body, &mut Stepped) -> Result<Taken, E>,
@@ -258,7 +259,7 @@ impl Trial {
                 self.account.refused += 1;
                 self.account.error.get_or_insert_with(|| error.to_string());
                 if self.before != self.after {
-                    self.breaks("it was refused, and the state was not kept");
+                    self.breaks("the request was refused, and the state was not kept");
                 }
             }
         }
@@ -266,20 +267,20 @@ impl Trial {
         granted
     }
 
-    /// `steps` steps with handles at `targets`, or up to the first that is refused: the next would be the same.
-    /// Whether all were taken.
+    /// Takes `steps` steps with handles at `targets`, until a step is refused: the next step would be refused, too.
+    /// Returns whether all steps were taken.
     pub(super) fn run(&mut self, h: f64, steps: usize, targets: &[HandlePose]) -> bool {
         (0..steps).all(|_| self.step(h, targets))
     }
 
-    fn breaks(&mut self, what: &str) {
+    fn breaks(&mut self, violation: &str) {
         let step = self.account.steps;
         self.account
             .broken
-            .get_or_insert_with(|| format!("{what} (step {step})"));
+            .get_or_insert_with(|| format!("{violation} (step {step})"));
     }
 
-    /// What is wrong where every step should have been taken.
+    /// The failure of a case in which every step should have been taken.
     pub(super) fn unexpected(&self) -> Option<String> {
         let Account {
             steps,
@@ -292,18 +293,18 @@ impl Trial {
             .then(|| format!("{refused} of {steps} steps were refused, the first: {error}"))
     }
 
-    /// Forgets what the energy has been.
+    /// Restarts the history of the energy.
     pub(super) fn restart(&mut self) {
         self.energy = Energy::new(self.body.total_energy());
     }
 
-    /// What the energy has been since the start.
+    /// The history of the energy since the start.
     pub(super) fn energy(&self) -> Energy {
         self.energy
     }
 }
 
-/// All that a step changes, bit for bit: positions, velocities, and what handles and supports report.
+/// The complete state that a step changes, bit for bit: positions, velocities, and the reports of handles and supports.
 fn state(body: &Body, bits: &mut Vec<u64>) {
     bits.clear();
     let mut put = |v: &Vec3| bits.extend(v.iter().map(|c| c.to_bits()));

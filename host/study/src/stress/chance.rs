@@ -1,4 +1,4 @@
-//! Chance that a seed, a cell and a name decide alone: no draw depends on how many were made before it.
+//! Random numbers that depend on a seed, a cell and a name alone. No draw depends on the number of draws before it.
 
 /// SplitMix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014).
 fn mix(mut z: u64) -> u64 {
@@ -8,35 +8,35 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Numbers of one thing that chance decides.
+/// A sequence of random numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chance {
     key: u64,
 }
 
 impl Chance {
-    /// Of a cell of a study.
+    /// The sequence of a cell of a study.
     pub(crate) fn new(seed: u64, cell: u64) -> Self {
         Self {
             key: mix(mix(seed) ^ cell),
         }
     }
 
-    /// Of something else in the same cell.
-    pub(crate) fn of(self, what: &str) -> Self {
-        let each = what.bytes();
+    /// The sequence named `name`, in the same cell.
+    pub(crate) fn of(self, name: &str) -> Self {
+        let each = name.bytes();
         Self {
             key: each.fold(self.key, |key, byte| mix(key ^ u64::from(byte))),
         }
     }
 
-    /// The `n`-th, evenly from 0 up to 1.
+    /// The `n`-th number, uniform from 0 up to 1.
     pub(crate) fn unit(self, n: u64) -> f64 {
-        // The upper 53 bits: all that a number below one holds.
+        // The upper 53 bits are all that a number below one can represent.
         (mix(self.key ^ mix(n)) >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Evenly from `low` to `high`.
+    /// The `n`-th number, uniform from `low` to `high`.
     pub(crate) fn between(self, n: u64, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit(n)
     }
@@ -47,7 +47,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_is_even_and_its_parts_are_unlike() {
+    fn numbers_are_uniform_and_sequences_independent() {
         let (a, b) = (Chance::new(1, 7).of("a"), Chance::new(1, 7).of("b"));
         let n = 20_000;
         let mean = |f: &dyn Fn(u64) -> f64| (0..n).map(f).sum::<f64>() / n as f64;

@@ -1,12 +1,12 @@
-//! Many independent cells of a study: on all cores, split over machines, resumed where they were cut off.
+//! Many independent cells of a study: on all cores, divided among machines, resumed where they were interrupted.
 //!
-//! A study has cells numbered from zero, and a cell's result is a function of its number and of the
-//! [`Header`] alone. So results do not depend on threads, shards or interruptions, and neither does what
-//! is made of them, as it is made of the cells in their order.
+//! A study has cells numbered from zero. The result of a cell is a function of its number and of the [`Header`] alone.
+//! Results therefore do not depend on threads, shards or interruptions. Neither do summaries, which read the cells in
+//! the order of their numbers.
 //!
-//! With a file, each result is appended to it as soon as it is there, as one line of JSON (JSON Lines):
-//! the header first, then `{"cell": 7, ...}`. A run that finds lines there takes them for done. The files
-//! of several shards are merged by `cat`.
+//! With a file, each result is appended to the file as soon as it is known, as one line of JSON (JSON Lines): the
+//! header first, then `{"cell": 7, ...}`. A run that finds lines in the file does not repeat their cells. `cat` merges
+//! the files of several shards.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -22,22 +22,22 @@ mod file;
 #[cfg(test)]
 mod tests;
 
-/// What a study's results are a function of, beside the number of the cell. The first line of a file.
+/// Everything that determines a study's results, except the number of the cell. The first line of a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// The study's name.
     pub study: String,
     /// Version of the lines' layout.
     pub schema: u32,
-    /// The seed of all that is random.
+    /// The seed of every random choice.
     pub seed: u64,
-    /// How many cells it has.
+    /// Number of cells.
     pub cells: u64,
-    /// Whatever else the results depend on.
+    /// The other settings on which the results depend.
     pub settings: serde_json::Value,
 }
 
-/// A share of the cells: those whose number leaves `index - 1` when divided by `count`.
+/// One part of the cells: those whose number has the remainder `index - 1` when divided by `count`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
     index: u64,
@@ -45,7 +45,7 @@ pub struct Shard {
 }
 
 impl Default for Shard {
-    /// All of them.
+    /// All cells.
     fn default() -> Self {
         Self { index: 1, count: 1 }
     }
@@ -57,11 +57,11 @@ impl Shard {
     }
 }
 
-/// A shard that is not one.
+/// The text of a shard is invalid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("a shard is I/N with I from 1 to N, as in 3/8, not {found:?}")]
 pub struct ShardError {
-    /// What was given.
+    /// The text that was given.
     pub found: String,
 }
 
@@ -80,29 +80,29 @@ impl FromStr for Shard {
     }
 }
 
-/// How the cells are run. None of it changes a result.
+/// How the cells are run. No option changes a result.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Which of them.
+    /// The cells to run.
     pub shard: Shard,
-    /// On how many threads; all cores unless told.
+    /// Number of threads; all cores if none.
     pub threads: Option<NonZero<usize>>,
-    /// Where results are appended, and looked for first.
+    /// The file that results are read from, and appended to.
     pub file: Option<PathBuf>,
 }
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
     /// Cells of this shard that are done.
     pub done: u64,
     /// Cells of this shard.
     pub of: u64,
-    /// Time left (s), if the rest takes as long a cell as those of this run; none before its first.
+    /// Time left (s), if the other cells take as long as the cells of this run so far; none before the first.
     pub left: Option<f64>,
 }
 
-/// Why cells could not be run, or their file not be used.
+/// Why the cells could not be run, or their file could not be used.
 #[derive(Debug, thiserror::Error)]
 pub enum JobError {
     /// The file could not be opened, read or written.
@@ -110,7 +110,7 @@ pub enum JobError {
     File {
         /// The file.
         path: PathBuf,
-        /// What the system said.
+        /// The error of the system.
         source: std::io::Error,
     },
     /// Another run writes to the file.
@@ -133,11 +133,11 @@ pub enum JobError {
         path: PathBuf,
         /// The line, from one.
         line: usize,
-        /// Where the other header stands.
+        /// The place of the other header.
         other: String,
-        /// What stands there.
+        /// The header that was found.
         found: String,
-        /// What should.
+        /// The header that was expected.
         expected: String,
     },
     /// A line is neither a header nor a cell of the study.
@@ -151,7 +151,7 @@ pub enum JobError {
         path: PathBuf,
         /// The line, from one.
         line: usize,
-        /// What is wrong with it.
+        /// The fault of the line.
         reason: String,
     },
     /// A result that JSON cannot hold.
@@ -159,7 +159,7 @@ pub enum JobError {
     Result {
         /// The cell.
         cell: u64,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
@@ -172,11 +172,12 @@ struct Cell<R> {
     result: R,
 }
 
-/// Runs the cells that are not done yet; gives all that are, by number: those of this shard, and what else
-/// the file holds. A result must hold finite numbers only, and serialize to a map without a key `cell`.
+/// Runs the cells that are not done yet. Returns the results of all cells that are done, by number: those of this
+/// shard, and those of other shards in the file. A result must contain finite numbers only, and serialize to a map
+/// without a key `cell`.
 ///
 /// # Errors
-/// [`JobError`]: the file cannot be used, or belongs to something else. Nothing is run before it is read.
+/// [`JobError`] if the file cannot be used, or belongs to another study. The file is read before any cell runs.
 pub fn run<R: Serialize + DeserializeOwned + Send>(
     header: &Header,
     options: &Options,
@@ -188,9 +189,9 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     if let Some(path) = &options.file {
         file = Some(file::open(path, header, &mut done)?);
     }
-    let mine = || (0..header.cells).filter(|cell| options.shard.holds(*cell));
-    let left: Vec<u64> = mine().filter(|cell| !done.contains_key(cell)).collect();
-    let of = mine().count() as u64;
+    let of_shard = || (0..header.cells).filter(|cell| options.shard.holds(*cell));
+    let left: Vec<u64> = of_shard().filter(|cell| !done.contains_key(cell)).collect();
+    let of = of_shard().count() as u64;
     let before = of - left.len() as u64;
     let threads = options
         .threads
@@ -206,7 +207,8 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     let next = AtomicUsize::new(0);
     let (sender, results) = mpsc::channel();
     std::thread::scope(|scope| {
-        // Dropped on the way out, so that after an error the workers end with the cell that they are at.
+        // The receiver is dropped with the scope's closure, so that after an error each worker ends with its current
+        // cell.
         let results = results;
         for _ in 0..threads {
             let (sender, next, left, work) = (sender.clone(), &next, &left, &work);
@@ -220,7 +222,7 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
         }
         drop(sender);
         for (count, (cell, result)) in (1_u64..).zip(&results) {
-            // What a later run would read is what this one goes on with.
+            // The result is read back from its line, so that an interrupted run continues with the same result.
             let (line, result) = round_trip(cell, result)?;
             if let Some(file) = &mut file {
                 file.append(&line)?;
@@ -251,7 +253,7 @@ fn round_trip<R: Serialize + DeserializeOwned>(
     Ok((line, read.result))
 }
 
-/// All cells of a file, its header checked against the study's.
+/// All cells of a file. The header of the file is compared with the study's.
 ///
 /// # Errors
 /// As [`run`].

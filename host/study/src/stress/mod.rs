@@ -1,8 +1,9 @@
-//! Stress studies: what a coupling, a device and a host are taken to before a person touches them.
+//! Stress studies: tests of couplings, devices and hosts before a person touches them.
 //!
-//! [`jobs`] runs their many cells on all cores and machines, [`wall`] maps a stiff wall inside the tick,
-//! [`faults`] gives the tick what nobody should, [`hold`] asks whether what is felt is the body.
-//! Each can be run again with `palpate stress`.
+//! [`jobs`] runs the many cells of a study on all cores and machines. [`wall`] maps a stiff wall inside the tick.
+//! [`faults`] gives the tick input that should never occur. [`hold`] checks that the rendered force is the force
+//! of the body. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
+//! of them.
 
 mod chance;
 pub mod faults;

@@ -1,14 +1,13 @@
-//! How well velocity is estimated from encoder counts, and what damping on it a device stands.
+//! The error of velocity estimates from encoder counts, and the damping that is stable with each estimate.
 //!
-//! Known motions are counted as each simulated device would count them, at 1 and 4 kHz, eight times
-//! with the counts shifted by shares of one; every method of [`rt_core::velocity`] estimates
-//! velocity from that. An error has two parts: what the estimate is late (`-lag a` with the true
-//! acceleration `a`, by least squares), and noise, which is the rest. A damper renders both.
+//! Known motions are counted by the encoder of each simulated device, at 1 and 4 kHz, eight times with the counts
+//! shifted by fractions of a count. Every method of [`rt_core::velocity`] estimates the velocity from the counts. An
+//! error has two parts: the lag of the estimate (`-lag a` with the true acceleration `a`, by least squares), and noise,
+//! which is the remainder. A damper renders both.
 //!
-//! Damping is tried on the bare device: a free mass at 0.1 m/s, slowed by nothing but the damper.
-//! Counts keep it from coming to rest altogether, for one more or less gives it a speed of `B count
-//! / m`; too much damping makes it tremble over several. Damping counts as stable while less than a
-//! hundredth of a metre a second is left.
+//! Damping is tried on the bare device: a free mass at 0.1 m/s that only the damper slows. The mass never comes to rest
+//! completely, because one count changes its speed by `B count / m`. Too much damping makes the mass tremble over
+//! several counts. Damping counts as stable if the remaining speed is below a hundredth of a metre a second.
 
 mod motion;
 
@@ -19,31 +18,31 @@ use rt_core::velocity::{LONGEST, Method, VelocityEstimator};
 use serde::Serialize;
 use sim::DeviceModel;
 
-/// Rates that are tried (Hz).
+/// The rates of the tick (Hz).
 pub const RATES: [f64; 2] = [1000.0, 4000.0];
-/// Damping whose chatter is told (N s/m).
+/// Damping for which the chatter is reported (N s/m).
 pub const DAMPING: f64 = 20.0;
-/// Time before which nothing is measured: filters settle (s).
+/// Time in which the filters settle, before the measurement (s).
 const SETTLE: f64 = 0.05;
-/// Shifts of the counts.
+/// Number of shifts of the counts.
 const SHIFTS: u32 = 8;
-/// Speed at first, and what may be left of it (m/s).
+/// Initial speed, and the largest remaining speed of a stable damper (m/s).
 const SPEED: f64 = 0.1;
 const LEFT: f64 = 0.01;
-/// Largest share of `m / T` that is tried as damping, and the step to the next.
+/// Largest tried damping as a multiple of `m / T`, and the ratio of successive dampings.
 const MOST: f64 = 4.0;
 const NEXT: f64 = 1.05;
 
-/// A method with a name; windows are told in time.
+/// A method with a name. Its window is a time, not a number of ticks.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
-    /// As tables call it.
+    /// The name in tables.
     pub name: &'static str,
-    /// The method for ticks of a period (s).
+    /// The method for a tick of the period (s).
     pub at: fn(f64) -> Method,
 }
 
-/// What is compared. The first is the plain filter, the second what drivers use.
+/// The methods. The first is the plain filter, the second is the method of the drivers.
 pub const CANDIDATES: [Candidate; 11] = [
     Candidate {
         name: "low-pass, 80 Hz",
@@ -97,21 +96,21 @@ pub const CANDIDATES: [Candidate; 11] = [
     },
 ];
 
-/// So many ticks of `period` are in `span` (s), at least one.
+/// Number of ticks of `period` in `span` (s), at least one.
 fn ticks(span: f64, period: f64) -> usize {
     (span / period).round().max(1.0) as usize
 }
 
-/// What an estimate makes of one motion.
+/// The error of an estimate in one motion.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Error {
-    /// What the handle does.
+    /// The motion of the handle.
     pub motion: Motion,
     /// Root mean square error (m/s).
     pub rms: f64,
-    /// By how much it is late (s).
+    /// Lag (s).
     pub lag: f64,
-    /// Root mean square of what lateness does not explain (m/s).
+    /// Root mean square of the remainder (m/s).
     pub noise: f64,
 }
 
@@ -124,26 +123,26 @@ pub struct Row {
     pub rate: f64,
     /// The method.
     pub method: &'static str,
-    /// The longest time by which a velocity that grows steadily is behind (s).
+    /// Largest lag for a velocity that grows steadily (s).
     pub delay: f64,
-    /// By motion.
+    /// The errors by motion.
     pub errors: Vec<Error>,
-    /// Root mean square of the noise of [`DAMPING`] in a slow press (N).
+    /// Noise of the force of a damper [`DAMPING`] in a slow press (N, RMS).
     pub chatter: f64,
-    /// Largest damping that stops the bare device (N s/m).
+    /// Largest stable damping of the bare device (N s/m).
     pub stable: f64,
 }
 
-/// A method over all devices and rates: geometric means, and the longest delay.
+/// A method over all devices and rates: geometric means, and the largest lag.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Mean {
     /// The method.
     pub method: &'static str,
-    /// The longest of the delays (s).
+    /// The largest lag (s).
     pub delay: f64,
     /// Root mean square error (m/s), by motion in the order of [`Motion::ALL`].
     pub rms: Vec<f64>,
-    /// The same over all motions.
+    /// The same over all motions (m/s).
     pub all: f64,
     /// Chatter (N).
     pub chatter: f64,
@@ -151,18 +150,18 @@ pub struct Mean {
     pub stable: f64,
 }
 
-/// What the study found.
+/// The results of the study.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct VelocityStudy {
     /// `palpate.velocity/1`.
     pub schema: &'static str,
-    /// By method, in the order of [`CANDIDATES`].
+    /// Means by method, in the order of [`CANDIDATES`].
     pub means: Vec<Mean>,
-    /// By device, rate and method.
+    /// Rows by device, rate and method.
     pub rows: Vec<Row>,
 }
 
-/// Runs the study. `progress` is given the share done.
+/// Runs the study. `progress` receives the fraction done.
 pub fn run(mut progress: impl FnMut(f64)) -> VelocityStudy {
     let mut rows = Vec::new();
     let models: Vec<_> = DeviceModel::all().collect();
@@ -210,12 +209,12 @@ fn counted(x: f64, step: f64) -> Vec3 {
 fn error(estimator: &VelocityEstimator, motion: Motion, step: f64, period: f64) -> Error {
     let (mut squares, mut products, mut accelerations, mut samples) = (0.0, 0.0, 0.0, 0.0);
     for shift in 0..SHIFTS {
-        // The golden ratio spreads them evenly; a hold is where it is.
-        let share = (f64::from(shift) * 0.618_034).fract();
+        // The golden ratio spreads the shifts evenly. A hold must stay at its place.
+        let fraction = (f64::from(shift) * 0.618_034).fract();
         let shift = if motion == Motion::Hold {
             0.0
         } else {
-            share * step
+            fraction * step
         };
         let mut estimator = *estimator;
         for tick in 0..ticks(motion.duration(), period) {
@@ -226,8 +225,7 @@ fn error(estimator: &VelocityEstimator, motion: Motion, step: f64, period: f64) 
                 continue;
             }
             let off = found - v;
-            // Differences of a function without noise, which is smooth over microseconds but for
-            // corners.
+            // Differences of the true velocity, which is free of noise, and smooth over microseconds except at corners.
             let a = (motion.at(t + 1e-6, step).1 - motion.at(t - 1e-6, step).1) / 2e-6;
             squares += off * off;
             products += off * a;
@@ -244,14 +242,14 @@ fn error(estimator: &VelocityEstimator, motion: Motion, step: f64, period: f64) 
     }
 }
 
-/// The largest damping (N s/m) below which all stop the bare device.
+/// The largest damping (N s/m) below which every damping stops the bare device.
 fn stable(estimator: &VelocityEstimator, model: &DeviceModel, period: f64) -> f64 {
     let unit = model.mass / period;
-    let mut share = 0.01;
-    while share < MOST && rests(estimator, model, period, share * unit) {
-        share *= NEXT;
+    let mut multiple = 0.01;
+    while multiple < MOST && rests(estimator, model, period, multiple * unit) {
+        multiple *= NEXT;
     }
-    share / NEXT * unit
+    multiple / NEXT * unit
 }
 
 fn rests(estimator: &VelocityEstimator, model: &DeviceModel, period: f64, damping: f64) -> bool {
@@ -262,7 +260,7 @@ fn rests(estimator: &VelocityEstimator, model: &DeviceModel, period: f64, dampin
     let mut left = 0.0_f64;
     for tick in 0..all {
         let force = -damping * estimator.update(&counted(x, step)).x;
-        // Held over the tick: the motion is exact.
+        // The force is constant over the tick, so the motion is exact.
         let gain = force / model.mass * period;
         x += (v + 0.5 * gain) * period;
         v += gain;
@@ -277,10 +275,10 @@ fn rests(estimator: &VelocityEstimator, model: &DeviceModel, period: f64, dampin
 }
 
 fn mean(method: &'static str, rows: &[Row]) -> Mean {
-    let mine = || rows.iter().filter(|row| row.method == method);
+    let of_method = || rows.iter().filter(|row| row.method == method);
     let geometric = |of: &dyn Fn(&Row) -> f64| {
-        let logs: f64 = mine().map(|row| of(row).ln()).sum();
-        (logs / mine().count() as f64).exp()
+        let logs: f64 = of_method().map(|row| of(row).ln()).sum();
+        (logs / of_method().count() as f64).exp()
     };
     let rms: Vec<_> = (0..Motion::ALL.len())
         .map(|k| geometric(&|row| row.errors[k].rms))
@@ -288,7 +286,7 @@ fn mean(method: &'static str, rows: &[Row]) -> Mean {
     let logs: f64 = rms.iter().map(|e| e.ln()).sum();
     Mean {
         method,
-        delay: mine().fold(0.0, |most, row| row.delay.max(most)),
+        delay: of_method().fold(0.0, |most, row| row.delay.max(most)),
         all: (logs / rms.len() as f64).exp(),
         rms,
         chatter: geometric(&|row| row.chatter),

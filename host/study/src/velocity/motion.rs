@@ -1,10 +1,10 @@
-//! Motions whose velocity is known, as a handle makes them.
+//! Motions of a handle whose velocity is known.
 
 use serde::Serialize;
 use sim::minimum_jerk;
 use std::f64::consts::{PI, TAU};
 
-/// What the handle does.
+/// The motion of the handle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Motion {
@@ -14,22 +14,22 @@ pub enum Motion {
     Rub,
     /// 1, 2, 5 and 10 Hz at once, each of 30 mm/s.
     Hand,
-    /// At 0.2 m/s against something hard, which returns it within 10 ms; seven times a second.
+    /// Taps at 0.2 m/s on a hard object, which reverses the velocity within 10 ms; seven times a second.
     Tap,
-    /// Held at the boundary of two counts, trembling by a tenth of one at 9 Hz.
+    /// A hold at the boundary of two counts, with a tremor of a tenth of a count at 9 Hz.
     Hold,
 }
 
-/// Speed of a tap (m/s), how long it touches, and how long it takes to turn round behind (s).
+/// Speed of a tap (m/s), duration of the contact, and duration of the reversal away from it (s).
 const TAP: (f64, f64, f64) = (0.2, 10e-3, 60e-3);
-/// From a touch to the turn behind (s).
+/// Time from the contact to the reversal (s).
 const AWAY: f64 = 35e-3;
 
 impl Motion {
-    /// All of them.
+    /// All motions.
     pub const ALL: [Self; 5] = [Self::Press, Self::Rub, Self::Hand, Self::Tap, Self::Hold];
 
-    /// How long it is measured (s).
+    /// Duration of the measurement (s).
     pub fn duration(self) -> f64 {
         match self {
             Self::Press => 1.0,
@@ -70,7 +70,7 @@ fn wave(amplitude: f64, frequency: f64, phase: f64, t: f64) -> (f64, f64) {
     )
 }
 
-/// Forth, a half wave of contact, back, a half wave behind.
+/// A half wave of contact, the motion away, a half wave of reversal, the motion back.
 fn tap(t: f64) -> (f64, f64) {
     let (speed, contact, turn) = TAP;
     let t = t.rem_euclid(contact + turn + 2.0 * AWAY);
@@ -100,7 +100,7 @@ mod tests {
     fn velocities_are_those_of_the_positions() {
         for motion in Motion::ALL {
             let mut x = motion.at(0.0, 1e-5).0;
-            // Trapezoids of a microsecond: what they err is far below what is compared.
+            // The trapezoidal rule with steps of a microsecond: its error is far below the tolerance.
             let h = 1e-6;
             for k in 0..400_000_u32 {
                 let t = f64::from(k) * h;

@@ -1,4 +1,4 @@
-//! Clocks that step, and devices that say what they should not.
+//! Clocks that step, and devices that report impossible states.
 
 use super::Chance;
 use nalgebra::{Quaternion, UnitQuaternion};
@@ -8,7 +8,7 @@ use rt_core::{DeviceError, DeviceState, MAX_DEVICES, Pose, Twist, Vec3};
 /// The tick's period (ns).
 pub(super) const PERIOD_NS: u64 = 1_000_000;
 
-/// Numbers at the ends of what there is.
+/// Numbers at the limits of the floating-point format.
 const EXTREMES: [f64; 12] = [
     0.0,
     -0.0,
@@ -24,14 +24,14 @@ const EXTREMES: [f64; 12] = [
     -1e-154,
 ];
 
-/// One of them, or an ordinary one.
+/// An entry of [`EXTREMES`], or an ordinary number.
 pub(super) fn wild(draw: Chance, n: u64) -> f64 {
     let pick = draw.unit(2 * n) * 2.0 * EXTREMES.len() as f64;
     let ordinary = draw.between(2 * n + 1, -10.0, 10.0);
     EXTREMES.get(pick as usize).copied().unwrap_or(ordinary)
 }
 
-/// What the tick is told of the time.
+/// The clock that the tick reads.
 pub(super) struct Clock {
     chance: Chance,
     now_ns: u64,
@@ -45,8 +45,8 @@ impl Clock {
         }
     }
 
-    /// The time of a tick. In one bad stretch in four it steps now and then, forwards or back; then it goes on from
-    /// there.
+    /// The time of a tick (ns). In one bad stretch in four, the clock steps at some ticks, forwards or back, and
+    /// continues from there.
     pub(super) fn next(&mut self, tick: u64, bad: Option<u64>) -> u64 {
         self.now_ns = self.now_ns.saturating_add(PERIOD_NS);
         let steps = bad.is_some_and(|stretch| self.chance.of("steps").unit(stretch) < 0.25);
@@ -60,29 +60,29 @@ impl Clock {
             };
         }
         if bad.is_none() && self.now_ns > u64::MAX / 2 {
-            // A clock at its end cannot go on: it begins again.
+            // A clock at the end of its range restarts.
             self.now_ns = 1_000_000_000;
         }
         self.now_ns
     }
 }
 
-/// How the devices behave for a stretch.
+/// How the devices behave during a stretch.
 #[derive(Clone, Copy, Debug)]
 enum Mood {
-    /// As they should.
+    /// A hand that moves gently.
     Calm,
-    /// Anywhere inside a room from one tick to the next.
+    /// An arbitrary pose within a metre, a new one in every tick.
     Jump,
-    /// Numbers at the ends of what there is.
+    /// Numbers at the limits of the floating-point format.
     Wild,
-    /// An encoder that stands at one of its ends.
+    /// An encoder that stands at a limit of its range.
     AtItsEnd,
-    /// No state, for every reason.
+    /// No state, for each of the possible reasons.
     Silent,
-    /// A rotation that is none.
+    /// An invalid rotation.
     Twisted,
-    /// A new one of these in every tick.
+    /// Another of these moods in every tick.
     Any,
 }
 
@@ -101,7 +101,7 @@ fn mood(draw: Chance, n: u64) -> Mood {
     MOODS.get(pick as usize).copied().unwrap_or(Mood::Calm)
 }
 
-/// What the devices give.
+/// The readings of the devices.
 pub(super) struct Hands {
     chance: Chance,
     devices: usize,
@@ -115,11 +115,11 @@ impl Hands {
         }
     }
 
-    /// What they give in a tick of a bad stretch of that number, or of a sound one.
+    /// The readings of tick `tick`: of the bad stretch number `bad`, or of a sound stretch.
     pub(super) fn next(&self, tick: u64, bad: Option<u64>) -> [Reading; MAX_DEVICES] {
         let mut readings = [const { Err(DeviceError::NoReport) }; MAX_DEVICES];
         for (device, reading) in readings.iter_mut().enumerate().take(self.devices) {
-            // Device 3's number 7 is not device 4's number 3.
+            // Without names, number 7 of device 3 would be number 3 of device 4.
             let draw = self.chance.of(["a", "b", "c", "d"][device % 4]);
             let mood = bad.map_or(Mood::Calm, |stretch| mood(draw.of("mood"), stretch));
             *reading = read(mood, draw, tick, device);
@@ -180,20 +180,20 @@ fn mood_but_any(draw: Chance, n: u64) -> Mood {
     }
 }
 
-/// A hand that moves gently about its place.
+/// The state of a device whose hand moves gently about one place.
 fn calm(tick: u64, device: usize) -> DeviceState {
     let phase = 0.01 * tick as f64 + device as f64;
     let (sin, cos) = (libm::sin(phase), libm::cos(phase));
     let axis = Vec3::new(sin, cos, 0.5);
-    let way = Vec3::new(cos, -sin, 0.0);
+    let tangent = Vec3::new(cos, -sin, 0.0);
     DeviceState {
         pose: Pose {
             position: axis * 5e-3,
             rotation: UnitQuaternion::from_scaled_axis(axis * 0.1),
         },
         twist: Twist {
-            linear: way * (5e-3 * 10.0),
-            angular: way * (0.1 * 10.0),
+            linear: tangent * (5e-3 * 10.0),
+            angular: tangent * (0.1 * 10.0),
         },
         ..DeviceState::resting()
     }

@@ -1,10 +1,10 @@
 //! The tick under input that no device, host or clock should ever give.
 //!
-//! A cell is one controller, of a random scheme, number of devices and limits, through [`TICKS`] ticks. Stretches of
-//! random and extreme input (`input`, `models`) take turns with stretches of sound input. After every tick: every
-//! command is finite, inside the device's limits of force, moment and slew, and every sum of energy is finite. At the
-//! end of each sound stretch: the controller has found its way back, with every device and body in its normal state.
-//! A panic anywhere is caught and told.
+//! A cell is one controller, with a random scheme, number of devices and limits. It runs for [`TICKS`] ticks. Stretches
+//! of random and extreme input (`input`, `models`) alternate with stretches of sound input. After every tick, every
+//! command is finite and inside the device's limits of force, moment and slew, and every sum of energy is finite. At
+//! the end of each sound stretch the controller has recovered: every device and body is in its normal state. A panic is
+//! caught and recorded.
 
 use super::chance::Chance;
 use super::jobs::Header;
@@ -30,15 +30,15 @@ mod tests;
 
 /// Ticks in a cell.
 pub const TICKS: u64 = 100_000;
-/// Ticks in a stretch of bad input, and in a stretch of sound input: a second and a half is more than the fade, the way
-/// back and a blend together.
+/// Ticks in a stretch of bad input, and in a stretch of sound input. A second and a half is longer than the fade, the
+/// recovery and a blend together.
 const STRETCH: [u64; 2] = [500, 1500];
 /// Cells of the whole study: 10^8 ticks.
 pub const CELLS: u64 = 1000;
-/// Cells of the quick one.
+/// Cells of the quick study.
 pub const QUICK_CELLS: u64 = 10;
 
-/// What a cell came to.
+/// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outcome {
     /// The scheme.
@@ -51,16 +51,16 @@ pub struct Outcome {
     pub beyond: u64,
     /// Ticks after which a sum of energy was not finite.
     pub lost_account: u64,
-    /// Sound stretches at whose end something was not back to normal.
+    /// Sound stretches after which a device or a body was not in its normal state.
     pub not_back: u64,
-    /// What panicked, if anything did.
+    /// The message of the panic, if there was one.
     pub panic: Option<String>,
-    /// How often each thing was met, so that a cell that met nothing can be told.
+    /// How often each event occurred. A cell in which an event never occurs proves nothing about that event.
     pub met: BTreeMap<String, u64>,
 }
 
 impl Outcome {
-    /// Whether all was as it should be.
+    /// Whether no check failed.
     pub fn passed(&self) -> bool {
         self.panic.is_none()
             && self.not_finite + self.beyond + self.lost_account + self.not_back == 0
@@ -106,7 +106,7 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
         let bad = (at < STRETCH[0]).then_some(stretch);
         let now_ns = clock.next(tick, bad);
         if let Some(model) = models.next(tick, now_ns, bad) {
-            // What is refused is counted, below.
+            // Refused models are counted below.
             let _ = controller.accept(0, &model);
         }
         let readings: [Reading; MAX_DEVICES] = hands.next(tick, bad);
@@ -186,7 +186,7 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
         max_slew,
     }; MAX_DEVICES];
     for _ in 0..devices {
-        // There are no more devices than the loop serves.
+        // The loop serves at least so many devices.
         let _ = config.devices.push(DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
@@ -220,7 +220,7 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
     config
 }
 
-/// Looks at what a tick gave.
+/// Checks the commands and the telemetry of one tick.
 fn look(
     config: &ControllerConfig,
     commands: &[Wrench; MAX_DEVICES],
@@ -238,7 +238,7 @@ fn look(
         let slew = safety.max_slew * safety.period * room;
         within &= command.force.norm() <= safety.max_force * room
             && command.moment.norm() <= safety.max_moment * room
-            // A fault takes the force away at once.
+            // A fault removes the force at once.
             && (step <= slew || command.force == Vec3::zeros());
     }
     outcome.not_finite += u64::from(!finite);
@@ -252,7 +252,7 @@ fn is_finite(energy: &EnergyAccount) -> bool {
     sums.iter().all(|(_, sum)| sum.is_finite())
 }
 
-/// Whether nothing is left of what went before.
+/// Whether every device and body is in its normal state again.
 fn is_back(telemetry: &Telemetry) -> bool {
     let devices = telemetry.devices().all(|device| {
         let at_work = matches!(

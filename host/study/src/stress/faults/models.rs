@@ -7,20 +7,20 @@ use rt_core::{LocalModel, MAX_HANDLES, Mat6, Vec3};
 /// Ticks between models.
 const EVERY: u64 = 16;
 
-/// How the host behaves for a stretch.
+/// How the host behaves during a stretch.
 #[derive(Clone, Copy, Debug)]
 enum Mood {
-    /// As it should.
+    /// It publishes sound models.
     Calm,
-    /// Nothing comes.
+    /// It publishes nothing.
     Silent,
-    /// Contradicts itself: another stiffness, wrench and reference every time, and of any sign.
+    /// It contradicts itself: every model has another stiffness, wrench and reference, of any sign.
     Restless,
-    /// One number of it is at the ends of what there is.
+    /// One entry of the stiffness is at the limits of the floating-point format.
     Spoilt,
-    /// All of it is.
+    /// All numbers are.
     Wild,
-    /// Times, handles and devices that cannot be.
+    /// Times, handles and devices are impossible.
     Confused,
 }
 
@@ -33,7 +33,7 @@ const MOODS: [Mood; 6] = [
     Mood::Confused,
 ];
 
-/// What the host publishes for one body held by every device.
+/// The local models that the host publishes for one body held by every device.
 pub(super) struct Models {
     chance: Chance,
     devices: usize,
@@ -49,7 +49,7 @@ impl Models {
         }
     }
 
-    /// What comes before a tick of a bad stretch of that number, or of a sound one.
+    /// The model that arrives before tick `tick`: of the bad stretch number `bad`, or of a sound stretch.
     pub(super) fn next(&mut self, tick: u64, now_ns: u64, bad: Option<u64>) -> Option<LocalModel> {
         if !tick.is_multiple_of(EVERY) {
             return None;
@@ -88,7 +88,7 @@ impl Models {
                 }
                 model.released = number();
                 model.horizon = number();
-                // Mostly finite, or nothing of it would ever get in.
+                // Most of these models are made finite; otherwise the controller would refuse all of them.
                 if draw.unit(n) < 0.9 {
                     tame(&mut model);
                 }
@@ -99,7 +99,7 @@ impl Models {
     }
 }
 
-/// A sheet between hands: every hand on a spring, the hands on each other.
+/// A sheet between hands: a spring on every hand, and a spring between every two hands.
 fn sound(devices: usize) -> LocalModel {
     let mut model = LocalModel::empty();
     model.period = 0.016;
@@ -136,7 +136,7 @@ fn restless(model: &mut LocalModel, draw: Chance, n: u64) {
     model.released = scale * draw.unit(n + 2);
 }
 
-/// Makes what is not finite zero.
+/// Replaces every number that is not finite by zero.
 fn tame(model: &mut LocalModel) {
     let fix = |x: &mut f64| {
         if !x.is_finite() {

@@ -1,4 +1,4 @@
-//! A few cells of the study, whose every check is shown to be able to fail.
+//! A few cells of the study. Each check is shown to be able to fail.
 
 use super::*;
 
@@ -9,22 +9,22 @@ fn bad_input_of_every_kind_is_met_and_survived() {
         let outcome = run(1, cell);
         assert!(outcome.passed(), "cell {cell}: {outcome:?}");
         assert_eq!(outcome.ticks, TICKS);
-        for (what, count) in outcome.met {
-            *met.entry(what).or_default() += count;
+        for (event, count) in outcome.met {
+            *met.entry(event).or_default() += count;
         }
     }
-    for (what, count) in met {
-        assert!(count > 0, "never met: {what}");
+    for (event, count) in met {
+        assert!(count > 0, "no cell met: {event}");
     }
 }
 
 #[test]
-fn the_same_cell_comes_out_the_same() {
+fn a_cell_is_a_function_of_its_number_and_the_seed() {
     assert_eq!(run(3, 7), run(3, 7));
 }
 
 #[test]
-fn what_must_not_happen_is_seen() {
+fn every_check_detects_its_fault() {
     let chance = Chance::new(1, 1);
     let config = config(chance, Scheme::Linear);
     let quiet = [Wrench::zero(); MAX_DEVICES];

@@ -1,7 +1,7 @@
-//! What a cell's number decides: the specimen, the device, who holds it, what the hand does, and how the host is.
+//! What the number of a cell decides: the specimen, the device, the grip, the task and the host.
 //!
-//! Specimens and devices follow the cell's number in turn, so that any stretch of cells has the same share of each; the
-//! rest is drawn.
+//! Specimens and devices follow the number of the cell in turn, so that every range of cells contains the same fraction
+//! of each. The rest is drawn.
 
 use crate::stress::chance::Chance;
 use serde::{Deserialize, Serialize};
@@ -11,26 +11,26 @@ use sim::DeviceModel;
 pub const STIFFNESS: [f64; 2] = [100.0, 15_000.0];
 /// Local models a second (Hz).
 pub const RATES: [f64; 2] = [30.0, 1000.0];
-/// The latest that a model comes (s).
+/// The longest latency of a model (s).
 pub const MOST_LATENCY: f64 = 0.02;
-/// Share of the cells whose host publishes after every step.
+/// Fraction of the cells whose host publishes after every step.
 const PLAIN: f64 = 0.4;
 
-/// What is pressed, pulled or pushed.
+/// The kind of a specimen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
-    /// A block of small strains and rotations, bonded to a table.
+    /// A linear block (small strains and rotations), bonded to a table.
     Linear,
-    /// The same of small strains and any rotation.
+    /// A corotational block (small strains, any rotation).
     Corotational,
-    /// The same, linear in the Green strain.
+    /// A St. Venant-Kirchhoff block (linear in the Green strain).
     StVenantKirchhoff,
-    /// The same of large strains.
+    /// A neo-Hookean block (large strains).
     StableNeoHookean,
     /// An isotropic sheet, pulled in its plane.
     Sheet,
-    /// The same, held all around and pressed in its middle.
+    /// An isotropic sheet, fixed along all its edges and pressed in its middle.
     Plate,
     /// A corotational woven sheet, pulled in its plane.
     Woven,
@@ -41,7 +41,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// All of them, in the order in which cells take them.
+    /// All kinds, in the order in which cells take them.
     pub const ALL: [Self; 9] = [
         Self::Linear,
         Self::Corotational,
@@ -54,7 +54,7 @@ impl Kind {
         Self::Buckling,
     ];
 
-    /// What tables call it.
+    /// The name of the kind in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Linear => "linear block",
@@ -69,12 +69,12 @@ impl Kind {
         }
     }
 
-    /// Whether it resists its weight by itself: what has no stiffness of bending would swing under it.
+    /// Whether the specimen resists its own weight. A specimen without bending stiffness would swing under its weight.
     fn bends(self) -> bool {
         self.is_solid() || matches!(self, Self::Plate | Self::Buckling)
     }
 
-    /// Whether it is a solid.
+    /// Whether the specimen is a solid.
     pub fn is_solid(self) -> bool {
         matches!(
             self,
@@ -87,13 +87,13 @@ impl Kind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
-    /// Go there and stay.
+    /// Move to the place of the hold, and stay.
     Press,
-    /// The same, trembling.
+    /// The same with tremor.
     Tremble,
-    /// Go there, slowly to and fro across, and stay.
+    /// Move to the place of the hold, rub slowly across, and stay.
     Rub,
-    /// Go there in three stages.
+    /// Move to the place of the hold in three stages.
     Stages,
 }
 
@@ -110,27 +110,27 @@ pub struct Draw {
     pub quadratic: bool,
     /// How fine the mesh is, from 0 to 1.
     pub fineness: f64,
-    /// How thick the specimen is, from 0 to 1.
+    /// Whether the specimen has weight.
     pub thickness: f64,
     /// Whether it has weight.
     pub weight: bool,
     /// Rayleigh damping: by mass (1/s) and by stiffness (s).
     pub damping: [f64; 2],
-    /// Static stiffness at the handle, the way it goes (N/m).
+    /// Static stiffness at the handle along the direction of the hand's motion (N/m).
     pub stiffness: f64,
-    /// The hand's force when it is there, as a share of the device's largest.
+    /// Force of the hand in the hold, as a fraction of the device's largest force.
     pub force: f64,
     /// The grip, from relaxed (0) to rigid (1).
     pub grip: f64,
     /// What the hand does.
     pub task: Task,
-    /// How fast it is, from 0 to 1.
+    /// How fast the hand moves, from 0 to 1.
     pub haste: f64,
     /// Local models a second (Hz).
     pub rate: f64,
     /// Physics steps a second (Hz).
     pub step_rate: f64,
-    /// How late models are (s).
+    /// Latency of the models (s).
     pub latency: f64,
 }
 
@@ -148,11 +148,11 @@ impl Draw {
         let (rate, step_rate) = if chance.unit(1) < PLAIN {
             (rate, rate)
         } else {
-            // After a whole number of steps, as scenes have it.
+            // A whole number of steps, as in scene files.
             (1000.0 / (1000.0 / rate).round(), 1000.0)
         };
-        // A strip that buckles swings by itself: what no model of 30 Hz can tell is damped out. A soft one buckles under
-        // a force that nobody feels.
+        // A strip that buckles swings by itself. The damping suppresses the frequencies that no model of 30 Hz can
+        // resolve. A soft strip would buckle under a force that nobody feels.
         let buckles = kind == Kind::Buckling;
         let (softest, least) = if buckles { (2e3, 0.01) } else { (soft, 5e-4) };
         Self {
@@ -175,9 +175,9 @@ impl Draw {
     }
 }
 
-/// The stiffest wall (N/m) that a device's friction stands, however slowly it is pressed: `2 f_c / delta` (Abbott and
-/// Okamura, "Effects of position quantization and sampling rate on virtual-wall passivity", 2005). Beyond it a hold
-/// buzzes by the encoder's counts.
+/// The stiffest wall (N/m) that the friction of a device makes passive, however slowly a hand presses: `2 f_c / delta`
+/// (Abbott and Okamura, "Effects of position quantization and sampling rate on virtual-wall passivity", 2005). Above
+/// this stiffness a hold chatters over the encoder's counts.
 pub fn stiffest(model: &DeviceModel) -> f64 {
     2.0 * model.friction / model.position_step
 }
@@ -194,7 +194,7 @@ mod tests {
             let draw = Draw::new(3, cell);
             assert_eq!(draw, Draw::new(3, cell));
             let model = DeviceModel::named(&draw.device).expect("it is carried along");
-            // What lies between two numbers is a power of their ratio, which rounds.
+            // A number between two bounds is a power of their ratio, which rounds.
             let within = |x: f64, [low, high]: [f64; 2]| {
                 assert!(x >= low * (1.0 - 1e-12) && x <= high * (1.0 + 1e-12), "{x}");
             };

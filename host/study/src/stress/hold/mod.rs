@@ -1,12 +1,12 @@
-//! Fault-free presses, holds, slow rubs and tremors on bodies of every kind: whether what is felt is the body.
+//! Presses, holds, slow rubs and tremors without faults, on bodies of every kind: whether the rendered force is the
+//! force of the body.
 //!
-//! The first cells are scenes that stand in files ([`CASES`]); the others are drawn from their numbers (`draw`) and put
-//! in a scene file's words (`specimen`). Each runs under `capped`, under `linear`, and as the reference of the study of
-//! scenes, with the physics inside the tick. Along each run the body is led once more, in steps of a tick, and what it
-//! exerts is what should have been felt: see [`super::scene::felt`]. Nothing goes wrong here, so a scheme that takes
-//! anything off has no reason to.
-//!
-//! **What passes** stands in [`verdict`].
+//! The first cells are the scenes of files ([`CASES`]). The other cells are drawn from their numbers (`draw`) and
+//! written as scene files (`specimen`). Each cell runs under `capped`, under `linear`, and as the reference of
+//! `palpate stress scene`, with the physics inside the tick. Along each run, the body is moved once more by the same
+//! hand, with one step a tick. The force that the body then exerts is the force that the scheme should have rendered:
+//! see [`super::scene::felt`]. No fault occurs, so no scheme has a reason to withhold force.
+//! [`verdict`] states the limits.
 
 pub mod draw;
 mod specimen;
@@ -69,45 +69,46 @@ pub const CASES: [(&str, &str, f64); 6] = [
     ),
 ];
 
-/// The period at which it is found (s): so slow that inertia is nothing, and a membrane is held all the same.
+/// The publication period at which the static stiffness is computed (s). It is so long that inertia is negligible, and
+/// still holds a membrane.
 const SLOW: f64 = 1.0;
 
-/// What came of one cell.
+/// The result of one cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
-    /// The case's name, if it is one.
+    /// The name of the case, for a scene of a file.
     pub case: Option<String>,
-    /// What was drawn, if it is none.
+    /// The draw, for a drawn cell.
     pub draw: Option<Draw>,
     /// Local models a second (Hz).
     pub rate: f64,
-    /// What a change by one count of the encoder makes of the force (N), at rest or where the runs end: by the body's
-    /// stiffness, and by its damping where a velocity is that count over the time in which drivers estimate one.
+    /// Change of the force by one count of the encoder (N), at rest or at the end of the runs: by the stiffness of the
+    /// body, and by its damping, where the velocity is that count divided by the time over which drivers estimate a
+    /// velocity.
     pub count: f64,
-    /// How still the reference's hold is.
+    /// Stillness of the reference's hold.
     pub reference: Stillness,
     /// Net energy of the reference (J).
     pub reference_net_energy: f64,
-    /// What each scheme made of it, by its name.
+    /// The result under each scheme, by the name of the scheme.
     pub schemes: BTreeMap<String, Outcome>,
-    /// Why it could not be run, if it could not.
+    /// Why the cell could not be run, if it could not.
     pub failed: Option<String>,
 }
 
-/// A cell's runs, whole.
+/// The complete runs of a cell.
 pub struct Traces {
     /// The reference's.
     pub reference: Trace,
-    /// Under each scheme that was asked for.
+    /// The runs under the given schemes.
     pub runs: Vec<Trace>,
-    /// What a change by one count of the encoder makes of the force (N), at rest or where the runs end: by the body's
-    /// stiffness, and by its damping where a velocity is that count over the time in which drivers estimate one.
+    /// Change of the force by one count of the encoder (N), as in [`CellResult::count`].
     pub count: f64,
     host: HostDraw,
 }
 
 impl Traces {
-    /// What came of the runs, in their order.
+    /// The results of the runs, in the order of the runs.
     pub fn outcomes(&self) -> impl Iterator<Item = Outcome> {
         let runs = self.runs.iter();
         runs.map(|run| Outcome::of(run, &self.reference, &self.host))
@@ -126,7 +127,7 @@ impl Study {
         Self { seed }
     }
 
-    /// What was drawn for a cell; none for a case.
+    /// The draw of a cell; none for a case.
     pub fn draw(&self, cell: u64) -> Option<Draw> {
         let number = cell.checked_sub(CASES.len() as u64)?;
         Some(Draw::new(self.seed, number))
@@ -135,7 +136,7 @@ impl Study {
     /// The scene of a cell.
     ///
     /// # Errors
-    /// [`StudyError`] where it cannot be built.
+    /// [`StudyError`] if the scene cannot be built.
     pub fn scene(&self, cell: u64) -> Result<LoadedScene, StudyError> {
         let load = |text: &str| -> Result<_, StudyError> {
             Ok(Scene::load_texts("cell.toml", text, &BTreeMap::new())?)
@@ -152,12 +153,12 @@ impl Study {
         let name = format!("hold {cell} of seed {}", self.seed);
         let scene = |scale| load(&specimen::scene(&name, &draw, scale, model));
         let [along, most] = stiffness(&scene(Scale::TRIAL)?, draw.kind)?;
-        // A hand that trembles meets the specimen's other stiffnesses, too.
+        // A hand that trembles meets the other stiffnesses of the specimen, too.
         let bound = STIFFNESS[1].min(stiffest(model));
-        let share = (draw.stiffness / along).min(bound / most);
+        let factor = (draw.stiffness / along).min(bound / most);
         scene(Scale {
-            young: Scale::TRIAL.young * share,
-            stiffness: along * share,
+            young: Scale::TRIAL.young * factor,
+            stiffness: along * factor,
         })
     }
 
@@ -232,8 +233,8 @@ pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
     })
 }
 
-/// The reference of a scene, and its run under each of `schemes`: at the rates and the latency of the scene, nothing
-/// goes wrong.
+/// The reference of a scene, and its run under each of `schemes`, at the rates and the latency of the scene, without
+/// faults.
 fn traces(
     loaded: LoadedScene,
     schemes: &[SchemeName],
@@ -265,8 +266,8 @@ fn traces(
     })
 }
 
-/// What a change by one count of an encoder makes of the force (N) where `bodies` are now, for models that are good for
-/// `horizon` (s). A damper counts by as much of it as the device can render.
+/// Change of the force by one count of an encoder (N) in the present state of `bodies`, for models with the horizon
+/// `horizon` (s). A damper counts only as far as the device can render it.
 fn one_count(
     world: &World,
     bodies: &mut reference::Bodies,
@@ -284,12 +285,13 @@ fn one_count(
     Ok(forces.fold(0.0, f64::max))
 }
 
-/// Static stiffness of a scene's specimen at its handle (N/m): the way that the hand goes, and the most of any way.
+/// Static stiffness of a scene's specimen at its handle (N/m): along the direction of the hand's motion, and the
+/// largest over all directions.
 fn stiffness(loaded: &LoadedScene, kind: Kind) -> Result<[f64; 2], StudyError> {
     let condenser = bodies::condense::<StudyError>(loaded, 0, SLOW)?;
     let stiffness = &condenser.condensed().stiffness;
-    let way = specimen::way(kind);
+    let direction = specimen::direction(kind);
     let each = (0..9).map(|k| (k / 3, k % 3));
-    let along = each.map(|(r, c)| way[r] * stiffness[(r, c)] * way[c]);
+    let along = each.map(|(r, c)| direction[r] * stiffness[(r, c)] * direction[c]);
     Ok([along.sum(), reference::largest(stiffness, 0)])
 }

@@ -1,4 +1,4 @@
-//! A drawn cell as a scene, in a scene file's own words: what is studied here can be run with `palpate run`.
+//! A drawn cell as a scene file, which `palpate run` can run.
 
 use super::draw::{Draw, Kind, Task};
 use sim::{Arm, DeviceModel};
@@ -6,17 +6,18 @@ use std::f64::consts::PI;
 
 /// Length of a run (s).
 const DURATION: f64 = 4.0;
-/// When the hand begins to move, and when it stays where it is (s).
+/// Times at which the hand begins to move, and at which it stays (s).
 const MOVES: [f64; 2] = [0.5, 2.8];
-/// A hand reaches no further than this beyond where it wants its device to be (m).
+/// The target of a hand lies at most this far beyond the intended position of its device (m).
 const FURTHEST: f64 = 0.2;
-/// A block is pressed by at most this share of its height, a sheet pulled by at most this share of its length.
+/// Largest compression of a block as a fraction of its height, and largest extension of a sheet as a fraction of its
+/// length.
 const MOST_STRAIN: [f64; 2] = [0.2, 0.05];
-/// Under its weight a block gives way by at most this share of its height, a sheet by this share of its length.
+/// Largest sag under the own weight: of a block as a fraction of its height, of a sheet as a fraction of its length.
 const MOST_SAG: [f64; 2] = [0.1, 0.03];
 const GRAVITY: f64 = 9.81;
 const POISSON: f64 = 0.4;
-/// Length of what is pressed across or along itself (m).
+/// Length of a plate and of a strip (m).
 const SIDE: f64 = 0.12;
 
 /// How stiff a specimen is.
@@ -24,12 +25,12 @@ const SIDE: f64 = 0.12;
 pub(super) struct Scale {
     /// Young's modulus (Pa).
     pub(super) young: f64,
-    /// Static stiffness at the handle the way it goes (N/m).
+    /// Static stiffness at the handle along the direction of the hand's motion (N/m).
     pub(super) stiffness: f64,
 }
 
 impl Scale {
-    /// With which a specimen's stiffness is found: it is in proportion to the modulus.
+    /// The scale at which the stiffness of a specimen is found; the stiffness is proportional to the modulus.
     pub(super) const TRIAL: Self = Self {
         young: 1e5,
         stiffness: 1e3,
@@ -42,21 +43,21 @@ struct Shape {
     mesh: String,
     /// Handle and supports.
     held: String,
-    /// Which way the hand goes, and across.
-    ways: [[f64; 3]; 2],
-    /// How far it goes at most (m).
+    /// Direction of the hand's motion, and the direction across.
+    directions: [[f64; 3]; 2],
+    /// Largest displacement of the hand (m).
     most: f64,
     /// Height of a block, or thickness of a sheet (m).
     thickness: f64,
 }
 
-/// The whole number that lies `share` of the way from `low` to `high`.
-fn whole(share: f64, low: u32, high: u32) -> u32 {
-    low + (share * f64::from(high - low + 1)) as u32
+/// The whole number at the fraction `fraction` between `low` and `high`.
+fn whole(fraction: f64, low: u32, high: u32) -> u32 {
+    low + (fraction * f64::from(high - low + 1)) as u32
 }
 
-/// Which way a specimen's hand goes.
-pub(super) fn way(kind: Kind) -> [f64; 3] {
+/// The direction in which the hand moves a specimen of that kind.
+pub(super) fn direction(kind: Kind) -> [f64; 3] {
     match kind {
         Kind::Buckling => [-1.0, 0.0, 0.0],
         Kind::Sheet | Kind::Woven | Kind::WovenStVenantKirchhoff => [1.0, 0.0, 0.0],
@@ -77,7 +78,7 @@ fn block(draw: &Draw) -> Shape {
         (cells / 2).max(2)
     };
     let cell = width / f64::from(cells);
-    // Around a vertex the eight about it, in the middle of a cell its corners.
+    // The handle contains a vertex and its eight neighbours, or the corners of the middle cell.
     let half = cell * if cells.is_multiple_of(2) { 1.1 } else { 0.6 };
     let top = 0.5 * height;
     Shape {
@@ -93,7 +94,7 @@ fn block(draw: &Draw) -> Shape {
             top - 1e-3,
             top + 1e-3
         ),
-        ways: [way(draw.kind), [1.0, 0.0, 0.0]],
+        directions: [direction(draw.kind), [1.0, 0.0, 0.0]],
         most: MOST_STRAIN[0] * height,
         thickness: height,
     }
@@ -104,7 +105,7 @@ fn rectangle(length: f64, width: f64, cells: [u32; 2]) -> String {
     format!("sheet = {{ length = {length:?}, width = {width:?}, cells = {cells:?} }}")
 }
 
-/// One edge held by a wall, the other by the hand.
+/// One edge fixed to a wall, the other edge held by the hand.
 const BETWEEN_EDGES: &str = "[[body.support]]\nname = \"wall\"\ngroup = \"left\"\n\n\
     [[body.handle]]\nname = \"edge\"\ngroup = \"right\"\ndevice = \"device\"\n";
 
@@ -113,7 +114,7 @@ fn pulled(draw: &Draw) -> Shape {
     Shape {
         mesh: rectangle(0.15, 0.1, [cells, cells * 2 / 3]),
         held: BETWEEN_EDGES.to_owned(),
-        ways: [way(draw.kind), [0.0, 1.0, 0.0]],
+        directions: [direction(draw.kind), [0.0, 1.0, 0.0]],
         most: MOST_STRAIN[1] * 0.15,
         thickness: 0.0005 + 0.0015 * draw.thickness,
     }
@@ -121,7 +122,8 @@ fn pulled(draw: &Draw) -> Shape {
 
 fn plate(draw: &Draw) -> Shape {
     let cells = 2 * whole(draw.fineness, 3, 6);
-    // So thick that it does not bend a thousand times more easily than it stretches: hands meet both.
+    // The plate is so thick that its stretching stiffness is not a thousand times its bending stiffness; hands meet
+    // both.
     let side = SIDE;
     let half = 1.1 * side / f64::from(cells);
     let thickness = 0.008 + 0.006 * draw.thickness;
@@ -144,8 +146,8 @@ fn plate(draw: &Draw) -> Shape {
              box = [[{:?}, {:?}, -0.01], [{half:?}, {half:?}, 0.01]]\ndevice = \"device\"\n",
             -half, -half
         ),
-        ways: [way(draw.kind), [0.0, 1.0, 0.0]],
-        // Beyond its thickness it stretches more than it bends.
+        directions: [direction(draw.kind), [0.0, 1.0, 0.0]],
+        // Beyond a deflection of its thickness, a plate stretches more than it bends.
         most: 0.7 * thickness,
         thickness,
     }
@@ -158,13 +160,13 @@ fn strip(draw: &Draw) -> Shape {
     Shape {
         mesh: rectangle(length, width, [3 * across, across]),
         held: BETWEEN_EDGES.to_owned(),
-        ways: [way(draw.kind), [0.0, 1.0, 0.0]],
+        directions: [direction(draw.kind), [0.0, 1.0, 0.0]],
         most: buckles(length, thickness) * (3.0 + 7.0 * draw.fineness),
         thickness,
     }
 }
 
-/// By how much a strip that may turn at its ends is shorter when it buckles (m): Euler's load over its stiffness.
+/// The shortening at which a strip with hinged ends buckles (m): Euler's load over the axial stiffness.
 fn buckles(length: f64, thickness: f64) -> f64 {
     PI * PI * thickness * thickness / (12.0 * (1.0 - POISSON * POISSON) * length)
 }
@@ -178,12 +180,12 @@ fn shape(draw: &Draw) -> Shape {
     }
 }
 
-/// The scene of `draw`, its specimen as stiff as `scale` makes it, with the device's model for what its hand has to do.
+/// The scene of `draw` with the specimen at `scale`. The model of the device decides how far its hand reaches.
 pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) -> String {
     let Shape {
         mesh,
         held,
-        ways,
+        directions,
         most,
         thickness,
     } = shape(draw);
@@ -227,7 +229,7 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
     let gravity = if draw.weight { -GRAVITY } else { 0.0 };
     let depth = (draw.force * model.max_force / along).min(most);
     let load = if draw.kind == Kind::Buckling && !draw.weight {
-        // A hundredth of what it stands along itself decides to which side it goes.
+        // A hundredth of the axial load decides the side to which the strip buckles.
         let aside = 0.01 * along * buckles(SIDE, thickness);
         format!(
             "\n[[body.load]]\nname = \"push aside\"\n\
@@ -246,15 +248,15 @@ pub(super) fn scene(name: &str, draw: &Draw, scale: Scale, model: &DeviceModel) 
         draw.rate,
         draw.latency,
         draw.device,
-        hand(draw, model, ways, depth, scale, thickness),
+        hand(draw, model, directions, depth, scale, thickness),
     )
 }
 
-/// `[device.hand]`: one that gets so deep (m) against the specimen and the device's friction.
+/// `[device.hand]`: a hand that reaches the depth `depth` (m) against the specimen and the device's friction.
 fn hand(
     draw: &Draw,
     model: &DeviceModel,
-    ways: [[f64; 3]; 2],
+    directions: [[f64; 3]; 2],
     depth: f64,
     Scale { stiffness, .. }: Scale,
     thickness: f64,
@@ -262,14 +264,14 @@ fn hand(
     let arm = Arm::between(draw.grip);
     let names = ["relaxed", "typical", "firm", "rigid"];
     let name = names[(draw.grip * 3.999) as usize];
-    // Its spring has to be stretched for the force.
-    let beyond = |way: f64| {
+    // The hand's spring must be stretched by the force.
+    let beyond = |depth: f64| {
         let bears = match draw.kind {
-            Kind::Buckling => way.min(buckles(SIDE, thickness)),
-            _ => way,
+            Kind::Buckling => depth.min(buckles(SIDE, thickness)),
+            _ => depth,
         };
         let held = stiffness * bears + model.friction;
-        way + (held / arm.stiffness).min(FURTHEST)
+        depth + (held / arm.stiffness).min(FURTHEST)
     };
     let tremor = if draw.task == Task::Tremble {
         5e-5 + 1e-4 * draw.haste
@@ -283,11 +285,11 @@ fn hand(
             rows.push((begin + 2.0 - 1.4 * draw.haste, beyond(depth), 0.0));
         }
         Task::Rub => {
-            // There within 0.8 s, then a circuit of 1.5 s.
+            // The hand arrives within 0.8 s, then rubs for 1.5 s.
             let wide = beyond(0.4 * depth) - beyond(0.0);
             rows.push((begin + 0.8, beyond(depth), 0.0));
-            for (share, side) in [(0.25, 1.0), (0.75, -1.0), (1.0, 0.0)] {
-                let time = begin + 0.8 + 1.5 * share;
+            for (fraction, side) in [(0.25, 1.0), (0.75, -1.0), (1.0, 0.0)] {
+                let time = begin + 0.8 + 1.5 * fraction;
                 rows.push((time, beyond(depth), wide * side));
             }
         }
@@ -295,11 +297,11 @@ fn hand(
             let each = (end - begin) / 3.0;
             let goes = each * (0.9 - 0.5 * draw.haste);
             for stage in 1..=3 {
-                let share = f64::from(stage) / 3.0;
+                let fraction = f64::from(stage) / 3.0;
                 let arrives = begin + each * f64::from(stage - 1) + goes;
-                rows.push((arrives, beyond(share * depth), 0.0));
+                rows.push((arrives, beyond(fraction * depth), 0.0));
                 if stage < 3 {
-                    rows.push((arrives + each - goes, beyond(share * depth), 0.0));
+                    rows.push((arrives + each - goes, beyond(fraction * depth), 0.0));
                 }
             }
         }
@@ -307,7 +309,7 @@ fn hand(
     let rows: Vec<String> = rows
         .iter()
         .map(|(time, a, c)| {
-            let [along, across] = ways;
+            let [along, across] = directions;
             let place = |axis: usize| along[axis] * a + across[axis] * c;
             format!("[{time:?}, {:?}, {:?}, {:?}]", place(0), place(1), place(2))
         })

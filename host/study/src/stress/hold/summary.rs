@@ -1,4 +1,4 @@
-//! The cells of the study in a few numbers.
+//! The cells of the study, summarized.
 
 use super::CellResult;
 use super::verdict::{Failure, failures, ratios};
@@ -9,25 +9,25 @@ use std::collections::BTreeMap;
 /// Some cells under one scheme.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// How many cells.
+    /// Number of cells.
     pub runs: usize,
-    /// How many are within all limits.
+    /// Number of cells that are within all limits.
     pub passed: usize,
-    /// How many are beyond each limit, in the order of [`Failure::ALL`].
+    /// Number of cells that are beyond each limit, in the order of [`Failure::ALL`].
     pub failed: [usize; Failure::ALL.len()],
-    /// Error of the hold, a share: half of the cells stay below, and nine of ten.
+    /// Error of the hold, a fraction: median and 90th percentile.
     pub hold: [f64; 2],
-    /// Error of the run, a share: the same.
+    /// Error of the run, a fraction: median and 90th percentile.
     pub run: [f64; 2],
-    /// Ripple beyond the reference's (N): the same.
+    /// Ripple beyond that of the reference (N): median and 90th percentile.
     pub ripple: [f64; 2],
-    /// Largest share of ticks in which the cap acted.
+    /// Largest fraction of ticks in which the cap acted.
     pub capped: f64,
     /// Largest net energy (J).
     pub net_energy: f64,
 }
 
-/// The row of `scheme` over `cells`; none where there are none.
+/// The row of `scheme` over `cells`; none if there are no cells.
 pub fn row<'a>(cells: impl Iterator<Item = &'a CellResult>, scheme: &str) -> Option<Row> {
     let cells: Vec<_> = cells.collect();
     let each: Vec<_> = cells.iter().map(|cell| failures(cell, scheme)).collect();
@@ -38,7 +38,7 @@ pub fn row<'a>(cells: impl Iterator<Item = &'a CellResult>, scheme: &str) -> Opt
     let two = |value: &dyn Fn(&Outcome) -> f64| {
         let mut all: Vec<f64> = found.iter().map(|outcome| value(outcome)).collect();
         all.sort_unstable_by(f64::total_cmp);
-        [0.5, 0.9].map(|share| quantile(&all, share))
+        [0.5, 0.9].map(|fraction| quantile(&all, fraction))
     };
     let most = |value: &dyn Fn(&Outcome) -> f64| found.iter().map(|o| value(o)).fold(0.0, f64::max);
     (!cells.is_empty()).then(|| Row {
@@ -53,7 +53,7 @@ pub fn row<'a>(cells: impl Iterator<Item = &'a CellResult>, scheme: &str) -> Opt
     })
 }
 
-/// The cells in which `scheme` fails, those that are furthest beyond a limit first.
+/// The cells in which `scheme` fails, the largest excess over a limit first.
 pub fn worst<'a>(
     cells: &'a BTreeMap<u64, CellResult>,
     scheme: &str,

@@ -1,42 +1,42 @@
-//! What passes: the limits of the study, and what of a cell is beyond them.
+//! The limits of the study, and the failures of a cell.
 
 use super::CellResult;
 use crate::stress::scene::measure::{MOST_MOTION, Outcome};
 
-/// The mean force of a hold is off the body's own by at most this share.
+/// Largest error of the mean force of a hold, as a fraction of the body's force.
 pub const HOLD: f64 = 0.01;
-/// The force of a run is off by at most this share of its peak (root mean square).
+/// Largest error of the force of a run (RMS), as a fraction of the peak of the body's force.
 pub const RUN: f64 = 0.05;
-/// Ripple beyond the reference's is below this (N, root mean square).
+/// Largest ripple beyond that of the reference (N, RMS).
 pub const RIPPLE: f64 = 0.05;
-/// The cap acts in at most this share of the ticks.
+/// Largest fraction of ticks in which the cap acts.
 pub const CAPPED: f64 = 1e-3;
-/// Net energy that comes out at the hands is below this (J).
+/// Largest net energy (J).
 pub const NET_ENERGY: f64 = 1e-3;
-/// Worse than `linear` is what is off by more than that and this share of the limit.
+/// A scheme is worse than `linear` if its excess over `linear` is more than this fraction of a limit.
 const WORSE: f64 = 0.2;
 
-/// What is beyond its limit.
+/// A limit that an outcome exceeds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Failure {
-    /// The hold's force.
+    /// The force of the hold.
     Hold,
     /// The force of the whole run.
     Run,
     /// Ripple.
     Ripple,
-    /// The share of ticks in which the cap acts.
+    /// The fraction of ticks in which the cap acts.
     Capped,
     /// Net energy.
     Energy,
-    /// One of the first three is beyond that of a stable `linear`.
+    /// Hold, run or ripple is beyond that of a stable `linear`.
     Worse,
     /// The cell could not be run.
     Broken,
 }
 
 impl Failure {
-    /// All of them.
+    /// All failures, in the order of the tables.
     pub const ALL: [Self; 7] = [
         Self::Hold,
         Self::Run,
@@ -47,7 +47,7 @@ impl Failure {
         Self::Broken,
     ];
 
-    /// What tables call it.
+    /// The name of the failure in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Hold => "hold",
@@ -61,10 +61,11 @@ impl Failure {
     }
 }
 
-/// The ratios of hold, run and ripple to their limits, where one count of the encoder makes `count` (N) of the force.
+/// The ratios of hold, run and ripple to their limits, for a change of the force by `count` (N) per count of the
+/// encoder.
 ///
-/// A force that toggles by a count, half of the time each, has a root mean square of half of that: no encoder knows
-/// better. A run may be so far off, and ripple twice as much.
+/// A force that alternates by a count, half of the time each, has a root mean square of half of that change: no encoder
+/// resolves less. The limit of a run is at least this root mean square; the limit of ripple is at least twice as much.
 pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
     let felt = &outcome.felt;
     let run = RUN.max(0.5 * count / felt.peak.max(f64::MIN_POSITIVE));
@@ -75,7 +76,7 @@ pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
     ]
 }
 
-/// Whether hands hold still, and get nothing that they did not give.
+/// Whether the hands hold still and gain no energy.
 pub fn is_stable(cell: &CellResult, outcome: &Outcome) -> bool {
     let [_, _, ripple] = ratios(outcome, cell.count);
     ripple < 1.0
@@ -83,7 +84,7 @@ pub fn is_stable(cell: &CellResult, outcome: &Outcome) -> bool {
         && outcome.net_energy < NET_ENERGY
 }
 
-/// What of `scheme` in a cell is beyond its limit.
+/// The limits that `scheme` exceeds in a cell.
 pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
     let Some(outcome) = cell.schemes.get(scheme) else {
         return vec![Failure::Broken];
@@ -105,5 +106,5 @@ pub fn failures(cell: &CellResult, scheme: &str) -> Vec<Failure> {
         (Failure::Worse, worse),
     ];
     let failed = all.into_iter().filter(|(_, fails)| *fails);
-    failed.map(|(what, _)| what).collect()
+    failed.map(|(failure, _)| failure).collect()
 }

@@ -1,4 +1,4 @@
-//! The file of a study's results: what stands in it, and appending to it line by line.
+//! The file of a study's results: its contents, and the lines that are appended.
 
 use super::{Cell, Header, JobError};
 use serde::de::DeserializeOwned;
@@ -8,14 +8,14 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// A file that results are appended to. No other run can open it meanwhile.
+/// A file to which results are appended. No other run can open the file at the same time.
 pub(super) struct Lines {
     path: PathBuf,
     file: File,
 }
 
-/// Opens the file of the study, puts the results that it holds into `done`, and makes it ready for more: with a
-/// header, and without a line that was cut off at its end.
+/// Opens the file of the study, puts the results that it contains into `done`, and prepares it for more: a new file
+/// gets the header, and an incomplete last line is removed.
 pub(super) fn open<R: DeserializeOwned>(
     path: &Path,
     header: &Header,
@@ -58,7 +58,7 @@ pub(super) fn open<R: DeserializeOwned>(
 }
 
 impl Lines {
-    /// Appends a line, whole.
+    /// Appends a complete line.
     pub(super) fn append(&mut self, line: &str) -> Result<(), JobError> {
         let whole = format!("{line}\n");
         let written = self.file.write_all(whole.as_bytes());
@@ -73,8 +73,7 @@ fn line_of(header: &Header) -> String {
     serde_json::to_string(header).unwrap_or_default()
 }
 
-/// Puts the results in `text` into `done`; gives how many bytes of it are sound: all but a last line that was cut
-/// off.
+/// Puts the results in `text` into `done`. Returns the number of sound bytes: all, except an incomplete last line.
 pub(super) fn parse<R: DeserializeOwned>(
     path: &Path,
     text: &[u8],
@@ -107,7 +106,7 @@ pub(super) fn parse<R: DeserializeOwned>(
                     path: path.to_owned(),
                     line: number,
                     other: first_header.map_or_else(
-                        || "what is asked for".to_owned(),
+                        || "the requested study".to_owned(),
                         |first| format!("that of line {first}"),
                     ),
                     found: line_of(&found),
@@ -130,7 +129,7 @@ pub(super) fn parse<R: DeserializeOwned>(
             )));
         }
         match lines_of_cells.entry(cell.cell) {
-            // The file of one shard twice is no harm.
+            // The file of one shard may be merged twice.
             Entry::Occupied(there) if there.get().1 == line => {}
             Entry::Occupied(there) => {
                 let first = there.get().0;

@@ -18,7 +18,7 @@ fn header() -> Header {
     }
 }
 
-/// Numbers whose shortest decimal form is long: every bit has to survive the file.
+/// Numbers whose shortest decimal form is long: the file must preserve every bit.
 fn square(cell: u64) -> Square {
     Square {
         x: (cell as f64 * 0.1).powi(2) / 3.0,
@@ -42,7 +42,7 @@ fn whole() -> BTreeMap<u64, Square> {
     (0..23).map(|cell| (cell, square(cell))).collect()
 }
 
-/// What is made of cells, to the last bit.
+/// The cells as text, to the last bit.
 fn summary(cells: &BTreeMap<u64, Square>) -> String {
     format!("{cells:?}")
 }
@@ -78,7 +78,7 @@ fn shards_add_up_to_the_whole() {
     }
     assert_eq!(count, 23);
     fs::write(&merged, &text).expect("merged");
-    // Nothing is left to be done.
+    // No cell is left to be run.
     let never = |cell| -> Square { panic!("cell {cell} was there") };
     let found = run(&header(), &options("1/1", 2, &merged), never, |_| {}).expect("cells");
     assert_eq!(summary(&found), summary(&whole()));
@@ -102,14 +102,14 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
         };
         let found = run(&header(), &options("1/1", 1, &path), counted, |_| {}).expect("cells");
         assert_eq!(summary(&found), summary(&whole()), "cut at {cut}");
-        // Of what was there nothing is done again, but a line that may have been torn.
+        // No cell of the file is run again, except one whose line may be incomplete.
         let left = 24 - whole_lines.max(1) as u64;
         let ran = ran.into_inner();
         assert!(
             (left.saturating_sub(1)..=left).contains(&ran),
             "{ran} after {cut}"
         );
-        // Cells come in order on one thread, so the file is the same, too.
+        // On one thread the cells come in order, so the file is the same, too.
         assert_eq!(fs::read(&path).expect("the file"), text, "cut at {cut}");
     }
 }
@@ -124,7 +124,7 @@ fn lines_that_an_editor_or_a_mailer_padded_are_kept() {
     fs::write(&path, &padded).expect("written");
     let cells = run_all(&options("1/1", 2, &path)).expect("the rest");
     assert_eq!(summary(&cells), summary(&whole()));
-    // Nothing that was there is lost, and each cell stands there once.
+    // No line is lost, and each cell occurs once.
     let after = fs::read_to_string(&path).expect("a file");
     assert!(after.starts_with(&padded));
     assert_eq!(after.lines().count(), 1 + 23);
@@ -167,7 +167,7 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
         );
         assert_eq!(fs::read(&path).expect("the file"), text);
     }
-    // In the middle of a merged file: both lines are named.
+    // A header that differs in the middle of a merged file: both lines are named.
     let mut merged = text;
     let other = Header {
         seed: 8,

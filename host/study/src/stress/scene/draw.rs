@@ -1,7 +1,7 @@
-//! What a cell's number decides: how a run's host is, what goes wrong, who holds the devices and what they do.
+//! What the number of a cell decides: the host, the trouble, the grips and the task.
 //!
-//! Rates and kinds of trouble follow the cell's number in turn, so that any stretch of cells has the same share of
-//! each; the rest is drawn.
+//! Rates and kinds of trouble follow the number of the cell in turn, so that every range of cells contains the same
+//! fraction of each. The rest is drawn.
 
 use crate::stress::chance::Chance;
 use serde::{Deserialize, Serialize};
@@ -12,28 +12,28 @@ pub const RATES: [f64; 7] = [20.0, 30.0, 60.0, 125.0, 250.0, 500.0, 1000.0];
 
 /// Length of a run (s).
 pub const DURATION: f64 = 4.5;
-/// When hands begin to move (s): local models have come and been taken into use by then.
+/// Time at which the hands begin to move (s). The controller uses local models by then.
 pub const BEGIN: f64 = 0.4;
-/// When they have come to where they stay (s).
+/// Time at which the hands have reached their final place (s).
 pub const ARRIVED: f64 = 2.6;
-/// Whatever goes wrong for a while is over by then (s).
+/// Time by which every temporary trouble is over (s).
 const OVER: f64 = 2.5;
 
-/// What goes wrong in a run.
+/// The kind of fault in a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Trouble {
-    /// Nothing but the rate and the latency.
+    /// No fault: only the rate and the latency.
     Nothing,
     /// The host stalls.
     Stalls,
-    /// Models are late by chance, and models and records are lost.
+    /// Models are late at random, and models and records are lost.
     Losses,
     /// The body softens abruptly.
     Softening,
-    /// A device vanishes and comes back.
+    /// A device vanishes and returns.
     Vanishing,
-    /// All of it.
+    /// All of these.
     All,
 }
 
@@ -52,7 +52,7 @@ impl Trouble {
         self == other || self == Self::All
     }
 
-    /// What tables call it.
+    /// The name of the trouble in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nothing => "nothing",
@@ -69,51 +69,51 @@ impl Trouble {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Task {
-    /// Go to a place, half back, and there again.
+    /// Move to a place, half back, and to the place again.
     Press,
-    /// Go there and back several times.
+    /// Move to a place and back several times.
     Tap,
-    /// Go there, then to and fro across.
+    /// Move to a place, then to and fro across.
     Rub,
-    /// Go there, then to and fro along the way, fast.
+    /// Move to a place, then to and fro along the direction of the motion, fast.
     Shake,
-    /// Go there, then all hands the same way across.
+    /// Move to a place, then all hands in the same direction across.
     Carry,
 }
 
 const TASKS: [Task; 5] = [Task::Press, Task::Tap, Task::Rub, Task::Shake, Task::Carry];
 
-/// Something that lasts a while.
+/// An interval of time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Span {
-    /// From when (s).
+    /// Its start (s).
     pub at: f64,
-    /// For how long (s).
+    /// Its length (s).
     pub duration: f64,
 }
 
 impl Span {
-    /// Whether `time` (s) lies in it.
+    /// Whether `time` (s) lies in the interval.
     pub fn holds(&self, time: f64) -> bool {
         (self.at..self.at + self.duration).contains(&time)
     }
 }
 
-/// The body is made of something softer from then on.
+/// The body becomes softer at some time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Softening {
-    /// From when (s).
+    /// The time (s).
     pub at: f64,
-    /// Share of its stiffness that is left.
+    /// The remaining fraction of the stiffness.
     pub left: f64,
 }
 
-/// A device that gives no states and renders no forces for a while.
+/// A device that gives no states and renders no forces for some time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Vanishing {
-    /// Which device.
+    /// The device.
     pub device: usize,
-    /// When.
+    /// The interval.
     pub span: Span,
 }
 
@@ -122,9 +122,9 @@ pub struct Vanishing {
 pub struct Grip {
     /// Moving mass (kg).
     pub mass: f64,
-    /// Damping towards where the hand wants to be (N s/m).
+    /// Damping towards the hand's target (N s/m).
     pub damping: f64,
-    /// Stiffness towards it (N/m).
+    /// Stiffness towards the hand's target (N/m).
     pub stiffness: f64,
 }
 
@@ -133,34 +133,34 @@ pub struct Grip {
 pub struct Draw {
     /// Local models a second (Hz).
     pub rate: f64,
-    /// From the state that a model tells of to its arrival (s).
+    /// Time from the state of a model to the arrival of the model (s).
     pub latency: f64,
-    /// How much later it may come by chance, as a share of latency and period together.
+    /// Largest random delay beyond the latency, as a fraction of latency and period together.
     pub jitter: f64,
-    /// Share of models that are lost.
+    /// Fraction of models that are lost.
     pub models_lost: f64,
-    /// Share of records of the hands that are lost.
+    /// Fraction of records of the hands that are lost.
     pub records_lost: f64,
-    /// What goes wrong, in a word.
+    /// The kind of fault.
     pub trouble: Trouble,
-    /// When the host does nothing.
+    /// The intervals in which the host stalls.
     pub stalls: Vec<Span>,
-    /// The body that softens.
+    /// The softening of the body.
     pub softening: Option<Softening>,
-    /// The device that vanishes.
+    /// The vanishing of a device.
     pub vanishing: Option<Vanishing>,
-    /// How each device is held.
+    /// The grip of each device.
     pub grips: Vec<Grip>,
     /// What the hands do.
     pub task: Task,
-    /// How far they go, as a share of how far they go in the scene.
+    /// Displacement of the hands, as a fraction of that in the scene.
     pub depth: f64,
-    /// How fast they are, from 0 to 1.
+    /// How fast the hands move, from 0 to 1.
     pub haste: f64,
 }
 
 impl Draw {
-    /// Draws cell number `cell` of the study of `seed`, for so many devices.
+    /// Draws cell number `cell` of the study of `seed`, for `devices` devices.
     pub fn new(seed: u64, cell: u64, devices: usize) -> Self {
         let chance = Chance::new(seed, cell);
         let kinds = Trouble::ALL.len() as u64;
@@ -211,8 +211,8 @@ impl Draw {
         }
     }
 
-    /// A host of so many models a second (Hz) that are `latency` late (s), and nothing goes wrong. Who holds the devices
-    /// and what they do stands in the scene.
+    /// A host of `rate` models a second (Hz) with the latency `latency` (s), without faults. The scene states the grips
+    /// and the task.
     pub(in crate::stress) fn untroubled(rate: f64, latency: f64) -> Self {
         Self {
             rate,
@@ -231,13 +231,13 @@ impl Draw {
         }
     }
 
-    /// Whether the device of this number is gone at `time` (s), or not all back.
+    /// Whether the device of this number is absent at `time` (s), or has not fully returned.
     pub(super) fn is_gone(&self, device: usize, time: f64) -> bool {
         let mut gone = self.vanishing.iter().filter(|gone| gone.device == device);
         gone.any(|gone| lasting(&gone.span).holds(time))
     }
 
-    /// Whether something that lasts a while goes on at `time` (s), or what it left behind.
+    /// Whether a fault or its consequences last at `time` (s).
     pub fn is_troubled(&self, time: f64) -> bool {
         let softens = self.softening.map(|softening| Span {
             at: softening.at,
@@ -249,8 +249,7 @@ impl Draw {
     }
 }
 
-/// `span` with what it leaves behind: the force comes back in a fifth of a second, and the hand has gone elsewhere
-/// meanwhile.
+/// `span` with its consequences: the force returns in a fifth of a second, and the hand has moved meanwhile.
 fn lasting(span: &Span) -> Span {
     Span {
         at: span.at,
@@ -258,7 +257,7 @@ fn lasting(span: &Span) -> Span {
     }
 }
 
-/// A span from `low` to `high` long, on a logarithmic scale, that is over in time.
+/// An interval that is from `low` to `high` long, on a logarithmic scale, and ends before [`OVER`].
 fn span(chance: Chance, n: u64, low: f64, high: f64) -> Span {
     let duration = low * libm::pow(high / low, chance.unit(2 * n));
     let latest = OVER - duration;
@@ -298,15 +297,15 @@ mod tests {
             let draw = Draw::new(3, cell, 2);
             assert_eq!(draw, Draw::new(3, cell, 2));
             assert!(RATES.contains(&draw.rate) && (0.0..=0.1).contains(&draw.latency));
-            for share in [draw.jitter, draw.models_lost, draw.records_lost] {
-                assert!((0.0..=0.5).contains(&share));
+            for fraction in [draw.jitter, draw.models_lost, draw.records_lost] {
+                assert!((0.0..=0.5).contains(&fraction));
             }
             for stall in &draw.stalls {
                 assert!((0.05..=2.0).contains(&stall.duration));
                 assert!(stall.at >= BEGIN && stall.at + stall.duration <= OVER + 1e-12);
             }
             for grip in &draw.grips {
-                // What lies between two grips is a power of their ratio, which rounds.
+                // A number between two bounds is a power of their ratio, which rounds.
                 let within = |x: f64, low: f64, high: f64| {
                     assert!(x >= low * (1.0 - 1e-12) && x <= high * (1.0 + 1e-12), "{x}");
                 };

@@ -1,7 +1,8 @@
-//! Where hands want to be, for a task drawn: waypoints for the scene's own devices.
+//! The targets of the hands for a drawn task: waypoints for the devices of the scene.
 //!
-//! How far and which way each hand goes is the scene's: the furthest that its own trajectory takes it. A hand that is
-//! soft against the body would not get there, so it wants to be further, by what the force of the body and the
+//! The scene decides the direction and the largest displacement of each hand: the furthest point of the trajectory that
+//! the scene gives it. A hand that is soft compared with the body would not reach this point. Its target therefore lies
+//! further out, by the deflection of the arm under the force of the body and the friction of the device.
 //! device's friction do to its arm.
 
 use super::draw::{ARRIVED, BEGIN, Draw, Task};
@@ -10,12 +11,12 @@ use host::scene::LoadedScene;
 use physics::Vec3;
 use physics::linear::dense::Square;
 
-/// The body answers with at most this share of what a device can render.
+/// The body's force is at most this fraction of the largest force of a device.
 const MOST_FORCE: f64 = 0.7;
-/// A hand reaches no further than this beyond where it wants its device to be (m).
+/// The target of a hand lies at most this far beyond the intended position of its device (m).
 const FURTHEST: f64 = 0.2;
 
-/// The furthest that each device's own trajectory goes from where it starts (m).
+/// The furthest point of each device's own trajectory, relative to its start (m).
 pub(super) fn reaches(loaded: &LoadedScene) -> Vec<Vec3> {
     let devices = loaded.scene.devices.iter().enumerate();
     devices
@@ -46,12 +47,12 @@ pub(super) fn reaches(loaded: &LoadedScene) -> Vec<Vec3> {
         .collect()
 }
 
-/// One hand's way through a task: how far along its reach, and how far across, at which times.
-struct Way {
+/// The path of one hand through a task: rows of time, displacement along its reach, and displacement across.
+struct Path {
     rows: Vec<(f64, f64, f64)>,
 }
 
-impl Way {
+impl Path {
     fn new() -> Self {
         Self {
             rows: vec![(BEGIN, 0.0, 0.0)],
@@ -62,7 +63,7 @@ impl Way {
         self.rows.push((time, along, across));
     }
 
-    /// To and fro, so many whole times, between now and `end`.
+    /// Oscillates between the last time and `end`, for `times` whole periods.
     fn swing(&mut self, times: u32, end: f64, mut place: impl FnMut(f64) -> (f64, f64)) {
         let begin = self.rows.last().map_or(BEGIN, |row| row.0);
         let each = (end - begin) / f64::from(2 * times);
@@ -78,54 +79,54 @@ impl Way {
     }
 }
 
-/// The way of the task in `draw`; lengths in reaches.
-fn way(draw: &Draw, width: f64) -> Way {
+/// The path of the task in `draw`; lengths are multiples of the reach.
+fn path(draw: &Draw, width: f64) -> Path {
     let haste = draw.haste;
     let depth = draw.depth;
-    let mut way = Way::new();
+    let mut path = Path::new();
     // The first reach takes 0.9 to 0.3 s.
     let there = BEGIN + 0.9 - 0.6 * haste;
     match draw.task {
         Task::Press => {
-            way.to(there, depth, 0.0);
-            way.to(0.5 * (there + ARRIVED), 0.5 * depth, 0.0);
-            way.to(ARRIVED, depth, 0.0);
+            path.to(there, depth, 0.0);
+            path.to(0.5 * (there + ARRIVED), 0.5 * depth, 0.0);
+            path.to(ARRIVED, depth, 0.0);
         }
         Task::Tap => {
             let taps = 2 + (4.0 * haste) as u32;
             let each = (ARRIVED - BEGIN) / (f64::from(taps) + 0.5);
             for tap in 0..taps {
                 let begin = BEGIN + each * f64::from(tap);
-                way.to(begin + 0.5 * each, depth, 0.0);
-                way.to(begin + each, 0.0, 0.0);
+                path.to(begin + 0.5 * each, depth, 0.0);
+                path.to(begin + each, 0.0, 0.0);
             }
-            way.to(ARRIVED, depth, 0.0);
+            path.to(ARRIVED, depth, 0.0);
         }
         Task::Rub => {
-            way.to(there, depth, 0.0);
-            way.swing(1 + (2.0 * haste) as u32, ARRIVED, |side| {
+            path.to(there, depth, 0.0);
+            path.swing(1 + (2.0 * haste) as u32, ARRIVED, |side| {
                 (depth, side * width)
             });
         }
         Task::Shake => {
-            way.to(there, depth, 0.0);
+            path.to(there, depth, 0.0);
             // 2 to 5 Hz.
             let times = ((2.0 + 3.0 * haste) * (ARRIVED - there)) as u32;
-            way.swing(times.max(1), ARRIVED, |side| {
+            path.swing(times.max(1), ARRIVED, |side| {
                 (depth * (1.0 + 0.3 * side), 0.0)
             });
         }
         Task::Carry => {
-            way.to(there, depth, 0.0);
-            way.to(0.5 * (there + ARRIVED), depth, -width);
-            way.to(ARRIVED, depth, width);
+            path.to(there, depth, 0.0);
+            path.to(0.5 * (there + ARRIVED), depth, -width);
+            path.to(ARRIVED, depth, width);
         }
     }
-    way
+    path
 }
 
-/// The forces of a linear body of this stiffness (N/m, three rows and columns a device) on hands that are `reaches`
-/// (m) away from rest (N).
+/// The forces of a linear body of stiffness `stiffness` (N/m, three rows and columns a device) on hands that are
+/// displaced by `reaches` (m) from rest (N).
 fn forces(stiffness: &Square, reaches: &[Vec3]) -> Vec<Vec3> {
     let row = |row: usize| -> f64 {
         let each = reaches.iter().enumerate();
@@ -142,22 +143,22 @@ fn forces(stiffness: &Square, reaches: &[Vec3]) -> Vec<Vec3> {
         .collect()
 }
 
-/// `reaches`, shortened so that no device is asked for more than most of what it can render (N).
-/// Beyond that it would be its motors that are studied.
+/// Shortens `reaches` so that no force exceeds [`MOST_FORCE`] of the largest force of its device (N). Otherwise the
+/// study would test the motors.
 pub(super) fn within(reaches: &mut [Vec3], stiffness: &Square, limits: &[f64]) {
     let found = forces(stiffness, reaches);
-    let shares = found
+    let factors = found
         .iter()
         .zip(limits)
         .map(|(force, limit)| MOST_FORCE * limit / force.norm());
-    let share = shares.fold(1.0, f64::min);
+    let factor = factors.fold(1.0, f64::min);
     for reach in reaches {
-        *reach *= share;
+        *reach *= factor;
     }
 }
 
-/// Gives the devices of `loaded` the hands of `draw`. `stiffness` is that between the handles at rest, three rows and
-/// columns for each device; without a row a device meets nothing.
+/// Gives the hands of `draw` to the devices of `loaded`. `stiffness` is the stiffness between the handles at rest,
+/// three rows and columns for each device. A device with zero rows meets no force.
 pub(super) fn give(
     loaded: &mut LoadedScene,
     draw: &Draw,
@@ -168,7 +169,7 @@ pub(super) fn give(
 ) {
     let across = across(chance, reaches.first().copied().unwrap_or_default());
     let width = chance.between(3, 0.3, 1.0);
-    // The force of the body where the hands are to be, all of them there.
+    // The force of the body where the hands shall hold, with all hands there.
     let forces = forces(stiffness, reaches);
     let hands = loaded.scene.devices.iter_mut().enumerate();
     for (index, device) in hands {
@@ -176,7 +177,8 @@ pub(super) fn give(
         let along = reach.try_normalize(1e-9).unwrap_or_default();
         let held = (forces[index] * draw.depth).dot(&along).max(0.0) + friction[index];
         let beyond = along * (held / grip.stiffness).min(FURTHEST);
-        // A rub across is each hand's own; carried is what all do alike.
+        // In a rub every other hand moves in the opposite direction; when carrying, all hands move in the same
+        // direction.
         let side = if draw.task == Task::Rub && index % 2 == 1 {
             -1.0
         } else {
@@ -193,11 +195,11 @@ pub(super) fn give(
         hand.tremor = 0.0;
         hand.sines.clear();
         hand.recording = None;
-        let rows = way(draw, width).rows.into_iter();
+        let rows = path(draw, width).rows.into_iter();
         hand.waypoints = rows
             .map(|(time, a, c)| {
-                let share = (a / draw.depth).min(1.0);
-                let place = reach * a + beyond * share + across * c;
+                let fraction = (a / draw.depth).min(1.0);
+                let place = reach * a + beyond * fraction + across * c;
                 [time, place.x, place.y, place.z]
             })
             .collect();
@@ -206,7 +208,7 @@ pub(super) fn give(
     loaded.recordings.fill(None);
 }
 
-/// A direction across `reach`, by chance.
+/// A random direction across `reach`.
 fn across(chance: Chance, reach: Vec3) -> Vec3 {
     let any = Vec3::from_fn(|axis, _| chance.between(4 + axis as u64, -1.0, 1.0));
     let along = reach.try_normalize(1e-9).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! What is measured of a run: how still a hold is, how much energy came out, how far the forces are off.
+//! The measurements of a run: the stillness of its hold, the net energy, the error of the forces.
 
 use super::draw::{BEGIN, Draw, Span};
 use super::felt::Felt;
@@ -7,40 +7,40 @@ use rt_core::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
-/// A hold is bounded below this ripple (N, root mean square),
+/// A hold is bounded if its ripple is below this (N, RMS),
 pub const MOST_RIPPLE: f64 = 0.3;
-/// below this motion (m, root mean square),
+/// its motion is below this (m, RMS),
 pub const MOST_MOTION: f64 = 0.5e-3;
-/// and with at most this much more of its ticks at the device's limit than the reference's.
+/// and the fraction of its ticks at the device's limit exceeds the reference's by at most this.
 pub const MOST_SATURATED: f64 = 0.01;
-/// The ripple's band (Hz).
+/// The band of the ripple (Hz).
 const BAND: [f64; 2] = [20.0, 400.0];
-/// Forces below this (N) are no measure for an error: about what a device's friction hides.
+/// Errors are not related to forces below this (N), about as large as the friction of a device.
 pub(super) const LEAST_FORCE: f64 = 0.1;
-/// Length of the hold at a run's end, in which it is measured how still the hands are (s).
+/// Length of the hold at the end of a run (s).
 const HOLD: f64 = 1.0;
 
-/// One device through a run, a value a tick.
+/// One device in a run, one value for each tick.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceTrace {
-    /// What the motors hold (N).
+    /// The force of the motors (N).
     pub force: Vec<Vec3>,
-    /// The same of the handle's rotation (N m).
+    /// The moment of the motors (N m).
     pub moment: Vec<Vec3>,
-    /// Where the handle truly is (m), from its start.
+    /// The true position of the handle (m), relative to its start.
     pub position: Vec<Vec3>,
-    /// Whether the force was shortened to the device's limit.
+    /// Whether the force was reduced to the device's limit.
     pub limited: Vec<bool>,
-    /// What the body of the host exerts where its handle is (N).
+    /// The force that the body of the host exerts at the position of its handle (N).
     pub body: Vec<Vec3>,
-    /// Where in the scene a body that is stepped along the run is to be: see `reference::follow`.
+    /// The pose in the scene of a body that is moved along the run: see `reference::follow`.
     pub proxy: Vec<Pose>,
-    /// What such a body exerts there, as the device would render it (its own axes).
+    /// The wrench that such a body exerts there, as the device would render it (axes of the device).
     pub own: Vec<Wrench>,
 }
 
 impl DeviceTrace {
-    /// The direction of the largest force; along x where there is none.
+    /// The direction of the largest force; the x axis if there is no force.
     pub fn main_direction(&self) -> Vec3 {
         let largest = self.force.iter().fold(Vec3::zeros(), |a: Vec3, b| {
             if b.norm_squared() > a.norm_squared() {
@@ -60,18 +60,18 @@ pub struct Trace {
     pub period: f64,
     /// The devices.
     pub devices: Vec<DeviceTrace>,
-    /// Work done on the hands, less what was stored at the start (J).
+    /// Work done on the hands, less the energy stored at the start (J).
     pub out: Vec<f64>,
-    /// The controller's own account: what it has to spend, and what the local model stores (J).
+    /// The controller's own account: the available energy, and the energy stored in the local model (J).
     pub account: Vec<[f64; 2]>,
-    /// Ticks in which a cap took something off.
+    /// Ticks in which a cap withheld force.
     pub capped: u64,
-    /// From when the body softened until the first word of it came to the tick.
+    /// From the softening of the body to the arrival of the first model of the softened body at the tick.
     pub unaware: Span,
 }
 
 impl Trace {
-    /// Tick at `time` (s).
+    /// The tick at `time` (s).
     pub(super) fn tick(&self, time: f64) -> usize {
         (time / self.period).round() as usize
     }
@@ -81,12 +81,12 @@ impl Trace {
         self.out.len().saturating_sub(self.tick(HOLD))
     }
 
-    /// Net energy that came out at the hands (J): the most that there ever was. Nothing before the first tick.
+    /// Net energy (J): the largest value over time; zero before the first tick.
     pub fn net_energy(&self) -> f64 {
         self.out.iter().copied().fold(0.0, f64::max)
     }
 
-    /// How still the worst device is held.
+    /// The stillness of the hold, each number that of the worst device.
     pub fn stillness(&self) -> Stillness {
         let from = self.hold();
         let mut worst = Stillness::default();
@@ -105,16 +105,16 @@ impl Trace {
         worst
     }
 
-    /// How far the forces are off those of `reference`, as a share of them: root mean squares over all devices and
-    /// those ticks since the hands began to move that `counts` (s) names.
+    /// Error of the forces against those of `reference`, as a fraction of their root mean square: over all devices and
+    /// over the ticks since the hands began to move whose time (s) `counts` accepts. None if `counts` accepts no tick.
     fn error(&self, reference: &Self, counts: impl Fn(f64) -> bool) -> Option<f64> {
         let (mut off, mut whole, mut samples) = (0.0, 0.0, 0.0);
-        for (mine, right) in self.devices.iter().zip(&reference.devices) {
-            let pairs = mine.force.iter().zip(&right.force).enumerate();
-            for (tick, (mine, right)) in pairs.skip(self.tick(BEGIN)) {
+        for (found, expected) in self.devices.iter().zip(&reference.devices) {
+            let pairs = found.force.iter().zip(&expected.force).enumerate();
+            for (tick, (found, expected)) in pairs.skip(self.tick(BEGIN)) {
                 if counts(tick as f64 * self.period) {
-                    off += (mine - right).norm_squared();
-                    whole += right.norm_squared();
+                    off += (found - expected).norm_squared();
+                    whole += expected.norm_squared();
                     samples += 1.0;
                 }
             }
@@ -123,67 +123,68 @@ impl Trace {
         (samples > 0.0).then(|| (off / whole.max(least)).sqrt())
     }
 
-    /// By how much the mean force of the hold is off what the body itself exerts at the same place, as a share.
+    /// Error of the mean force of the hold against the force that the body itself exerts at the same place, as a
+    /// fraction.
     fn stiffness_error(&self) -> f64 {
         let from = self.hold();
         let (mut off, mut whole) = (0.0, 0.0);
         for device in &self.devices {
-            let (mine, right) = (mean(&device.force[from..]), mean(&device.body[from..]));
-            off += (mine - right).norm_squared();
-            whole += right.norm_squared();
+            let (found, expected) = (mean(&device.force[from..]), mean(&device.body[from..]));
+            off += (found - expected).norm_squared();
+            whole += expected.norm_squared();
         }
         let least = LEAST_FORCE * LEAST_FORCE * self.devices.len() as f64;
         (off / whole.max(least)).sqrt()
     }
 }
 
-/// How still a hold is, by its least still device.
+/// How still a hold is: the worst device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Stillness {
-    /// Force from 20 to 400 Hz (N, root mean square).
+    /// Force from 20 to 400 Hz (N, RMS).
     pub ripple: f64,
-    /// Motion about its mean (m, root mean square).
+    /// Motion about the mean position (m, RMS).
     pub motion: f64,
-    /// Share of the ticks at the device's limit.
+    /// Fraction of the ticks at the device's limit.
     pub saturated: f64,
 }
 
-/// What one scheme made of a cell.
+/// The measurements of one scheme in a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Whether the hold is bounded.
     pub bounded: bool,
-    /// How still it is.
+    /// The stillness of the hold.
     #[serde(flatten)]
     pub stillness: Stillness,
-    /// Net energy that came out at the hands (J).
+    /// Net energy (J).
     pub net_energy: f64,
-    /// Force error against the reference over the whole motion, a share.
+    /// Force error against the reference over the whole motion, a fraction.
     pub error: f64,
-    /// The same without the time in which the body had softened and no word of it had come: the reference, which needs
-    /// none, knows at once what no tick can.
+    /// The same without the time between a softening and the arrival of its first model: the reference needs no model
+    /// and responds at once, which no tick can.
     pub error_aware: Option<f64>,
-    /// The same without the times of faults and what they left behind; none where nothing is left.
+    /// The same without the times of faults and their consequences; none if no time is left.
     pub error_untroubled: Option<f64>,
-    /// Error of the force of the hold against the body's own at the same place, a share.
+    /// Force error of the hold against the body's own force at the same place, a fraction.
     pub stiffness_error: f64,
-    /// Share of the ticks in which a cap took something off.
+    /// Fraction of the ticks in which a cap withheld force.
     pub capped: f64,
-    /// What was felt over the whole run against the body's own.
+    /// The rendered force over the whole run, compared with the body's own.
     #[serde(flatten)]
     pub felt: Felt,
 }
 
 impl Outcome {
-    /// Measures a run, along which a body was led (`reference::follow`), against its reference.
+    /// Measures a run, along which a body was moved (`reference::follow`), against its reference.
     pub fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
         let stillness = run.stillness();
-        let right = reference.stillness();
+        let expected = reference.stillness();
         let ticks = run.out.len().max(1) as f64;
         Self {
             bounded: stillness.ripple < MOST_RIPPLE
                 && stillness.motion < MOST_MOTION
-                && stillness.saturated <= right.saturated + MOST_SATURATED,
+                && stillness.saturated <= expected.saturated + MOST_SATURATED,
             stillness,
             net_energy: run.net_energy(),
             error: run.error(reference, |_| true).unwrap_or_default(),
@@ -200,15 +201,15 @@ pub(super) fn mean(values: &[Vec3]) -> Vec3 {
     values.iter().sum::<Vec3>() / values.len().max(1) as f64
 }
 
-/// Root mean square of the distance from the mean.
+/// Root mean square of the distances from the mean.
 fn spread(values: &[Vec3]) -> f64 {
     let mean = mean(values);
     let sum: f64 = values.iter().map(|v| (v - mean).norm_squared()).sum();
     (sum / values.len().max(1) as f64).sqrt()
 }
 
-/// Root mean square of what lies in the band. A Hann window keeps a slow drift out of it; the window's own mean
-/// square is made up for.
+/// Root mean square of the components in [`BAND`]. A Hann window keeps a slow drift out of the band; the result is
+/// divided by the mean square of the window.
 pub(super) fn band_rms(values: &[Vec3], period: f64) -> f64 {
     let n = values.len();
     if n == 0 {
@@ -241,7 +242,7 @@ pub(super) fn band_rms(values: &[Vec3], period: f64) -> f64 {
         }
         power += real.norm_squared() + imaginary.norm_squared();
     }
-    // Parseval: each line and its mirror, of n samples, by the window's mean square of 3/8.
+    // Parseval: each line and its mirror, for n samples, divided by the window's mean square of 3/8.
     (2.0 * power / (n as f64 * n as f64) / 0.375).sqrt()
 }
 
@@ -249,7 +250,7 @@ pub(super) fn band_rms(values: &[Vec3], period: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// A second of `amplitude` (N) at `hertz` on a drift.
+    /// A second of a sine of `amplitude` (N) at `hertz`, with a drift.
     fn sine(hertz: f64, amplitude: f64) -> Vec<Vec3> {
         (0..1000)
             .map(|k| f64::from(k) * 1e-3)
@@ -258,11 +259,11 @@ mod tests {
     }
 
     #[test]
-    fn ripple_is_what_lies_in_its_band() {
+    fn ripple_is_the_rms_in_its_band() {
         for hertz in [40.0, 123.4, 350.0] {
             let found = band_rms(&sine(hertz, 0.3), 1e-3);
-            // A line of a Hann window is three wide, of which none is at the band's end here. A drift of 0.5 N/s
-            // leaks 1e-4 N past 20 Hz.
+            // A line of a Hann window is three lines wide, and none of these is at the end of the band here. A drift of
+            // 0.5 N/s leaks 1e-4 N past 20 Hz.
             assert!(
                 (found - 0.3 / 2.0_f64.sqrt()).abs() < 3e-4,
                 "{hertz} {found}"
@@ -275,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn errors_are_shares_of_the_references_force() {
+    fn errors_are_fractions_of_the_references_force() {
         let run = |force: f64| Trace {
             period: 1e-3,
             devices: vec![DeviceTrace {
@@ -293,7 +294,7 @@ mod tests {
         assert!((found.error - 0.05).abs() < 1e-12);
         assert!((found.stiffness_error - 0.05).abs() < 1e-12);
         assert!(found.bounded && found.net_energy == 0.0);
-        // No error of nothing: a force of a milliagram's weight is not 100 % off.
+        // A force of a tenth of a gram's weight against no force is not an error of 100 %.
         assert!(Outcome::of(&run(1e-3), &run(0.0), &draw).error < 0.011);
     }
 }

@@ -1,18 +1,18 @@
-//! A real scene under hands, rates and faults: what each force scheme makes of it.
+//! A scene under hands, rates and faults: how each scheme performs.
 //!
-//! A cell is one world, drawn from its number (`draw`): who holds the devices and what the hands do, how often and
-//! how late the host publishes, what goes wrong. Each scheme runs in that world, beside one reference with the same
-//! physics steps inside the tick (`reference`). What is measured (`measure`) is whether the hands can hold still in
-//! the end, the net energy that came out at them, and how far the forces are off.
+//! A cell is one world, drawn from its number (`draw`): the grips and the task of the hands, the rate and the latency
+//! of the host, and the trouble. Each scheme runs in that world, beside one reference with the same physics steps
+//! inside the tick (`reference`). The study measures (`measure`) whether the hands come to rest in the final hold, the
+//! net energy, and the error of the forces.
 //!
-//! **Error.** The reference has hands of its own, with the same intentions: the force that a person would have felt
-//! at that moment from a body without delays. Driving the reference along the hands of the run would excuse a scheme
-//! that shakes the hand, for a body that is shaken resists. The stiffness error is the one that is taken at the same
-//! place: over the hold, against what the physics itself exerts where the hands are.
+//! **Error.** The reference has hands of its own, with the same targets. Its force is the force that a body without
+//! delays would have exerted on that person at that moment. A reference that moved along the run's own path would
+//! excuse a scheme that shakes the hand, because a body that is shaken resists. Only the stiffness error is taken at
+//! the same place: over the hold, against the force that the physics exerts where the hands are.
 //!
-//! **Energy.** Net energy is the most work that was ever done on the hands of all devices together, less what the
-//! bodies stored at the start: elastic, kinetic and, as the weight moves, gravity's. It is integrated between ticks
-//! where the hand holds the device (`sim`), never taken from the controller.
+//! **Energy.** Net energy is the largest work done on the hands of all devices together, over time, less the energy
+//! that the bodies stored at the start: elastic, kinetic, and the potential of gravity. `sim` integrates the work
+//! between ticks, where the hand holds the device. The account of the controller is not used.
 
 pub mod draw;
 pub mod felt;
@@ -47,12 +47,12 @@ pub const SCHEMES: [(SchemeName, &str); 6] = [
     (SchemeName::Capped, "capped"),
 ];
 
-/// Physics steps a second (Hz), whatever the publication rate.
+/// Physics steps a second (Hz), at every publication rate.
 const STEP_RATE: f64 = 1000.0;
-/// The period at which the stiffness that hands meet is taken (s).
+/// The publication period at which the stiffness between the devices is computed (s).
 const SLOW: f64 = 1.0 / 20.0;
 
-/// A scene that is ready for its cells.
+/// A scene that is prepared for its cells.
 pub struct Study {
     loaded: LoadedScene,
     seed: u64,
@@ -61,18 +61,18 @@ pub struct Study {
     stiffness: Square,
 }
 
-/// What came of one cell.
+/// The result of one cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CellResult {
-    /// What was drawn.
+    /// The draw.
     pub draw: Draw,
-    /// How still the reference's hold is.
+    /// Stillness of the reference's hold.
     pub reference: Stillness,
     /// Net energy of the reference (J).
     pub reference_net_energy: f64,
-    /// What each scheme made of it, by its name.
+    /// The measurements under each scheme, by the name of the scheme.
     pub schemes: BTreeMap<String, Outcome>,
-    /// Why it could not be run, if it could not.
+    /// Why the cell could not be run, if it could not.
     pub failed: Option<String>,
 }
 
@@ -80,7 +80,7 @@ impl Study {
     /// Prepares `loaded` for the study of `seed`.
     ///
     /// # Errors
-    /// [`StudyError`] where the scene cannot be built, or has no devices.
+    /// [`StudyError`] if the scene cannot be built, or has no devices.
     pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
         host::engine::build::check(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
@@ -92,7 +92,7 @@ impl Study {
         let limits = config.devices.iter();
         let limits: Vec<_> = limits.map(|device| device.safety.max_force).collect();
         hands::within(&mut reaches, &stiffness, &limits);
-        // What the thesis's spring is best given: the body's own.
+        // The spring of `thesis` gets the stiffness of the body, the best value for it.
         let own = (0..3 * devices.len()).map(|k| {
             let scale = config.devices[k / 3].frame.motion_scale;
             stiffness[(k, k)] / (scale * scale)
@@ -187,8 +187,8 @@ impl Study {
     }
 }
 
-/// Stiffness between all devices of a scene at rest, three rows and columns each, in the devices' own metres and
-/// newtons (N/m).
+/// Stiffness between all devices of a scene at rest, three rows and columns for each device, in the metres and newtons
+/// of the devices (N/m).
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());

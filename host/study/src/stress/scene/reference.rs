@@ -1,11 +1,11 @@
-//! The reference of a cell: the same hands, devices and physics steps, the physics inside the tick.
+//! The reference of a cell: the same hands, devices and physics steps, with the physics inside the tick.
 //!
-//! Each tick reads where the hands truly are, takes a step to there, and renders what the step says, at once: no
-//! model, no encoder, no host that is late. What happens to the world happens here, too: the body softens, the
-//! device is gone, and goes on from where it was left.
+//! Each tick reads the true poses of the hands, takes a step to these poses, and renders the wrenches of the step at
+//! once. The reference has no local model, no encoder and no latency. The trouble of the world occurs here, too: the
+//! body softens; the device vanishes, and resumes at its last pose.
 //!
-//! [`follow`] leads the same bodies along the path of a run instead: what the body itself exerts at the pose of that
-//! run, whatever led the hand there.
+//! [`follow`] moves the same bodies along the path of a run instead. It finds the wrenches that the body itself exerts
+//! at the poses of that run, whatever moved the hand there.
 
 use super::draw::Softening;
 use super::measure::Trace;
@@ -21,7 +21,7 @@ use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
 use rt_core::{DeviceState, MAX_DEVICES, Wrench};
 
-/// The bodies with what steps them.
+/// The bodies with their steppers.
 pub(in crate::stress) struct Bodies(Vec<(Body, Stepper<f64>)>);
 
 impl Bodies {
@@ -47,7 +47,7 @@ struct Copy<'a> {
     bodies: Bodies,
     /// For each body and handle, the device that holds it.
     held: Vec<Vec<usize>>,
-    /// What is still to soften.
+    /// The softening that is still to come.
     softening: Option<Softening>,
     targets: Vec<HandlePose>,
 }
@@ -63,7 +63,7 @@ impl<'a> Copy<'a> {
         })
     }
 
-    /// The tick's step, with the handles where `place` has their devices.
+    /// Takes the step of the tick, with each handle at the pose that `place` gives for its device.
     fn place(
         &mut self,
         now_ns: u64,
@@ -94,7 +94,7 @@ impl<'a> Copy<'a> {
     }
 }
 
-/// Nothing goes on beside the ticks.
+/// All work is done in the ticks.
 impl Host for Copy<'_> {
     type Error = StudyError;
 
@@ -110,8 +110,8 @@ impl Host for Copy<'_> {
 }
 
 impl Bodies {
-    /// The largest stiffness and damping that each device meets where the bodies of `world` are now, as a model that is
-    /// good for `period` (s) has them (N/m and N s/m at the device).
+    /// The largest stiffness and damping that each device meets in the present state of the bodies of `world`, in a
+    /// model for the period `period` (s), in N/m and N s/m at the device.
     pub(in crate::stress) fn stiffest(
         &mut self,
         world: &World,
@@ -136,13 +136,14 @@ impl Bodies {
     }
 }
 
-/// The largest eigenvalue that a condensed matrix has for the translations of `handle`.
+/// The largest eigenvalue of the translational block of `handle` in a condensed matrix.
 pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
     let block = Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)]);
     block.symmetric_eigenvalues().max()
 }
 
-/// Leads the bodies along the path that `run` keeps, and keeps what they exert there; gives the bodies at its end.
+/// Moves the bodies along the path of `run`, and stores the wrenches that they exert. Returns the bodies at the end of
+/// the path.
 pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies, StudyError> {
     let mut copy = Copy::new(world)?;
     for device in &mut run.devices {

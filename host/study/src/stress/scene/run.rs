@@ -1,8 +1,8 @@
-//! One run of a cell under one scheme: physics at a fixed step, publications at the drawn rate, late, lost or stalled,
-//! the controller at its tick, devices and hands between ticks.
+//! One run of a cell under one scheme. The physics steps at a fixed rate, and publishes at the drawn rate; its models
+//! are late or lost, and the host stalls. The controller runs at its tick, devices and hands between ticks.
 //!
-//! The physics takes its steps whatever the publication rate: what differs from the reference is the multirate scheme
-//! alone.
+//! The physics takes the same steps at every publication rate. The run therefore differs from the reference by the
+//! multirate scheme alone.
 
 use super::draw::Span;
 use super::measure::Trace;
@@ -20,18 +20,18 @@ use rt_core::{Controller, Pose, Vec3};
 use runner::link::{LinkConfig, link};
 use runner::tick_loop::TickLoop;
 
-/// Models a second (Hz) for which the rings have room: the tick empties them in every tick.
+/// Models a second (Hz) for which the rings have room. The tick empties the rings in every tick.
 const ROOM: f64 = 20.0;
 
-/// Time constant (s) with which a body that is led along a run takes over what the encoder's counts are off.
+/// Time constant (s) of the filter for the error of the encoder.
 const SETTLE: f64 = 0.05;
 
-/// Where in the scene a body is led along a run: where the handle truly is, off by as much as the encoder's counts are
-/// off on the mean of the last while. No tick knows better than its encoder where a hand that rests is, and on a stiff
-/// body a part of a count is a share of the force; but a body that followed the counts themselves would be shaken.
+/// The pose at which a body is moved along a run: the true pose of the handle, plus the mean error of the encoder over
+/// the last [`SETTLE`]. No tick knows the place of a resting hand better than its encoder, and on a stiff body a
+/// fraction of a count changes the force noticeably. A body that followed the counts themselves would shake.
 #[derive(Clone)]
 struct Wander {
-    share: f64,
+    gain: f64,
     off: Vec3,
     turned: Vec3,
 }
@@ -39,22 +39,22 @@ struct Wander {
 impl Wander {
     fn new(period: f64) -> Self {
         Self {
-            share: period / SETTLE,
+            gain: period / SETTLE,
             off: Vec3::zeros(),
             turned: Vec3::zeros(),
         }
     }
 
-    /// The pose, where the controller has its proxy at `shown`, the encoder says and the handle truly is as `reading` has
-    /// them (device axes; those of the scene are parallel). A device that is gone stays where it was left.
+    /// The filtered pose, for a proxy of the controller at `shown`. `reading` holds the pose of the encoder and the
+    /// true pose (axes of the device, parallel to those of the scene). A device that is absent stays at its last pose.
     fn pose(&mut self, shown: &Pose, reading: Option<(&Pose, &Pose)>, scale: f64) -> Pose {
         let Some((counted, truly)) = reading else {
             return *shown;
         };
         let off = counted.position - truly.position;
         let turn = truly.rotation * counted.rotation.inverse();
-        self.off += (off - self.off) * self.share;
-        self.turned += (-turn.scaled_axis() - self.turned) * self.share;
+        self.off += (off - self.off) * self.gain;
+        self.turned += (-turn.scaled_axis() - self.turned) * self.gain;
         Pose {
             position: shown.position + (self.off - off) * scale,
             rotation: UnitQuaternion::from_scaled_axis(self.turned) * turn * shown.rotation,
@@ -76,7 +76,7 @@ pub(in crate::stress) fn run(
     {
         let realtime = &mut loaded.scene.realtime;
         realtime.scheme = scheme;
-        // Whoever sets a scene up for a late host lets the tick believe it as long as it is no later than usual.
+        // A scene for a late host sets an age limit that accepts the usual latency.
         let usual = 2.0 * (1.0 + draw.jitter) * (draw.latency + 1.0 / draw.rate);
         realtime.age_limit = Some(realtime.age_limit().max(usual));
     }

@@ -1,11 +1,11 @@
-//! The cells of a study in a few numbers: per scheme, and per band of rates.
+//! The cells of a study, summarized by scheme and by band of rates.
 
 use super::CellResult;
 use super::draw::{RATES, Trouble};
 use super::measure::Outcome;
 use serde::Serialize;
 
-/// A force error below this is not felt: the just-noticeable difference of a force is about a tenth.
+/// Largest force error that nobody notices: the just-noticeable difference of a force is about a tenth.
 pub const JUST_NOTICEABLE: f64 = 0.1;
 
 /// Some cells under one scheme.
@@ -13,45 +13,45 @@ pub const JUST_NOTICEABLE: f64 = 0.1;
 pub struct Row {
     /// The scheme.
     pub scheme: String,
-    /// How many cells.
+    /// Number of cells.
     pub runs: usize,
-    /// Share of them whose hold is bounded.
+    /// Fraction of the cells whose hold is bounded.
     pub bounded: f64,
-    /// Net energy (J): 99 % of the cells stay below, and all.
+    /// Net energy (J): 99th percentile and largest.
     pub net_energy: [f64; 2],
-    /// Ripple (N): half of the cells stay below, and all.
+    /// Ripple (N): median and largest.
     pub ripple: [f64; 2],
-    /// Force error, a share: half of the cells stay below, and nine of ten.
+    /// Force error, a fraction: median and 90th percentile.
     pub error: [f64; 2],
-    /// The same where word had come of what the body is made of.
+    /// The same without the times at which the tick had not yet received a model of the softened body.
     pub aware: [f64; 2],
     /// The same without the times of faults.
     pub untroubled: [f64; 2],
-    /// Share of the cells whose error without the times of faults is below what is noticed.
+    /// Fraction of the cells whose error without the times of faults is below [`JUST_NOTICEABLE`].
     pub unnoticed: f64,
-    /// Stiffness error of holds, a share: half of the cells stay below, and nine of ten.
+    /// Stiffness error of the hold, a fraction: median and 90th percentile.
     pub stiffness: [f64; 2],
-    /// Error of what was felt over the whole run, a share of its peak: half of the cells stay below, and nine of ten.
+    /// Error of the force over the whole run, a fraction of the peak: median and 90th percentile.
     pub felt: [f64; 2],
-    /// Ripple in the worst half second beyond the reference's (N): nine of ten of the cells stay below, and all.
+    /// Ripple in the worst half second beyond that of the reference (N): 90th percentile and largest.
     pub worst_ripple: [f64; 2],
-    /// Share of the ticks in which a cap acted: half of the cells stay below, and all.
+    /// Fraction of the ticks in which a cap acted: median and largest.
     pub capped: [f64; 2],
     /// The cell of the largest net energy, and that of the largest ripple.
     pub worst: [u64; 2],
 }
 
-/// Which cells a row is made of.
+/// The cells that a row summarizes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Band {
     /// Publication rates (Hz), both ends included.
     pub rates: [f64; 2],
-    /// What went wrong; everything if none.
+    /// The kind of fault; all kinds if none.
     pub trouble: Option<Trouble>,
 }
 
 impl Band {
-    /// All cells of these rates.
+    /// All cells with a rate from `low` to `high` (Hz).
     pub fn of(low: f64, high: f64) -> Self {
         Self {
             rates: [low, high],
@@ -59,7 +59,7 @@ impl Band {
         }
     }
 
-    /// The bands of the tables: late hosts, 60 Hz, fast ones, and each by itself.
+    /// The bands of the tables: each rate by itself.
     pub fn all() -> Vec<Self> {
         RATES.iter().map(|rate| Self::of(*rate, *rate)).collect()
     }
@@ -72,7 +72,7 @@ impl Band {
     }
 }
 
-/// What `scheme` made of the cells of `band`, by number.
+/// The outcomes of `scheme` in the cells of `band`, by number.
 pub fn outcomes<'a>(
     cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
     scheme: &str,
@@ -84,7 +84,7 @@ pub fn outcomes<'a>(
         .collect()
 }
 
-/// The row of `scheme` over the cells of `band`; none where there are none.
+/// The row of `scheme` over the cells of `band`; none if there are no cells.
 pub fn row<'a>(
     cells: impl Iterator<Item = (&'a u64, &'a CellResult)>,
     scheme: &str,
@@ -97,7 +97,7 @@ pub fn row<'a>(
         all.sort_unstable_by(f64::total_cmp);
         all
     };
-    let share = |holds: &dyn Fn(&Outcome) -> bool| {
+    let fraction = |holds: &dyn Fn(&Outcome) -> bool| {
         found.iter().filter(|(_, o)| holds(o)).count() as f64 / count
     };
     let worst = |value: &dyn Fn(&Outcome) -> f64| {
@@ -106,14 +106,14 @@ pub fn row<'a>(
             .max_by(|a, b| value(a.1).total_cmp(&value(b.1)));
         each.map_or(0, |(number, _)| *number)
     };
-    let at = |all: &[f64], shares: [f64; 2]| shares.map(|share| quantile(all, share));
+    let at = |all: &[f64], fractions: [f64; 2]| fractions.map(|fraction| quantile(all, fraction));
     (!found.is_empty()).then(|| {
         let untroubled = sorted(&|o| o.error_untroubled);
         let unnoticed = untroubled.iter().filter(|e| **e < JUST_NOTICEABLE).count();
         Row {
             scheme: scheme.to_owned(),
             runs: found.len(),
-            bounded: share(&|o| o.bounded),
+            bounded: fraction(&|o| o.bounded),
             net_energy: at(&sorted(&|o| Some(o.net_energy)), [0.99, 1.0]),
             ripple: at(&sorted(&|o| Some(o.stillness.ripple)), [0.5, 1.0]),
             error: at(&sorted(&|o| Some(o.error)), [0.5, 0.9]),
@@ -129,9 +129,9 @@ pub fn row<'a>(
     })
 }
 
-/// The value below which so large a share of `sorted` lies; the nearest that there is.
-pub fn quantile(sorted: &[f64], share: f64) -> f64 {
+/// The quantile of `sorted` at the fraction `fraction`: the nearest value. Not a number if `sorted` is empty.
+pub fn quantile(sorted: &[f64], fraction: f64) -> f64 {
     let last = sorted.len().saturating_sub(1);
-    let at = (share * last as f64).round() as usize;
+    let at = (fraction * last as f64).round() as usize;
     sorted.get(at).copied().unwrap_or(f64::NAN)
 }

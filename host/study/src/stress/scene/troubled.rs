@@ -1,4 +1,4 @@
-//! What goes wrong in a run, around its link and its host.
+//! The trouble of a run, around its link and its host.
 
 use super::world::World;
 use crate::StudyError;
@@ -11,7 +11,7 @@ use host::run::late::LateLink;
 use host::run::timeline::Host;
 use rt_core::{LocalModel, TickRecord};
 
-/// Nothing is measured: the run is virtual.
+/// A clock for a run under virtual time, which measures nothing.
 struct NoWatch;
 
 impl Stopwatch for NoWatch {
@@ -20,12 +20,12 @@ impl Stopwatch for NoWatch {
     }
 }
 
-/// A link that is late by chance, and loses models and records.
+/// A link that is late at random, and loses models and records.
 pub(super) struct Lossy<'a> {
     link: LateLink,
     world: &'a World,
     chance: Chance,
-    /// Records so far.
+    /// Number of records so far.
     records: u64,
 }
 
@@ -39,7 +39,7 @@ impl<'a> Lossy<'a> {
         }
     }
 
-    /// Gives `see` the records that are not lost.
+    /// Passes the records that are not lost to `see`.
     fn drain(&mut self, mut see: impl FnMut(&TickRecord)) {
         let (lost, chance) = (self.world.draw.records_lost, self.chance);
         let records = &mut self.records;
@@ -62,11 +62,11 @@ impl<'a> Lossy<'a> {
     }
 }
 
-/// A host that steps at a fixed rate, whatever the rate at which it publishes.
+/// A host that steps at a fixed rate, independent of the rate at which it publishes.
 pub(super) struct Steady<'a> {
     engine: Engine,
     link: Lossy<'a>,
-    /// The next step, and publications so far.
+    /// The number of the next step, and the number of the last publication that was due.
     next: u64,
     published: u64,
 }
@@ -81,13 +81,13 @@ impl<'a> Steady<'a> {
         }
     }
 
-    /// When the next step starts (ns).
+    /// The time at which the next step starts (ns).
     fn time_ns(&self) -> u64 {
         let rate = self.link.world.loaded.scene.host.step_rate;
         (self.next as f64 * 1e9 / rate) as u64
     }
 
-    /// Follows the hands to where the records that have come say that they are.
+    /// Moves the handles along the records that have arrived.
     fn follow(&mut self) {
         let engine = &mut self.engine;
         self.link.drain(|record| engine.follow(record));
@@ -98,7 +98,8 @@ impl<'a> Steady<'a> {
         self.next += 1;
         self.follow();
         let rate = self.link.world.draw.rate;
-        // At the first step at or after each multiple of the period; a late host does not make up for lost ones.
+        // A publication is due at the first step at or after each multiple of the period. A late host does not repeat
+        // publications that it missed.
         let due = (time_ns as f64 * 1e-9 * rate * (1.0 + 1e-12)) as u64;
         let publishes = due > self.published;
         self.published = due;
@@ -110,12 +111,13 @@ impl<'a> Steady<'a> {
     }
 }
 
-/// A host that stalls, and whose bodies soften. One that stalls takes no steps meanwhile, and goes on from where the
-/// hands are then.
+/// A host that stalls, and whose bodies soften. A stalled host takes no steps, and resumes at the present poses of the
+/// hands.
 pub(super) struct Troubled<'a> {
     host: Steady<'a>,
     world: &'a World,
-    /// When the bodies softened here (ns), and which bodies the tick has heard of since.
+    /// The time at which the bodies softened here (ns), and whether the tick has received a model of each softened
+    /// body.
     softened: Option<u64>,
     heard: Vec<bool>,
 }
@@ -135,7 +137,7 @@ impl<'a> Troubled<'a> {
         &self.host.engine
     }
 
-    /// Whether the tick has yet to hear from a body that it is softer.
+    /// Whether the tick has yet to receive a model of a softened body.
     pub(super) fn is_unheard(&self) -> bool {
         self.heard.contains(&false)
     }

@@ -1,4 +1,5 @@
-//! What a run and its reference share: the scene with the hands of a cell, its devices, and what is kept of a tick.
+//! The parts that a run and its reference have in common: the scene with the hands of a cell, its devices, and the
+//! recording of each tick.
 
 use super::draw::Draw;
 use super::measure::{DeviceTrace, Trace};
@@ -14,11 +15,11 @@ use sim::{Fault, Faulty};
 /// A cell's scene.
 #[derive(Clone, Debug)]
 pub(in crate::stress) struct World {
-    /// With the cell's hands, rates and materials.
+    /// The scene with the hands, rates and materials of the cell.
     pub(in crate::stress) loaded: LoadedScene,
-    /// The same, softened.
+    /// The softened scene.
     pub(in crate::stress) soft: Option<LoadedScene>,
-    /// What was drawn.
+    /// The draw.
     pub(in crate::stress) draw: Draw,
 }
 
@@ -26,10 +27,10 @@ pub(in crate::stress) struct World {
 pub(super) struct Kept {
     /// For each body and handle, the device that holds it.
     held: Vec<Vec<usize>>,
-    /// Scene metres per device metre.
+    /// Metres of the scene per metre of the device.
     scales: Vec<f64>,
     trace: Trace,
-    /// What was stored before the first tick, gravity's part with it (J).
+    /// Energy stored before the first tick, with the potential of gravity (J).
     stored: f64,
 }
 
@@ -39,12 +40,12 @@ impl World {
         (1e9 / self.loaded.scene.realtime.rate).round() as u64
     }
 
-    /// The same in seconds.
+    /// The tick's period (s).
     pub(in crate::stress) fn period(&self) -> f64 {
         self.period_ns() as f64 * 1e-9
     }
 
-    /// When the ticks of a run come.
+    /// The times of the ticks of a run.
     pub(super) fn timeline(&self) -> Timeline {
         Timeline {
             period_ns: self.period_ns(),
@@ -62,8 +63,8 @@ impl World {
         bodies.collect()
     }
 
-    /// The controller's configuration, the devices at rest, and what is to be kept of them. `stored` is what the bodies
-    /// store (J).
+    /// The controller's configuration, the devices at rest, and the empty recording. `stored` is the energy that the
+    /// bodies store (J).
     pub(super) fn devices(
         &self,
         stored: f64,
@@ -97,7 +98,8 @@ impl World {
 }
 
 impl Kept {
-    /// What `bodies`, in the scene's order, exert on the devices (scene axes), and the potential of their weight (J).
+    /// The wrenches that `bodies`, in the order of the scene, exert on the devices (axes of the scene), and the
+    /// potential of their weight (J).
     pub(super) fn exerted_by<'a>(
         &self,
         bodies: impl Iterator<Item = &'a Body>,
@@ -105,8 +107,8 @@ impl Kept {
         exerted(bodies, &self.held)
     }
 
-    /// Keeps a tick: the state of each device's last stage, what the bodies exert on the devices (scene axes, N), the
-    /// potential of their weight (J) and the tick's account.
+    /// Records a tick: the state of each device's last stage, the wrenches of the bodies on the devices (axes of the
+    /// scene, N), the potential of their weight (J) and the tick's account.
     pub(super) fn keep(
         &mut self,
         devices: &[AnyDevice],
@@ -144,8 +146,8 @@ impl Kept {
     }
 }
 
-/// What `bodies`, whose handles `held` gives to devices, exert on these (scene axes), and the potential of their weight
-/// (J).
+/// The wrenches that `bodies` exert on the devices that `held` names for their handles (axes of the scene), and the
+/// potential of their weight (J).
 pub(super) fn exerted<'a>(
     bodies: impl Iterator<Item = &'a Body>,
     held: &[Vec<usize>],

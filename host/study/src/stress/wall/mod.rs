@@ -1,11 +1,12 @@
-//! A unilateral wall inside the tick: from which stiffness on energy comes out of it, on each device, beside theory;
-//! and how much stiffer it may be under each scheme.
+//! A unilateral wall inside the tick: the stiffness from which on the adversary extracts energy, on each device,
+//! compared with theory; and how much stiffer the wall may be under each scheme.
 //!
-//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). What comes out is certified
-//! at the hand's port by [`sim::adversary`], never by the controller's own account. Four kinds of cells:
+//! The wall is a local model with a contact, in the real [`rt_core::Controller`] ([`rig`]). [`sim::adversary`] measures
+//! the energy at the port of the hand; the account of the controller is not used. There are four kinds of cells:
 //!
-//! - **passive**: the boundary of passivity, measured by halving ([`passive`]), beside the exact condition
-//!   ([`theory`]): without friction and counts over damping, delay and rate; with them against Abbott and Okamura.
+//! - **passive**: the boundary of passivity, measured by bisection ([`passive`]) and compared with theory
+//!   ([`theory`]). Without friction and counts, over damping, delay and rate, theory is the exact condition. With
+//!   friction and counts, theory is that of Abbott and Okamura.
 //! - **stable**: the boundary of stability with the device in a typical hand ([`stable`]).
 //! - **energy**: the map: most energy found at a stiffness and a damping.
 //! - **scheme**: most energy found at multiples of the plain bound, and the static stiffness there ([`stiffer`]).
@@ -30,7 +31,7 @@ use sim::{Arm, DeviceModel};
 use std::collections::BTreeMap;
 use theory::{Plant, Sampled};
 
-/// Version of the lines of results.
+/// Version of the layout of the results.
 const SCHEMA: u32 = 2;
 /// The schemes that are compared.
 pub const SCHEMES: [Scheme; 4] = [
@@ -39,42 +40,42 @@ pub const SCHEMES: [Scheme; 4] = [
     Scheme::Classic,
     Scheme::Capped,
 ];
-/// Energy up to which a scheme's wall counts as safe (J).
+/// Largest extracted energy with which the wall of a scheme counts as safe (J).
 pub const SAFE: f64 = 1e-3;
-/// Share of the stiffness asked for that must be rendered for a scheme's wall to count.
+/// Fraction of the static stiffness that must be rendered for the wall of a scheme to count.
 pub const RENDERED: f64 = 0.9;
 /// Stiffnesses and dampings of the map.
 const GRID: [u32; 2] = [32, 16];
 
-/// What is done.
+/// The settings of the study.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
-    /// The corners only.
+    /// Runs the corners only.
     pub quick: bool,
-    /// Fixes every random choice.
+    /// The seed of every random choice.
     pub seed: u64,
-    /// The map's rate (Hz); each device's own where there is none.
+    /// The rate of the map (Hz); the rate of each device if none.
     pub map_rate: Option<u32>,
-    /// The map's delay (ticks).
+    /// The delay of the map (ticks).
     pub map_delay: usize,
 }
 
-/// One cell's work.
+/// The work of one cell.
 #[derive(Clone, Copy, Debug)]
 struct Task {
     device: &'static str,
     model: DeviceModel,
     rate: u32,
     delay: usize,
-    what: What,
+    case: Case,
 }
 
 #[derive(Clone, Copy, Debug)]
-enum What {
-    /// Damping of the wall as a share of the device's; whether with friction and counts.
+enum Case {
+    /// Damping of the wall as a fraction of the device's; whether with friction and counts.
     Passive(f64, bool),
     Stable(f64),
-    /// Place in the grid.
+    /// Row and column in the grid.
     Energy([u32; 2]),
     Scheme {
         scheme: Scheme,
@@ -84,14 +85,14 @@ enum What {
     },
 }
 
-/// Which wall a result is of.
+/// The wall of a result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Setting {
     /// The device's name.
     pub device: String,
     /// The tick's rate (Hz).
     pub rate: u32,
-    /// Ticks between a command and when it is held.
+    /// Ticks between a command and the tick in which the device holds it.
     pub delay: usize,
     /// The device's damping (N s/m).
     pub device_damping: f64,
@@ -107,62 +108,62 @@ pub struct Setting {
 pub enum Outcome {
     /// The boundary of passivity (N/m).
     Passive {
-        /// Of which wall.
+        /// The wall.
         #[serde(flatten)]
         setting: Setting,
-        /// The exact condition's; with friction and counts for hands up to [`passive::SPEED`].
+        /// The exact condition's stiffness; with friction and counts, the bound for hands up to [`passive::SPEED`].
         theory: f64,
-        /// Abbott and Okamura's, for any speed; only with friction and counts.
+        /// Abbott and Okamura's bound for any speed; only with friction and counts.
         any_speed: Option<f64>,
-        /// Where energy came out first; none if nowhere.
+        /// The smallest stiffness at which energy was extracted; none if there was none.
         measured: Option<f64>,
-        /// The family of the motion that got it.
+        /// The family of the motion that extracted it.
         family: Option<String>,
         /// Ticks that the adversary spent.
         spent: u64,
     },
     /// The boundary of stability (N/m).
     Stable {
-        /// Of which wall.
+        /// The wall.
         #[serde(flatten)]
         setting: Setting,
         /// The largest stiffness with all eigenvalues inside the unit circle.
         theory: f64,
-        /// Where a disturbance grew first.
+        /// The smallest stiffness at which a disturbance grew.
         measured: f64,
     },
     /// A cell of the map.
     Energy {
-        /// Of which wall.
+        /// The wall.
         #[serde(flatten)]
         setting: Setting,
         /// Stiffness (N/m).
         stiffness: f64,
-        /// Edges of the cell: from and to in damping (N s/m).
+        /// Edges of the cell in damping (N s/m).
         across: [f64; 2],
-        /// Edges of the cell: from and to in stiffness (N/m).
+        /// Edges of the cell in stiffness (N/m).
         up: [f64; 2],
-        /// Most energy found (J).
+        /// Most energy extracted (J).
         energy: f64,
     },
     /// A scheme at a multiple of the plain bound.
     Scheme {
-        /// Of which wall.
+        /// The wall.
         #[serde(flatten)]
         setting: Setting,
         /// The scheme.
         scheme: String,
-        /// Whether the adversary kept to what a hand accelerates by.
+        /// Whether the acceleration of the adversary was limited to that of a hand.
         as_hand: bool,
         /// Multiple of the plain bound.
         times: f64,
         /// Stiffness (N/m).
         stiffness: f64,
-        /// Most energy found (J).
+        /// Most energy extracted (J).
         energy: f64,
-        /// The family of the motion that got it.
+        /// The family of the motion that extracted it.
         family: String,
-        /// Static stiffness, as a share of what was asked.
+        /// Static stiffness rendered, as a fraction of the wall's.
         rendered: f64,
     },
 }
@@ -171,7 +172,7 @@ impl Study {
     fn tasks(&self) -> Vec<Task> {
         let quick = self.quick;
         let delays: &[usize] = if quick { &[0, 1] } else { &[0, 1, 3] };
-        let shares: &[f64] = if quick {
+        let fractions: &[f64] = if quick {
             &[0.0, 0.4]
         } else {
             &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]
@@ -188,21 +189,21 @@ impl Study {
                 .iter()
                 .flat_map(|r| delays.iter().map(move |d| (r, d)))
             {
-                let mut add = |what| {
+                let mut add = |case| {
                     tasks.push(Task {
                         device,
                         model,
                         rate,
                         delay,
-                        what,
+                        case,
                     });
                 };
-                for &share in shares {
-                    add(What::Passive(share, false));
-                    add(What::Stable(share));
+                for &fraction in fractions {
+                    add(Case::Passive(fraction, false));
+                    add(Case::Stable(fraction));
                 }
                 if delay == 0 {
-                    add(What::Passive(0.0, true));
+                    add(Case::Passive(0.0, true));
                 }
                 if delay > 1 || (quick && delay > 0) {
                     continue;
@@ -212,7 +213,7 @@ impl Study {
                     .flat_map(|s| multiples.iter().map(move |t| (*s, t)))
                 {
                     for (whole, as_hand) in [(false, false), (true, false), (true, true)] {
-                        add(What::Scheme {
+                        add(Case::Scheme {
                             scheme,
                             times,
                             whole,
@@ -228,7 +229,7 @@ impl Study {
                     model,
                     rate: self.map_rate.unwrap_or(model.rate_hz),
                     delay: self.map_delay,
-                    what: What::Energy(place),
+                    case: Case::Energy(place),
                 });
             }
         }
@@ -240,7 +241,7 @@ impl Study {
         if self.quick { [8, 5] } else { GRID }
     }
 
-    /// Ticks that the adversary may spend on: halving at one stiffness, a cell of the map, a scheme.
+    /// Ticks that the adversary may spend: on bisection at one stiffness, on a cell of the map, on a scheme.
     fn budgets(&self) -> [u64; 3] {
         if self.quick {
             [100_000, 60_000, 60_000]
@@ -249,7 +250,7 @@ impl Study {
         }
     }
 
-    /// What the results are a function of.
+    /// The header of the results: everything that determines them.
     pub fn header(&self) -> Header {
         let models: BTreeMap<_, _> = DeviceModel::all()
             .map(|(name, m)| {
@@ -274,7 +275,7 @@ impl Study {
     /// Runs all cells that are not done.
     ///
     /// # Errors
-    /// [`JobError`]: the file of results cannot be used.
+    /// [`JobError`] if the file of results cannot be used.
     pub fn run(
         &self,
         options: &Options,
@@ -287,25 +288,25 @@ impl Study {
 
     fn work(&self, task: &Task, cell: u64) -> Outcome {
         let [halving, map, scheme_budget] = self.budgets();
-        // Each cell draws on its own.
+        // Each cell has a seed of its own.
         let seed = self.seed.wrapping_mul(1_000_003).wrapping_add(cell);
-        let wall = |stiffness, share, whole, scheme| Wall {
+        let wall = |stiffness, fraction, whole, scheme| Wall {
             model: task.model,
             rate: task.rate,
             delay: task.delay,
             whole,
             scheme,
             stiffness,
-            damping: share * task.model.damping,
+            damping: fraction * task.model.damping,
         };
-        match task.what {
-            What::Passive(share, whole) => {
-                let wall = wall(1.0, share, whole, Scheme::Linear);
-                let sampled = task.sampled(share);
+        match task.case {
+            Case::Passive(fraction, whole) => {
+                let wall = wall(1.0, fraction, whole, Scheme::Linear);
+                let sampled = task.sampled(fraction);
                 let found = passive::boundary(&wall, 4.0 * sampled.plain(), halving, seed);
                 let (model, period) = (&task.model, sampled.period);
                 Outcome::Passive {
-                    setting: task.setting(share, whole),
+                    setting: task.setting(fraction, whole),
                     theory: if whole {
                         theory::at_speed(model, period, passive::SPEED)
                     } else {
@@ -317,35 +318,35 @@ impl Study {
                     spent: found.map_or(0, |found| found.spent),
                 }
             }
-            What::Stable(share) => {
+            Case::Stable(fraction) => {
                 let plant = Plant::held(&task.model, &Arm::TYPICAL);
-                let sampled = task.sampled(share);
-                let wall = wall(1.0, share, false, Scheme::Linear);
+                let sampled = task.sampled(fraction);
+                let wall = wall(1.0, fraction, false, Scheme::Linear);
                 Outcome::Stable {
-                    setting: task.setting(share, false),
+                    setting: task.setting(fraction, false),
                     theory: sampled.stable(&plant),
                     measured: stable::boundary(&wall, &plant, sampled.plain()),
                 }
             }
-            What::Energy([row, column]) => {
+            Case::Energy([row, column]) => {
                 let [rows, columns] = self.grid();
-                let share = |column: f64| column / f64::from(columns);
+                let fraction = |column: f64| column / f64::from(columns);
                 let [low, high] = task.range();
                 let stiffness =
                     |row: f64| low * libm::exp(row / f64::from(rows) * libm::log(high / low));
                 let (column, row) = (f64::from(column), f64::from(row));
-                let middle = share(column + 0.5);
+                let middle = fraction(column + 0.5);
                 let wall = wall(stiffness(row + 0.5), middle, false, Scheme::Linear);
                 let damping = task.model.damping;
                 Outcome::Energy {
                     setting: task.setting(middle, false),
                     stiffness: wall.stiffness,
-                    across: [column, column + 1.0].map(|at| damping * share(at)),
+                    across: [column, column + 1.0].map(|at| damping * fraction(at)),
                     up: [row, row + 1.0].map(stiffness),
                     energy: stiffer::most_energy(&wall, map, seed),
                 }
             }
-            What::Scheme {
+            Case::Scheme {
                 scheme,
                 times,
                 whole,
@@ -370,29 +371,30 @@ impl Study {
 }
 
 impl Task {
-    fn sampled(&self, share: f64) -> Sampled {
+    fn sampled(&self, fraction: f64) -> Sampled {
         Sampled {
             period: 1.0 / f64::from(self.rate),
             delay: self.delay,
             device: self.model.damping,
-            wall: share * self.model.damping,
+            wall: fraction * self.model.damping,
         }
     }
 
-    /// Stiffness at the bottom and the top of the map (N/m): from a tenth of the plain bound to twice what is stable.
+    /// Stiffness at the bottom and the top of the map (N/m): from a tenth of the plain bound to twice the largest
+    /// stable stiffness.
     fn range(&self) -> [f64; 2] {
         let sampled = self.sampled(0.0);
         let stable = sampled.stable(&Plant::held(&self.model, &Arm::TYPICAL));
         [0.1 * sampled.plain(), 2.0 * stable]
     }
 
-    fn setting(&self, share: f64, whole: bool) -> Setting {
+    fn setting(&self, fraction: f64, whole: bool) -> Setting {
         Setting {
             device: self.device.to_owned(),
             rate: self.rate,
             delay: self.delay,
             device_damping: self.model.damping,
-            damping: share * self.model.damping,
+            damping: fraction * self.model.damping,
             whole,
         }
     }

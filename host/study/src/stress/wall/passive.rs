@@ -1,17 +1,17 @@
-//! The measured boundary of passivity: from which stiffness on the adversary gets energy out.
+//! The measured boundary of passivity: the stiffness from which on the adversary extracts energy.
 
 use super::rig::{Rig, Wall};
 use sim::adversary::{Adversary, Goal, Limits, Rendering, Start, best_among};
 
 /// Fastest hand (m/s).
 pub const SPEED: f64 = 0.5;
-/// What a hand that is only a hand accelerates by at most (m/s^2): five times gravity.
+/// Largest acceleration of an adversary that moves as a hand (m/s^2): five times gravity.
 pub const SURGE: f64 = 50.0;
-/// Deepest place (m), where the motors allow it.
+/// Deepest position (m), where the motors allow it.
 const DEEPEST: f64 = 5e-3;
-/// Most ticks in a motion.
+/// Most ticks of a motion.
 const LONGEST: usize = 2000;
-/// Ratio of stiffnesses at which halving ends.
+/// Ratio of stiffnesses at which the bisection ends.
 const CLOSE: f64 = 1.01;
 
 /// An adversary for a wall that may spend `budget` ticks.
@@ -31,19 +31,19 @@ pub fn adversary(wall: &Wall, budget: u64, seed: u64) -> Adversary {
     }
 }
 
-/// What was measured.
+/// The measured boundary.
 #[derive(Clone, Debug)]
 pub struct Boundary {
-    /// The smallest stiffness at which energy came out (N/m).
+    /// The smallest stiffness at which energy was extracted (N/m).
     pub stiffness: f64,
-    /// The family of the motion that got it.
+    /// The family of the motion that extracted it.
     pub family: &'static str,
     /// Ticks spent.
     pub spent: u64,
 }
 
-/// Halves the range of stiffness until the boundary is known to a hundredth. The motion that got energy out of a
-/// stiffer wall is tried first on the next. None where no stiffness gave energy.
+/// Bisects the range of stiffness until the boundary is known to a hundredth. The motion that extracted energy from a
+/// stiffer wall is tried first on the next wall. None if no stiffness gave energy.
 pub fn boundary(wall: &Wall, start: f64, budget: u64, seed: u64) -> Option<Boundary> {
     let mut spent = 0;
     let mut first: Vec<Start> = Vec::new();
@@ -98,8 +98,9 @@ pub fn boundary(wall: &Wall, start: f64, budget: u64, seed: u64) -> Option<Bound
     })
 }
 
-/// The best motion among places, by dynamic programming, if the force is a function of the place alone: on both sides
-/// of every count's edge, or evenly spread where there are no counts. Forces are asked of the controller, standing.
+/// The best motion over a set of positions, by dynamic programming, for a force that is a function of the position
+/// alone. The positions lie on both sides of the edge of every count, or are evenly spaced where there are no counts.
+/// The force at each position is that of the controller at rest there.
 fn planned(rig: &mut Rig, adversary: &Adversary) -> Vec<f64> {
     const TICKS: usize = 120;
     const MOST_PLACES: usize = 300;

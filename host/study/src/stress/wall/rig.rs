@@ -13,7 +13,7 @@ use rt_core::{
 use sim::DeviceModel;
 use sim::adversary::{Port, Rendering};
 
-/// Ticks until the wall is there whole: the model blends in over a few.
+/// Ticks until the wall is complete: the model blends in over a few ticks.
 const WARM_UP: u32 = 20;
 
 /// A wall on a device.
@@ -23,12 +23,12 @@ pub struct Wall {
     pub model: DeviceModel,
     /// The tick's rate (Hz).
     pub rate: u32,
-    /// Ticks between a command and when the device holds it.
+    /// Ticks between a command and the tick in which the device holds it.
     pub delay: usize,
-    /// With the device's friction and counts, and its driver's estimate of velocity; else without, and the velocity is
-    /// the difference of positions.
+    /// With the device's friction and counts, and its driver's estimate of velocity; otherwise without them, and the
+    /// velocity is the difference of positions over the period.
     pub whole: bool,
-    /// What is rendered.
+    /// The scheme that renders the wall.
     pub scheme: Scheme,
     /// Stiffness (N/m).
     pub stiffness: f64,
@@ -42,7 +42,7 @@ impl Wall {
         1.0 / f64::from(self.rate)
     }
 
-    /// What lies between the controller and the hand.
+    /// The port between the controller and the hand.
     pub fn port(&self) -> Port {
         Port {
             period: self.period(),
@@ -52,7 +52,7 @@ impl Wall {
         }
     }
 
-    /// Encoder step (m), zero where there are none.
+    /// Encoder count (m); zero without an encoder.
     pub fn count(&self) -> f64 {
         if self.whole {
             self.model.position_step
@@ -97,7 +97,7 @@ impl Wall {
             scheme: self.scheme,
             period,
             blend: 0.5,
-            // The plane is published once, before contact, and stands.
+            // The plane is published once, before contact, and stays valid.
             age_limit: 1e6,
             decay: 0.1,
             recovery: period,
@@ -120,17 +120,17 @@ impl Wall {
         model
     }
 
-    /// Stiffness and damping that the host publishes: the wall's, or with a virtual coupling before it those of both in
-    /// series, as `engine::virtual_coupling` has it.
+    /// Stiffness and damping that the host publishes: those of the wall, or under `proxy` those of wall and virtual
+    /// coupling in series, as in `engine::virtual_coupling`.
     fn published(&self) -> [f64; 2] {
         if self.scheme != Scheme::Proxy {
             return [self.stiffness, self.damping];
         }
         let link = Link::recommended(&self.model);
-        let share = link.stiffness / (link.stiffness + self.stiffness);
-        let rest = 1.0 - share;
-        let damping = share * share * self.damping + rest * rest * link.damping;
-        [share * self.stiffness, damping]
+        let fraction = link.stiffness / (link.stiffness + self.stiffness);
+        let rest = 1.0 - fraction;
+        let damping = fraction * fraction * self.damping + rest * rest * link.damping;
+        [fraction * self.stiffness, damping]
     }
 }
 
@@ -138,7 +138,7 @@ impl Wall {
 #[derive(Clone, Debug)]
 pub struct Rig {
     wall: Wall,
-    /// As it is at rest at the wall's surface, the wall there whole.
+    /// The controller at rest at the wall's surface, with the wall complete.
     ready: Box<Controller>,
     controller: Box<Controller>,
     estimator: VelocityEstimator,
@@ -148,10 +148,10 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// At rest at the wall's surface.
+    /// A rig at rest at the wall's surface.
     pub fn new(wall: Wall) -> Self {
         let mut controller = Box::new(Controller::new(&wall.config()));
-        // A sound model of one handle for a new body: never refused.
+        // The controller accepts any sound model of one handle for a new body.
         let _ = controller.accept(0, &wall.local_model());
         let period_ns = (1e9 * wall.period()).round() as u64;
         let mut rig = Self {

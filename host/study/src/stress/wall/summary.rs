@@ -1,4 +1,4 @@
-//! What is made of the cells: how much stiffer each scheme may be, and the panels of the map.
+//! The results of the cells: how much stiffer each scheme may be, and the panels of the map.
 
 use super::passive::SPEED;
 use super::theory::Sampled;
@@ -17,25 +17,26 @@ pub struct Gain {
     pub delay: usize,
     /// With friction, counts and the driver's velocity.
     pub whole: bool,
-    /// Whether the adversary kept to what a hand accelerates by.
+    /// Whether the acceleration of the adversary was limited to that of a hand.
     pub as_hand: bool,
     /// The scheme.
     pub scheme: String,
-    /// Multiples of the plain bound with the most energy found (J) and the share of the static stiffness rendered.
+    /// Multiples of the plain bound, with the most energy extracted (J) and the fraction of the static stiffness
+    /// rendered.
     pub steps: Vec<(f64, f64, f64)>,
 }
 
 impl Gain {
-    /// The largest multiple up to which nothing but the safe energy came out and the wall was as stiff as asked; zero
-    /// if there is none.
+    /// The largest multiple up to which no more than the safe energy was extracted and the wall was rendered as stiff
+    /// as asked; zero if there is none.
     pub fn times(&self) -> f64 {
         let holds = |step: &&(f64, f64, f64)| step.1 <= SAFE && step.2 >= RENDERED;
         let last = self.steps.iter().take_while(holds).last();
         last.map_or(0.0, |step| step.0)
     }
 
-    /// The largest multiple that any scheme could reach against a motion that begins at once; none where there is no such
-    /// bound.
+    /// The largest multiple that any scheme could reach against a motion that begins without warning; none if there is
+    /// no such bound.
     pub fn of_any_scheme(&self) -> Option<f64> {
         let mut model = DeviceModel::named(&self.device).filter(|_| !self.as_hand)?;
         if !self.whole {
@@ -53,7 +54,7 @@ impl Gain {
     }
 }
 
-/// The schemes' gains, in the order of the cells.
+/// The gains of the schemes, in the order of the cells.
 pub fn gains(cells: &BTreeMap<u64, Outcome>) -> Vec<Gain> {
     let mut gains: Vec<Gain> = Vec::new();
     for outcome in cells.values() {
@@ -104,22 +105,22 @@ pub fn gains(cells: &BTreeMap<u64, Outcome>) -> Vec<Gain> {
 /// One device's map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
-    /// Of which wall; its damping means nothing here.
+    /// The wall; its damping has no meaning here.
     pub setting: Setting,
     /// Damping from and to (N s/m), stiffness from and to (N/m), most energy found (J), of each cell.
     pub cells: Vec<([f64; 2], [f64; 2], f64)>,
     /// The exact boundary of passivity: damping and stiffness.
     pub passive: Vec<(f64, f64)>,
-    /// The measured one.
+    /// The measured boundary of passivity.
     pub measured: Vec<(f64, f64)>,
     /// The boundary of stability.
     pub stable: Vec<(f64, f64)>,
-    /// The measured one.
+    /// The measured boundary of stability.
     pub stable_measured: Vec<(f64, f64)>,
 }
 
-/// The panels of the map, by device; boundaries of stability and measured ones where they were measured at the map's
-/// rate and delay.
+/// The panels of the map, by device. Boundaries of stability and measured boundaries are included where they were
+/// measured at the rate and delay of the map.
 pub fn panels(cells: &BTreeMap<u64, Outcome>) -> Vec<Panel> {
     let mut panels: Vec<Panel> = Vec::new();
     for outcome in cells.values() {

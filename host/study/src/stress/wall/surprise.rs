@@ -1,23 +1,23 @@
-//! The motion that no controller can foresee: a hand that stands and leaves at once.
+//! The motion that no controller can foresee: a hand that rests and then leaves without warning.
 //!
-//! A hand presses slowly to the depth `x`, rests, and leaves at the speed `v` with the next sample. Until the controller
-//! can answer, `(d + 1) T` later, the device holds what it held: at least `r K x` if a slow press is to feel the share `r`
-//! of the wall. Over the way `D = v (d + 1) T` the hand so gets `r K x D`, and pays `b v D + f_c D`. Pressing, it put in
-//! `K x^2 / 2` at most (what it was to feel is no more than the wall) and `f_c x`. From `x = D` it gets most:
-//!
+//! A hand presses slowly to the depth `x`, rests, and leaves at the speed `v` with the next sample. Until the
+//! controller can respond, `(d + 1) T` later, the device holds its last force. That force is at least `r K x` if a slow
+//! press is to feel the fraction `r` of the wall. Over the displacement `D = v (d + 1) T` the hand receives `r K x D`
+//! and spends `b v D + f_c D`. During the press the hand supplied at most `K x^2 / 2` (the force of a slow press is no
+//! larger than that of the wall) and `f_c x`. The hand gains most from `x = D`:
 //! ```text
 //! (r - 1/2) K D^2 - b D^2 / ((d + 1) T) - 2 f_c D
 //! ```
 //!
-//! Whatever the scheme is: one that holds this below an energy for every motion gives up the stiffness of slow presses,
-//! or is no stiffer than [`most`] says. A hand that accelerates as hands do cannot make this motion; its first steps say
-//! what comes.
+//! The bound holds for every scheme. A scheme that keeps this gain below an energy for every motion either renders slow
+//! presses too softly, or is no stiffer than [`most`]. A hand of limited acceleration cannot make this motion: its
+//! first steps announce the rest.
 
 use sim::DeviceModel;
 use sim::adversary::{Limits, Start};
 
-/// The largest stiffness (N/m) of which a scheme can render the share `rendered` and let a hand of up to `speed` (m/s) have
-/// no more than `energy` (J). None where the motors are too weak for the motion: there is no such bound.
+/// The largest stiffness (N/m) of which a scheme can render the fraction `rendered` while a hand of up to `speed` (m/s)
+/// gains no more than `energy` (J). None where the motors are too weak for the motion: there is no such bound.
 pub(super) fn most(
     model: &DeviceModel,
     period: f64,
@@ -27,20 +27,21 @@ pub(super) fn most(
     energy: f64,
 ) -> Option<f64> {
     let time = (delay + 1) as f64 * period;
-    let way = speed * time;
-    let paid = model.damping / time + (energy + 2.0 * model.friction * way) / (way * way);
+    let travel = speed * time;
+    let paid = model.damping / time + (energy + 2.0 * model.friction * travel) / (travel * travel);
     let stiffness = paid / (rendered - 0.5);
-    (stiffness * way <= model.max_force).then_some(stiffness)
+    (stiffness * travel <= model.max_force).then_some(stiffness)
 }
 
-/// Such motions: from one to eight times as deep as a hand gets before there is an answer.
+/// Motions of this kind, from one to eight times as deep as the displacement of the hand before the controller
+/// responds.
 pub(super) fn motions(limits: &Limits, delay: usize) -> Vec<Start> {
     let step = limits.speed * limits.period;
-    let way = step * (delay + 1) as f64;
+    let travel = step * (delay + 1) as f64;
     let (press, rest) = (limits.longest / 2, limits.longest / 4);
     [1.0, 1.5, 2.0, 3.0, 5.0, 8.0]
         .iter()
-        .map(|share| (share * way).min(limits.deepest))
+        .map(|multiple| (multiple * travel).min(limits.deepest))
         .map(|deep| {
             let down = (1..=press).map(|k| -deep * k as f64 / press as f64);
             let out = (1..limits.longest).map(|k| (step * k as f64 - deep).min(0.0));
@@ -61,7 +62,7 @@ mod tests {
 
     #[test]
     fn a_wall_as_stiff_as_asked_gives_what_theory_says() {
-        // A sampled spring is as stiff as asked, so the bound of r = 1 tells what comes out of it.
+        // A sampled spring is as stiff as asked, so the bound for `r = 1` is the energy that the hand gains.
         struct Spring(f64);
         impl Rendering for Spring {
             fn reset(&mut self) {}
@@ -85,12 +86,13 @@ mod tests {
                 stiffness,
                 damping: 0.0,
             };
-            // Nothing but these motions is tried.
+            // Only these motions are tried.
             let adversary = adversary(&wall, 1, 1);
             let starts = motions(&adversary.limits, delay);
             let found = adversary.search(&mut Spring(stiffness), Goal::Most, &starts);
-            // The press is a thousand steps, each with the force of the one before: a thousandth. Other depths and what
-            // comes after the answer bring more, as a wall beyond the plain bound does.
+            // The press takes a thousand steps, each with the force of the step before, which changes the energy by a
+            // thousandth. Other depths and the motion after the response extract more, as from any wall beyond the
+            // plain bound.
             assert!(found.outcome.energy > 0.998 * energy, "{delay} {found:?}");
         }
     }

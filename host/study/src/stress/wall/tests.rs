@@ -9,7 +9,7 @@ fn quick() -> Study {
     }
 }
 
-/// The cells of the quick study that are wanted.
+/// The outcomes of the wanted cells of the quick study.
 fn cells(wanted: impl Fn(&Task) -> bool) -> Vec<Outcome> {
     let study = quick();
     let tasks = study.tasks();
@@ -19,7 +19,7 @@ fn cells(wanted: impl Fn(&Task) -> bool) -> Vec<Outcome> {
 
 #[test]
 fn boundaries_of_passivity_are_those_of_theory_on_two_devices() {
-    let found = cells(|task| matches!(task.what, What::Passive(..)));
+    let found = cells(|task| matches!(task.case, Case::Passive(..)));
     let mut devices = Vec::new();
     for outcome in &found {
         let Outcome::Passive {
@@ -32,12 +32,12 @@ fn boundaries_of_passivity_are_those_of_theory_on_two_devices() {
         else {
             panic!("{outcome:?}");
         };
-        // Halving ends at a hundredth, and the adversary has to come within 4 % of the boundary; it can never get
-        // inside by more than rounding.
+        // The bisection ends at a hundredth, and the adversary must come within 4 % of the boundary. It can never be
+        // inside the boundary by more than rounding.
         let error = measured / theory - 1.0;
         assert!((-1e-6..0.05).contains(&error), "{outcome:?}");
         if let Some(any_speed) = any_speed {
-            // The hand's limit of speed leaves more than Abbott and Okamura promise.
+            // A hand of limited speed allows more than the bound of Abbott and Okamura, which holds for any speed.
             assert!(measured > any_speed, "{outcome:?}");
         }
         if !devices.contains(&&setting.device) {
@@ -49,21 +49,21 @@ fn boundaries_of_passivity_are_those_of_theory_on_two_devices() {
 
 #[test]
 fn boundaries_of_stability_are_those_of_the_eigenvalues() {
-    for outcome in cells(|task| matches!(task.what, What::Stable(..))) {
+    for outcome in cells(|task| matches!(task.case, Case::Stable(..))) {
         let Outcome::Stable {
             theory, measured, ..
         } = outcome
         else {
             panic!("{outcome:?}");
         };
-        // Halving ends at half a hundredth.
+        // The bisection ends at half a hundredth.
         assert!((measured / theory - 1.0).abs() < 0.01, "{outcome:?}");
     }
 }
 
 #[test]
 fn the_map_has_energy_above_the_line_and_none_below() {
-    let found = cells(|task| matches!(task.what, What::Energy(..)) && task.device == "falcon");
+    let found = cells(|task| matches!(task.case, Case::Energy(..)) && task.device == "falcon");
     let mut sides = [0, 0];
     for outcome in &found {
         let Outcome::Energy {
@@ -97,7 +97,7 @@ fn the_map_has_energy_above_the_line_and_none_below() {
 }
 
 #[test]
-fn what_counts_as_stiffer_is_safe_up_to_there_and_stiff_enough() {
+fn the_gain_counts_walls_that_are_safe_and_stiff_enough() {
     let cell = |times, energy, rendered| Outcome::Scheme {
         setting: Setting {
             device: "falcon".to_owned(),
@@ -123,7 +123,7 @@ fn what_counts_as_stiffer_is_safe_up_to_there_and_stiff_enough() {
         times(&[(1.0, 0.0, 1.0), (5.0, 9e-4, 0.95), (10.0, 2e-3, 1.0)]),
         5.0
     );
-    // A wall gone soft does not count, nor does one beyond a failure.
+    // A wall rendered too softly does not count, nor does a wall beyond a failure.
     assert_eq!(
         times(&[(1.0, 0.0, 1.0), (5.0, 0.0, 0.8), (10.0, 0.0, 1.0)]),
         1.0
@@ -132,10 +132,11 @@ fn what_counts_as_stiffer_is_safe_up_to_there_and_stiff_enough() {
 }
 
 #[test]
-fn schemes_are_told_apart() {
+fn the_cap_extracts_less_than_linear() {
     let found = cells(|task| {
-        let what = matches!(task.what, What::Scheme { times, whole: false, .. } if times == 10.0);
-        what && task.device == "falcon"
+        let matching =
+            matches!(task.case, Case::Scheme { times, whole: false, .. } if times == 10.0);
+        matching && task.device == "falcon"
     });
     let energy = |name: &str| {
         let of = |outcome: &Outcome| match outcome {
@@ -150,7 +151,7 @@ fn schemes_are_told_apart() {
         found.iter().find_map(of).expect("a cell")
     };
     let (linear, stiff) = energy("linear");
-    // The wall is as stiff as asked where nothing is taken off: rounding.
+    // The wall is as stiff as asked, to rounding, where no force is withheld.
     assert!(
         linear > 0.1 && (stiff - 1.0).abs() < 1e-9,
         "{linear} {stiff}"
