@@ -2,8 +2,8 @@
 //! either.
 //!
 //! A mesh comes from a generator ([`generate`], [`generate_box`], [`generate_plate`]) or from a file, which the
-//! crate `meshio` reads. What is read ends in [`TriMesh::new`] or [`TetMesh::new`], so what holds for one mesh
-//! holds for all (see [`check`], [`check_solid`]).
+//! crate `meshio` reads. A reader constructs its mesh by [`TriMesh::new`] or [`TetMesh::new`], so every mesh has
+//! passed the same checks ([`check`], [`check_solid`]).
 
 use crate::Vec3;
 
@@ -34,7 +34,26 @@ pub enum Mesh {
 
 /// A triangle mesh with named groups, as a generator or a file gives it.
 ///
-/// Every index in it has been checked against the arrays that it points into.
+/// [`TriMesh::new`] checks every index against the array that the index refers to. A mesh that was changed
+/// through its public fields is checked again by [`TriMesh::validate`].
+///
+/// ```
+/// use physics::Vec3;
+/// use physics::mesh::{MeshError, TriMesh};
+///
+/// let positions = vec![
+///     Vec3::new(0.0, 0.0, 0.0),
+///     Vec3::new(0.2, 0.0, 0.0),
+///     Vec3::new(0.2, 0.1, 0.0),
+///     Vec3::new(0.0, 0.1, 0.0),
+/// ];
+/// let mesh = TriMesh::new(positions.clone(), vec![[0, 1, 2], [0, 2, 3]])?;
+/// assert!((mesh.area() - 0.02).abs() < 1e-15);
+///
+/// let error = TriMesh::new(positions, vec![[0, 1, 2], [0, 2, 4]]).unwrap_err();
+/// assert!(matches!(error, MeshError::Index { triangle: 1, found: 4, vertices: 4 }));
+/// # Ok::<(), MeshError>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {
     /// Rest positions (m), one per vertex.
@@ -67,7 +86,7 @@ pub struct Field {
     pub values: Vec<f64>,
 }
 
-/// An axis-aligned box that holds a mesh (m).
+/// An axis-aligned box that contains a mesh (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// The corner with the smallest coordinates (m).
@@ -77,7 +96,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box that holds `positions`, or `None` if there are none.
+    /// The smallest box that contains all `positions` (m), or `None` if there are none.
     pub fn of(positions: &[Vec3]) -> Option<Self> {
         let first = *positions.first()?;
         let whole = Self {
@@ -97,7 +116,7 @@ impl Bounds {
 }
 
 impl Mesh {
-    /// The named values per triangle or cell, to be changed.
+    /// The named values per triangle or cell, mutable.
     pub fn fields_mut(&mut self) -> &mut Vec<Field> {
         match self {
             Self::Sheet(mesh) => &mut mesh.triangle_fields,
@@ -120,7 +139,7 @@ impl TriMesh {
     }
 
     /// The vertices whose rest position lies in the box from `min` to `max` (m), faces included,
-    /// ascending. A box that is inside out on any axis holds none.
+    /// ascending. A box whose `min` exceeds its `max` on any axis contains no vertex.
     pub fn vertices_in_box(&self, min: Vec3, max: Vec3) -> Vec<u32> {
         let inside = |p: &Vec3| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&p[axis]));
         let numbered = (0_u32..).zip(&self.positions);
@@ -150,7 +169,7 @@ impl TriMesh {
             .sum()
     }
 
-    /// The smallest axis-aligned box that holds the mesh at rest, or `None` if it has no vertices.
+    /// The smallest axis-aligned box that contains the mesh at rest, or `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.positions)
     }
