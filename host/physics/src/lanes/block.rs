@@ -1,28 +1,28 @@
-//! Node vectors to and from arrays over elements.
+//! Gathering node vectors into arrays over elements, and scattering them back.
 //!
-//! Elements come in blocks of [`LANES`]. What belongs to a block is stored by component: the same component
-//! of all its elements side by side. Work on a block is a loop over its lanes whose body is plain arithmetic
-//! on one element: the compiler makes vector instructions of it, of whatever width the machine has, and
-//! since it may neither reorder sums nor fuse a product into a sum, every width gives the same bytes.
+//! Elements are grouped in blocks of [`LANES`]. The data of a block are stored by component: the same component of
+//! all its elements side by side. The work on a block is a loop over its lanes whose body is plain arithmetic on one
+//! element. The compiler turns the loop into vector instructions of the width that the machine has. It may neither
+//! reorder sums nor contract a product and a sum, so every width gives the same bytes.
 
 use super::{Node, Real};
 
-/// Elements in a block: two or four of the widest vectors.
+/// Elements in a block. The values of a block fill two (f32) or four (f64) of the widest vector registers.
 pub const LANES: usize = 32;
 
 /// One number for each element of a block.
 pub type Lanes<T> = [T; LANES];
 
-/// Elements among which the next is chosen, and the number of elements before it that it should share no
-/// node with.
+/// Number of elements among which the next one is chosen.
 const WINDOW: usize = 128;
+/// Number of preceding elements with which the next one should have no node in common.
 const APART: usize = 8;
 
-/// Three vectors for each element of a block, filled up like nodes: component `i` of vector `a` of element
-/// `lane` is `[a][lane][i]`.
+/// Three vectors for each element of a block, padded like nodes. Component `i` of vector `a` of element `lane` is
+/// `[a][lane][i]`.
 pub type Vectors<T> = [[Node<T>; LANES]; 3];
 
-/// Differences of the vectors `of` at each element's last three nodes from that at its first.
+/// Sets `differences` to the vectors `of` at each element's last three nodes minus the vector at its first node.
 #[inline(always)]
 pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], differences: &mut Vectors<T>) {
     for lane in 0..LANES {
@@ -34,8 +34,8 @@ pub fn gather<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], differences: &
     }
 }
 
-/// Adds `vectors` to the vectors `to` at each element's last three nodes, and subtracts their sum at its
-/// first.
+/// Adds `vectors` to the vectors `to` at each element's last three nodes, and subtracts their sum from the vector at
+/// its first node.
 #[inline(always)]
 pub fn scatter<T: Real>(nodes: &[[u32; 4]; LANES], vectors: &Vectors<T>, to: &mut [Node<T>]) {
     for lane in 0..LANES {
@@ -58,8 +58,8 @@ pub(crate) fn less<T: Real>(a: Node<T>, b: Node<T>) -> Node<T> {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2], a[3] - b[3]]
 }
 
-/// An order of `count` elements in which neighbours share none of their `nodes` where that can be had, so that sums
-/// into nodes need not wait for each other; it stays near the given one.
+/// An order of `count` elements in which nearby elements have none of their `nodes` in common, as far as possible.
+/// Sums into nodes then need not wait for each other. The order stays near the given one.
 pub(crate) fn apart<'a, const N: usize>(
     count: usize,
     nodes: impl Fn(usize) -> &'a [u32; N],
@@ -70,8 +70,8 @@ pub(crate) fn apart<'a, const N: usize>(
     while !window.is_empty() {
         let recent = &order[order.len().saturating_sub(APART)..];
         let apart = |&element: &usize| {
-            let shares = |&other: &usize| nodes(element).iter().any(|n| nodes(other).contains(n));
-            !recent.iter().any(shares)
+            let touches = |&other: &usize| nodes(element).iter().any(|n| nodes(other).contains(n));
+            !recent.iter().any(touches)
         };
         let chosen = window.iter().position(apart).unwrap_or(0);
         order.push(window.remove(chosen));

@@ -1,8 +1,8 @@
 //! Numbers laid out for vector instructions and for the caches.
 //!
-//! - [`Real`]: numbers of either precision.
+//! - [`Real`]: numbers of single or double precision.
 //! - [`Node`]: the vector of a node, padded.
-//! - [`block`]: node vectors to and from arrays over elements.
+//! - [`block`]: gathering node vectors into arrays over elements, and scattering them back.
 
 pub mod block;
 mod real;
@@ -11,7 +11,7 @@ pub use real::Real;
 
 use crate::Vec3;
 
-/// Three numbers of a node (x, y, z) and a fourth, zero, that fills a vector register.
+/// Three components of a node (x, y, z) and a fourth, zero, that fills a vector register.
 pub type Node<T> = [T; 4];
 
 #[inline(always)]

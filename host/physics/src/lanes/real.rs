@@ -1,4 +1,4 @@
-//! Numbers of either precision.
+//! Numbers of single or double precision.
 
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -22,16 +22,16 @@ pub trait Real:
 {
     /// Zero.
     const ZERO: Self;
-    /// The gap between 1 and the next number.
+    /// The difference between 1 and the next larger number.
     const EPSILON: Self;
-    /// The square of a turn (rad) after which no further Newton iteration of a rotation is needed: the next
-    /// would turn by less than its square times the strain.
+    /// The square of a rotation (rad²) after which no further Newton iteration is needed. The next iteration would
+    /// rotate by less than this square times the strain.
     const SMALL_TURN: Self;
 
     /// The nearest number of this precision.
     fn of(value: f64) -> Self;
 
-    /// In double precision.
+    /// The same number in double precision.
     fn to_f64(self) -> f64;
 
     /// The square root.

@@ -1,15 +1,29 @@
 //! A symmetric sparse matrix of 3 x 3 blocks on a fixed pattern.
 //!
-//! Nodes are numbered free ones first, handle nodes last. Both triangles are stored and the columns of a
-//! row ascend, so the product with the free part of a vector is a prefix of each row and the product with
-//! the handle part the rest; a pointer per row says where it splits.
+//! The free nodes are numbered first, the handle nodes last. Both triangles are stored, and the columns of a row
+//! ascend. The product with the free part of a vector therefore uses a prefix of each row, the product with the
+//! handle part the rest. One pointer per row marks the split.
 
 use crate::{Mat3, Vec3};
 
-/// Where the blocks of an element with `N` nodes lie in the matrix, by row and column.
+/// The slots of the blocks of an element with `N` nodes in the matrix, by row and column.
 pub type ElementSlots<const N: usize> = [[u32; N]; N];
 
-/// The matrix: compressed block rows.
+/// A symmetric matrix of 3 x 3 blocks in compressed block rows.
+///
+/// ```
+/// use physics::{BlockMatrix, Mat3, Vec3};
+///
+/// // Two free nodes and a handle node, in a chain.
+/// let chain: [&[u32]; 2] = [&[0, 1], &[1, 2]];
+/// let mut matrix = BlockMatrix::new(3, 2, chain.into_iter());
+/// if let Some(slot) = matrix.slot(0, 1) {
+///     matrix.add(slot, &Mat3::from_diagonal_element(2.0));
+/// }
+/// assert_eq!(matrix.slot(0, 2), None);
+/// let x = [Vec3::zeros(), Vec3::x(), Vec3::zeros()];
+/// assert_eq!(matrix.row_product(0, &x), Vec3::new(2.0, 0.0, 0.0));
+/// ```
 #[derive(Clone, Debug)]
 pub struct BlockMatrix {
     free: usize,
@@ -58,7 +72,7 @@ impl BlockMatrix {
         matrix
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the matrix (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.row_start.as_slice())
             + size_of_val(self.row_split.as_slice())
@@ -66,7 +80,7 @@ impl BlockMatrix {
             + size_of_val(self.blocks.as_slice())
     }
 
-    /// Number of nodes, free and held.
+    /// Number of nodes: free nodes and handle nodes.
     pub fn nodes(&self) -> usize {
         self.row_split.len()
     }
@@ -81,7 +95,7 @@ impl BlockMatrix {
         self.columns.len()
     }
 
-    /// Where block (`row`, `column`) is stored, or `None` where the pattern has none.
+    /// The slot of block (`row`, `column`), or `None` if the pattern lacks the block.
     pub fn slot(&self, row: u32, column: u32) -> Option<u32> {
         let start = self.row_start[row as usize] as usize;
         let end = self.row_start[row as usize + 1] as usize;
@@ -89,7 +103,7 @@ impl BlockMatrix {
         Some((start + offset) as u32)
     }
 
-    /// Where the blocks of an element are stored; `None` where the pattern lacks one.
+    /// The slots of the blocks of an element, or `None` if the pattern lacks one of them.
     pub fn element_slots<const N: usize>(&self, nodes: [u32; N]) -> Option<ElementSlots<N>> {
         let mut slots = [[0; N]; N];
         for a in 0..N {
@@ -112,8 +126,7 @@ impl BlockMatrix {
         }
     }
 
-    /// A zero matrix of the same pattern over nodes numbered anew: node `i` becomes `place[i]`, free nodes
-    /// staying free.
+    /// A zero matrix of the same pattern over renumbered nodes: node `i` becomes `place[i]`. Free nodes stay free.
     pub(crate) fn renumbered(&self, place: &[u32]) -> Self {
         let mut cliques = Vec::with_capacity(self.columns.len());
         for row in 0..self.nodes() {

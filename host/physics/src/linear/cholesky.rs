@@ -1,7 +1,7 @@
-//! Sparse Cholesky factorization of the free nodes' step matrix, numbered as the nodes are.
+//! Sparse Cholesky factorization of the step matrix on the free nodes, in the numbering of the nodes.
 //!
-//! The fill-reducing order (approximate minimum degree) and the symbolic factorization are computed once
-//! per topology; each factorization then only fills numbers into memory set aside for it.
+//! The fill-reducing order (approximate minimum degree) and the symbolic factorization are computed once per topology.
+//! Each factorization then only computes numbers, in memory that was allocated before.
 
 use super::block_matrix::BlockMatrix;
 pub use super::sparse_cholesky::Kernels;
@@ -17,12 +17,12 @@ pub struct Cholesky {
 }
 
 impl Cholesky {
-    /// Analyzes the pattern of `matrix` and sets memory aside, for solves of up to `columns` right-hand
-    /// sides.
+    /// Analyzes the pattern of `matrix` and allocates the memory, for solves of up to `columns` right-hand sides at
+    /// once.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
+    /// [`CondenseError::Symbolic`] if the matrix is too large for memory or 32-bit indices.
     pub fn new(
         matrix: &BlockMatrix,
         columns: usize,
@@ -56,14 +56,15 @@ impl Cholesky {
         self.sparse.numbers.len()
     }
 
-    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`.
+    /// Factorizes `mass_factor M + stiffness_factor K`. `matrix` must have the pattern given to `new`, and `mass` (kg)
+    /// has an entry for each of its nodes.
     ///
-    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are
-    /// uncoupled, with 1 on the diagonal.
+    /// `mask` has for each free node and axis 1 if the axis is free and 0 if it is guided. Guided axes are uncoupled,
+    /// with 1 on the diagonal.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Topology`] when the pattern has another size, and
+    /// [`CondenseError::Topology`] if the pattern has another size, and
     /// [`CondenseError::NotPositiveDefinite`].
     pub fn factorize(
         &mut self,
@@ -80,7 +81,7 @@ impl Cholesky {
         let mut next = 0;
         for node in 0..matrix.free() {
             for axis in 0..3 {
-                // The matrix is symmetric: row `node` read along is column `node` read down.
+                // The matrix is symmetric: row `node` is also column `node`.
                 for (row, block) in matrix.free_blocks(node).filter(|&(row, _)| row <= node) {
                     let end = if row == node { axis + 1 } else { 3 };
                     for i in 0..end {
@@ -96,7 +97,7 @@ impl Cholesky {
                         next += 1;
                     }
                 }
-                // The diagonal closes each column.
+                // The diagonal entry is the last of each column.
                 if let Some(value) = next
                     .checked_sub(1)
                     .and_then(|last| self.sparse.values.get_mut(last))
@@ -118,7 +119,7 @@ impl Cholesky {
     /// Solves in place for the right-hand sides in `columns`, one after the other, each with
     /// [`unknowns`](Self::unknowns) entries (x, y, z of each free node).
     ///
-    /// More of them than `new` was told of are solved in several goes.
+    /// More right-hand sides than the `columns` given to `new` are solved in several batches.
     pub fn solve(&mut self, columns: &mut [f64]) {
         self.sparse.solve(columns);
     }

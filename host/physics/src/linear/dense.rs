@@ -1,15 +1,26 @@
 //! Small dense symmetric matrices: a test of definiteness, the nearest positive semidefinite matrix, and the energy
-//! that one stores under a load.
+//! that a stiffness matrix stores under a load.
 //!
 //! The eigenvalues come from cyclic Jacobi rotations (Golub and Van Loan, "Matrix computations", section
-//! 8.5), which are simple, accurate and quick enough for the few dozen rows that handles have.
+//! 8.5), which are simple, accurate and fast enough for the few dozen rows that handles have.
 
 use core::ops::{Index, IndexMut};
 
-/// A negative eigenvalue within this share of the largest is rounding, not indefiniteness.
+/// A negative eigenvalue within this fraction of the largest counts as rounding error.
 pub const ROUNDING: f64 = 1e-12;
 
 /// A square matrix, by columns.
+///
+/// ```
+/// use physics::linear::dense::{Clipper, Square};
+///
+/// let mut matrix = Square::zeros(2);
+/// matrix[(0, 0)] = 2.0;
+/// matrix[(1, 1)] = -1.0;
+/// let clip = Clipper::new(2).clip(&mut matrix, &[1.0, 1.0]);
+/// assert_eq!(clip.count, 1);
+/// assert_eq!(matrix.as_slice(), [2.0, 0.0, 0.0, 0.0]);
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Square {
     size: usize,
@@ -70,12 +81,12 @@ impl IndexMut<(usize, usize)> for Square {
     }
 }
 
-/// What clipping took away.
+/// The part that clipping removed from a matrix.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Clip {
     /// Number of eigenvalues raised to zero (beyond rounding).
     pub count: usize,
-    /// The most negative eigenvalue over the largest in magnitude, as a positive number; 0 if none.
+    /// Magnitude of the most negative eigenvalue as a fraction of the largest magnitude, or 0 if none is negative.
     pub share: f64,
 }
 
@@ -95,10 +106,10 @@ impl Clipper {
         }
     }
 
-    /// Replaces a symmetric `matrix` by the nearest positive semidefinite one, distance being measured
-    /// after row and column `i` are divided by `scale[i]`, which makes their units one.
+    /// Replaces a symmetric `matrix` by the nearest positive semidefinite matrix. The distance is measured after row
+    /// and column `i` are divided by `scale[i]`, which gives all entries the same unit.
     ///
-    /// If a Cholesky factorization, eased by [`ROUNDING`], succeeds, nothing is touched.
+    /// If a Cholesky factorization succeeds up to [`ROUNDING`], `matrix` is not changed.
     pub fn clip(&mut self, matrix: &mut Square, scale: &[f64]) -> Clip {
         let size = matrix.size();
         let mut largest = 0.0_f64;
@@ -117,10 +128,10 @@ impl Clipper {
         let magnitude = (0..size).map(|k| eigenvalue(k).abs()).fold(0.0, f64::max);
         let mut clip = Clip::default();
         for k in 0..size {
-            let share = -eigenvalue(k) / magnitude;
-            if share > ROUNDING {
+            let fraction = -eigenvalue(k) / magnitude;
+            if fraction > ROUNDING {
                 clip.count += 1;
-                clip.share = clip.share.max(share);
+                clip.share = clip.share.max(fraction);
             }
         }
         if clip.count > 0 {
@@ -140,9 +151,10 @@ impl Clipper {
         clip
     }
 
-    /// `load . matrix^-1 load / 2` of a symmetric `matrix` whose eigenvalues are raised to `floor` at least, row `i`
-    /// divided by `scale[i]` as for [`clip`](Self::clip): for a stiffness (N/m) and forces (N) the energy stored (J),
-    /// bounded where the matrix gives way.
+    /// `load . matrix^-1 load / 2` of a symmetric `matrix` whose eigenvalues are raised to at least `floor`.
+    ///
+    /// Row and column `i` are divided by `scale[i]` first, as in [`clip`](Self::clip). For a stiffness (N/m) and forces
+    /// (N) the result is the stored energy (J). The floor bounds it where the matrix is nearly singular.
     pub fn stored(&mut self, matrix: &Square, scale: &[f64], load: &[f64], floor: f64) -> f64 {
         let size = matrix.size();
         for j in 0..size {
@@ -162,16 +174,16 @@ impl Clipper {
     }
 }
 
-/// Whether `matrix + ease I` has a Cholesky factor; overwrites the matrix.
-fn is_positive(matrix: &mut Square, ease: f64) -> bool {
+/// Whether `matrix + shift I` has a Cholesky factor. The function overwrites the matrix.
+fn is_positive(matrix: &mut Square, shift: f64) -> bool {
     let size = matrix.size();
     for k in 0..size {
-        let mut pivot = matrix[(k, k)] + ease;
+        let mut pivot = matrix[(k, k)] + shift;
         for j in 0..k {
             pivot -= matrix[(k, j)] * matrix[(k, j)];
         }
-        // A row of zeros (a motion that a handle lacks, or a body without stiffness) passes.
-        if pivot == 0.0 && ease == 0.0 {
+        // A zero matrix (of a body without stiffness) is semidefinite.
+        if pivot == 0.0 && shift == 0.0 {
             return (0..size).all(|i| (0..size).all(|j| matrix[(i, j)] == 0.0));
         }
         if pivot <= 0.0 || pivot.is_nan() {
@@ -197,7 +209,7 @@ fn jacobi(a: &mut Square, v: &mut Square) {
     for i in 0..size {
         v[(i, i)] = 1.0;
     }
-    // Convergence is quadratic; ten sweeps are usual for a hundred rows.
+    // Convergence is quadratic. A hundred rows usually take ten sweeps.
     for _ in 0..30 {
         let mut off = 0.0;
         let mut diagonal = 0.0;

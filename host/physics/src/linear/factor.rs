@@ -1,7 +1,7 @@
-//! Sparse Cholesky factorization of the free nodes' step matrix in a given order: numbers by `faer`.
+//! Sparse Cholesky factorization of the step matrix on the free nodes, in a given order. `faer` computes the numbers.
 //!
-//! As [`crate::linear::cholesky`], but numbered by places of an order that the caller gives, so that the
-//! factor's columns can be read ([`crate::linear::panel`] does). All memory is set aside once per topology.
+//! Unlike [`crate::linear::cholesky`], this factor is numbered by the places of an order that the caller gives, so
+//! that [`crate::linear::panel`] can read its columns. All memory is allocated once per topology.
 
 use super::block_matrix::BlockMatrix;
 use super::order::places;
@@ -13,10 +13,10 @@ use crate::error::CondenseError;
 use faer::sparse::linalg::cholesky::SymbolicCholeskyRaw;
 use faer::sparse::linalg::cholesky::supernodal::SupernodalLltRef;
 
-/// Right-hand sides that [`Factor::solve`] takes in one go.
+/// Number of right-hand sides that [`Factor::solve`] solves at once.
 const COLUMNS: usize = 6;
 
-/// A block that is not stored: it lies in the lower triangle.
+/// The rank of a block that is not stored because it lies in the lower triangle.
 const LOWER: u32 = u32::MAX;
 
 /// A factorization of `mass_factor M + stiffness_factor K` on the free nodes, refreshed in place.
@@ -27,24 +27,24 @@ pub struct Factor {
     order: Vec<u32>,
     places: Vec<u32>,
     supernodes: Supernodes,
-    /// For each free block of the matrix as stored: how many blocks precede it in its column.
+    /// For each free block of the matrix, in its order of storage: the number of blocks before it in its column.
     rank: Vec<u32>,
-    /// Upper triangle by columns, both by places.
+    /// Upper triangle by columns. Rows and columns are places.
     sparse: SparseCholesky,
 }
 
 impl Factor {
-    /// Analyzes the pattern of `matrix`, its free nodes eliminated in `order`, and sets memory aside.
+    /// Analyzes the pattern of `matrix`, whose free nodes are eliminated in `order`, and allocates the memory.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Topology`] when `order` is no order of the free nodes, and
-    /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
+    /// [`CondenseError::Topology`] if `order` is no order of the free nodes, and
+    /// [`CondenseError::Symbolic`] if the matrix is too large for memory or 32-bit indices.
     pub fn new(matrix: &BlockMatrix, order: &[u32]) -> Result<Self, CondenseError> {
         Self::with_kernels(matrix, order, Kernels::Fastest)
     }
 
-    /// [`new`](Self::new) with a choice of the code that factorizes.
+    /// [`new`](Self::new) with a choice of the kernels of the factorization.
     ///
     /// # Errors
     ///
@@ -83,7 +83,7 @@ impl Factor {
             }
         }
         for node in 0..matrix.free() {
-            // The first of the node's three columns lists all blocks of the column, the last in part.
+            // The first of the node's three columns contains all blocks of the column, the diagonal block in part.
             let start = column_start[3 * places[node] as usize] as usize;
             let end = column_start[3 * places[node] as usize + 1] as usize;
             for (row, _) in matrix.free_blocks(node) {
@@ -111,9 +111,9 @@ impl Factor {
         self.sparse.numbers.len()
     }
 
-    /// What a factorization costs: of a column of `l` entries a root, `l - 1` divisions, and what it takes from the
-    /// later columns, `l (l - 1)`. Its numbers are written once; how often a blocked algorithm comes back to them
-    /// is not counted.
+    /// The cost of a factorization. A column of `l` entries costs a root, `l - 1` divisions and `l (l - 1)` operations
+    /// of its updates of later columns. The numbers count as written once; a blocked algorithm may access them more
+    /// often.
     pub(crate) fn cost(&self) -> Cost {
         let mut length = vec![0; self.unknowns()];
         self.columns(0..self.unknowns(), |column, _, values| {
@@ -127,7 +127,7 @@ impl Factor {
             + Cost::flops(length.iter().map(|l| l * l).sum())
     }
 
-    /// Memory that it holds (bytes), with the pattern that `faer` keeps and the memory that it works in.
+    /// Memory of the factor (bytes), with the pattern and the workspace of `faer`.
     pub fn bytes(&self) -> usize {
         self.sparse.bytes()
             + self.supernodes.bytes()
@@ -146,21 +146,20 @@ impl Factor {
         &self.places
     }
 
-    /// The supernodes of the factor, merged where panels gain by it ("supernodes" of `faer` are its own).
+    /// The supernodes of the factor, merged where the merging makes panels faster. (`faer` has supernodes of its own.)
     pub fn supernodes(&self) -> &Supernodes {
         &self.supernodes
     }
 
-    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and
-    /// `mass` is by its nodes.
+    /// Factorizes `mass_factor M + stiffness_factor K`. `matrix` must have the pattern given to `new`, and `mass` (kg)
+    /// has an entry for each of its nodes.
     ///
-    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are
-    /// uncoupled, with 1 on the diagonal. After an error the factor's numbers are of no use until it
-    /// succeeds again.
+    /// `mask` has for each free node and axis 1 if the axis is free and 0 if it is guided. Guided axes are uncoupled,
+    /// with 1 on the diagonal. After an error the factor is invalid until a factorization succeeds.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Topology`] when the pattern has another size, and
+    /// [`CondenseError::Topology`] if the pattern has another size, and
     /// [`CondenseError::NotPositiveDefinite`].
     pub fn factorize(
         &mut self,
@@ -175,7 +174,7 @@ impl Factor {
         self.sparse.factorize()
     }
 
-    /// Writes the upper triangle by columns; `None` where the pattern is another.
+    /// Writes the upper triangle by columns. Returns `None` if the pattern differs from that given to `new`.
     fn gather(
         &mut self,
         matrix: &BlockMatrix,
@@ -199,7 +198,7 @@ impl Factor {
                     continue;
                 }
                 for axis in 0..3 {
-                    // The matrix is symmetric: row `node` read along is its column read down.
+                    // The matrix is symmetric: row `node` is also column `node`.
                     let start =
                         self.sparse.column_start[3 * place + axis] as usize + 3 * rank as usize;
                     let end = if row == node { axis + 1 } else { 3 };
@@ -231,8 +230,8 @@ impl Factor {
         self.sparse.solve(columns);
     }
 
-    /// Gives the column of each of the unknowns in `range`, ascending, in pieces: its number, rows of the
-    /// piece (ascending) and their values, from the diagonal down.
+    /// Passes the column of each unknown in `range`, ascending, to `piece`, in pieces: the number of the column, the
+    /// rows of the piece (ascending) and their values, from the diagonal down.
     pub(crate) fn columns(
         &self,
         range: core::ops::Range<usize>,
@@ -273,8 +272,8 @@ impl Factor {
 /// Rows of a piece of a column.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Rows<'a> {
-    /// One after the other.
+    /// Consecutive rows from this one on.
     From(u32),
-    /// Any, ascending.
+    /// These rows, ascending.
     Listed(&'a [u32]),
 }

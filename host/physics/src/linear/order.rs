@@ -1,21 +1,20 @@
 //! A fill-reducing order of the free nodes: nested dissection by coordinates.
 //!
-//! A. George, "Nested dissection of a regular finite element mesh" (1973): nodes that part the rest in
-//! two are eliminated last, and each part is ordered in the same way. Nodes are cut by a plane across
-//! one of the axes; the separator is the nodes of one side that are coupled to the other.
+//! A. George, "Nested dissection of a regular finite element mesh" (1973): a separator divides the nodes into two
+//! parts and is eliminated last. Each part is ordered recursively. A plane across one of the axes cuts the nodes. The
+//! separator consists of the nodes on one side that are coupled to the other side.
 //!
-//! Measured against approximate minimum degree (numbers in the factor): as many for a cube of 6 and of 8
-//! cells along an edge, 15 % fewer for 10, 18 % fewer for 15, 3 % more for a sheet of 27 by 26 cells with
-//! bending.
+//! The factor has, compared with approximate minimum degree, as many numbers for a cube of 6 and of 8 cells along an
+//! edge, 15 % fewer for 10, 18 % fewer for 15, and 3 % more for a sheet of 27 by 26 cells with bending.
 
 use super::block_matrix::BlockMatrix;
 use super::supernodes::columns;
 use crate::Vec3;
 
-/// Parts of up to this many nodes are not cut any further.
+/// Parts of up to this many nodes are not cut.
 const LEAF: usize = 4;
 
-/// Shares of a part at which a cut is tried.
+/// Fractions of a part at which a cut is tried.
 const CUTS: [f64; 5] = [0.5, 0.45, 0.55, 0.4, 0.6];
 
 /// No part.
@@ -24,11 +23,11 @@ const NONE: u32 = u32::MAX;
 struct Dissection<'a> {
     matrix: &'a BlockMatrix,
     positions: &'a [Vec3],
-    /// Which side of the present cut each node is on.
+    /// The side of the present cut on which each node lies.
     side: Vec<u32>,
 }
 
-/// A cut: nodes of the lower side, of the upper side and of the separator.
+/// A cut: the nodes of the lower side, of the upper side and of the separator.
 struct Cut {
     lower: Vec<u32>,
     upper: Vec<u32>,
@@ -36,8 +35,8 @@ struct Cut {
 }
 
 impl Cut {
-    /// Smaller is better: nodes of the separator for each node of the smaller side.
-    fn badness(&self) -> f64 {
+    /// The cost of the cut, to be minimized: the size of the separator over the fraction of nodes on the smaller side.
+    fn cost(&self) -> f64 {
         let smaller = self.lower.len().min(self.upper.len());
         let all = (self.lower.len() + self.upper.len()) as f64;
         self.separator.len() as f64 * (all / smaller as f64)
@@ -50,9 +49,9 @@ impl Dissection<'_> {
         others.any(|(other, _)| self.side[other] == side)
     }
 
-    /// The cut below the coordinate of the node at `share` of `part`, which ascends along `axis`.
-    fn cut(&mut self, part: &[u32], axis: usize, share: f64) -> Option<Cut> {
-        let middle = part[((part.len() as f64 * share) as usize).min(part.len() - 1)];
+    /// The cut below the coordinate of the node at `fraction` of `part`, which ascends along `axis`.
+    fn cut(&mut self, part: &[u32], axis: usize, fraction: f64) -> Option<Cut> {
+        let middle = part[((part.len() as f64 * fraction) as usize).min(part.len() - 1)];
         let level = self.positions[middle as usize][axis];
         let split = part.partition_point(|&node| self.positions[node as usize][axis] < level);
         let (lower, upper) = part.split_at(split);
@@ -85,11 +84,11 @@ impl Dissection<'_> {
             },
         ];
         let whole = |cut: &Cut| !cut.lower.is_empty() && !cut.upper.is_empty();
-        let better = |a: &Cut, b: &Cut| a.badness().total_cmp(&b.badness());
+        let better = |a: &Cut, b: &Cut| a.cost().total_cmp(&b.cost());
         cuts.into_iter().filter(whole).min_by(better)
     }
 
-    /// The best cut of `part`, which is sorted on the way; none where it is not worth one.
+    /// The best cut of `part`, or `None` if `part` is small or cannot be cut. The function sorts `part`.
     fn best_cut(&mut self, part: &mut [u32]) -> Option<Cut> {
         let mut best: Option<Cut> = None;
         if part.len() <= LEAF {
@@ -99,14 +98,11 @@ impl Dissection<'_> {
             let positions = self.positions;
             let along = |&node: &u32| positions[node as usize][axis];
             part.sort_by(|a, b| along(a).total_cmp(&along(b)).then(a.cmp(b)));
-            for share in CUTS {
-                let Some(cut) = self.cut(part, axis, share) else {
+            for fraction in CUTS {
+                let Some(cut) = self.cut(part, axis, fraction) else {
                     continue;
                 };
-                if best
-                    .as_ref()
-                    .is_none_or(|best| cut.badness() < best.badness())
-                {
+                if best.as_ref().is_none_or(|best| cut.cost() < best.cost()) {
                     best = Some(cut);
                 }
             }
@@ -123,7 +119,7 @@ fn dissect(matrix: &BlockMatrix, positions: &[Vec3]) -> Vec<u32> {
         side: vec![NONE; matrix.nodes()],
     };
     let mut order = Vec::with_capacity(matrix.free());
-    // What is still to be ordered, the first on top; separators stay whole.
+    // The parts that are still to be ordered, the next one on top. Separators are not cut.
     let mut open = vec![(true, (0..matrix.free() as u32).collect::<Vec<_>>())];
     while let Some((may_cut, mut part)) = open.pop() {
         let cut = if may_cut {
@@ -143,7 +139,7 @@ fn dissect(matrix: &BlockMatrix, positions: &[Vec3]) -> Vec<u32> {
     order
 }
 
-/// The same elimination, with each node right after what is eliminated into it.
+/// The postorder of the elimination tree: each node follows directly after its subtrees. The factor is the same.
 fn postorder(matrix: &BlockMatrix, order: &[u32]) -> Vec<u32> {
     let columns = columns(matrix, order);
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); order.len()];
@@ -154,7 +150,7 @@ fn postorder(matrix: &BlockMatrix, order: &[u32]) -> Vec<u32> {
             None => open.push(at),
         }
     }
-    // From the last to the first: a node, then its subtrees from the last.
+    // In reverse: a node, then its subtrees from the last to the first.
     open.reverse();
     let mut reversed = Vec::with_capacity(order.len());
     while let Some(at) = open.pop() {
@@ -167,7 +163,7 @@ fn postorder(matrix: &BlockMatrix, order: &[u32]) -> Vec<u32> {
 
 /// The free node at each place of the elimination.
 ///
-/// `positions` holds the rest position of each node (m), free nodes first, as `matrix` numbers them.
+/// `positions` contains the rest position of each node (m) in the numbering of `matrix`.
 pub fn order(matrix: &BlockMatrix, positions: &[Vec3]) -> Vec<u32> {
     postorder(matrix, &dissect(matrix, positions))
 }

@@ -1,15 +1,16 @@
 //! A Cholesky factor as dense panels that a solve reads once forward and once backward.
 //!
-//! Of a supernode with the diagonal block `L` and the rows `B` below it the panel `P = [L^-1; -B L^-1]` is
-//! kept: the forward substitution is a product with it, the backward one with its transpose, without the
-//! chain of dependent divisions of a triangular solve. Inverting diagonal blocks is old (for instance
-//! P. Raghavan, "Efficient parallel sparse triangular solution using selective inversion", 1998). Numbers
-//! are f32: as the preconditioner of an iteration in f64 more are not needed, and what limits a solve is how
-//! fast the caches give the panels. Half as many bits (bfloat16) were measured to save 10 to 15 % of the
-//! time at 3,267 unknowns and nothing below, for an error of 2e-3 instead of 1e-7.
+//! A supernode with the diagonal block `L` and the rows `B` below it is stored as the panel `P = [L^-1; -B L^-1]`. The
+//! forward substitution is a product with `P`, the backward substitution a product with `P^T`. Neither has the chain
+//! of dependent divisions of a triangular solve. The inversion of diagonal blocks is known, for instance from
+//! P. Raghavan, "Efficient parallel sparse triangular solution using selective inversion" (1998).
 //!
-//! No product and sum are contracted into one rounding and lanes are summed in a fixed order: from the
-//! same factor (see [`Kernels`](crate::linear::sparse_cholesky::Kernels)) comes the same result on every machine.
+//! The numbers are f32, which suffices for the preconditioner of an iteration in f64. The bandwidth of the caches
+//! limits a solve. Half as many bits (bfloat16) saved 10 to 15 % of the time at 3,267 unknowns and nothing below that
+//! size, with an error of 2e-3 instead of 1e-7.
+//!
+//! No product and sum are contracted into one rounding, and lanes are summed in a fixed order. The same factor (see
+//! [`Kernels`](crate::linear::sparse_cholesky::Kernels)) therefore gives the same result on every machine.
 
 use super::factor::{Factor, Rows};
 use super::supernodes::{Supernode, Supernodes};
@@ -20,33 +21,34 @@ use crate::lanes::Node;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Operations of a solve for each number stored: a product and a sum forward, and both backward.
+/// Operations of a solve for each stored number: a product and a sum in each of the two passes.
 pub const SOLVE_FLOPS: usize = 4;
 
-/// Memory that the numbers of the panels of `supernodes` take (bytes).
+/// Memory of the numbers of the panels of `supernodes` (bytes).
 pub(crate) fn bytes_of_values(supernodes: &Supernodes) -> usize {
     size_of::<Line>() * supernodes.blocks.iter().map(lines).sum::<usize>()
 }
 
-/// The factor's panels.
+/// The panels of a factor.
 ///
-/// A panel's rows are its own places and those below, three to a place, in strips of 16; its columns are
-/// in blocks of six, the last of nine where their number is odd. Blocks follow each other, and in a block the strips from the diagonal
-/// down, and in a strip the columns: the order in which they are read.
+/// The rows of a panel are the places of its supernode and the places below, three rows to a place, in strips of 16
+/// rows. Its columns are in blocks of six; the last block has nine if the number of nodes is odd. The order in memory
+/// is the order of reading: block by block, in a block strip by strip from the diagonal down, in a strip column by
+/// column.
 #[derive(Clone, Debug)]
 pub struct Panels {
     supernodes: Supernodes,
-    /// Where the panel of each supernode begins in `values`.
+    /// First index into `values` of the panel of each supernode.
     start: Vec<u32>,
     values: Vec<Line>,
     work: Work,
     build: Build,
 }
 
-/// What is needed to fill panels.
+/// The workspace for the construction of panels.
 #[derive(Clone, Debug, Default)]
 struct Build {
-    /// Row in the panel of each place below (in nodes).
+    /// First row in the present panel of each place below it, `u32::MAX` for all other places.
     local: Vec<u32>,
     /// The factor's diagonal block, by columns.
     diagonal: Vec<f64>,
@@ -54,9 +56,9 @@ struct Build {
     strips: Vec<[f64; LANES]>,
 }
 
-/// `P L = [1; -B]` for one strip: `strip` holds rows of `[1; -B]` by columns, then of `P`.
+/// Solves `P L = [1; -B]` for one strip. `strip` contains rows of `[1; -B]` by columns, and afterwards rows of `P`.
 ///
-/// `diagonal` is `L` by columns of `width` entries; rows of `P` end with column `end`.
+/// `diagonal` is `L` by columns of `width` entries. The rows of `P` end before column `end`.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2",))
@@ -95,7 +97,7 @@ impl Build {
                     diagonal[column * width + row - first] = value;
                 } else {
                     let local = local[row / 3] as usize + row % 3;
-                    // Rows that `faer` stores and this panel does not hold zeros.
+                    // Rows that `faer` stores but this panel lacks contain zeros.
                     if let Some(strip) = strips.get_mut(local / LANES * width + column) {
                         strip[local % LANES] = -value;
                     }
@@ -141,7 +143,7 @@ impl Build {
 }
 
 impl Panels {
-    /// The panels of `factor`, with the numbers that it has.
+    /// The panels of `factor`, with its present numbers.
     pub fn new(factor: &Factor) -> Self {
         let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
@@ -168,12 +170,12 @@ impl Panels {
         panels
     }
 
-    /// Takes over the numbers of `factor`.
+    /// Recomputes the panels from the numbers of `factor`.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Topology`] when its order or pattern is not the one given to `new`; the old numbers
-    /// stay.
+    /// [`CondenseError::Topology`] if `factor` has another pattern than the factor given to `new`. The panels are then
+    /// unchanged.
     pub fn refresh(&mut self, factor: &Factor) -> Result<(), CondenseError> {
         if self.supernodes != *factor.supernodes() {
             return Err(CondenseError::Topology);
@@ -191,12 +193,12 @@ impl Panels {
         }
     }
 
-    /// Numbers stored, with the zeros that fill strips.
+    /// Number of stored numbers, with the zeros that pad strips.
     pub fn stored(&self) -> usize {
         LANES * self.values.len()
     }
 
-    /// Memory that they hold (bytes).
+    /// Memory of the panels (bytes).
     pub fn bytes(&self) -> usize {
         let Build {
             local,
@@ -212,8 +214,7 @@ impl Panels {
             + size_of_val(strips.as_slice())
     }
 
-    /// What a solve costs: panels are read forward and backward, and so is the right-hand side, which is written each
-    /// time.
+    /// The cost of a solve. Each of the two passes reads the panels, and reads and writes the right-hand side.
     pub(crate) fn solve_cost(&self) -> Cost {
         let panels = Cost::read(size_of_val(self.values.as_slice()) + self.supernodes.bytes());
         let r = Cost::update(size_of::<Node<f32>>() * self.build.local.len());
@@ -221,8 +222,9 @@ impl Panels {
         panels + panels.again() + r + r.again() + flops
     }
 
-    /// What filling them costs: a strip of a panel takes a product and a sum for each pair of its columns and a
-    /// product for each column. The factor's numbers are read, as many as the panels' where no strip is filled up.
+    /// The cost of [`refresh`](Self::refresh). A strip takes a product and a sum for each pair of its columns, and a
+    /// product for each column. The number of entries read from the factor counts as that of the panels, which is
+    /// exact if no strip is padded.
     pub(crate) fn refresh_cost(&self) -> Cost {
         let mut flops = 0;
         for block in &self.supernodes.blocks {
@@ -243,9 +245,9 @@ impl Panels {
         &self.supernodes
     }
 
-    /// Solves in place, in f32: `r` holds the right-hand side by places and becomes the solution.
+    /// Solves in place, in f32. `r` contains the right-hand side by places and becomes the solution.
     ///
-    /// Places past those of the factor are left as they are; with fewer, nothing is done.
+    /// Places past those of the factor are not changed. If `r` is shorter than the factor, the function does nothing.
     pub fn solve(&mut self, r: &mut [Node<f32>]) {
         if r.len() < self.build.local.len() {
             return;
@@ -253,7 +255,7 @@ impl Panels {
         sweep::solve(&self.supernodes, &self.values, &mut self.work, r);
     }
 
-    /// [`solve`](Self::solve) for three right-hand sides, which reads the panels once for all.
+    /// [`solve`](Self::solve) for three right-hand sides. Each pass reads the panels once for all three.
     pub fn solve_three(&mut self, r: [&mut [Node<f32>]; 3]) {
         if r.iter().any(|r| r.len() < self.build.local.len()) {
             return;

@@ -1,7 +1,7 @@
 //! Conjugate gradients for the step, preconditioned by the 3 x 3 diagonal blocks.
 //!
-//! Textbook preconditioned conjugate gradients (Saad, "Iterative methods for sparse linear systems",
-//! algorithm 9.1). The matrix is never formed: mass and stiffness are combined as they are read.
+//! Preconditioned conjugate gradients (Saad, "Iterative methods for sparse linear systems", algorithm 9.1). The step
+//! matrix is never formed: a product combines mass and stiffness while it reads them.
 
 use super::block_matrix::BlockMatrix;
 use crate::{Mat3, Vec3};
@@ -13,7 +13,7 @@ pub(crate) struct StepMatrix<'a> {
     pub(crate) mass: &'a [f64],
     pub(crate) stiffness_factor: f64,
     pub(crate) mass_factor: f64,
-    /// By free node and axis: 1 where it is free, 0 where a support guides it.
+    /// For each free node and axis: 1 if the axis is free, 0 if a support guides it.
     pub(crate) mask: Option<&'a [Vec3]>,
 }
 
@@ -33,10 +33,10 @@ impl StepMatrix<'_> {
     }
 }
 
-/// What stops the iteration.
+/// The conditions that stop the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Stop when the residual is this share of the first.
+    /// Stop when the residual is below this fraction of the initial residual.
     pub tolerance: f64,
     /// Stop when the residual is below this (N).
     pub absolute_tolerance: f64,
@@ -44,24 +44,24 @@ pub struct Budget {
     pub max_iterations: usize,
 }
 
-/// How a solve went.
+/// The report of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SolveReport {
     /// Iterations spent.
     pub iterations: usize,
-    /// Norm of the residual at the guess (N): last step's velocity kept on.
+    /// Norm of the residual at the initial guess (N): the velocity of the previous step.
     pub initial_residual: f64,
-    /// Norm of the residual at the end (N), as the recurrence carries it.
+    /// Norm of the residual at the end (N), by the recurrence.
     pub final_residual: f64,
     /// Whether a tolerance was met within the budget.
     pub converged: bool,
-    /// Share of the motion that was held back, for with all of it the body would have made energy; 0 is the
-    /// rule.
+    /// Fraction of the motion that the guard withheld, because the full motion would have created energy. It is
+    /// usually 0.
     pub held_back: f64,
 }
 
 impl SolveReport {
-    /// Residual at the end as a share of that at the guess; 0 where the guess was exact.
+    /// The ratio of the residual at the end to the initial residual, or 0 if the guess was exact.
     pub fn relative_residual(&self) -> f64 {
         if self.initial_residual > 0.0 {
             self.final_residual / self.initial_residual
@@ -74,7 +74,7 @@ impl SolveReport {
 /// The vectors of the iteration, kept from step to step.
 #[derive(Clone, Debug)]
 pub(crate) struct Pcg {
-    /// Residual: the caller sets it to that of the guess.
+    /// Residual. The caller sets it to the residual of the guess.
     pub(crate) residual: Vec<Vec3>,
     direction: Vec<Vec3>,
     image: Vec<Vec3>,
@@ -91,7 +91,7 @@ impl Pcg {
         }
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the vectors (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.residual.as_slice())
             + size_of_val(self.direction.as_slice())
@@ -99,7 +99,7 @@ impl Pcg {
             + size_of_val(self.inverse.as_slice())
     }
 
-    /// Improves `u` until `budget` stops it, from `self.residual`.
+    /// Improves `u`, whose residual is `self.residual`, until `budget` stops the iteration.
     pub(crate) fn solve(
         &mut self,
         matrix: &StepMatrix<'_>,
@@ -135,8 +135,8 @@ impl Pcg {
         };
         while !report.converged && report.iterations < budget.max_iterations {
             let curvature = matrix.product(&self.direction, &mut self.image);
-            // The matrix is positive definite: anything else is underflow or a state that has blown up,
-            // and another iteration would divide by it.
+            // The matrix is positive definite. Another curvature results from underflow or from a diverged state,
+            // and the next line would divide by it.
             if !(curvature > 0.0 && curvature.is_finite()) {
                 break;
             }
@@ -165,7 +165,7 @@ impl Pcg {
     }
 }
 
-/// Takes the guided axes out of a diagonal block: what is guided has no residual, and so gets no direction.
+/// Uncouples the guided axes of a diagonal block. A guided axis has no residual, so the search direction is zero there.
 fn uncouple(block: &mut Mat3, mask: &Vec3) {
     for axis in 0..3 {
         if mask[axis] == 0.0 {

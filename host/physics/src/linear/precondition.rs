@@ -1,4 +1,4 @@
-//! What preconditions a step: one of two kinds of frozen factor, and what makes its numbers.
+//! The preconditioner of a step: one of two kinds of frozen factor, and the factorization that computes it.
 
 use super::block_matrix::BlockMatrix;
 use super::factor::Factor;
@@ -15,17 +15,17 @@ use crate::lanes::Node;
 /// A kind of factor that preconditions steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Preconditioner {
-    /// The complete one: an iteration or two a step, and memory that grows with the power 1.4 of the number of
+    /// The complete factor. A step takes one or two iterations. Memory grows with the power 1.4 of the number of
     /// tetrahedra.
     #[default]
     Complete,
-    /// An incomplete one with the motions of patches: some ten to thirty iterations a step, a few hundred bytes a
-    /// tetrahedron. See [`incomplete`].
+    /// An incomplete factor with a coarse space of rigid motions of patches. A step takes ten to thirty iterations.
+    /// Memory is a few hundred bytes a tetrahedron. See [`incomplete`].
     Incomplete,
 }
 
 impl Preconditioner {
-    /// The order in which it eliminates the free nodes of `matrix`, which are at `rest` (m).
+    /// The order in which the free nodes of `matrix`, which are at `rest` (m), are eliminated.
     pub(crate) fn order(self, matrix: &BlockMatrix, rest: &[Vec3]) -> Vec<u32> {
         match self {
             Self::Complete => order::order(matrix, rest),
@@ -34,16 +34,19 @@ impl Preconditioner {
     }
 }
 
-/// Memory that the complete factor of a step matrix with the pattern of `matrix` would take (bytes), for nodes at `rest`
-/// (m): its numbers in f64, and its panels in f32 twice, those that steps use and those made beside them. Counted from
-/// the pattern, at a small part of the time that setting it up takes.
+/// Memory (bytes) that the complete factor of a step matrix with the pattern of `matrix` would take, for nodes at
+/// `rest` (m).
+///
+/// The memory consists of the factor in f64 and of two sets of panels in f32: the set in use and the set that is
+/// refreshed beside it. The function counts from the pattern alone, which takes a small fraction of the time of the
+/// analysis.
 pub fn complete_bytes(matrix: &BlockMatrix, rest: &[Vec3]) -> usize {
     let order = Preconditioner::Complete.order(matrix, rest);
     let supernodes = Supernodes::new(matrix, &order);
     size_of::<f64>() * supernodes.entries() + 2 * panel::bytes_of_values(&supernodes)
 }
 
-/// A factor that steps solve with.
+/// A factor that preconditions steps.
 #[derive(Clone, Debug)]
 pub(crate) enum Solves {
     Complete(Panels),
@@ -51,7 +54,7 @@ pub(crate) enum Solves {
 }
 
 impl Solves {
-    /// Solves in place, in f32: `r` holds the right-hand side by places.
+    /// Solves in place, in f32. `r` contains the right-hand side by places.
     pub(crate) fn solve(&mut self, r: &mut [Node<f32>]) {
         match self {
             Self::Complete(panels) => panels.solve(r),
@@ -59,7 +62,7 @@ impl Solves {
         }
     }
 
-    /// What a solve costs.
+    /// The cost of a solve.
     pub(crate) fn cost(&self) -> Cost {
         match self {
             Self::Complete(panels) => panels.solve_cost(),
@@ -67,7 +70,7 @@ impl Solves {
         }
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factor (bytes).
     pub(crate) fn bytes(&self) -> usize {
         match self {
             Self::Complete(panels) => panels.bytes(),
@@ -76,27 +79,27 @@ impl Solves {
     }
 }
 
-/// What makes the numbers of a factor.
+/// The factorization that computes the numbers of a [`Solves`].
 #[derive(Debug)]
 pub(crate) enum Makes {
     Complete(Box<Factor>),
     Incomplete(Box<incomplete::Maker>),
 }
 
-/// The step matrix on free places, `mass_factor M + stiffness_factor K`, and where it is linearized.
+/// The step matrix on free places, `mass_factor M + stiffness_factor K`, and the state at which it is linearized.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Step<'a, D> {
     pub(crate) matrix: &'a BlockMatrix,
     pub(crate) mass: &'a [f64],
     pub(crate) factors: (f64, f64),
-    /// 1 where an axis is free, 0 where a support guides it.
+    /// 1 if an axis is free, 0 if a support guides it.
     pub(crate) mask: Option<&'a [Vec3]>,
     /// The displacement of each place (m).
     pub(crate) d: D,
 }
 
 impl Makes {
-    /// For the free places of `matrix`, all in their order, at `rest` (m); and a factor without numbers.
+    /// A factorization for the free places of `matrix`, in their order, at `rest` (m); and a factor without numbers.
     pub(crate) fn new(
         kind: Preconditioner,
         matrix: &BlockMatrix,
@@ -118,7 +121,12 @@ impl Makes {
         })
     }
 
-    /// Makes the numbers of `solves`, which must be of its kind.
+    /// Computes the numbers of `solves`, which must be of the same kind.
+    ///
+    /// # Errors
+    ///
+    /// [`CondenseError`] if the matrix has another pattern or is not positive definite, or if `solves` is of the other
+    /// kind.
     pub(crate) fn make(
         &mut self,
         solves: &mut Solves,
@@ -143,7 +151,7 @@ impl Makes {
         }
     }
 
-    /// What that costs.
+    /// The cost of [`make`](Self::make).
     pub(crate) fn cost(&self, solves: &Solves) -> Cost {
         match (self, solves) {
             (Self::Complete(factor), Solves::Complete(panels)) => {
@@ -154,7 +162,7 @@ impl Makes {
         }
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factorization (bytes).
     pub(crate) fn bytes(&self) -> usize {
         match self {
             Self::Complete(factor) => factor.bytes(),

@@ -1,11 +1,11 @@
 //! Sparse Cholesky factorization on the upper triangle of a matrix by columns: a thin layer over `faer`.
 //!
-//! The symbolic factorization is computed once per pattern; each factorization then only fills numbers into memory
-//! set aside for it, on one thread.
+//! The symbolic factorization is computed once per pattern. Each factorization then only computes numbers, on one
+//! thread, in memory that was allocated before.
 //!
-//! `faer` gathers columns into dense blocks (supernodes) and works on those with the widest vector
-//! instructions that the machine has, chosen when the program runs: machines round differently. Column by
-//! column (simplicial) it is plain scalar code: the same bytes wherever the same program runs ([`Kernels`]).
+//! `faer` groups columns into dense blocks (supernodes). It selects the widest vector instructions of the machine at
+//! run time, so machines round differently. Its factorization column by column (simplicial) is plain scalar code. The
+//! same program then gives the same bytes on every machine ([`Kernels`]).
 
 use crate::error::CondenseError;
 use core::fmt;
@@ -19,22 +19,22 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
 
-/// Which code factorizes.
+/// The code of the sparse factorization.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Kernels {
-    /// The fastest that this machine has.
+    /// The fastest code on this machine. Its rounding depends on the machine.
     #[default]
     Fastest,
-    /// The same on every machine.
+    /// Scalar code with the same rounding on every machine.
     Portable,
 }
 
-/// In which order unknowns are eliminated.
+/// The order in which unknowns are eliminated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Elimination {
-    /// One that fills little, found by approximate minimum degree.
+    /// A fill-reducing order by approximate minimum degree.
     MinimumDegree,
-    /// As they are numbered.
+    /// The order of the numbers of the unknowns.
     AsNumbered,
 }
 
@@ -42,12 +42,12 @@ pub(crate) enum Elimination {
 pub(crate) struct SparseCholesky {
     pub(crate) column_start: Vec<u32>,
     row_index: Vec<u32>,
-    /// Entries of the upper triangle, to be set before [`factorize`](Self::factorize).
+    /// Entries of the upper triangle. The caller sets them before [`factorize`](Self::factorize).
     pub(crate) values: Vec<f64>,
     pub(crate) symbolic: SymbolicCholesky<u32>,
     pub(crate) numbers: Vec<f64>,
     scratch: MemBuffer,
-    /// Right-hand sides for which `scratch` has room.
+    /// Number of right-hand sides for which `scratch` has room.
     columns: usize,
 }
 
@@ -62,12 +62,12 @@ impl fmt::Debug for SparseCholesky {
 }
 
 impl SparseCholesky {
-    /// Analyzes a pattern and sets memory aside, for solves of up to `columns` right-hand sides at once. The rows of
+    /// Analyzes a pattern and allocates the memory, for solves of up to `columns` right-hand sides at once. The rows of
     /// each column ascend and end with the diagonal.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Symbolic`] when the matrix is too large for memory or 32-bit indices.
+    /// [`CondenseError::Symbolic`] if the matrix is too large for memory or 32-bit indices.
     pub(crate) fn new(
         column_start: Vec<u32>,
         row_index: Vec<u32>,
@@ -116,7 +116,7 @@ impl SparseCholesky {
         self.column_start.len() - 1
     }
 
-    /// Factorizes `values`. After an error the numbers are of no use until it succeeds again.
+    /// Factorizes `values`. After an error the factor is invalid until a factorization succeeds.
     ///
     /// # Errors
     ///
@@ -140,8 +140,8 @@ impl SparseCholesky {
         }
     }
 
-    /// Solves in place for the right-hand sides in `columns`, one after the other; more than there is room for in
-    /// several goes.
+    /// Solves in place for the right-hand sides in `columns`, stored one after the other. If they are more than the
+    /// workspace has room for, they are solved in several batches.
     pub(crate) fn solve(&mut self, columns: &mut [f64]) {
         let unknowns = self.unknowns();
         if unknowns == 0 {
@@ -168,7 +168,7 @@ impl SparseCholesky {
         ]
     }
 
-    /// Memory that it holds (bytes), with the pattern that `faer` keeps and the memory that it works in.
+    /// Memory of the factor (bytes), with the pattern and the workspace of `faer`.
     pub(crate) fn bytes(&self) -> usize {
         let pattern = match self.symbolic.raw() {
             SymbolicCholeskyRaw::Simplicial(symbolic) => {

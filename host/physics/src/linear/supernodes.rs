@@ -1,17 +1,17 @@
-//! The pattern of a Cholesky factor over nodes, and its columns gathered into supernodes.
+//! The pattern of a Cholesky factor over nodes, and the grouping of its columns into supernodes.
 //!
-//! A supernode is a run of places whose columns have the same rows below it, kept as one dense block: see
-//! J. W. H. Liu, "The role of elimination trees in sparse factorization" (1990), for the tree and the
-//! patterns. Small supernodes are merged with their parents wherever the zeros that this stores cost less
-//! time than the calls that it saves ("relaxed amalgamation", C. Ashcraft and R. Grimes, 1989).
+//! A supernode is a run of places whose columns have the same rows below the run. It is stored as one dense block.
+//! See J. W. H. Liu, "The role of elimination trees in sparse factorization" (1990), for the tree and the patterns. A
+//! small supernode is merged with its parent if the additional zeros cost less time than the separate block ("relaxed
+//! amalgamation", C. Ashcraft and R. Grimes, 1989).
 
 use super::block_matrix::BlockMatrix;
 
-/// What a supernode costs in a solve, in units of one stored number. Measured: the least time, flat within
-/// a factor of two.
+/// The overhead of a supernode in a solve, in units of one stored number. It was fitted to the least time, which
+/// changes little within a factor of two of this value.
 const SUPERNODE: f64 = 300.0;
 
-/// What each node below a supernode costs, gathered and scattered.
+/// The cost of gathering and scattering each node below a supernode, in the same unit.
 const BELOW: f64 = 20.0;
 
 /// A dense block of the factor's columns.
@@ -19,11 +19,11 @@ const BELOW: f64 = 20.0;
 pub struct Supernode {
     /// First place.
     pub first: u32,
-    /// Place past the last.
+    /// One past the last place.
     pub end: u32,
-    /// Where its rows below begin in [`Supernodes::below`].
+    /// First index into [`Supernodes::below`] of the rows below this supernode.
     pub below_start: u32,
-    /// Where they end.
+    /// One past the last index into [`Supernodes::below`].
     pub below_end: u32,
 }
 
@@ -42,14 +42,14 @@ impl Supernode {
 /// All supernodes, in the order of elimination.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Supernodes {
-    /// The blocks: together they cover all places, ascending.
+    /// The blocks, ascending. Together they cover all places.
     pub blocks: Vec<Supernode>,
     /// Places below each block, ascending.
     pub below: Vec<u32>,
 }
 
 impl Supernodes {
-    /// Memory that they hold (bytes).
+    /// Memory of the supernodes (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.blocks.as_slice()) + size_of_val(self.below.as_slice())
     }
@@ -88,14 +88,14 @@ pub(crate) fn columns(matrix: &BlockMatrix, order: &[u32]) -> Vec<Vec<u32>> {
     columns
 }
 
-/// A supernode while supernodes are merged: rows below are those of its last column.
+/// A supernode during the merging. The rows below it are those of its last column.
 struct Open {
     first: usize,
     end: usize,
 }
 
 impl Supernodes {
-    /// The supernodes of the factor of `matrix`, its free nodes eliminated in `order`.
+    /// The supernodes of the factor of `matrix`, whose free nodes are eliminated in `order`.
     pub fn new(matrix: &BlockMatrix, order: &[u32]) -> Self {
         let columns = columns(matrix, order);
         // The rows below a block are those of its last column.
@@ -144,7 +144,7 @@ impl Supernodes {
         supernodes
     }
 
-    /// Numbers on and below the diagonal, three unknowns a node.
+    /// Number of entries on and below the diagonal, with three unknowns a node.
     pub fn entries(&self) -> usize {
         let entries = |block: &Supernode| {
             let width = 3 * block.width();

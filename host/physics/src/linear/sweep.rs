@@ -1,22 +1,22 @@
 //! The forward and the backward pass through panels, for one right-hand side or for three at once.
 //!
-//! Loops are shaped so that the compiler makes vector instructions of them: over the lanes of a line outside
-//! and over the columns of a block inside, whose number it knows.
+//! The compiler turns the loops into vector instructions. The outer loop is over the lanes of a line, the inner loop
+//! over the columns of a block, whose number is a constant.
 
 use super::supernodes::{Supernode, Supernodes};
 use crate::lanes::Node;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Numbers in a line of the cache, and rows of a strip of a panel.
+/// Numbers in a cache line, and rows of a strip of a panel.
 pub(crate) const LANES: usize = 16;
 
-/// Most right-hand sides at once.
+/// The largest number of right-hand sides at once.
 const MOST: usize = 3;
 
-/// Columns of a panel that are worked on together: two nodes.
+/// Columns of a block of a panel: those of two nodes.
 const PAIR: usize = 6;
-/// Three nodes: the last block where their number is odd.
+/// Columns of the last block if the number of nodes is odd: those of three nodes.
 const TRIPLE: usize = 9;
 
 /// Sixteen rows of a column.
@@ -28,12 +28,12 @@ impl Line {
     pub(crate) const ZERO: Self = Self([0.0; LANES]);
 }
 
-/// Strips of a panel.
+/// Number of strips of a panel.
 pub(crate) fn strips(block: &Supernode) -> usize {
     (3 * (block.width() + block.height())).div_ceil(LANES)
 }
 
-/// First column and width of each block of `count` columns; a single node is filled up to two.
+/// First column and width of each block of `count` columns. A single node is padded to two.
 #[inline(always)]
 pub(crate) fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut first = 0;
@@ -49,7 +49,7 @@ pub(crate) fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)
     })
 }
 
-/// The same from the last to the first.
+/// The blocks of [`column_blocks`] from the last to the first.
 #[inline(always)]
 fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut end = count.max(PAIR);
@@ -65,7 +65,7 @@ fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> 
     })
 }
 
-/// Lines of a panel.
+/// Number of cache lines of a panel.
 pub(crate) fn lines(block: &Supernode) -> usize {
     let strips = strips(block);
     column_blocks(3 * block.width())
@@ -138,7 +138,8 @@ macro_rules! by_width {
     };
 }
 
-/// Nodes' three numbers one after the other; each writes four, the next overwrites the last.
+/// Packs the three components of each node one after the other. Each node writes four numbers, and the next node
+/// overwrites the fourth.
 #[inline(always)]
 fn pack(nodes: &[Node<f32>], flat: &mut [f32]) {
     for (at, node) in nodes.iter().enumerate() {
@@ -148,7 +149,7 @@ fn pack(nodes: &[Node<f32>], flat: &mut [f32]) {
     }
 }
 
-/// The reverse of [`pack`]; the fourth number of a node is the next one's first.
+/// The inverse of [`pack`]. The fourth number of a node becomes the first number of the next node.
 #[inline(always)]
 fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
     for (at, node) in nodes.iter_mut().enumerate() {
@@ -158,10 +159,10 @@ fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
     }
 }
 
-/// Numbers of the supernode at hand, for each right-hand side.
+/// The rows and columns of the current supernode, for each right-hand side.
 #[derive(Clone, Debug)]
 pub(crate) struct Work {
-    /// Rows, with room to begin at a line of the cache.
+    /// Rows, with room to begin at a cache line.
     rows: [Vec<f32>; MOST],
     columns: [Vec<f32>; MOST],
 }
@@ -169,7 +170,7 @@ pub(crate) struct Work {
 impl Work {
     /// Room for supernodes of up to `width` columns and `strips` strips.
     pub(crate) fn new(width: usize, strips: usize) -> Self {
-        // Packing writes a number too many.
+        // Packing writes one number more than it packs.
         let rows = || vec![0.0; LANES * (strips + 2)];
         Self {
             rows: core::array::from_fn(|_| rows()),
@@ -179,14 +180,14 @@ impl Work {
 }
 
 impl Work {
-    /// Memory that it holds (bytes).
+    /// Memory of the workspace (bytes).
     pub(crate) fn bytes(&self) -> usize {
         let both = self.rows.iter().chain(&self.columns);
         both.map(|numbers| size_of_val(numbers.as_slice())).sum()
     }
 }
 
-/// The part of `buffer` that begins at a line of the cache, in strips.
+/// The part of `buffer` that begins at a cache line, in strips.
 #[inline(always)]
 fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
     let skip = buffer.as_ptr().align_offset(64).min(LANES - 1);
@@ -226,7 +227,7 @@ fn both_ways<const K: usize>(
             unpack(flat, &mut r[k][first..end]);
             for (at, &place) in below.iter().enumerate() {
                 if let Some(row) = flat[width + 3 * at..].first_chunk::<4>() {
-                    // The fourth is the next node's; it is never read.
+                    // The fourth number belongs to the next row. It is never read.
                     let node = &mut r[k][place as usize];
                     *node = core::array::from_fn(|i| node[i] + row[i]);
                 }

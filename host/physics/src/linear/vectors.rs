@@ -1,19 +1,19 @@
-//! What conjugate gradients do with whole vectors, each in one pass and compiled for the widest registers that make it
-//! faster.
+//! The vector operations of conjugate gradients, each in one pass. Each is compiled for the widest registers that make
+//! it faster.
 //!
-//! Sums run in sixteen lanes that are added up at the end: the same bytes on every machine.
+//! Sums have sixteen lanes that are added at the end. The result has the same bytes on every machine.
 //!
-//! [`dot_single`] and [`advance`] stop at AVX2. Given AVX-512, LLVM works on four nodes at once by gathers and scatters,
-//! the sums in memory: about ten times as long.
+//! [`dot_single`] and [`advance`] use AVX2 at most. With AVX-512, LLVM gathers and scatters four nodes at once and
+//! keeps the sums in memory, which takes about ten times as long.
 
 use crate::lanes::{Node, Real};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Nodes that are summed side by side.
+/// Number of nodes that are summed side by side.
 const SIDE: usize = 4;
 
-/// A sum in lanes.
+/// The sum of all lanes.
 #[inline(always)]
 fn add_up<T: Real>(sums: &[Node<T>; SIDE]) -> f64 {
     let mut total = 0.0;
@@ -25,7 +25,7 @@ fn add_up<T: Real>(sums: &[Node<T>; SIDE]) -> f64 {
     total
 }
 
-/// The vector in single precision, as far as `z` goes.
+/// Sets `z` to `r` in single precision, over the length of `z`.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
@@ -38,7 +38,7 @@ pub(crate) fn round<T: Real>(r: &[Node<T>], z: &mut [Node<f32>]) {
     }
 }
 
-/// `z . r`, as far as `z` goes.
+/// `z . r`, over the length of `z`.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 pub(crate) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {
     let mut sums = [[T::ZERO; 4]; SIDE];
@@ -53,7 +53,7 @@ pub(crate) fn dot_single<T: Real>(z: &[Node<f32>], r: &[Node<T>]) -> f64 {
     add_up(&sums)
 }
 
-/// `a . b`, as far as both go.
+/// `a . b`, over the smaller length.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
@@ -70,7 +70,7 @@ pub(crate) fn dot<T: Real>(a: &[Node<T>], b: &[Node<T>]) -> f64 {
     add_up(&sums)
 }
 
-/// `p := z + beta p` and `q := m p`, as far as `z` goes.
+/// `p := z + beta p` and `q := m p`, over the length of `z`.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
@@ -113,7 +113,7 @@ pub(crate) fn advance<T: Real>(
     add_up(&sums)
 }
 
-/// `v := mask v`, as far as the mask goes.
+/// `v := mask v`, over the length of the mask.
 pub(crate) fn filter<T: Real, U: Real>(mask: &[Node<T>], v: &mut [Node<U>]) {
     for (v, mask) in v.iter_mut().zip(mask) {
         for i in 0..4 {

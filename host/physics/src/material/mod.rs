@@ -1,6 +1,7 @@
-//! Materials: what a deformation costs, point by point.
+//! Materials: their parameters, and the energy density and stress of a deformation.
 //!
-//! A law knows a deformation gradient and the parameters of a material, nothing of elements, meshes or time.
+//! A law is a function of a deformation gradient and the parameters of a material. It is independent of elements,
+//! meshes and time.
 //!
 //! - [`Material`], [`SolidMaterial`], [`ThreadMaterial`], [`Weave`]: the parameters.
 //! - [`law`]: laws of elastic solids.
@@ -14,11 +15,11 @@ pub mod weave;
 pub use parameters::{Material, SolidMaterial, ThreadMaterial};
 pub use weave::Weave;
 
-/// Which tangent an element gives.
+/// The kind of tangent that a law or an element returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tangent {
-    /// The derivative of the force, indefinite under compression.
+    /// The exact derivative of the force. It is indefinite under compression.
     Exact,
-    /// Its negative parts clipped: positive semidefinite.
+    /// The exact derivative with its negative eigenvalues set to zero: positive semidefinite.
     Clipped,
 }

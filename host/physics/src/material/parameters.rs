@@ -3,6 +3,18 @@
 use crate::error::BodyError;
 
 /// Isotropic linear material of one triangle of a sheet.
+///
+/// ```
+/// use physics::{BodyError, Material};
+///
+/// let rubber = Material { young: 1e6, poisson: 0.3, thickness: 1e-3, density: 1000.0 };
+/// rubber.check(0)?;
+/// assert!((rubber.bending_rigidity() - 1e6 * 1e-9 / (12.0 * 0.91)).abs() < 1e-18);
+///
+/// let error = Material { poisson: 0.5, ..rubber }.check(3).unwrap_err();
+/// assert!(matches!(error, BodyError::Material { element: 3, field: "poisson", .. }));
+/// # Ok::<(), BodyError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Young's modulus (Pa), positive.
@@ -36,7 +48,7 @@ impl Material {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Material`], naming `element`, the field, what was found and what is allowed.
+    /// [`BodyError::Material`]. It names `element`, the field, the value and the allowed values.
     pub fn check(&self, element: usize) -> Result<(), BodyError> {
         check_positive(element, "young", self.young)?;
         check_positive(element, "thickness", self.thickness)?;
@@ -46,6 +58,15 @@ impl Material {
 }
 
 /// Isotropic material of one cell of a solid.
+///
+/// ```
+/// use physics::{BodyError, SolidMaterial};
+///
+/// let tissue = SolidMaterial { young: 2e4, poisson: 0.45, density: 1050.0 };
+/// tissue.check(0)?;
+/// assert!(SolidMaterial { young: -1.0, ..tissue }.check(0).is_err());
+/// # Ok::<(), BodyError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidMaterial {
     /// Young's modulus at rest (Pa), positive.
@@ -61,7 +82,7 @@ impl SolidMaterial {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Material`], naming `element`, the field, what was found and what is allowed.
+    /// [`BodyError::Material`]. It names `element`, the field, the value and the allowed values.
     pub fn check(&self, element: usize) -> Result<(), BodyError> {
         check_positive(element, "young", self.young)?;
         check_positive(element, "density", self.density)?;

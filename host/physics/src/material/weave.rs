@@ -4,11 +4,30 @@ use super::sheet_law::{PlaneStiffness, StiffnessError};
 use crate::Vec3;
 use crate::error::BodyError;
 
-/// Orthotropic linear material of one triangle of a sheet: threads in two directions at right angles.
+/// Orthotropic linear material of one triangle of a sheet, woven of threads in two perpendicular directions.
+///
+/// ```
+/// use physics::{BodyError, Vec3, Weave};
+///
+/// let weave = Weave {
+///     warp: Vec3::x(),
+///     young_warp: 4e5,
+///     young_weft: 1e5,
+///     poisson: 0.2,
+///     shear: 2e4,
+///     thickness: 1e-3,
+///     density: 300.0,
+/// };
+/// weave.check(0)?;
+/// // A strain along the warp alone is resisted by E1 t / (1 - nu12 nu21) (N/m).
+/// let stress = weave.stiffness(0)?.apply(&[0.01, 0.0, 0.0]);
+/// assert!((stress[0] - 4e5 * 1e-3 * 0.01 / (1.0 - 0.2 * 0.05)).abs() < 1e-12);
+/// # Ok::<(), BodyError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weave {
-    /// Direction of the warp threads in the rest shape, of any length but zero. What of it lies in the
-    /// plane of the triangle counts; the weft is perpendicular to that.
+    /// Direction of the warp threads in the rest shape, of any length but zero. The projection onto the plane of
+    /// the triangle is used. The weft is perpendicular to that projection.
     pub warp: Vec3,
     /// Young's modulus along the warp (Pa), positive.
     pub young_warp: f64,
@@ -30,7 +49,7 @@ impl Weave {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Material`], naming `triangle`, the field, what was found and what is allowed.
+    /// [`BodyError::Material`]. It names `triangle`, the field, the value and the allowed values.
     pub fn stiffness(&self, triangle: usize) -> Result<PlaneStiffness, BodyError> {
         PlaneStiffness::orthotropic(
             self.young_warp,
@@ -57,7 +76,7 @@ impl Weave {
     ///
     /// # Errors
     ///
-    /// [`BodyError::Material`], naming `triangle`, the field, what was found and what is allowed;
+    /// [`BodyError::Material`], which names `triangle`, the field, the value and the allowed values.
     /// [`BodyError::Warp`] for a warp that is zero or not finite.
     pub fn check(&self, triangle: usize) -> Result<(), BodyError> {
         self.stiffness(triangle)?;
@@ -79,9 +98,9 @@ impl Weave {
     }
 }
 
-/// `vector` at length one, or `None` where it has no direction.
+/// The unit vector along `vector`, or `None` if `vector` is zero or not finite.
 pub(crate) fn unit(vector: &Vec3) -> Option<Vec3> {
     let largest = vector.amax();
-    // Divided by its largest entry first, so that no square leaves the range of numbers.
+    // The division by the largest entry keeps the squares within the range of `f64`.
     (largest > 0.0 && vector.iter().all(|x| x.is_finite())).then(|| (vector / largest).normalize())
 }

@@ -1,11 +1,21 @@
-//! Which triangles meet at which edge.
+//! The adjacency of triangles: which triangles meet at which edge.
 //!
-//! Edges come in ascending order of their vertices, whatever the order of the triangles, so that sums
+//! The edges are in ascending order of their vertices, whatever the order of the triangles, so that sums
 //! over edges repeat to the last bit. The list is made by sorting, not by hashing.
 
 use super::MeshError;
 
 /// The edges of a mesh, each once.
+///
+/// ```
+/// use physics::mesh::{Adjacency, MeshError};
+///
+/// let adjacency = Adjacency::new(&[[0, 1, 2], [0, 2, 3]])?;
+/// assert_eq!(adjacency.boundary.len(), 4);
+/// assert_eq!(adjacency.interior[0].vertices, [0, 2]);
+/// assert_eq!(adjacency.interior[0].opposite, [1, 3]);
+/// # Ok::<(), MeshError>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Adjacency {
     /// Edges between two triangles, ascending by vertices.
@@ -36,8 +46,8 @@ pub struct BoundaryEdge {
     pub opposite: u32,
 }
 
-/// One triangle's claim on one of its edges. Its order, by vertices and then by triangle, is the order
-/// of the result.
+/// An edge as a side of one of its triangles. Sides are ordered by vertices, then by triangle, which is the
+/// order of the result.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Side {
     vertices: [u32; 2],
@@ -46,9 +56,9 @@ struct Side {
 }
 
 impl Adjacency {
-    /// Finds the edges of `triangles`. Takes time in proportion to `n log n` for `n` triangles.
+    /// Finds the edges of `triangles` in a time proportional to `n log n` for `n` triangles.
     ///
-    /// Vertex indices are taken as they are: they need not exist, but within a triangle they differ.
+    /// Vertex indices are not checked. The three indices of a triangle must differ.
     ///
     /// # Errors
     /// [`MeshError::TooMany`] if the triangles cannot be numbered by `u32`, and

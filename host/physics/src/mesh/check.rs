@@ -1,8 +1,8 @@
-//! What every mesh is checked for before anything computes with it.
+//! The checks of a triangle mesh, made before any computation uses the mesh.
 //!
-//! The checks are those without which the physics divides by zero, reads out of bounds or gives a
-//! vertex no stiffness at all. They say nothing about quality beyond that: a mesh may be coarse, curved,
-//! in several pieces, or wound differently from triangle to triangle.
+//! A mesh that fails a check would make the physics divide by zero, read out of bounds or give a vertex no
+//! stiffness. The checks do not judge the quality of a mesh otherwise. A mesh may be coarse, curved, in several
+//! pieces, or wound differently from triangle to triangle.
 
 use super::check_named::{check_fields, check_groups};
 use super::{Adjacency, TriMesh};
@@ -10,18 +10,18 @@ use crate::Vec3;
 use std::cmp::Ordering;
 use thiserror::Error;
 
-/// Coordinates lie within this distance of zero (m), so that squares of lengths stay far from overflow.
+/// The largest magnitude of a coordinate (m). It keeps the squares of lengths far from overflow.
 pub const MAX_COORDINATE: f64 = 1e9;
-/// The least height of a triangle over its longest edge, below which it counts as having no area.
-/// (An equilateral triangle has 0.87.) Rounding of the coordinates alone stays far below this.
+/// The ratio of a triangle's height to its longest edge below which the triangle counts as flat.
+/// (An equilateral triangle has 0.87.) Rounding of the coordinates alone gives a far smaller ratio.
 pub const MIN_HEIGHT_RATIO: f64 = 1e-6;
-/// The least longest edge of a triangle over the diagonal of the mesh's bounding box, below which the
-/// coordinates no longer resolve the triangle.
+/// The ratio of a triangle's longest edge to the diagonal of the mesh's bounding box below which the coordinates
+/// do not resolve the triangle.
 pub const MIN_EDGE_RATIO: f64 = 1e-9;
-/// Vertices and triangles are numbered by `u32`; the last number is left free.
+/// The largest number of vertices and of triangles. Both are numbered by `u32`, and the last number is left free.
 pub const MAX_COUNT: usize = u32::MAX as usize;
 
-/// Why arrays of positions, triangles and groups are no mesh.
+/// Why arrays of positions, triangles, groups and fields are no valid mesh.
 ///
 /// Vertices and triangles are named by their index, from zero.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -69,7 +69,7 @@ pub enum MeshError {
         /// The vertex that it names more than once.
         vertex: u32,
     },
-    /// A triangle has no area, measured against its own size.
+    /// A triangle has no area, relative to its own size.
     #[error(
         "triangle {triangle}: it is flat, its height is {found:.3e} of its longest edge; \
          at least {MIN_HEIGHT_RATIO:e} is needed"
@@ -77,10 +77,10 @@ pub enum MeshError {
     Flat {
         /// The triangle.
         triangle: u32,
-        /// Its height over its longest edge.
+        /// The ratio of its height to its longest edge.
         found: f64,
     },
-    /// A triangle is too small to be resolved by the coordinates of its mesh.
+    /// A triangle is too small for the coordinates of the mesh to resolve it.
     #[error(
         "triangle {triangle}: its longest edge is {found:.3e} m; \
          in a mesh of this extent at least {least:.3e} m is needed"
@@ -90,7 +90,7 @@ pub enum MeshError {
         triangle: u32,
         /// Its longest edge (m).
         found: f64,
-        /// The least that is allowed (m).
+        /// The smallest length that is allowed (m).
         least: f64,
     },
     /// More than two triangles meet at an edge.
@@ -111,7 +111,7 @@ pub enum MeshError {
     Duplicate {
         /// The later triangle.
         triangle: u32,
-        /// The earlier one.
+        /// The earlier triangle.
         first: u32,
     },
     /// A vertex belongs to no triangle.
@@ -120,7 +120,7 @@ pub enum MeshError {
         /// The vertex.
         vertex: u32,
     },
-    /// Two vertices lie at one place.
+    /// Two vertices have the same position.
     #[error(
         "vertices {first} and {vertex} lie at one place, where the mesh would silently come apart; \
          merge them (a slit needs a gap)"
@@ -128,7 +128,7 @@ pub enum MeshError {
     Coincident {
         /// The later vertex.
         vertex: u32,
-        /// The earlier one.
+        /// The earlier vertex.
         first: u32,
     },
     /// A group's members are out of range, out of order or repeated.
@@ -138,9 +138,9 @@ pub enum MeshError {
     GroupMember {
         /// The group's name.
         name: String,
-        /// The place in the list of members, from zero.
+        /// The index in the list of members, from zero.
         position: usize,
-        /// What stands there.
+        /// The member at that index.
         found: u32,
         /// How many vertices, triangles or cells there are.
         count: usize,
@@ -166,9 +166,9 @@ pub enum MeshError {
     FieldValue {
         /// The field's name.
         name: String,
-        /// The triangle or cell.
+        /// The index of the triangle or cell, from zero.
         position: usize,
-        /// What stands there.
+        /// The value at that index.
         found: f64,
     },
     /// Two fields have one name.
@@ -179,7 +179,7 @@ pub enum MeshError {
     },
 }
 
-/// What an error is about.
+/// The part of a mesh that an error refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Culprit {
     /// A vertex.
@@ -191,7 +191,7 @@ pub enum Culprit {
 }
 
 impl MeshError {
-    /// What a person should look at: of several triangles or vertices, the last.
+    /// The part of the mesh that is at fault. Of several triangles or vertices it is the last.
     pub fn culprit(&self) -> Culprit {
         match *self {
             Self::Coordinate { vertex, .. }
@@ -232,7 +232,9 @@ impl TriMesh {
         Ok(mesh)
     }
 
-    /// Checks the whole mesh, groups and fields included. For a mesh that was changed through its public fields.
+    /// Checks the whole mesh, groups and fields included.
+    ///
+    /// [`TriMesh::new`] calls this function. Call it again after a change of the public fields.
     ///
     /// # Errors
     /// The first [`MeshError`] found.
@@ -269,7 +271,7 @@ fn check_counts(mesh: &TriMesh) -> Result<(), MeshError> {
 pub(super) fn check_coordinates(positions: &[Vec3]) -> Result<(), MeshError> {
     for (vertex, position) in (0_u32..).zip(positions) {
         for (axis, &found) in ["x", "y", "z"].into_iter().zip(position.iter()) {
-            // Not-a-number fails every comparison, and so this one.
+            // A coordinate that is not a number fails every comparison, and so this one.
             if !(-MAX_COORDINATE..=MAX_COORDINATE).contains(&found) {
                 return Err(MeshError::Coordinate {
                     vertex,
@@ -336,8 +338,8 @@ fn check_shapes(mesh: &TriMesh) -> Result<(), MeshError> {
     Ok(())
 }
 
-/// Two triangles with the same vertices share three edges, and each edge then has the same vertex
-/// opposite it on both sides.
+/// Checks that no two triangles have the same vertices. Such triangles would share three edges, and each of these
+/// edges would have the same opposite vertex on both sides.
 fn check_duplicates(adjacency: &Adjacency) -> Result<(), MeshError> {
     match adjacency
         .interior
@@ -363,15 +365,15 @@ fn check_all_used(mesh: &TriMesh) -> Result<(), MeshError> {
     }
 }
 
-/// Checks that no two vertices lie at exactly one place.
+/// Checks that no two vertices have exactly the same position (m).
 ///
-/// Asked of meshes from files only: programs that write every triangle with vertices of its own are
-/// common, and such a mesh would be as many loose pieces. A mesh that was torn has such vertices by right.
+/// Only meshes from files are checked for this. Many programs give every triangle its own three vertices, and
+/// such a mesh would consist of loose triangles. A mesh that was torn may have coincident vertices.
 ///
 /// # Errors
-/// [`MeshError::Coincident`], with the first vertex that lies where an earlier one does.
+/// [`MeshError::Coincident`] with the first vertex that has the position of an earlier vertex.
 pub fn check_distinct(positions: &[Vec3]) -> Result<(), MeshError> {
-    // Adding zero makes one of the two zeros.
+    // Adding zero turns the negative zero into the positive one.
     let place = |vertex: u32| {
         positions
             .get(vertex as usize)

@@ -1,8 +1,8 @@
-//! What has a name, checked alike for sheets and solids: groups and fields.
+//! The checks of groups and fields, the same for sheets and solids.
 
 use super::{Field, Group, MeshError};
 
-/// Checks groups of `count` vertices, triangles or cells.
+/// Checks groups over `count` vertices, triangles or cells: members ascend, exist, and no two groups have one name.
 pub(super) fn check_groups(groups: &[Group], count: usize) -> Result<(), MeshError> {
     for (index, Group { name, members }) in groups.iter().enumerate() {
         let mut least = 0_u64;
@@ -28,7 +28,7 @@ pub(super) fn check_groups(groups: &[Group], count: usize) -> Result<(), MeshErr
     Ok(())
 }
 
-/// Checks fields over `count` triangles or cells.
+/// Checks fields over `count` triangles or cells: one finite value each, and no two fields have one name.
 pub(super) fn check_fields(fields: &[Field], count: usize) -> Result<(), MeshError> {
     for (index, Field { name, values }) in fields.iter().enumerate() {
         if values.len() != count {

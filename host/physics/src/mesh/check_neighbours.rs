@@ -1,4 +1,5 @@
-//! How the cells of a solid meet: at most two at a face, one on either side, and each edge with one middle.
+//! The checks of how the cells of a solid meet: at most two at a face, one on either side of it, and one middle
+//! on each edge.
 
 use super::Cells;
 use super::check_solid::SolidError;
@@ -7,7 +8,7 @@ use super::tet::MIDSIDE_ENDS;
 /// The corners of each face, counted around its outward normal.
 const FACES: [[usize; 3]; 4] = [[0, 1, 3], [1, 2, 3], [0, 3, 2], [0, 2, 1]];
 
-/// Checks that no two cells lie on one side of a face. With it, no more than two meet at any.
+/// Checks that no two cells lie on one side of a face. At most two cells then meet at a face.
 pub(super) fn check_faces(cells: &Cells) -> Result<(), SolidError> {
     let mut faces = Vec::with_capacity(4 * cells.len());
     for (cell, all) in (0_u32..).zip(cells.vertices()) {
@@ -29,11 +30,11 @@ pub(super) fn check_faces(cells: &Cells) -> Result<(), SolidError> {
     }
 }
 
-/// Three numbers ascending, and whether they ran the other way around.
+/// Three vertices in ascending order, and whether their cyclic order was descending.
 fn sorted([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
     let mut ascending = [a, b, c];
     ascending.sort_unstable();
-    // Going around keeps the order: start with the least.
+    // A cyclic shift preserves the orientation. Start with the least vertex.
     let next = match ascending[0] {
         least if least == a => b,
         least if least == b => c,
@@ -42,7 +43,8 @@ fn sorted([a, b, c]: [u32; 3]) -> ([u32; 3], bool) {
     (ascending, next != ascending[1])
 }
 
-/// Checks that each edge has one vertex in its middle, and that vertex no other edge and no cell as corner.
+/// Checks that each edge has one vertex at its middle, and that this vertex is the middle of no other edge and the
+/// corner of no cell.
 pub(super) fn check_midsides(cells: &[[u32; 10]], vertices: usize) -> Result<(), SolidError> {
     const NONE: u32 = u32::MAX;
     let mut corner_of = vec![NONE; vertices];

@@ -1,7 +1,7 @@
-//! What every mesh of tetrahedra is checked for before anything computes with it.
+//! The checks of a tetrahedral mesh, made before any computation uses the mesh.
 //!
-//! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by
-//! zero, reads out of bounds, gives a vertex no stiffness or takes one body for two.
+//! They correspond to the checks of a sheet (see [`check`](super::check)). A mesh that fails a check would make
+//! the physics divide by zero, read out of bounds, give a vertex no stiffness or take one body for two.
 
 use super::check::{Culprit, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
 use super::check_named::{check_fields, check_groups};
@@ -10,16 +10,16 @@ use super::{Cells, MeshError, TetMesh};
 use crate::{Mat3, Vec3};
 use thiserror::Error;
 
-/// The least determinant of a cell's Jacobian, six times the volume, over the third power of its longest
-/// edge; below it the cell counts as having no volume. (A regular tetrahedron has 0.71.)
+/// The ratio of six times a cell's volume (the determinant of its Jacobian) to the cube of its longest edge. A
+/// cell at or below this ratio counts as flat. (A regular tetrahedron has 0.71.)
 pub const MIN_VOLUME_RATIO: f64 = 1e-9;
 
-/// Why arrays of positions, tetrahedra, groups and fields are no mesh.
+/// Why arrays of positions, tetrahedra, groups and fields are no valid mesh.
 ///
 /// Vertices and cells are named by their index, from zero.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SolidError {
-    /// What sheets are checked for as well: coordinates, vertices at one place, groups, fields.
+    /// An error that sheets have, too: in coordinates, coincident vertices, groups or fields.
     #[error(transparent)]
     Common(#[from] MeshError),
     /// There is no cell.
@@ -43,7 +43,7 @@ pub enum SolidError {
         /// The vertex that it names more than once.
         vertex: u32,
     },
-    /// A cell has no volume, measured against its own size.
+    /// A cell has no volume, relative to its own size.
     #[error(
         "cell {cell}: it is flat, six times its volume is {found:.3e} of its longest edge cubed; \
          more than {MIN_VOLUME_RATIO:e} is needed"
@@ -51,10 +51,10 @@ pub enum SolidError {
     Flat {
         /// The cell.
         cell: u32,
-        /// Six times its volume, over the third power of its longest edge.
+        /// The ratio of six times its volume to the cube of its longest edge.
         found: f64,
     },
-    /// A cell's corners are in the wrong order. (Readers put them right.)
+    /// A cell's corners are in the wrong order. (The readers of mesh files correct the order.)
     #[error(
         "cell {cell}: its volume is {found:.3e} m^3, it must be positive; exchange two corners, and the \
          midsides with them"
@@ -65,7 +65,7 @@ pub enum SolidError {
         /// Its volume (m³).
         found: f64,
     },
-    /// A cell is too small to be resolved by the coordinates of its mesh.
+    /// A cell is too small for the coordinates of the mesh to resolve it.
     #[error(
         "cell {cell}: its longest edge is {found:.3e} m; \
          in a mesh of this extent at least {least:.3e} m is needed"
@@ -75,10 +75,10 @@ pub enum SolidError {
         cell: u32,
         /// Its longest edge (m).
         found: f64,
-        /// The least that is allowed (m).
+        /// The smallest length that is allowed (m).
         least: f64,
     },
-    /// A cell's midsides are so far from the middles of its edges, or in such an order, that it folds.
+    /// A cell folds because its midside vertices are far from the middles of its edges or in the wrong order.
     #[error(
         "cell {cell}: its midsides fold it, the least determinant of its Jacobian is {found:.3e} of what \
          straight edges give; are they in VTK's order?"
@@ -86,10 +86,10 @@ pub enum SolidError {
     Folded {
         /// The cell.
         cell: u32,
-        /// The least determinant at a quadrature point, over that of the cell with straight edges.
+        /// The ratio of the least determinant at a quadrature point to that of the cell with straight edges.
         found: f64,
     },
-    /// Two cells lie on the same side of a face, or are one and the same.
+    /// Two cells lie on the same side of a face, or have the same corners.
     #[error(
         "cell {cell}: it overlaps cell {first}, both lie on one side of the face {0}-{1}-{2}",
         face[0], face[1], face[2]
@@ -97,12 +97,12 @@ pub enum SolidError {
     Overlap {
         /// The later cell.
         cell: u32,
-        /// The earlier one.
+        /// The earlier cell.
         first: u32,
         /// The face's vertices, ascending.
         face: [u32; 3],
     },
-    /// An edge has one middle in one cell and another in another.
+    /// Two cells have different vertices at the middle of the edge between them.
     #[error(
         "cell {cell}: the edge {0}-{1} has its middle at vertex {2}, in cell {first} at vertex {3}, where \
          the mesh would come apart",
@@ -111,14 +111,14 @@ pub enum SolidError {
     TwoMiddles {
         /// The later cell.
         cell: u32,
-        /// The earlier one.
+        /// The earlier cell.
         first: u32,
         /// The edge's vertices, ascending.
         ends: [u32; 2],
-        /// The middle in the earlier cell and that in the later.
+        /// The middle in the earlier cell and the middle in the later cell.
         middles: [u32; 2],
     },
-    /// A vertex is in the middle of two edges.
+    /// A vertex is the middle of two edges.
     #[error(
         "cell {cell}: vertex {vertex} is the middle of the edge {0}-{1}, and of another in cell {first}",
         ends[0], ends[1]
@@ -126,23 +126,23 @@ pub enum SolidError {
     SharedMiddle {
         /// The later cell.
         cell: u32,
-        /// The earlier one.
+        /// The earlier cell.
         first: u32,
         /// The vertex.
         vertex: u32,
         /// The edge in the later cell, its vertices ascending.
         ends: [u32; 2],
     },
-    /// A vertex is in the middle of an edge and a corner of a cell.
+    /// A vertex is both the middle of an edge and a corner of a cell.
     #[error(
         "cell {cell}: vertex {vertex} is the middle of an edge, but a corner of cell {corner_of}"
     )]
     MiddleIsCorner {
-        /// The cell where it is in the middle.
+        /// The cell in which the vertex is a middle.
         cell: u32,
         /// The vertex.
         vertex: u32,
-        /// A cell of which it is a corner.
+        /// A cell in which the vertex is a corner.
         corner_of: u32,
     },
     /// A vertex belongs to no cell.
@@ -154,7 +154,7 @@ pub enum SolidError {
 }
 
 impl SolidError {
-    /// What a person should look at: of several cells or vertices, the last.
+    /// The part of the mesh that is at fault. Of several cells or vertices it is the last.
     pub fn culprit(&self) -> Culprit {
         match *self {
             Self::Common(ref error) => error.culprit(),
@@ -191,8 +191,9 @@ impl TetMesh {
         Ok(mesh)
     }
 
-    /// Checks the whole mesh, groups and fields included. For a mesh that was changed through its public
-    /// fields.
+    /// Checks the whole mesh, groups and fields included.
+    ///
+    /// [`TetMesh::new`] calls this function. Call it again after a change of the public fields.
     ///
     /// # Errors
     /// The first [`SolidError`] found.
@@ -249,7 +250,10 @@ fn check_indices(mesh: &TetMesh) -> Result<(), SolidError> {
 
 /// Six times the signed volume of a cell with straight edges (m³), and its longest edge (m).
 ///
-/// The cell's corners come first in it, and each is one of the positions.
+/// The corners are the first four vertices of `cell`.
+///
+/// # Panics
+/// If `cell` has fewer than four vertices, or a corner is not among `positions`.
 pub fn size(positions: &[Vec3], cell: &[u32]) -> (f64, f64) {
     let at = |k: usize| positions[cell[k] as usize];
     let edges = Mat3::from_columns(&[at(1) - at(0), at(2) - at(0), at(3) - at(0)]);
@@ -296,12 +300,13 @@ fn check_shapes(mesh: &TetMesh) -> Result<(), SolidError> {
     Ok(())
 }
 
-/// The least determinant of a quadratic cell's Jacobian at the four points where the physics looks.
+/// The least determinant of a quadratic cell's Jacobian at the four quadrature points of the physics.
 ///
-/// The Jacobian is linear in the barycentric coordinates, so it follows from its values at the corners;
-/// there, the derivative along an edge from `a` to `b` with the middle `m` is `4 m - 3 a - b`.
+/// The Jacobian is linear in the barycentric coordinates, so its values at the corners determine it. At corner
+/// `a`, the derivative along the edge to `b` with the middle `m` is `4 m - 3 a - b`.
 fn least_determinant(positions: &[Vec3], cell: &[u32]) -> f64 {
-    // The points of the rule of degree two: (5 - sqrt 5) / 20 for three coordinates, the rest for one.
+    // The points of the quadrature rule of degree two: three barycentric coordinates are (5 - sqrt 5) / 20, and
+    // the fourth completes the sum of one.
     const NEAR: f64 = 0.138_196_601_125_010_5;
     const MIDDLE: [[usize; 4]; 4] = [[0, 4, 6, 7], [4, 1, 5, 8], [6, 5, 2, 9], [7, 8, 9, 3]];
     let at = |k: usize| positions[cell[k] as usize];
@@ -310,7 +315,7 @@ fn least_determinant(positions: &[Vec3], cell: &[u32]) -> f64 {
             if a == b {
                 return Vec3::zeros();
             }
-            // By differences from the corner: far from the origin no digit is lost.
+            // Differences from the corner lose no digits far from the origin.
             (at(MIDDLE[a][b]) - at(a)) * 4.0 - (at(b) - at(a))
         };
         Mat3::from_columns(&[1, 2, 3].map(|b| along(b) - along(0)))

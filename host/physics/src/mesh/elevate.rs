@@ -1,4 +1,4 @@
-//! From linear tetrahedra to quadratic ones.
+//! The elevation of linear tetrahedra to quadratic ones.
 
 use super::tet::MIDSIDE_ENDS;
 use super::{Cells, TetMesh};
@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 impl TetMesh {
     /// The same mesh with a vertex at the middle of each edge; a quadratic mesh is returned as it is.
     ///
-    /// Corners keep their numbers, middles follow in the order of the cells. A middle joins a vertex group
-    /// when its edge belongs to a face of the mesh's surface whose corners are all in the group: so a face's
-    /// group takes its own edges and none that cuts through the body. A group of all vertices takes all.
+    /// Corners keep their numbers. The middles follow in the order of the cells. A middle joins a vertex group
+    /// if its edge belongs to a face of the mesh's surface whose corners are all in the group. The group of a
+    /// face thus gains the middles on that face and none inside the body. A group of all vertices gains all
+    /// middles.
     #[must_use]
     pub fn quadratic(&self) -> Self {
         let Cells::Linear(cells) = &self.cells else {

@@ -1,22 +1,22 @@
-//! Meshes made from a few numbers.
+//! Rectangular sheets, cut into triangles.
 
 use super::{Group, MeshError, TriMesh};
 use crate::Vec3;
 use thiserror::Error;
 
-/// The most vertices that a generator makes; more would take gigabytes and is likely a slip of a digit.
+/// The largest number of vertices that a generator makes. A larger number would take gigabytes of memory and is
+/// probably a typing error.
 pub const MAX_VERTICES: u64 = 5_000_000;
 
 /// How the rectangles of a sheet are cut into triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pattern {
-    /// Diagonals change direction from cell to cell, like a row of Union Jacks: the sheet is equally
-    /// stiff along both diagonals. Against bending it is too soft by half or more: see
-    /// [`bending`](crate::element::bending).
+    /// The diagonals change direction from cell to cell. The sheet is equally stiff along both diagonals. Its
+    /// bending stiffness is too small by half or more: see [`bending`](crate::element::bending).
     #[default]
     Alternating,
-    /// All diagonals run from the lower left to the upper right. Simpler, and stiffer along one diagonal
-    /// than along the other.
+    /// All diagonals run from the lower left to the upper right. The sheet is stiffer along one diagonal than
+    /// along the other.
     Regular,
 }
 
@@ -49,21 +49,35 @@ pub enum SheetError {
         /// The vertices that they would make.
         vertices: u64,
     },
-    /// The result is no usable mesh: cells are far too narrow, or the sheet far too large.
+    /// The result is no valid mesh: cells are far too narrow, or the sheet is far too large.
     #[error("sheet: {0}")]
     Mesh(#[from] MeshError),
 }
 
-/// A rectangular sheet in the xy-plane, centred at the origin, its length (m) along x and its width (m)
-/// along y, of `nx` times `ny` cells of two triangles each.
+/// A rectangular sheet in the xy-plane, centred at the origin, of `nx` times `ny` cells of two triangles each.
+/// Its length (m) is along x, its width (m) along y.
 ///
-/// Vertices are numbered along x first; every triangle is wound counter-clockwise seen from +z. The vertex
-/// groups "left" and "right" hold the short ends (x = ∓length/2), "bottom" and "top" the sides
-/// (y = ∓width/2); a corner is in two of them.
+/// Vertices are numbered along x first. Every triangle is wound counter-clockwise as seen from +z. The vertex
+/// groups "left" and "right" contain the ends (x = ∓length/2), "bottom" and "top" the sides (y = ∓width/2). A
+/// corner is in two groups.
 ///
 /// # Errors
 /// [`SheetError`] for sizes that are not positive, no cells, more than [`MAX_VERTICES`] vertices, or cells
 /// so narrow that their triangles count as flat.
+///
+/// ```
+/// use physics::mesh::generate::{Pattern, SheetError, sheet};
+///
+/// let mesh = sheet(0.3, 0.2, 6, 4, Pattern::Alternating)?;
+/// assert_eq!(mesh.positions.len(), 7 * 5);
+/// assert_eq!(mesh.triangles.len(), 2 * 6 * 4);
+/// assert_eq!(mesh.group("left").map(|group| group.members.len()), Some(5));
+/// assert!((mesh.area() - 0.06).abs() < 1e-15);
+///
+/// let error = sheet(0.3, 0.2, 0, 4, Pattern::Alternating).unwrap_err();
+/// assert_eq!(error, SheetError::NoCells { along: "length" });
+/// # Ok::<(), SheetError>(())
+/// ```
 pub fn sheet(
     length: f64,
     width: f64,

@@ -1,4 +1,4 @@
-//! Boxes of tetrahedra.
+//! Boxes, cut into tetrahedra.
 
 use super::generate::MAX_VERTICES;
 use super::{Cells, Group, TetMesh};
@@ -34,14 +34,28 @@ pub enum BoxError {
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-/// A box centred at the origin, of `size` (m) in `cells` along each axis, each cut into six tetrahedra around
-/// the same diagonal (Kuhn's split: conforming without any choice).
+/// A box of `size` (m), centred at the origin, of `cells` grid cells along each axis. Each grid cell is cut into
+/// six tetrahedra around the same diagonal (Kuhn's triangulation, which is conforming).
 ///
-/// Vertices are numbered along x first, then y, then z. The vertex groups "left" and "right" hold the faces
-/// at either end of x, "front" and "back" those of y, "bottom" and "top" those of z; edges are in two.
+/// Vertices are numbered along x first, then y, then z. The vertex groups "left" and "right" contain the faces at
+/// the two ends of x, "front" and "back" those of y, "bottom" and "top" those of z. A vertex on an edge of the
+/// box is in two groups, a corner in three.
 ///
 /// # Errors
 /// [`BoxError`] for sizes that are not positive, no cells, or more than [`MAX_VERTICES`] vertices.
+///
+/// ```
+/// use physics::mesh::generate_box::{BoxError, solid_box};
+///
+/// let mesh = solid_box([0.2, 0.1, 0.1], [4, 2, 2])?;
+/// assert_eq!(mesh.positions.len(), 5 * 3 * 3);
+/// assert_eq!(mesh.cells.len(), 6 * 4 * 2 * 2);
+/// assert_eq!(mesh.group("left").map(|group| group.members.len()), Some(9));
+///
+/// let error = solid_box([0.2, 0.1, 0.1], [4, 0, 2]).unwrap_err();
+/// assert_eq!(error, BoxError::NoCells { axis: "y" });
+/// # Ok::<(), BoxError>(())
+/// ```
 pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
     for axis in 0..3 {
         if !(size[axis] > 0.0 && size[axis].is_finite()) {
@@ -87,7 +101,7 @@ pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
         .map(|(name, axis, at): (&str, usize, u32)| Group {
             name: name.to_owned(),
             members: grid(cells.map(|n| n + 1))
-                .filter(|place| place[axis] == at)
+                .filter(|point| point[axis] == at)
                 .map(vertex)
                 .collect(),
         })
@@ -101,9 +115,11 @@ pub fn solid_box(size: [f64; 3], cells: [u32; 3]) -> Result<TetMesh, BoxError> {
     })
 }
 
-/// The six tetrahedra of a cell: the paths along its edges from one end of the diagonal to the other.
+/// The six tetrahedra of a grid cell. Each has the vertices of a path along three edges of the grid cell, from one
+/// end of the diagonal to the other.
 fn kuhn(at: [u32; 3]) -> [[[u32; 3]; 4]; 6] {
-    // The last three paths turn the other way: two vertices are exchanged, so that all volumes are positive.
+    // The last three paths have the opposite orientation. Two of their vertices are exchanged, so that all volumes
+    // are positive.
     let paths = [
         [0, 1, 2],
         [1, 2, 0],

@@ -1,8 +1,8 @@
-//! Plates with a round hole in the middle: the whole, and the quarter that two symmetries leave.
+//! Plates with a round hole in the middle: the whole plate, and the quarter of it that its two symmetries permit.
 //!
-//! Rays run from the hole to the border; along each, cells grow by a constant ratio, so that they are
-//! smallest at the hole, where stress changes fastest. The square plate at 5 radii with cells growing by
-//! 1.15 is the usual model of Kirsch's problem.
+//! Rays run from the hole to the border. The lengths of the cells along a ray grow by a constant ratio, so that
+//! cells are smallest at the hole, where the gradient of the stress is largest. The square plate whose half side
+//! is 5 radii, with a ratio of 1.15, is the usual model of Kirsch's problem.
 
 use super::generate::MAX_VERTICES;
 use super::{Group, MeshError, TriMesh};
@@ -13,28 +13,49 @@ use thiserror::Error;
 /// At which angles the rays leave the hole.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rays {
-    /// One meets each corner of the plate; on either side of it they are equally spaced.
+    /// A ray meets each corner of the plate. On either side of that ray the angles are equally spaced.
     #[default]
     ThroughCorners,
-    /// Equally spaced; where none meets a corner, that corner is cut off. In a square an even number of
-    /// cells a quarter meets it.
+    /// All angles are equally spaced. A corner that no ray meets is cut off. On a square plate a ray meets the
+    /// corner if the number of cells along a quarter is even.
     Equal,
 }
 
 /// A rectangular plate with a round hole.
+///
+/// ```
+/// use physics::mesh::generate_plate::{
+///     HoledPlate, PlateError, Rays, plate_with_hole, quarter_plate_with_hole,
+/// };
+///
+/// let plate = HoledPlate {
+///     width: 0.1,
+///     height: 0.1,
+///     radius: 0.01,
+///     around: 8,
+///     outward: 10,
+///     growth: 1.15,
+///     rays: Rays::ThroughCorners,
+/// };
+/// assert_eq!(plate_with_hole(&plate)?.triangles.len(), 8 * 8 * 10);
+/// let quarter = quarter_plate_with_hole(&plate)?;
+/// assert_eq!(quarter.triangles.len(), 2 * 8 * 10);
+/// assert_eq!(quarter.group("symmetry_x").map(|group| group.members.len()), Some(11));
+/// # Ok::<(), PlateError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoledPlate {
     /// Extent of the whole plate along x (m).
     pub width: f64,
     /// Extent of the whole plate along y (m).
     pub height: f64,
-    /// Radius of the hole (m), less than half of either.
+    /// Radius of the hole (m), less than half of the smaller extent.
     pub radius: f64,
     /// Cells along a quarter of the hole.
     pub around: u32,
     /// Cells from the hole to the border.
     pub outward: u32,
-    /// Length of a cell over that of the next one inward: 1 is uniform, 1.15 a mild grading.
+    /// Ratio of the length of a cell to that of its neighbour nearer the hole. 1 is uniform.
     pub growth: f64,
     /// At which angles the rays leave the hole.
     pub rays: Rays,
@@ -59,7 +80,7 @@ pub enum PlateError {
         /// Half of the smaller side (m).
         limit: f64,
     },
-    /// There are too few cells along one way.
+    /// There are too few cells around the hole or from the hole to the border.
     #[error("plate: it has {found} cells {along}, at least {least} are needed")]
     Cells {
         /// "around a quarter of its hole" or "outward".
@@ -88,16 +109,16 @@ pub enum PlateError {
         /// The vertices that they would make.
         vertices: u64,
     },
-    /// The result is no usable mesh: cells are far too narrow or too small.
+    /// The result is no valid mesh: cells are far too narrow or too small.
     #[error("plate: {0}")]
     Mesh(#[from] MeshError),
 }
 
-/// The whole plate in the xy-plane, centred at the origin, of `8 around outward` triangles that are exactly
-/// symmetric about both axes and wound counter-clockwise seen from +z.
+/// The whole plate in the xy-plane, centred at the origin, of `8 around outward` triangles. The mesh is exactly
+/// symmetric about both axes. Its triangles are wound counter-clockwise as seen from +z.
 ///
-/// The vertex groups are "hole", "left" and "right" (x = ∓width/2), "bottom" and "top" (y = ∓height/2); a
-/// corner is in two of them.
+/// The vertex groups are "hole", "left" and "right" (x = ∓width/2), "bottom" and "top" (y = ∓height/2). A corner
+/// is in two groups.
 ///
 /// # Errors
 /// [`PlateError`].
@@ -132,7 +153,7 @@ fn check(plate: &HoledPlate, quarters: u32) -> Result<(), PlateError> {
         let found = plate.radius;
         return Err(PlateError::Hole { found, limit });
     }
-    // A corner needs a cell on either side; so does the cut that takes it off.
+    // A corner needs a cell on either side of it, and so does the edge that cuts it off.
     for (along, found, least) in [
         ("around a quarter of its hole", plate.around, 2),
         ("outward", plate.outward, 1),
@@ -176,8 +197,8 @@ fn build(plate: &HoledPlate, quarters: u32) -> Result<TriMesh, PlateError> {
             let (of_first, sign) = mirrored(i, na);
             let [from, to] = first[of_first as usize];
             // Exact at both ends.
-            let share = share(plate, j);
-            (from * (1.0 - share) + to * share).component_mul(&sign)
+            let fraction = fraction(plate, j);
+            (from * (1.0 - fraction) + to * fraction).component_mul(&sign)
         })
         .collect();
     let triangles = (0..quarters * na)
@@ -185,7 +206,7 @@ fn build(plate: &HoledPlate, quarters: u32) -> Result<TriMesh, PlateError> {
         .flat_map(|(i, j)| {
             let [a, b] = [vertex(i, j), vertex(i, j + 1)];
             let [d, c] = [vertex(i + 1, j), vertex(i + 1, j + 1)];
-            // In every second quarter the cells run backwards, and so do their diagonals.
+            // Every second quarter is mirrored: the order of its cells is reversed, and so are their diagonals.
             let (quarter, own) = (i / na, i % na);
             let forward = quarter.is_multiple_of(2);
             let of_first = if forward { own } else { na - 1 - own };
@@ -233,7 +254,7 @@ fn build(plate: &HoledPlate, quarters: u32) -> Result<TriMesh, PlateError> {
     Ok(mesh)
 }
 
-/// Which ray of the first quarter ray `i` mirrors, and the signs of its coordinates.
+/// The ray of the first quarter of which ray `i` is the mirror image, and the signs of the coordinates of ray `i`.
 fn mirrored(i: u32, na: u32) -> (u32, Vec3) {
     let own = i % na;
     match i / na {
@@ -244,11 +265,11 @@ fn mirrored(i: u32, na: u32) -> (u32, Vec3) {
     }
 }
 
-/// Where ray `i` of the first quarter leaves the hole and where it meets the border.
+/// The ends (m) of ray `i` of the first quarter: on the hole, and on the border.
 fn ray(plate: &HoledPlate, i: u32) -> [Vec3; 2] {
     let (half_x, half_y) = (0.5 * plate.width, 0.5 * plate.height);
     let na = plate.around;
-    // Exact on the axes, so that the planes of symmetry are.
+    // Exact on the axes, so that the vertices on the planes of symmetry lie there exactly.
     if i == 0 {
         return [plate.radius, half_x].map(|x| Vec3::new(x, 0.0, 0.0));
     }
@@ -283,8 +304,8 @@ fn ray(plate: &HoledPlate, i: u32) -> [Vec3; 2] {
     [Vec3::new(plate.radius * c, plate.radius * s, 0.0), border]
 }
 
-/// Share of a ray that lies inward of its vertex `j`; exactly 0 and 1 at the ends.
-fn share(plate: &HoledPlate, j: u32) -> f64 {
+/// The fraction of a ray between the hole and vertex `j` of the ray, exactly 0 and 1 at the ends.
+fn fraction(plate: &HoledPlate, j: u32) -> f64 {
     let (j, n) = (f64::from(j), f64::from(plate.outward));
     let log = libm::log(plate.growth);
     if log == 0.0 {

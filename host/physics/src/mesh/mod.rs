@@ -41,7 +41,26 @@ pub enum Mesh {
 
 /// A triangle mesh with named groups, as a generator or a file gives it.
 ///
-/// Every index in it has been checked against the arrays that it points into.
+/// [`TriMesh::new`] checks every index against the array that the index refers to. A mesh that was changed
+/// through its public fields is checked again by [`TriMesh::validate`].
+///
+/// ```
+/// use physics::Vec3;
+/// use physics::mesh::{MeshError, TriMesh};
+///
+/// let positions = vec![
+///     Vec3::new(0.0, 0.0, 0.0),
+///     Vec3::new(0.2, 0.0, 0.0),
+///     Vec3::new(0.2, 0.1, 0.0),
+///     Vec3::new(0.0, 0.1, 0.0),
+/// ];
+/// let mesh = TriMesh::new(positions.clone(), vec![[0, 1, 2], [0, 2, 3]])?;
+/// assert!((mesh.area() - 0.02).abs() < 1e-15);
+///
+/// let error = TriMesh::new(positions, vec![[0, 1, 2], [0, 2, 4]]).unwrap_err();
+/// assert!(matches!(error, MeshError::Index { triangle: 1, found: 4, vertices: 4 }));
+/// # Ok::<(), MeshError>(())
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {
     /// Rest positions (m), one per vertex.
@@ -74,7 +93,7 @@ pub struct Field {
     pub values: Vec<f64>,
 }
 
-/// An axis-aligned box that holds a mesh (m).
+/// An axis-aligned box that contains a mesh (m).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bounds {
     /// The corner with the smallest coordinates (m).
@@ -84,7 +103,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box that holds `positions`, or `None` if there are none.
+    /// The smallest box that contains all `positions` (m), or `None` if there are none.
     pub fn of(positions: &[Vec3]) -> Option<Self> {
         let first = *positions.first()?;
         let whole = Self {
@@ -164,7 +183,7 @@ impl TriMesh {
     }
 
     /// The vertices whose rest position lies in the box from `min` to `max` (m), faces included,
-    /// ascending. A box that is inside out on any axis holds none.
+    /// ascending. A box whose `min` exceeds its `max` on any axis contains no vertex.
     pub fn vertices_in_box(&self, min: Vec3, max: Vec3) -> Vec<u32> {
         let inside = |p: &Vec3| (0..3).all(|axis| (min[axis]..=max[axis]).contains(&p[axis]));
         let numbered = (0_u32..).zip(&self.positions);
@@ -194,7 +213,7 @@ impl TriMesh {
             .sum()
     }
 
-    /// The smallest axis-aligned box that holds the mesh at rest, or `None` if it has no vertices.
+    /// The smallest axis-aligned box that contains the mesh at rest, or `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.positions)
     }

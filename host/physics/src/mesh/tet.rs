@@ -1,9 +1,9 @@
 //! Tetrahedral meshes: positions, linear or quadratic cells, named groups, and values per cell.
 //!
-//! Cells are numbered as VTK numbers them. A linear tetrahedron has its corners 0 to 3 so that
-//! `(x1 - x0) x (x2 - x0) . (x3 - x0)` is positive. A quadratic one has six more vertices, at the middles
-//! of the edges 01, 12, 02, 03, 13 and 23 (Gmsh and Abaqus exchange some of these; the readers and writers
-//! translate).
+//! The vertices of a cell have the order of VTK. The corners 0 to 3 of a linear tetrahedron are ordered so that
+//! `(x1 - x0) x (x2 - x0) . (x3 - x0)` is positive. A quadratic tetrahedron has six more vertices, at the middles
+//! of the edges 01, 12, 02, 03, 13 and 23. (Gmsh and Abaqus exchange some of these. The readers and writers
+//! translate.)
 
 use super::{Bounds, Field, Group};
 use crate::Vec3;
@@ -44,6 +44,25 @@ impl Cells {
 }
 
 /// A tetrahedral mesh with named groups, as a generator or a file gives it.
+///
+/// [`TetMesh::new`] checks the mesh. A mesh that was changed through its public fields is checked again by
+/// [`TetMesh::validate`].
+///
+/// ```
+/// use physics::Vec3;
+/// use physics::mesh::{Cells, SolidError, TetMesh};
+///
+/// let positions = vec![Vec3::zeros(), Vec3::x(), Vec3::y(), Vec3::z()];
+/// let mesh = TetMesh::new(positions.clone(), Cells::Linear(vec![[0, 1, 2, 3]]))?;
+/// let quadratic = mesh.quadratic();
+/// assert_eq!(quadratic.positions.len(), 10);
+/// quadratic.validate()?;
+///
+/// // Two corners exchanged make the volume negative.
+/// let error = TetMesh::new(positions, Cells::Linear(vec![[0, 2, 1, 3]])).unwrap_err();
+/// assert!(matches!(error, SolidError::Inverted { cell: 0, .. }));
+/// # Ok::<(), SolidError>(())
+/// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct TetMesh {
     /// Rest positions (m), one per vertex.
@@ -74,7 +93,7 @@ impl TetMesh {
         self.cell_fields.iter().find(|field| field.name == name)
     }
 
-    /// The smallest axis-aligned box that holds the mesh at rest, or `None` if it has no vertices.
+    /// The smallest axis-aligned box that contains the mesh at rest, or `None` for a mesh without vertices.
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.positions)
     }

@@ -1,27 +1,27 @@
-//! Patches of neighbouring nodes, grown one beside the other.
+//! Aggregates: patches of neighbouring nodes, grown one beside the other.
 //!
-//! As in aggregation multigrid (P. Vanek, J. Mandel and M. Brezina, 1996), from the pattern of the matrix alone: it
-//! serves sheets in space as well as solids.
+//! As in aggregation multigrid (P. Vanek, J. Mandel and M. Brezina, 1996), the patches depend on the pattern of the
+//! matrix alone. The method therefore serves sheets as well as solids.
 
 use crate::linear::block_matrix::BlockMatrix;
 use std::collections::VecDeque;
 
-/// Nodes of a patch. Half as many save a tenth of the iterations on a cube of 197 thousand tetrahedra and take three
-/// times as long to make; twice as many cost a seventh more.
+/// The number of nodes of a patch. On a cube of 197 thousand tetrahedra, half as many save a tenth of the iterations,
+/// but the factorization takes three times as long. Twice as many cost a seventh more iterations.
 const NODES: usize = 60;
 
-/// A patch of fewer nodes than this is given to its neighbours.
+/// A patch of fewer nodes than this is distributed among its neighbours.
 const FEWEST: usize = NODES / 4;
 
 /// No patch.
 const NONE: u32 = u32::MAX;
 
-/// The patch of each free node, and how many there are.
+/// The patch of each free node, and the number of patches.
 pub fn aggregates(matrix: &BlockMatrix) -> (Vec<u32>, usize) {
     let free = matrix.free();
     let mut patch = vec![NONE; free];
     let mut sizes: Vec<usize> = Vec::new();
-    // Where patches that are full have left off: the next begins there, so that no gaps are left between them.
+    // The nodes at the rim of full patches. The next patch begins there, so that no gaps remain between patches.
     let mut rim = VecDeque::new();
     let mut unseen = 0..free as u32;
     let mut members = VecDeque::new();
@@ -50,7 +50,7 @@ pub fn aggregates(matrix: &BlockMatrix) -> (Vec<u32>, usize) {
         }
         sizes.push(size);
     }
-    give_away_small_ones(matrix, &mut patch, &mut sizes);
+    distribute_small_patches(matrix, &mut patch, &mut sizes);
     let mut number = vec![NONE; sizes.len()];
     let mut count = 0;
     for patch in &mut patch {
@@ -64,8 +64,9 @@ pub fn aggregates(matrix: &BlockMatrix) -> (Vec<u32>, usize) {
     (patch, count as usize)
 }
 
-/// Each node of a patch too small goes to the smallest large enough that it touches; those that touch none stay.
-fn give_away_small_ones(matrix: &BlockMatrix, patch: &mut [u32], sizes: &mut [usize]) {
+/// Moves each node of a patch that is too small to the smallest sufficiently large patch among its neighbours. A node
+/// without such a neighbour keeps its patch.
+fn distribute_small_patches(matrix: &BlockMatrix, patch: &mut [u32], sizes: &mut [usize]) {
     for node in 0..patch.len() {
         if sizes[patch[node] as usize] >= FEWEST {
             continue;

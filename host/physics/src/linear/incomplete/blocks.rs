@@ -2,10 +2,10 @@
 //!
 //! `A ~ L L^T`, where `L` has blocks only where `A` has (J. A. Meijerink and H. A. van der Vorst, "An iterative
 //! solution method for linear systems of which the coefficient matrix is a symmetric M-matrix", 1977). The step matrix
-//! is no M-matrix, so that a pivot may come out too small; then the diagonal blocks are enlarged, more and more, until
-//! none does (T. A. Manteuffel, "An incomplete factorization technique for positive definite linear systems", 1980).
+//! is no M-matrix, so a pivot may be too small. The diagonal blocks are then enlarged step by step until all pivots are
+//! large enough (T. A. Manteuffel, "An incomplete factorization technique for positive definite linear systems", 1980).
 //!
-//! Numbers are kept in f32, as an iteration in f64 needs no more of its preconditioner, and summed in f64.
+//! The factor is stored in f32, which suffices for the preconditioner of an iteration in f64. Sums are in f64.
 
 use super::sweep;
 use crate::cost::Cost;
@@ -17,18 +17,18 @@ use crate::{Mat3, Vec3};
 /// Numbers of a block.
 pub(crate) const BLOCK: usize = 9;
 
-/// A row of a block is read as four numbers, the last of which is not used.
+/// Numbers past the end of the last block. A row of a block is read as four numbers, of which the last is not used.
 pub(crate) const PADDING: usize = 3;
 
-/// The least share of a pivot of a diagonal block by itself that must be left once all other rows are taken off: less
-/// is more rounding and dropped fill than matrix.
+/// The least ratio of a pivot after elimination to the pivot of the diagonal block alone. Below it, rounding and
+/// dropped fill dominate the pivot.
 const LEAST_PIVOT: f64 = 1e-4;
 
-/// The first share by which diagonal blocks are enlarged; it doubles from trial to trial.
+/// The first fraction by which diagonal blocks are enlarged. It doubles from attempt to attempt.
 const FIRST_SHIFT: f64 = 1e-3;
 
-/// The last. With this any block is many times as large as what its row could take off a matrix that is positive
-/// definite with some tens of neighbours to a node.
+/// The last fraction. With it, every diagonal block is many times as large as the terms that elimination subtracts, for
+/// a positive definite matrix with some tens of neighbours to a node.
 const LAST_SHIFT: f64 = 1e3;
 
 /// `mass_factor M + stiffness_factor K` on free nodes; see [`Blocks::factorize`].
@@ -42,7 +42,8 @@ pub(crate) struct StepMatrix<'a> {
 }
 
 impl StepMatrix<'_> {
-    /// Its block at (`row`, `column`), where the stiffness has `block`; `alone` is put on the diagonal of guided axes.
+    /// The block of the step matrix at (`row`, `column`), where the stiffness has `block`. Guided axes get `alone` on
+    /// the diagonal.
     #[inline(always)]
     pub(crate) fn block(&self, row: usize, column: usize, block: &Mat3, alone: f64) -> Mat3 {
         let mut block = block * self.stiffness_factor;
@@ -65,19 +66,20 @@ impl StepMatrix<'_> {
     }
 }
 
-/// The factor: rows of blocks, each row's last the inverse of its diagonal block.
+/// The incomplete factor, by rows of blocks. The last block of each row is the inverse of its diagonal block.
 #[derive(Clone, Debug)]
 pub struct Blocks {
-    /// Where the columns of each row end.
+    /// One past the last index into `columns` of each row.
     row_end: Vec<u32>,
     /// Columns before the diagonal, by rows, ascending.
     columns: Vec<u32>,
-    /// Blocks row by row, as they are read, and `PADDING`.
+    /// Blocks row by row, in the order of reading, and `PADDING` numbers.
     values: Vec<f32>,
     shift: f64,
 }
 
-/// The Cholesky factor of a diagonal block, inverted, and its pivots; none where one is too small a share of `alone`'s.
+/// The inverse of the Cholesky factor of a diagonal block, and its pivots. Returns `None` if a pivot is not positive or
+/// below [`LEAST_PIVOT`] times the corresponding pivot in `alone`.
 fn inverse_root(block: &Mat3, alone: Option<&Vec3>) -> Option<(Mat3, Vec3)> {
     let mut root = Mat3::zeros();
     let mut pivots = Vec3::zeros();
@@ -113,7 +115,7 @@ fn inverse_root(block: &Mat3, alone: Option<&Vec3>) -> Option<(Mat3, Vec3)> {
     Some((inverse, pivots))
 }
 
-/// The block at `at`, which counts blocks.
+/// Block number `at`.
 #[inline(always)]
 fn load(values: &[f32], at: usize) -> Mat3 {
     let block = &values[BLOCK * at..BLOCK * (at + 1)];
@@ -131,7 +133,7 @@ fn store(values: &mut [f32], at: usize, block: &Mat3) {
 }
 
 impl Blocks {
-    /// For the free nodes of `matrix` in their order, without numbers.
+    /// A factor without numbers for the free nodes of `matrix`, in their order.
     pub fn new(matrix: &BlockMatrix) -> Self {
         let mut row_end = Vec::with_capacity(matrix.free());
         let mut columns = Vec::new();
@@ -150,16 +152,16 @@ impl Blocks {
         }
     }
 
-    /// Factorizes `mass_factor M + stiffness_factor K`; `matrix` must have the pattern given to `new`, and `mass` is by
-    /// its nodes.
+    /// Factorizes `mass_factor M + stiffness_factor K`. `matrix` must have the pattern given to `new`, and `mass` (kg)
+    /// has an entry for each of its nodes.
     ///
-    /// `mask` holds for each free node and axis 1 where it is free and 0 where it is guided: the latter are uncoupled,
-    /// with 1 on the diagonal. After an error the numbers are of no use until it succeeds again.
+    /// `mask` has for each free node and axis 1 if the axis is free and 0 if it is guided. Guided axes are uncoupled,
+    /// with 1 on the diagonal. After an error the factor is invalid until a factorization succeeds.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Topology`] when the pattern has another size, and [`CondenseError::NotPositiveDefinite`] when
-    /// not even diagonal blocks are.
+    /// [`CondenseError::Topology`] if the pattern has another size, and [`CondenseError::NotPositiveDefinite`] if
+    /// a diagonal block is not positive definite.
     pub fn factorize(
         &mut self,
         matrix: &BlockMatrix,
@@ -191,7 +193,7 @@ impl Blocks {
         }
     }
 
-    /// The share by which diagonal blocks were enlarged in the last factorization; 0 where none had to be.
+    /// The fraction by which diagonal blocks were enlarged in the last factorization. It is usually 0.
     pub fn shift(&self) -> f64 {
         self.shift
     }
@@ -200,7 +202,7 @@ impl Blocks {
         let mut start = 0;
         for row in 0..self.row_end.len() {
             let end = self.row_end[row] as usize;
-            // Each row before this one has had its diagonal's block.
+            // Each row before this one has one diagonal block.
             let first = start + row;
             let mut at = start;
             let mut diagonal = Mat3::zeros();
@@ -239,8 +241,8 @@ impl Blocks {
         Ok(())
     }
 
-    /// `sum L_rk L_ck^T` over the columns `k` that both rows have; of the row at hand those in `range` are there yet,
-    /// whose blocks begin at `first`.
+    /// `sum L_rk L_ck^T` over the columns `k` that row `r` and row `c`, which is `other`, have in common. The blocks of
+    /// row `r` that are known already have the columns in `range` and begin at `first`.
     #[inline(always)]
     fn product_of_rows(&self, range: (usize, usize), first: usize, other: usize) -> Mat3 {
         let other_start = other
@@ -262,30 +264,30 @@ impl Blocks {
         sum
     }
 
-    /// Solves `L L^T x = r` in place, by places; those past the factor's are left as they are. With fewer, nothing is
-    /// done.
+    /// Solves `L L^T x = r` in place, by places. Places past those of the factor are not changed. If `r` is shorter
+    /// than the factor, the function does nothing.
     pub fn solve(&self, r: &mut [Node<f32>]) {
         if let Some(r) = r.get_mut(..self.row_end.len()) {
             sweep::solve(&self.row_end, &self.columns, &self.values, r);
         }
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factor (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.row_end.as_slice())
             + size_of_val(self.columns.as_slice())
             + size_of_val(self.values.as_slice())
     }
 
-    /// What a solve costs: all blocks are read forward and backward, with a product and a sum for each number each time.
+    /// The cost of a solve. Each of the two passes reads all blocks, with a product and a sum for each number.
     pub(crate) fn solve_cost(&self) -> Cost {
         let factor = Cost::read(self.bytes());
         let r = Cost::update(size_of::<Node<f32>>() * self.row_end.len());
         factor + factor.again() + r + r.again() + Cost::flops(4 * self.values.len())
     }
 
-    /// What a factorization costs without enlarged diagonals: for each block before the diagonal two products of
-    /// blocks, and one for each column that two of a row's columns have in common.
+    /// The cost of a factorization without enlarged diagonals: two products of blocks for each block before the
+    /// diagonal, and one for each column that its two rows have in common.
     pub(crate) fn factorize_cost(&self) -> Cost {
         let mut products = 0;
         let mut start = 0;

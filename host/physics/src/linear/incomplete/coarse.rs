@@ -1,9 +1,10 @@
-//! The matrix on rigid motions of patches: a small matrix of its own, factorized completely.
+//! The coarse space: the matrix on rigid motions of patches, a small matrix that is factorized completely.
 //!
-//! A node of a patch moves by `t + w x arm`, where the arm is its place relative to the patch's centre, in units of the
-//! patch's size, so that translations `t` and turns `w` have the same unit. With `P` for these motions of all patches
-//! the matrix is `P^T A P`: two nodes for each patch, one for `t` and one for `w`, so that the machinery of the complete
-//! factor serves it as it is. `P` holds the motions where the body is: they leave corotational cells unstrained there.
+//! A node of a patch moves by `t + w x arm`. The arm is the position of the node relative to the patch's centre, in
+//! units of the patch's size, so that translations `t` and turns `w` have the same unit. With `P` for these motions of
+//! all patches the coarse matrix is `P^T A P`. It has two nodes for each patch, one for `t` and one for `w`, so that
+//! the complete factor ([`Factor`]) serves it unchanged. `P` contains the rigid motions at the present positions,
+//! which do not strain corotational cells.
 
 use super::aggregates::aggregates;
 use super::blocks::StepMatrix;
@@ -17,17 +18,19 @@ use crate::linear::panel::Panels;
 use crate::linear::sparse_cholesky::Kernels;
 use crate::{Mat3, Vec3};
 
-/// By this share diagonals are enlarged: a patch whose nodes lie in a line can turn about it at no cost.
+/// The fraction by which diagonals are enlarged. A patch whose nodes lie on a line has no stiffness against turns about
+/// that line.
 const ENLARGED: f64 = 1e-6;
 
-/// Solves on patches.
+/// The factor of the coarse matrix.
 #[derive(Clone, Debug)]
 pub(crate) struct Coarse {
-    /// By place.
+    /// The patch of each place.
     patch: Vec<u32>,
+    /// The arm of each place.
     arm: Vec<Node<f32>>,
     panels: Panels,
-    /// Forces and moments on patches, then translations and turns.
+    /// Forces and moments on patches, and after the solve translations and turns.
     motion: Vec<Node<f32>>,
 }
 
@@ -42,7 +45,7 @@ fn cross(a: &Node<f32>, b: &Node<f32>) -> Node<f32> {
 }
 
 impl Coarse {
-    /// Takes up forces and moments of `r` on the patches, and finds their motions.
+    /// Sums the forces and moments of `r` on each patch, and solves for the motions of the patches.
     pub(crate) fn gather(&mut self, r: &[Node<f32>]) {
         self.motion.fill([0.0; 4]);
         for ((&patch, arm), r) in self.patch.iter().zip(&self.arm).zip(r) {
@@ -59,7 +62,7 @@ impl Coarse {
         self.panels.solve(&mut self.motion);
     }
 
-    /// Adds the motions found.
+    /// Adds the motions of the patches to `z`.
     pub(crate) fn add_to(&self, z: &mut [Node<f32>]) {
         for ((&patch, arm), z) in self.patch.iter().zip(&self.arm).zip(z) {
             let at = 2 * patch as usize;
@@ -73,7 +76,7 @@ impl Coarse {
         }
     }
 
-    /// What both cost.
+    /// The cost of `gather` and `add_to`.
     pub(crate) fn solve_cost(&self) -> Cost {
         let nodes = self.patch.len();
         let patches = Cost::read(size_of_val(self.patch.as_slice()))
@@ -87,7 +90,7 @@ impl Coarse {
             + Cost::flops((15 + 15) * nodes)
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factor (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.patch.as_slice())
             + size_of_val(self.arm.as_slice())
@@ -96,16 +99,18 @@ impl Coarse {
     }
 }
 
-/// What makes its numbers.
+/// The factorization that computes the numbers of a [`Coarse`].
 #[derive(Debug)]
 pub(crate) struct CoarseMaker {
     patch: Vec<u32>,
-    /// Centre of each patch (m), number of its nodes and the largest distance of one (m).
+    /// Centre of each patch (m).
     centre: Vec<Vec3>,
+    /// Number of nodes of each patch.
     count: Vec<f64>,
+    /// Largest distance of a node of each patch from the centre (m).
     radius: Vec<f64>,
     arm: Vec<Vec3>,
-    /// The row at hand: of a node and each patch that it is coupled to, with translations and with turns.
+    /// The present row: the coupling of a node to the translations and to the turns of each patch.
     row: Vec<(u32, Mat3, Mat3)>,
     matrix: BlockMatrix,
     mass: Vec<f64>,
@@ -145,7 +150,7 @@ impl CoarseMaker {
             patch,
         };
         maker.place(|node| rest[node]);
-        // Patches are numbered by the places of an order that fills little.
+        // Patches are numbered in a fill-reducing order.
         let coupled = pairs(&maker.patch);
         let graph = BlockMatrix::new(patches, patches, coupled.iter().map(<[u32; 2]>::as_slice));
         let places = order::places(&order::order(&graph, &maker.centre));
@@ -168,7 +173,7 @@ impl CoarseMaker {
         Ok(maker)
     }
 
-    /// Centres and arms, with nodes at `at` (m).
+    /// Computes centres and arms with the nodes at `at` (m).
     fn place(&mut self, at: impl Fn(usize) -> Vec3) {
         self.centre.fill(Vec3::zeros());
         self.count.fill(0.0);
@@ -193,7 +198,7 @@ impl CoarseMaker {
         }
     }
 
-    /// One without numbers.
+    /// A factor without numbers.
     pub(crate) fn empty(&self) -> Coarse {
         Coarse {
             patch: self.patch.clone(),
@@ -203,7 +208,7 @@ impl CoarseMaker {
         }
     }
 
-    /// Makes the numbers of `coarse`, with places at `at` (m).
+    /// Computes the numbers of `coarse` with the places at `at` (m).
     ///
     /// # Errors
     ///
@@ -221,7 +226,7 @@ impl CoarseMaker {
         }
         for node in 0..self.matrix.nodes() {
             let enlarged = self.matrix.diagonal(node).diagonal().map(|diagonal| {
-                // What is guided altogether has no motions.
+                // A patch whose nodes are all guided has no stiffness.
                 if diagonal > 0.0 {
                     ENLARGED * diagonal
                 } else {
@@ -241,7 +246,7 @@ impl CoarseMaker {
         Ok(())
     }
 
-    /// Adds what the matrix's row of `node` has on patches.
+    /// Adds the part of the coarse matrix that comes from the row of `node`.
     fn add_row(&mut self, node: usize, step: &StepMatrix<'_>) {
         self.row.clear();
         for (other, block) in step.matrix.free_blocks(node) {
@@ -273,12 +278,12 @@ impl CoarseMaker {
         }
     }
 
-    /// What the factorization costs; adding up the matrix is left out.
+    /// The cost of the factorization, without the assembly of the coarse matrix.
     pub(crate) fn cost(&self) -> Cost {
         self.factor.cost()
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factorization (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.patch.as_slice())
             + size_of_val(self.centre.as_slice())

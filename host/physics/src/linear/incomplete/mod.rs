@@ -1,23 +1,25 @@
-//! A preconditioner whose memory grows as the mesh does: an incomplete factor, and rigid motions of patches.
+//! A preconditioner with memory proportional to the mesh: an incomplete factor and a coarse space of rigid motions.
 //!
-//! The complete factor of [`crate::linear::factor`] fills up: its memory grows with the power 1.4 of the number of tetrahedra,
-//! and its time with it. Here two cheap parts are added up. [`Blocks`], an incomplete factor with the pattern of the
-//! matrix, takes what changes from node to node; `coarse`, a complete factor of the matrix on the rigid motions of
-//! patches of some sixty nodes, takes what moves whole patches. The first alone would need iterations in proportion to
-//! the nodes along an edge; with the second their number hardly grows (R. A. Nicolaides, "Deflation of conjugate
-//! gradients with applications to boundary value problems", 1987; P. Vanek, J. Mandel and M. Brezina, "Algebraic
-//! multigrid by smoothed aggregation for second and fourth order elliptic problems", 1996, for rigid motions).
+//! The memory of the complete factor ([`crate::linear::factor`]) grows with the power 1.4 of the number of tetrahedra,
+//! and the time of a solve with the memory. The preconditioner of this module is the sum of two cheap parts.
+//! [`Blocks`], an incomplete factor with the pattern of the matrix, reduces errors that vary from node to node.
+//! `coarse`, a complete factor of the matrix on the rigid motions of patches of some sixty nodes, reduces errors that
+//! move whole patches. With the first part alone the number of iterations is proportional to the number of nodes along
+//! an edge. With both parts it hardly grows (R. A. Nicolaides, "Deflation of conjugate gradients with applications to
+//! boundary value problems", 1987; P. Vanek, J. Mandel and M. Brezina, "Algebraic multigrid by smoothed aggregation for
+//! second and fourth order elliptic problems", 1996, for rigid motions).
 //!
-//! Measured on cubes of 20, 64 and 197 thousand tetrahedra from a cold start to 1e-6: 38, 55 and 78 iterations with the
-//! incomplete factor alone, 23, 26 and 27 with both. Natural and reverse Cuthill-McKee orders take the same number,
-//! nested dissection a tenth to a sixth more: [`order`] makes the second, which does not depend on how the mesh was numbered.
+//! Cubes of 20, 64 and 197 thousand tetrahedra took 38, 55 and 78 iterations from a cold start to 1e-6 with the
+//! incomplete factor alone, and 23, 26 and 27 with both parts. The natural and the reverse Cuthill-McKee order take the
+//! same number of iterations, nested dissection a tenth to a sixth more. [`order`] computes the reverse Cuthill-McKee
+//! order, which does not depend on the numbering of the mesh.
 //!
-//! Thin sheets gain less: 40, 64 and 106 iterations for 1.5, 7 and 29 thousand triangles with bending, whose softest
-//! motions are bends of whole patches. Their complete factors are small, too.
+//! Thin sheets gain less: 40, 64 and 106 iterations for 1.5, 7 and 29 thousand triangles with bending. The softest
+//! motions of such a sheet bend whole patches. The complete factor of a sheet is small.
 //!
-//! Correcting once before and once after the factor instead of beside it ("balancing") takes 15, 16 and 16 iterations,
-//! with a second coarse solve and two more products in each: a prototype took as long, and two thirds more memory for
-//! the factor.
+//! A coarse correction before and after the factor instead of beside it ("balancing") takes 15, 16 and 16 iterations.
+//! Each iteration then has a second coarse solve and two more products. A prototype took the same time, and two thirds
+//! more memory for the factor.
 
 pub mod aggregates;
 mod blocks;
@@ -36,7 +38,7 @@ use crate::lanes::Node;
 use blocks::StepMatrix;
 use coarse::{Coarse, CoarseMaker};
 
-/// The incomplete factor and the patches.
+/// The incomplete factor and the coarse space.
 #[derive(Clone, Debug)]
 pub struct Incomplete {
     blocks: Blocks,
@@ -44,25 +46,25 @@ pub struct Incomplete {
 }
 
 impl Incomplete {
-    /// Solves roughly and in place: `r` holds the right-hand side by places and becomes what it is multiplied into.
+    /// Applies the preconditioner in place to `r`, the residual by places.
     pub(crate) fn solve(&mut self, r: &mut [Node<f32>]) {
         self.coarse.gather(r);
         self.blocks.solve(r);
         self.coarse.add_to(r);
     }
 
-    /// What a solve costs.
+    /// The cost of a solve.
     pub(crate) fn solve_cost(&self) -> Cost {
         self.blocks.solve_cost() + self.coarse.solve_cost()
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of both parts (bytes).
     pub(crate) fn bytes(&self) -> usize {
         self.blocks.bytes() + self.coarse.bytes()
     }
 }
 
-/// What makes the numbers of an [`Incomplete`].
+/// The factorization that computes the numbers of an [`Incomplete`].
 #[derive(Debug)]
 pub(crate) struct Maker {
     coarse: CoarseMaker,
@@ -70,7 +72,7 @@ pub(crate) struct Maker {
 }
 
 impl Maker {
-    /// For the free places of `matrix` at `rest` (m).
+    /// A factorization for the free places of `matrix` at `rest` (m).
     pub(crate) fn new(
         matrix: &BlockMatrix,
         rest: &[Vec3],
@@ -82,7 +84,7 @@ impl Maker {
         })
     }
 
-    /// One without numbers.
+    /// A preconditioner without numbers.
     pub(crate) fn empty(&self, matrix: &BlockMatrix) -> Incomplete {
         Incomplete {
             blocks: Blocks::new(matrix),
@@ -90,8 +92,8 @@ impl Maker {
         }
     }
 
-    /// Makes the numbers of `made`, where the places are displaced by `d` (m). See
-    /// [`Blocks::factorize`] for the rest.
+    /// Computes the numbers of `made` with the places displaced by `d` (m). See [`Blocks::factorize`] for the other
+    /// arguments and the errors.
     pub(crate) fn make(
         &mut self,
         made: &mut Incomplete,
@@ -115,12 +117,12 @@ impl Maker {
         self.coarse.make(&mut made.coarse, at, &step)
     }
 
-    /// What the numbers of `made` cost.
+    /// The cost of the numbers of `made`.
     pub(crate) fn cost(&self, made: &Incomplete) -> Cost {
         made.blocks.factorize_cost() + self.coarse.cost()
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the factorization (bytes).
     pub(crate) fn bytes(&self) -> usize {
         self.coarse.bytes() + size_of_val(self.rest.as_slice())
     }

@@ -1,14 +1,16 @@
-//! The reverse order of Cuthill and McKee: neighbours near each other, level by level from one end of the mesh.
+//! The reverse Cuthill-McKee order: neighbours lie near each other, level by level from one end of the mesh.
 //!
-//! From a node at an end of the longest way through the mesh, nearly (A. George and J. W. H. Liu, "An implementation of
-//! a pseudoperipheral node finder", 1979), nodes follow by their distance, those with fewer neighbours first.
+//! The first node is an approximate end of the longest of all shortest paths through the mesh (A. George and
+//! J. W. H. Liu, "An implementation of a pseudoperipheral node finder", 1979). The other nodes follow by their
+//! distance from it, nodes with fewer neighbours first.
 
 use crate::linear::block_matrix::BlockMatrix;
 
-/// Searches for an end of the mesh.
+/// Number of searches for an end of the mesh.
 const SEARCHES: usize = 3;
 
-/// Appends the nodes that `start` reaches, breadth first, and marks them with `mark`; those marked so are left out.
+/// Appends the nodes that `start` reaches to `order`, breadth first, and marks them with `mark`. Nodes that have this
+/// mark already are omitted.
 fn reach(matrix: &BlockMatrix, start: u32, mark: u32, marks: &mut [u32], order: &mut Vec<u32>) {
     let first = order.len();
     let degree = |node: u32| matrix.free_blocks(node as usize).count();
@@ -33,7 +35,7 @@ pub fn order(matrix: &BlockMatrix) -> Vec<u32> {
     let free = matrix.free();
     let mut order = Vec::with_capacity(free);
     let mut found = Vec::with_capacity(free);
-    // How often a node has been reached; each part of the mesh is searched equally often.
+    // The number of times that each node has been reached. Each part of the mesh is searched equally often.
     let mut marks = vec![0; free];
     for node in 0..free as u32 {
         if marks[node as usize] != 0 {

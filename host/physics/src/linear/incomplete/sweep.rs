@@ -1,18 +1,18 @@
 //! The forward and the backward pass through an incomplete factor.
 //!
-//! Both read the same blocks in the order in which they lie in memory, once ascending and once descending. Rows of a
-//! block are vectors of four, the last of which is the next row's first and comes to nothing: forward it meets the zero
-//! that fills a node, backward it is cleared.
+//! Both passes read the blocks in their order in memory, once ascending and once descending. The rows of a block are
+//! read as vectors of four. The fourth number is the first of the next row and has no effect: the forward pass
+//! multiplies it by the zero that pads a node, and the backward pass clears its result.
 
 use super::blocks::{BLOCK, PADDING};
 use crate::lanes::Node;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// A block as it is read.
+/// A block with the numbers that are read past its end.
 type Read = [f32; BLOCK + PADDING];
 
-/// `block . x`, lane by lane and not yet summed, added to the rows of `sums`.
+/// Adds the products of `block` and `x` to the rows of `sums`, lane by lane. The caller sums the lanes.
 #[inline(always)]
 fn add_rows(sums: &mut [Node<f32>; 3], block: &Read, x: &Node<f32>) {
     for row in 0..3 {
@@ -22,16 +22,17 @@ fn add_rows(sums: &mut [Node<f32>; 3], block: &Read, x: &Node<f32>) {
     }
 }
 
-/// `block^T x`; the last is of no use.
+/// `block^T x`. The fourth component is meaningless.
 #[inline(always)]
 fn transposed(block: &Read, x: &Node<f32>) -> Node<f32> {
     core::array::from_fn(|i| (block[i] * x[0] + block[3 + i] * x[1]) + block[6 + i] * x[2])
 }
 
-/// Solves in place: `L y = r` by rows, then `L^T x = y` by rows again, each taking its part off those before it.
+/// Solves in place: first `L y = r` by rows, then `L^T x = y` by rows in reverse, where each row is subtracted from the
+/// rows before it.
 ///
-/// `row_end` and `columns` are of the blocks before the diagonal; `values` has each row's inverse diagonal block after
-/// those.
+/// `row_end` and `columns` describe the blocks before the diagonal. In `values`, the inverse diagonal block of a row
+/// follows the blocks of that row.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))

@@ -1,10 +1,10 @@
 //! Corotational elasticity: small strains measured in a frame that turns with the element.
 //!
-//! With the polar decomposition `F = R S`, `R` a proper rotation even where the element is inside out,
+//! With the polar decomposition `F = R S`, `R` a proper rotation even if the element is inverted,
 //! `psi = mu |S - I|^2 + lambda / 2 tr(S - I)^2` and `P = 2 mu (F - R) + lambda tr(S - I) R` (Müller and
 //! Gross, "Interactive virtual materials", 2004; McAdams et al., "Efficient elasticity for character
 //! skinning with contact and collisions", 2011, for the exact tangent). The least singular value carries
-//! the sign of the determinant, so an inverted element is pushed back through its shortest way.
+//! the sign of the determinant, so the stress pushes an inverted element back along its shortest axis.
 
 use super::isotropic::{self, PAIRS, Principal};
 use super::{Frame, Lame, Law, Response};
@@ -12,8 +12,8 @@ use crate::material::Tangent;
 use crate::polar::svd::svd;
 use crate::{Mat3, Vec3};
 
-/// Two stretches whose sum is below this have their turn's stiffness bounded: it divides by the sum, and the
-/// exact one grows without limit where an element passes through a line. Only there the tangent differs.
+/// The least sum of two stretches by which the twist of their axes divides. The exact twist is unbounded where an
+/// element degenerates to a line. Only below this bound does the tangent differ from the exact one.
 const STRETCH_FLOOR: f64 = 0.02;
 
 /// Corotational elasticity.

@@ -1,8 +1,8 @@
-//! Isotropic laws by their signed principal stretches.
+//! Isotropic laws as functions of the signed principal stretches.
 //!
-//! In the axes of `F = U diag(s) V^T` the modulus falls apart into a 3 x 3 block of stretches, three
-//! *twists* and three *flips*, whose eigenvalues have closed forms (Smith, de Goes and Kim, "Analytic
-//! eigensystems for isotropic distortion energies", 2019). Clipping is then a matter of signs.
+//! In the axes of `F = U diag(s) V^T` the modulus is block diagonal: a 3 x 3 block of stretches, three *twists*
+//! and three *flips*. The twists and the flips are eigenvalues in closed form (Smith, de Goes and Kim, "Analytic
+//! eigensystems for isotropic distortion energies", 2019). To clip them is to set the negative ones to zero.
 
 use super::{Lame, Law, Modulus, Response};
 use crate::material::Tangent;
@@ -14,33 +14,33 @@ use crate::{Mat3, Vec3};
 pub struct Principal {
     /// First derivatives: the principal stresses.
     pub stress: Vec3,
-    /// Second derivatives.
+    /// Second derivatives (Pa).
     pub stretch: Mat3,
-    /// `(psi_i + psi_j) / (s_i + s_j)` for the pairs 12, 02, 01: eigenvalues of the turns of one axis into
-    /// another.
+    /// `(psi_i + psi_j) / (s_i + s_j)` for the pairs 12, 02, 01: the eigenvalues of the rotations in the planes of
+    /// these axes.
     pub twist: Vec3,
-    /// `(psi_i - psi_j) / (s_i - s_j)` for the same pairs: eigenvalues of the shears.
+    /// `(psi_i - psi_j) / (s_i - s_j)` for the same pairs: the eigenvalues of the shears.
     pub flip: Vec3,
 }
 
 impl Principal {
-    /// By pair of axes `ij`, how the shear `P_ij` answers to `F_ij`.
+    /// For each pair of axes `ij`, the derivative of the shear `P_ij` by `F_ij` (Pa).
     pub fn same(&self) -> Vec3 {
         (self.flip + self.twist) * 0.5
     }
 
-    /// By pair of axes `ij`, how the shear `P_ij` answers to `F_ji`.
+    /// For each pair of axes `ij`, the derivative of the shear `P_ij` by `F_ji` (Pa).
     pub fn crossed(&self) -> Vec3 {
         (self.flip - self.twist) * 0.5
     }
 }
 
-/// The axes of a deformation gradient `F = u diag(s) v^T`, and what a law says in them.
+/// The principal axes of a deformation gradient `F = u diag(s) v^T`, and the derivatives of a law in these axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes {
-    /// The left ones, a rotation.
+    /// The left axes, a rotation.
     pub u: Mat3,
-    /// The right ones, a rotation.
+    /// The right axes, a rotation.
     pub v: Mat3,
     /// Derivatives of the energy density.
     pub principal: Principal,
@@ -59,7 +59,7 @@ impl Axes {
     }
 }
 
-/// All that a law says at one deformation gradient, its modulus clipped and in principal axes.
+/// Energy density, stress and clipped modulus of a law at one deformation gradient, the modulus in principal axes.
 #[derive(Clone, Copy, Debug)]
 pub struct Point {
     /// Energy per rest volume (J/m^3).
@@ -70,11 +70,12 @@ pub struct Point {
     pub axes: Axes,
 }
 
-/// A law as [`fast`](crate::lanes) calls it: with the right axes of a deformation gradient near this one.
+/// A law as the vector kernels call it. The last argument is an estimate of the right axes of the deformation
+/// gradient.
 pub type PointLaw = fn(Lame, &Mat3, &Mat3) -> Point;
 
-/// What `law`, whose derivatives by the principal stretches are `principal`, says at `f`, whose right axes are near
-/// those of `start`.
+/// Evaluates `law` at `f`. The function `principal` gives the derivatives of the law by the principal stretches, and
+/// `start` is an estimate of the right axes of `f`.
 pub(crate) fn point<L: Law>(
     law: &L,
     lame: Lame,
@@ -93,28 +94,28 @@ pub(crate) fn point<L: Law>(
     }
 }
 
-/// A rotation from one that rounding has worn.
-fn orthonormal(worn: &Mat3) -> Mat3 {
-    let x = worn.column(0).normalize();
-    let y = worn.column(1) - x * x.dot(&worn.column(1));
+/// The rotation near `rounded`, a rotation whose columns are orthonormal only up to rounding (Gram-Schmidt).
+fn orthonormal(rounded: &Mat3) -> Mat3 {
+    let x = rounded.column(0).normalize();
+    let y = rounded.column(1) - x * x.dot(&rounded.column(1));
     let y = y.normalize();
     Mat3::from_columns(&[x, y, x.cross(&y)])
 }
 
-/// A pivot above this share of the trace is not rounding.
+/// A pivot above this fraction of the trace is no rounding error.
 const PIVOT: f64 = 1e-10;
 
-/// The pairs of axes, by the axis that is left out.
+/// The pairs of axes. Pair `k` lacks axis `k`.
 pub const PAIRS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
-/// Stress and modulus at `f` of the law with these derivatives.
+/// Stress and modulus at `f` of the law whose derivatives by the principal stretches `law` gives.
 pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Response {
     let Axes { u, v, principal } = Axes::new(svd(f), tangent, law);
     let p = principal;
     // In principal axes: dP_ii by dF_jj; and dP_ij by dF_ij and dF_ji.
     let (same, crossed) = (p.same(), p.crossed());
     // The modulus of the term a_ij E_ij (x) E_kl, with E_ij = u_i v_j^T, has the block v_j[J] v_l[L]
-    // u_i u_k^T. Sum over what is not zero, for fixed right axes first.
+    // u_i u_k^T. Sum over the terms that are not zero, for fixed right axes first.
     let mut right = [[Mat3::zeros(); 3]; 3];
     for i in 0..3 {
         for j in 0..3 {
@@ -146,7 +147,7 @@ pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> 
     }
 }
 
-/// Whether elimination meets no pivot that is not clearly positive.
+/// Whether every pivot of the elimination is clearly positive.
 fn is_definite(matrix: &Mat3) -> bool {
     let least = PIVOT * matrix.trace();
     let first = matrix[(0, 0)];
@@ -157,12 +158,12 @@ fn is_definite(matrix: &Mat3) -> bool {
     first > least && second > least && third > least && least > 0.0
 }
 
-/// A symmetric matrix with its negative eigenvalues replaced by zero.
+/// A symmetric matrix with its negative eigenvalues set to zero.
 fn clipped(matrix: &Mat3) -> Mat3 {
     if is_definite(matrix) {
         return *matrix;
     }
-    // The singular values of a symmetric matrix are its eigenvalues but for signs: `(A + |A|) / 2`.
+    // The singular values of a symmetric matrix are the magnitudes of its eigenvalues: the result is `(A + |A|) / 2`.
     let Svd { s, v, .. } = svd(matrix);
     let size = v * Mat3::from_diagonal(&s.abs()) * v.transpose();
     let sum = (matrix + size) * 0.5;

@@ -1,7 +1,7 @@
 //! Geometrically linear elasticity: small strains and small rotations.
 //!
-//! `epsilon = sym(F) - I`, `P = 2 mu epsilon + lambda tr(epsilon) I`. The stress of a turned body is wrong;
-//! that of a strained one is the reference against which analytic solutions are stated.
+//! `epsilon = sym(F) - I`, `P = 2 mu epsilon + lambda tr(epsilon) I`. The law is wrong for large rotations. The
+//! analytic solutions of linear elasticity hold for this law, so it serves verification.
 
 use super::{Frame, Lame, Law, Modulus, Response};
 use crate::Mat3;

@@ -1,7 +1,7 @@
 //! Laws of elastic solids: energy density, stress and tangent at one deformation gradient.
 //!
-//! A law is one file. It knows a deformation gradient `F` and the Lame parameters, nothing of elements,
-//! meshes or time; [`crate::element::tet::solid`] integrates it over tetrahedra.
+//! Each law has one file. A law is a function of a deformation gradient `F` and the Lame parameters.
+//! [`crate::element::tet::solid`] integrates laws over tetrahedra.
 
 use super::Tangent;
 use crate::Mat3;
@@ -18,6 +18,18 @@ pub use neo_hookean::StableNeoHookean;
 pub use stvk::StVenantKirchhoff;
 
 /// The Lame parameters of an isotropic linear-elastic solid (Pa).
+///
+/// ```
+/// use physics::{Mat3, Tangent};
+/// use physics::material::law::{Lame, Law, StableNeoHookean};
+///
+/// let lame = Lame::new(1e5, 0.3);
+/// let law = StableNeoHookean;
+/// let f = Mat3::from_diagonal_element(1.01);
+/// let response = law.respond(lame, &f, Tangent::Clipped);
+/// assert!(law.energy(lame, &f) > 0.0);
+/// assert!(response.stress[(0, 0)] > 0.0);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lame {
     /// Shear modulus.
@@ -27,7 +39,7 @@ pub struct Lame {
 }
 
 impl Lame {
-    /// From Young's modulus (Pa) and Poisson's ratio, in three dimensions.
+    /// The parameters of a solid with Young's modulus `young` (Pa) and Poisson's ratio `poisson`.
     pub fn new(young: f64, poisson: f64) -> Self {
         Self {
             mu: young / (2.0 * (1.0 + poisson)),
@@ -36,12 +48,12 @@ impl Lame {
     }
 }
 
-/// The frame in which small strains are measured: stresses are those of Hooke's law there.
+/// The frame in which a law measures small strains and applies Hooke's law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Frame {
-    /// That of space.
+    /// The frame of the world.
     Fixed,
-    /// That which turns with the deformation gradient.
+    /// The frame that turns with the rotation of the deformation gradient.
     Turning,
 }
 
@@ -51,25 +63,26 @@ pub enum Frame {
 /// stiffness between nodes with rest gradients `g_a` and `g_b` is the sum of `g_a[j] g_b[l] [j][l]`.
 pub type Modulus = [[Mat3; 3]; 3];
 
-/// What a law says at one deformation gradient.
+/// Stress and modulus of a law at one deformation gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Response {
     /// First Piola-Kirchhoff stress `P` (Pa).
     pub stress: Mat3,
-    /// Its derivative.
+    /// The derivative of the stress by the deformation gradient (Pa).
     pub modulus: Modulus,
 }
 
 /// An elastic law.
 ///
-/// The stress is exactly the derivative of the energy density, and with [`Tangent::Exact`] the modulus
-/// exactly that of the stress. With [`Tangent::Clipped`] its negative eigenvalues are replaced by zero.
-/// None of the three may return a value that is not finite for a finite `F`, whatever its determinant.
+/// The stress is exactly the derivative of the energy density. With [`Tangent::Exact`] the modulus is exactly the
+/// derivative of the stress. With [`Tangent::Clipped`] the negative eigenvalues of the modulus are set to zero.
+/// Energy, stress and modulus must be finite for every finite `F`, whatever its determinant.
 pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
-    /// The frame in which this is Hooke's law, where there is one: [`fast`](crate::lanes) has kernels for it.
+    /// The frame in which the law is Hooke's law, if there is one. The vector kernels
+    /// ([`tet4`](crate::element::tet4), [`tet10`](crate::element::tet10)) handle such a law directly.
     const FRAME: Option<Frame> = None;
 
-    /// The law in principal axes, where it is isotropic and [`fast`](crate::lanes) is to step it by them.
+    /// The law in principal axes, if the law is isotropic and the vector kernels are to compute with those axes.
     const POINT: Option<isotropic::PointLaw> = None;
 
     /// Energy per rest volume (J/m^3), zero at rest.
@@ -78,6 +91,6 @@ pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// First Piola-Kirchhoff stress (Pa).
     fn stress(&self, lame: Lame, f: &Mat3) -> Mat3;
 
-    /// Stress and modulus.
+    /// Stress and modulus (Pa).
     fn respond(&self, lame: Lame, f: &Mat3, tangent: Tangent) -> Response;
 }

@@ -1,4 +1,4 @@
-//! Stable neo-Hookean: large strains, finite and convex enough to recover from any inversion.
+//! The stable neo-Hookean law for large strains. It is finite everywhere, and an element recovers from any inversion.
 //!
 //! Smith, de Goes and Kim, "Stable neo-Hookean flesh simulation", 2018, equation 14:
 //!
@@ -6,8 +6,8 @@
 //! psi = m / 2 (I_C - 3) + l / 2 (J - a)^2 - m / 2 log(I_C + 1),    a = 1 + (3/4) m / l
 //! ```
 //!
-//! with `m = 4 mu / 3` and `l = lambda + 5 mu / 6`, so that it agrees with linear elasticity at rest
-//! (section 3.4). `J` enters as a polynomial, without a logarithm: inside out is only another state.
+//! with `m = 4 mu / 3` and `l = lambda + 5 mu / 6`, so that the law agrees with linear elasticity at rest
+//! (section 3.4). `J` enters as a polynomial, without a logarithm, so the energy of an inverted element is finite.
 
 use super::isotropic::{self, PAIRS, PointLaw, Principal};
 use super::{Lame, Law, Response};
@@ -25,7 +25,7 @@ fn constants(lame: Lame) -> (f64, f64, f64) {
     (m, l, 1.0 + 0.75 * m / l)
 }
 
-/// Derivative of the determinant.
+/// The cofactor matrix of `f`: the derivative of the determinant by `f`.
 fn cofactor(f: &Mat3) -> Mat3 {
     let (a, b, c): (Vec3, Vec3, Vec3) =
         (f.column(0).into(), f.column(1).into(), f.column(2).into());
@@ -67,7 +67,7 @@ impl Law for StableNeoHookean {
         let (m, l, a) = constants(lame);
         let squares = f.norm_squared();
         let volume = f.determinant();
-        // Less the value at rest; the difference of squares keeps its digits there.
+        // The value at rest is subtracted. The factored difference of squares loses no digits near rest.
         0.5 * m * (squares - 3.0) + 0.5 * l * (volume - 1.0) * (volume + 1.0 - 2.0 * a)
             - 0.5 * m * libm::log1p((squares - 3.0) / 4.0)
     }

@@ -1,8 +1,8 @@
 //! St. Venant-Kirchhoff: linear in the Green strain.
 //!
-//! `E = (F^T F - I) / 2`, `P = F (2 mu E + lambda tr(E) I)`. It has analytic solutions and is what other
-//! programs implement, so it serves verification. Under compression it softens and below a stretch of
-//! 0.58 pulls inwards: an element may settle inside out.
+//! `E = (F^T F - I) / 2`, `P = F (2 mu E + lambda tr(E) I)`. The law has analytic solutions and other programs
+//! implement it, so it serves verification. It softens under compression. Below a stretch of `1 / sqrt 3` its
+//! stiffness is negative, and an element may come to rest inverted.
 
 use super::isotropic::{self, PAIRS, PointLaw, Principal};
 use super::{Lame, Law, Response};
@@ -17,7 +17,7 @@ pub struct StVenantKirchhoff;
 fn principal(lame: Lame, s: &Vec3) -> Principal {
     let (mu, lambda) = (lame.mu, lame.lambda);
     let trace = 0.5 * (s.norm_squared() - 3.0);
-    // psi_i = s_i (mu (s_i^2 - 1) + lambda tr E), a cubic: its quotients are polynomials.
+    // psi_i = s_i (mu (s_i^2 - 1) + lambda tr E) is a cubic, so the quotients are polynomials.
     let base = lambda * trace - mu;
     let mut twist = Vec3::zeros();
     let mut flip = Vec3::zeros();

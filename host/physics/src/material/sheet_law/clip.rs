@@ -1,29 +1,27 @@
-//! The positive semidefinite part of small symmetric matrices: negative eigenvalues replaced by zero.
+//! The positive semidefinite part of small symmetric matrices: negative eigenvalues set to zero.
 //!
-//! That is the nearest positive semidefinite matrix in the Frobenius norm (Higham, "Computing a nearest
-//! symmetric positive semidefinite matrix", 1988), and what Teran et al., "Robust quasistatic finite
-//! elements and flesh simulation", 2005, do to an element's tangent before a linear solver sees it.
-//! Eigenvalues are found by Jacobi's rotations (Golub and Van Loan, "Matrix computations", 4th
-//! edition, section 8.5),
-//! which need no start and no shift, keep small eigenvalues as accurate as the matrix allows, and end
-//! after a bounded number of sweeps.
+//! This part is the nearest positive semidefinite matrix in the Frobenius norm (Higham, "Computing a nearest
+//! symmetric positive semidefinite matrix", 1988). Teran et al., "Robust quasistatic finite elements and flesh
+//! simulation", 2005, clip the tangent of each element in this manner. The eigenvalues come from Jacobi's rotations
+//! (Golub and Van Loan, "Matrix computations", 4th edition, section 8.5). These need neither an initial guess nor a
+//! shift, compute small eigenvalues as accurately as the matrix allows, and end after a bounded number of sweeps.
 
 /// A symmetric 4 x 4 matrix, stored in full.
 pub(crate) type Sym4 = [[f64; 4]; 4];
 
-/// Convergence is quadratic: 4 x 4 matrices take three or four sweeps. The bound is for matrices that
-/// rounding keeps from the threshold.
+/// The largest number of sweeps. Convergence is quadratic, and 4 x 4 matrices take three or four sweeps. The bound
+/// serves matrices that do not reach the threshold because of rounding.
 const MAX_SWEEPS: usize = 12;
 
-/// The pairs of a sweep, two by two disjoint, so that a processor works on two rotations at a time (the
-/// order of Brent and Luk, "The solution of singular-value and symmetric eigenvalue problems on
+/// The pairs of a sweep. Consecutive pairs are disjoint, so that a processor works on two rotations at a time
+/// (the order of Brent and Luk, "The solution of singular-value and symmetric eigenvalue problems on
 /// multiprocessor arrays", 1985).
 const ROUND: [(usize, usize); 6] = [(0, 1), (2, 3), (0, 2), (1, 3), (0, 3), (1, 2)];
 
-/// Relative size of an entry beside the diagonal that moves no eigenvalue by a bit.
+/// Relative size of an off-diagonal entry that changes no eigenvalue by a bit.
 const NEGLIGIBLE: f64 = 1e-17;
 
-/// Relative size of what is rounding of a matrix put together from a dozen terms.
+/// Relative size of the rounding error of a matrix that is a sum of a dozen terms.
 const ROUNDING: f64 = 1e-15;
 
 /// Positive part of the matrix with entries xx, xy, yy.
@@ -42,9 +40,9 @@ pub(crate) fn clip2(s: [f64; 3]) -> [f64; 3] {
     [scale * (s[0] - small), scale * s[1], scale * (s[2] - small)]
 }
 
-/// Positive part of `h`; `h` itself where it is positive semidefinite up to rounding.
+/// Positive part of `h`. It is `h` itself if `h` is positive semidefinite up to rounding.
 pub(crate) fn clip4(h: &Sym4) -> Sym4 {
-    // In tension, which is how a sheet mostly is, elimination says so at a small part of the price.
+    // A sheet is mostly in tension, where `h` is semidefinite. Elimination costs a small fraction of the eigenvalues.
     if is_semidefinite(h) {
         return *h;
     }
@@ -62,12 +60,13 @@ pub(crate) fn clip4(h: &Sym4) -> Sym4 {
     clipped
 }
 
-/// Whether elimination without exchanges meets no negative pivot. `false` may be an error of caution.
+/// Whether elimination without exchanges meets no negative pivot. The result may be `false` for a semidefinite
+/// matrix, but not `true` for another.
 fn is_semidefinite(h: &Sym4) -> bool {
     let rounding = ROUNDING * (0..4).map(|k| h[k][k].abs()).sum::<f64>();
     let mut a = *h;
     for k in 0..3 {
-        // What remains after a pivot this small would be mostly rounding.
+        // The remainder after a pivot this small would be mostly rounding error.
         if a[k][k] <= 1e4 * rounding {
             return false;
         }
@@ -78,7 +77,7 @@ fn is_semidefinite(h: &Sym4) -> bool {
             }
         }
     }
-    // A sheet at rest has no stiffness against spin: zero, or rounding of either sign.
+    // A sheet at rest has no stiffness against spin: the pivot is zero up to rounding of either sign.
     a[3][3] >= -rounding
 }
 
@@ -108,7 +107,7 @@ fn rotate(a: &mut Sym4, v: &mut Sym4, p: usize, q: usize) {
     if apq == 0.0 {
         return;
     }
-    // The smaller of the two angles. Where the quotient overflows, the tangent is zero, as it should be.
+    // The smaller of the two angles. If the quotient overflows, the tangent is zero, its limit.
     let theta = 0.5 * (a[q][q] - a[p][p]) / apq;
     let tangent = 1.0 / (theta.abs() + libm::sqrt(theta * theta + 1.0));
     let t = if theta < 0.0 { -tangent } else { tangent };
@@ -152,7 +151,7 @@ mod tests {
             for i in 0..4 {
                 for j in 0..=i {
                     h[i][j] = random(&mut state);
-                    // Also nearly diagonal, graded and diagonal ones.
+                    // Nearly diagonal, graded and diagonal matrices as well.
                     if i != j && case % 4 > 0 {
                         h[i][j] *= [1e-9, 1e-200, 0.0][case % 4 - 1];
                     }

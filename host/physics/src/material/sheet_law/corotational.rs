@@ -1,8 +1,9 @@
 //! The corotational sheet: linear in the right stretch, `psi = 1/2 (U - I) : D : (U - I)`, `F = R U`.
 //!
-//! For an isotropic `D` this is the energy of [`Membrane`](crate::element::triangle::membrane::Membrane), and so are the
-//! force and the tangent. For a woven sheet `sigma = D (U - I)` need not share its axes with `U`, and the
-//! stress is not `R sigma`. With `A = R^T dF`, `J = [[0, -1], [1, 0]]` and the spin
+//! For an isotropic `D` the energy, the force and the tangent are those of
+//! [`Membrane`](crate::element::triangle::membrane::Membrane). For a woven sheet the principal axes of
+//! `sigma = D (U - I)` may differ from those of `U`, and the stress is not `R sigma`. With `A = R^T dF`,
+//! `J = [[0, -1], [1, 0]]` and the spin
 //! `omega = (A21 - A12) / tr U`, the derivative of the polar decomposition in two dimensions is
 //!
 //! ```text
@@ -15,31 +16,31 @@
 //! P = R T        T = sigma - (c / tr U) J        c = u12 (s22 - s11) + s12 (u11 - u22)
 //! ```
 //!
-//! Differentiated once more, in the plane (from `dA = -omega J A` and `J J = -I`):
+//! The second derivative in the plane is (from `dA = -omega J A` and `J J = -I`):
 //!
 //! ```text
 //! d2 psi = dU : D : dU + 2 omega (J T) : A - omega^2 sigma : U
 //! ```
 //!
-//! Out of the plane, for `dF = n w^T`, `U` stands still and `R` turns by `n (U^-1 w)^T`, so that
-//! `dP = n w^T S` with `S = U^-1 T`, the second Piola-Kirchhoff stress, which is symmetric. Motions in and
-//! out of the plane do not mix, so each part is clipped by itself.
+//! Out of the plane, for `dF = n w^T`, `dU = 0` and `dR = n (U^-1 w)^T`. Hence `dP = n w^T S` with `S = U^-1 T`, the
+//! second Piola-Kirchhoff stress, which is symmetric. Motions in the plane and out of it do not couple, so each part
+//! of the tangent is clipped separately.
 //!
-//! # Where not to use it
+//! # Limits
 //!
-//! `U11` is not the stretch of the warp threads: it falls, to second order, when they are sheared at
-//! constant length. Pulled along the warp (`E1`, shear modulus `G`), the sheet can thus shed tension by
-//! shearing, and from the equations above it does so, at a strain beyond
+//! `U11` is not the stretch of the warp threads: `U11` decreases, to second order, when the threads are sheared at
+//! constant length. A sheet that is pulled along the warp (`E1`, shear modulus `G`) can therefore reduce its
+//! tension by shearing. By the equations above it does so at a strain beyond
 //!
 //! ```text
 //! 4 G / (E1 - 4 G)
 //! ```
 //!
-//! where the exact tangent is no longer positive although everything is in tension. An isotropic sheet
-//! (`E <= 3 G`) never gets there; a cloth with `E1 = 40 G` does at 0.11, and one a hundred times stiffer
-//! along its threads than in shear, which is nothing unusual, at 0.04. For those take
-//! [`StVenantKirchhoffSheet`](crate::material::sheet_law::StVenantKirchhoffSheet), whose strain along the warp is that of the
-//! threads and which is stable under any tension.
+//! There the exact tangent is indefinite although all principal stresses are tensile. An isotropic sheet
+//! (`E <= 3 G`) never reaches this strain. A cloth with `E1 = 40 G` reaches it at 0.11. A cloth a hundred times
+//! stiffer along its threads than in shear, which is common, reaches it at 0.04. For such cloth use
+//! [`StVenantKirchhoffSheet`](crate::material::sheet_law::StVenantKirchhoffSheet). Its strain along the warp is the
+//! strain of the threads, and it is stable under any tension.
 //!
 //! The derivation follows McAdams et al., "Efficient elasticity for character skinning with contact and
 //! collisions", 2011, without its assumption that stress and stretch commute.
@@ -51,13 +52,13 @@ use crate::material::Tangent;
 use crate::polar::surface::Polar;
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
-/// Stretches are bounded below by this where the tangent divides by them, and their sum by twice this: a
-/// triangle crushed to a hundredth must not make the matrix arbitrarily stiff. The stress has no bound.
+/// The least stretch by which the tangent divides; the least sum of two stretches is twice this. A triangle that is
+/// crushed to a hundredth must not make the matrix arbitrarily stiff. The stress is not bounded.
 const STRETCH_FLOOR: f64 = 0.01;
 
 /// The law with energy `1/2 (U - I) : D : (U - I)`, `U` the right stretch.
 ///
-/// The tangent is that of a sheet no smaller than a hundredth of its rest size in any direction.
+/// In the tangent, stretches below a hundredth count as a hundredth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CorotationalSheet;
 
@@ -68,7 +69,7 @@ struct State {
     sigma: [f64; 3],
     /// `c` (N/m).
     couple: f64,
-    /// `c / tr U` (N/m), which is bounded by `sigma`.
+    /// `c / tr U` (N/m), bounded by `sigma`.
     skew: f64,
 }
 
@@ -109,7 +110,7 @@ impl State {
         let [uxx, uxy, uyy] = self.polar.u;
         let [sxx, sxy, syy] = self.sigma;
         let trace = self.polar.trace.max(2.0 * STRETCH_FLOOR);
-        // omega and dU of the last basis vector; dU of the others is themselves.
+        // omega and dU of the last basis vector. For the others, omega = 0 and dU = A.
         let omega = SQRT_2 / trace;
         let spun = [omega * uxy, -omega * uxy, omega * (uyy - uxx)];
         let pull = d.map(|row| row[0] * spun[0] + row[1] * spun[1] + row[2] * spun[2]);
@@ -138,7 +139,7 @@ impl State {
         let (t12, t21) = (s12 + self.skew, s12 - self.skew);
         [
             xx * s11 + xy * t21,
-            // The two are equal where no stretch is below its floor.
+            // The mean of two entries that are equal if no stretch is below its floor.
             0.5 * (xx * t12 + xy * s22 + xy * s11 + yy * t21),
             xy * t12 + yy * s22,
         ]
@@ -158,7 +159,7 @@ fn inverse_stretch(polar: &Polar) -> [f64; 3] {
     polar.with_principal(stretch, value)
 }
 
-/// From the basis of [`State::in_plane`] to the pairs of [`modulus`].
+/// The change from the basis of [`State::in_plane`] to the pairs of [`modulus`].
 fn by_entries(h: &Sym4) -> Sym4 {
     let turn = |h: [f64; 4]| {
         [
@@ -169,7 +170,7 @@ fn by_entries(h: &Sym4) -> Sym4 {
         ]
     };
     let rows = h.map(turn);
-    // `rows` has turned columns; the matrix is symmetric, so turning its columns' columns does the rest.
+    // The basis of the columns has changed. The matrix is symmetric, so the same change of its columns does the rest.
     let column = |k: usize| turn([rows[0][k], rows[1][k], rows[2][k], rows[3][k]]);
     [column(0), column(1), column(2), column(3)]
 }

@@ -1,13 +1,13 @@
 //! Laws of elastic sheets: energy, stress and tangent at one deformation gradient of a surface.
 //!
-//! The counterpart of [`crate::material::law`] for surfaces. A law is one file. It knows the two columns of the 3 x 2
-//! deformation gradient in the orthonormal rest frame of the warp and a [`PlaneStiffness`], nothing of
-//! triangles, meshes or time; [`crate::element::triangle::woven`] integrates it over triangles. All quantities are per rest
-//! area, the thickness being part of the stiffness.
+//! This module is the counterpart of [`crate::material::law`] for surfaces. Each law has one file. A law is a function
+//! of a [`PlaneStiffness`] and the two columns of the 3 x 2 deformation gradient, in the orthonormal rest frame of the
+//! warp. [`crate::element::triangle::woven`] integrates laws over triangles. All quantities are per rest area; the
+//! thickness is part of the stiffness.
 //!
-//! - [`corotational`]: linear in the right stretch. Well behaved when crushed; under tension for sheets
-//!   whose moduli along the threads are not many times that in shear.
-//! - [`stvk`]: linear in Green's strain. Stable under any tension, for any weave; soft when crushed.
+//! - [`corotational`]: linear in the right stretch. It is stable under compression. Under tension it is stable if the
+//!   moduli along the threads are not many times the shear modulus.
+//! - [`stvk`]: linear in Green's strain. It is stable under any tension, for any weave, and soft under compression.
 
 use super::Tangent;
 use crate::{Mat3, Vec3};
@@ -28,22 +28,35 @@ pub use stvk::StVenantKirchhoffSheet;
 /// the element's rest area.
 pub type SheetModulus = [[Mat3; 2]; 2];
 
-/// What a law says at one deformation gradient.
+/// Stress and modulus of a law at one deformation gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SheetResponse {
     /// The two columns of the first Piola-Kirchhoff stress times the thickness (N/m).
     pub stress: [Vec3; 2],
-    /// Its derivative.
+    /// The derivative of the stress by the deformation gradient (N/m).
     pub modulus: SheetModulus,
 }
 
 /// An elastic law of a sheet.
 ///
-/// The stress is exactly the derivative of the energy, and with [`Tangent::Exact`] the modulus exactly
-/// that of the stress, save where a law says that it bounds a triangle crushed to nearly nothing. With
-/// [`Tangent::Clipped`] its negative eigenvalues are replaced by zero. None of the three returns a value
-/// that is not finite for a finite `f`: a gradient with an entry beyond 1e60 is taken for its multiple that
-/// ends there.
+/// The stress is exactly the derivative of the energy. With [`Tangent::Exact`] the modulus is exactly the derivative
+/// of the stress, unless the law states a least stretch for its modulus. With [`Tangent::Clipped`] the negative
+/// eigenvalues of the modulus are set to zero. Energy, stress and modulus are finite for every finite `f`: a gradient
+/// with an entry beyond 1e60 is scaled so that its largest entry is 1e60.
+///
+/// ```
+/// use physics::Vec3;
+/// use physics::material::sheet_law::{
+///     PlaneStiffness, SheetLaw, StVenantKirchhoffSheet, StiffnessError,
+/// };
+///
+/// let stiffness = PlaneStiffness::orthotropic(4e5, 1e5, 0.2, 2e4, 1e-3)?;
+/// // A stretch of one per cent along the warp.
+/// let f = [Vec3::x() * 1.01, Vec3::y()];
+/// let [warp, weft] = StVenantKirchhoffSheet.stress(&stiffness, &f);
+/// assert!(warp.x > weft.y && weft.y > 0.0);
+/// # Ok::<(), StiffnessError>(())
+/// ```
 pub trait SheetLaw: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// Energy per rest area (J/m^2), zero at rest.
     fn energy(&self, d: &PlaneStiffness, f: &[Vec3; 2]) -> f64;
@@ -51,14 +64,14 @@ pub trait SheetLaw: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// The two columns of the first Piola-Kirchhoff stress times the thickness (N/m).
     fn stress(&self, d: &PlaneStiffness, f: &[Vec3; 2]) -> [Vec3; 2];
 
-    /// Stress and modulus.
+    /// Stress and modulus (N/m).
     fn respond(&self, d: &PlaneStiffness, f: &[Vec3; 2], tangent: Tangent) -> SheetResponse;
 }
 
-/// Largest entry of a gradient that a law looks at: its fourth power, times any stiffness, is a number.
+/// The largest entry of a gradient that a law uses. The product of its fourth power and any stiffness is finite.
 const LARGEST_ENTRY: f64 = 1e60;
 
-/// `f`, shortened where its entries are beyond all use.
+/// `f`, scaled if necessary so that no entry exceeds [`LARGEST_ENTRY`].
 fn bounded(f: &[Vec3; 2]) -> [Vec3; 2] {
     let largest = f[0].amax().max(f[1].amax());
     if largest <= LARGEST_ENTRY {

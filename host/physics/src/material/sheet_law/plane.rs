@@ -6,7 +6,7 @@
 
 use thiserror::Error;
 
-/// Why a stiffness was refused.
+/// Why the constants of a sheet give no valid stiffness.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 #[error("sheet stiffness: `{field}` is {found}, expected {expected}")]
 pub struct StiffnessError {
@@ -14,30 +14,41 @@ pub struct StiffnessError {
     pub field: &'static str,
     /// Its value.
     pub found: f64,
-    /// What is allowed.
+    /// The allowed values.
     pub expected: &'static str,
 }
 
-/// What Poisson's ratio of an orthotropic sheet is told to be.
+/// The allowed values of Poisson's ratio of an orthotropic sheet, for messages.
 const DEFINITE: &str =
     "a number between -sqrt(young_warp / young_weft) and its opposite, both excluded";
 
 /// Symmetric, positive definite relation between strain and stress resultant in a plane (N/m).
 ///
-/// It takes the strain `(e11, e22, 2 e12)` to the stress times the thickness, `(s11, s22, s12)`, both in
-/// an orthonormal frame whose first axis is the warp.
+/// It maps the strain `(e11, e22, 2 e12)` to the stress times the thickness, `(s11, s22, s12)`. Both are in an
+/// orthonormal frame whose first axis is the warp.
+///
+/// ```
+/// use physics::material::sheet_law::{PlaneStiffness, StiffnessError};
+///
+/// let cloth = PlaneStiffness::orthotropic(4e5, 1e5, 0.2, 2e4, 1e-3)?;
+/// // Seen from the weft, the stiffness along the first axis is that along the weft.
+/// let turned = cloth.rotated(core::f64::consts::FRAC_PI_2);
+/// let [along, of_weft] = [turned.matrix()[0][0], cloth.matrix()[1][1]];
+/// assert!((along - of_weft).abs() < 1e-12 * of_weft);
+/// # Ok::<(), StiffnessError>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlaneStiffness {
     matrix: [[f64; 3]; 3],
 }
 
 impl PlaneStiffness {
-    /// Of an isotropic sheet: Young's modulus (Pa), Poisson's ratio, thickness (m).
+    /// The stiffness of an isotropic sheet with Young's modulus `young` (Pa) and `thickness` (m).
     ///
     /// # Errors
     ///
-    /// [`StiffnessError`] where the modulus or the thickness is not positive, or Poisson's ratio not
-    /// between -1 and 0.5 (in a plane 1 would do, but no isotropic solid has it).
+    /// [`StiffnessError`] if the modulus or the thickness is not positive, or if Poisson's ratio is not between -1
+    /// and 0.5. (Plane stress alone would allow up to 1, but no isotropic solid has such a ratio.)
     pub fn isotropic(young: f64, poisson: f64, thickness: f64) -> Result<Self, StiffnessError> {
         positive("young", young)?;
         positive("thickness", thickness)?;
@@ -53,16 +64,16 @@ impl PlaneStiffness {
         Self::from_entries(direct, poisson * direct, direct, shear)
     }
 
-    /// Of an orthotropic sheet in the frame of its warp and weft.
+    /// The stiffness of an orthotropic sheet in the frame of its warp and weft.
     ///
     /// The moduli along the warp and the weft and the shear modulus between them are in Pa, the thickness
-    /// in m. `poisson_warp_weft` is the contraction along the weft for a pull along the warp; the other
-    /// one follows from symmetry, `nu21 = nu12 E2 / E1`.
+    /// in m. `poisson_warp_weft` is the contraction along the weft for a pull along the warp. The other ratio
+    /// follows from symmetry, `nu21 = nu12 E2 / E1`.
     ///
     /// # Errors
     ///
-    /// [`StiffnessError`] where a modulus or the thickness is not positive, or where the square of
-    /// Poisson's ratio is not below `E1 / E2`: some strain would then cost no energy, or give some.
+    /// [`StiffnessError`] if a modulus or the thickness is not positive, or if the square of Poisson's ratio is not
+    /// below `E1 / E2`. The energy of some strain would then be zero or negative.
     pub fn orthotropic(
         young_warp: f64,
         young_weft: f64,
@@ -92,7 +103,8 @@ impl PlaneStiffness {
         )
     }
 
-    /// From entries of which each factor was in range; their products may still have left it.
+    /// The stiffness with these entries (N/m). The constants were in range, but a product of them may have overflowed
+    /// or vanished.
     fn from_entries(d11: f64, d12: f64, d22: f64, d33: f64) -> Result<Self, StiffnessError> {
         for (field, found) in [
             ("stiffness along the warp (N/m)", d11),
@@ -108,11 +120,11 @@ impl PlaneStiffness {
 
     /// The same sheet in a frame turned by `angle` (rad), counterclockwise, from the present one.
     ///
-    /// A pull along the first axis of the result is one at `angle` from the warp.
+    /// A pull along the first axis of the turned frame is a pull at `angle` from the warp.
     pub fn rotated(&self, angle: f64) -> Self {
         let (s, c) = libm::sincos(angle);
         let (ss, sc, cc) = (s * s, s * c, c * c);
-        // Strain in the present frame by that in the turned one; the energy is the same number in both.
+        // The strain in the present frame as a function of the strain in the turned frame. The energy is the same.
         let turn = [[cc, ss, -sc], [ss, cc, sc], [2.0 * sc, -2.0 * sc, cc - ss]];
         let column = |k: usize| [turn[0][k], turn[1][k], turn[2][k]];
         let entry = |i: usize, j: usize| dot3(&column(i), &self.apply(&column(j)));

@@ -8,16 +8,14 @@
 //!
 //! (Bonet and Wood, "Nonlinear continuum mechanics for finite element analysis", chapter Hyperelasticity;
 //! for triangles of cloth, Volino, Magnenat-Thalmann and Faure, "A simple approach to nonlinear tensile
-//! stiffness for accurate cloth simulation", 2009). No decomposition is needed, and the second part of the
-//! tangent is never negative, so under tension the tangent is its own positive part.
+//! stiffness for accurate cloth simulation", 2009). No decomposition is needed. The second part of the tangent is
+//! positive semidefinite, so under tension the tangent needs no clipping.
 //!
-//! Only where a principal stress is negative, `dF = R A + n w^T` with the rotation `R` of the polar
-//! decomposition splits the tangent into `A S + U D sym(U A)` in the plane and `S w` out of it, and each
-//! is clipped by itself.
+//! If a principal stress is negative, `dF = R A + n w^T` with the rotation `R` of the polar decomposition splits the
+//! tangent into `A S + U D sym(U A)` in the plane and `S w` out of it. Each part is clipped separately.
 //!
-//! A sheet crushed below `1 / sqrt 3` of its length grows softer as it is crushed further, and at zero
-//! length it pushes back no more. That is the law's nature, not an error here; where it matters, take the
-//! corotational one.
+//! Below a stretch of `1 / sqrt 3` the stress of a sheet decreases under further compression, and at zero length it
+//! vanishes. This is a property of the law. The corotational law does not have it.
 
 use super::clip::{Sym4, clip2, clip4};
 use super::{PlaneStiffness, SheetLaw, SheetResponse, bounded, modulus};
@@ -29,7 +27,7 @@ use crate::{Mat3, Vec3};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StVenantKirchhoffSheet;
 
-/// Component of the strain that the pair `(p, j)` of [`modulus`] belongs to.
+/// For each pair `(p, j)` of [`modulus`], its component of the strain.
 const COMPONENT: [usize; 4] = [0, 2, 2, 1];
 
 /// Green's strain as (e11, e22, 2 e12).
