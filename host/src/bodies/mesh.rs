@@ -1,4 +1,4 @@
-//! The mesh of a body: generated or read.
+//! The mesh of a body: generated, or read from a file.
 
 use crate::scene::spec::{MeshSource, PatternName};
 use crate::scene::{LoadedScene, SceneError};
@@ -7,7 +7,7 @@ use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
 use physics::mesh::{Cells, Mesh};
 
-/// The mesh of one body, its elements in the file's order.
+/// The mesh of one body. Its elements are in the order of the file.
 pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Mesh, SceneError> {
     let spec = &loaded.scene.bodies[index].mesh;
     let field = |name: &str| format!("body[{index}].mesh.{name}");
