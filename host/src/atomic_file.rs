@@ -1,5 +1,5 @@
-//! Writing a file whole or not at all: results are never seen half-written, and a failed write leaves
-//! the older file as it was.
+//! Writes a file whole or not at all. No reader sees a half-written result, and a failed write leaves the
+//! older file unchanged.
 
 use std::fs;
 use std::io::{self, Write};
@@ -11,15 +11,16 @@ use std::path::{Path, PathBuf};
 pub struct AtomicFileError {
     /// The file.
     pub path: PathBuf,
-    /// What the system said.
+    /// The system's error.
     pub source: io::Error,
 }
 
-/// Writes `content` to `path` in the place of what is there: to a temporary file beside it, then to the
-/// disk, then renamed. A link is followed. What is no file (`/dev/stdout`, a pipe) is written to directly.
+/// Replaces the file at `path` by `content`. The function writes a temporary file in the same folder, flushes
+/// this file to the disk and renames it. A link is followed. A device or a pipe (such as `/dev/stdout`) is
+/// written to directly.
 ///
 /// # Errors
-/// If the folder is missing or may not be written to, or the disk is full.
+/// If the folder is missing or not writable, or the disk is full.
 pub fn write_atomically(path: &Path, content: &[u8]) -> Result<(), AtomicFileError> {
     replace(path, content).map_err(|source| AtomicFileError {
         path: path.to_owned(),
@@ -28,7 +29,7 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> Result<(), AtomicFileErr
 }
 
 fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
-    // An error here means that nothing is there yet, or shows again below.
+    // An error here means that the file does not exist yet; any other cause fails again below.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
@@ -54,7 +55,8 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Those of any new file, less the user's mask; a temporary file has none for others otherwise.
+/// Gives the temporary file the permissions of any new file, less the user's mask. By default a temporary file
+/// is closed to other users.
 #[cfg(unix)]
 fn ordinary_permissions(builder: &mut tempfile::Builder) {
     use std::os::unix::fs::PermissionsExt;

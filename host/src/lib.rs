@@ -1,13 +1,13 @@
-//! What a run is made of: scenes, bodies, the host loop, logs and plots.
+//! The parts of a run: scenes, bodies, the host loop, logs and plots.
 //!
 //! The program `palpate` is in `program`, the studies are in `study`.
 //!
-//! - [`scene`]: TOML files that say what a run is made of.
-//! - [`bodies`]: from a scene's bodies to the physics.
-//! - [`engine`]: the host loop's work, where physics and tick are joined.
-//! - [`run`]: a scene from beginning to end, under virtual or real time.
-//! - [`solve`]: a scene without devices: equilibrium or motion.
-//! - [`log`], [`plot`]: what a run leaves behind.
+//! - [`scene`]: TOML files that describe a run.
+//! - [`bodies`]: builds the bodies of the physics from those of a scene.
+//! - [`engine`]: the work of the host loop. It joins physics and tick.
+//! - [`run`]: runs a scene from beginning to end, under virtual or real time.
+//! - [`solve`]: solves a scene without devices for equilibrium or motion.
+//! - [`log`], [`plot`]: the record and the picture of a run.
 #![forbid(unsafe_code)]
 
 pub mod atomic_file;

@@ -422,7 +422,7 @@ hand = {}
   x.toml:39: device[0].hand.depth: found 0, allowed: a number above 0
 hand = {}
   -> hand = { task = "tap" }
-  x.toml:39: device[0].hand.task: found a task without a `direction`, allowed: a task with the direction in which it goes
+  x.toml:39: device[0].hand.task: found a task without a `direction`, allowed: a task with a `direction`
 hand = {}
   -> hand = { task = "tap", direction = [0, 0, -1], width = 0.01 }
   x.toml:39: device[0].hand.width: found 0.01, allowed: nothing here: the task tap has no width

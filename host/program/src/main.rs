@@ -1,7 +1,7 @@
-//! The program `palpate`: one file a command.
+//! The program `palpate`: one file per command.
 //!
-//! Exit codes: 0 done; 1 something failed on the way; 2 the scene or the arguments are wrong; 128 and the
-//! number of a signal (130 for Ctrl-C): asked to end before its time, and ended in order.
+//! Exit codes: 0 for success; 1 for a failure while the command ran; 2 for an invalid scene or argument; 128 plus
+//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order.
 #![forbid(unsafe_code)]
 
 mod bench;
@@ -32,19 +32,19 @@ struct Arguments {
 
 const EXAMPLES: &str = "\
 Examples:
-  palpate run                                  the built-in scene, as fast as the machine goes
-  palpate run --plot stretch.svg               and draw force and position of both hands
-  palpate run --clock real --log run.mcap      in real time, logged for Foxglove or PlotJuggler
-  palpate run --replay run.mcap                the same ticks again, compared bit for bit
-  palpate run my_scene.toml --seed 7           your own scene
-  palpate solve my_scene.toml --vtu out        equilibrium without devices, as files for ParaView
-  palpate plan my_scene.toml                   which stages it needs, and why the others are skipped
-  palpate bench speed --quick                  run time against error, beside other programs
-  palpate stress wall --quick                  how stiff a wall each device renders, against theory";
+  palpate run                                  run the built-in scene in virtual time
+  palpate run --plot stretch.svg               draw force and position of both hands as well
+  palpate run --clock real --log run.mcap      run in real time, with a log for Foxglove or PlotJuggler
+  palpate run --replay run.mcap                run the ticks of a log again and compare them bit for bit
+  palpate run my_scene.toml --seed 7           run your own scene
+  palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
+  palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
+  palpate bench speed --quick                  measure run time against error, beside other programs
+  palpate stress wall --quick                  find the stiffest wall of each device, beside theory";
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Run a scene and print what came of it
+    /// Run a scene and print a summary
     Run(run::RunArguments),
     /// Print which stages a scene needs and why the others are skipped
     Plan(plan::PlanArguments),
@@ -52,13 +52,13 @@ enum Command {
     Solve(solve::SolveArguments),
     /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
     Mesh(mesh::MeshArguments),
-    /// Measure, and print the tables that the book quotes
+    /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
-    /// Take devices, couplings and scenes to their limits before a person touches them
+    /// Take devices, schemes and scenes to their limits before a person touches them
     Stress(stress::StressArguments),
 }
 
-/// Why a command ended without its result.
+/// The reason why a command ended without its result.
 #[derive(Debug, thiserror::Error)]
 enum CommandError {
     #[error(transparent)]
@@ -67,7 +67,7 @@ enum CommandError {
     Scene(#[from] SceneError),
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
-    #[error("the run ended, but a part of it failed")]
+    #[error("the run ended, but a part of the run failed")]
     Incomplete,
     #[error("{}: {source}", path.display())]
     Replay {
@@ -79,21 +79,21 @@ enum CommandError {
     #[error("ended by signal {0}, in order")]
     Signal(u8),
     #[error(
-        "{0} is about the tick's own thread, which the virtual clock has not: found --clock virtual, \
+        "{0} needs a thread for the tick, which a run in virtual time does not have: found --clock virtual, \
          allowed --clock real"
     )]
     NeedsRealClock(&'static str),
     #[error("--core: {0}")]
     Core(#[from] runner::cores::NoSuchCore),
-    #[error("the system gave no signals: {0}")]
+    #[error("cannot handle signals: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
     Solve(physics::CondenseError),
-    #[error("{}: a mesh is written as .msh, .vtk or .vtu; give the file one of these endings", .0.display())]
+    #[error("{}: found another ending, allowed for a mesh: .msh, .vtk or .vtu", .0.display())]
     MeshFormat(PathBuf),
     #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]
     NoSuchBody { found: String, allowed: Vec<String> },
-    #[error("not everything was solved to the end")]
+    #[error("a body was not solved to the end; the reason is above")]
     NotSolved,
     #[error(transparent)]
     Study(#[from] study::StudyError),
@@ -151,7 +151,7 @@ struct SceneArgument {
     scene: Option<PathBuf>,
 }
 
-/// A bar of a thousand parts, drawn only where a person looks: on a terminal.
+/// A progress bar of a thousand parts. It is drawn only on a terminal.
 fn progress_bar() -> ProgressBar {
     let bar = ProgressBar::new(1000);
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {

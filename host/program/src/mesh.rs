@@ -1,4 +1,4 @@
-//! `palpate mesh`: the mesh of a scene's body as a file for other programs.
+//! `palpate mesh`: writes the mesh of a scene's body to a file for other programs.
 
 use super::{CommandError, load};
 use host::atomic_file::write_atomically;
@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 pub(super) struct MeshArguments {
     /// Scene file (TOML)
     scene: PathBuf,
-    /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu, all with `young` and `poisson`
-    /// by element
+    /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu. Each has the fields `young` and
+    /// `poisson`, by element
     file: PathBuf,
-    /// Name of the body, if not the first
+    /// Name of the body. Default: the first body
     #[arg(long, value_name = "NAME")]
     body: Option<String>,
 }
@@ -44,7 +44,7 @@ pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// The mesh with what the body is made of, in the place of any values of those names.
+/// The mesh with the body's material as fields, which replace fields of the same names.
 fn with_material(built: Built) -> Mesh {
     let own = [("young", built.young), ("poisson", built.poisson)];
     let mut mesh = built.mesh;
@@ -87,7 +87,7 @@ impl Format {
     }
 }
 
-/// What kind of mesh it is, how large, and what it calls its parts.
+/// A summary of the mesh: its kind, its size, its groups and its fields.
 fn summary(name: &str, mesh: &Mesh) -> String {
     let (what, parts) = match mesh {
         Mesh::Thread(mesh) => ("lines", &mesh.line_groups),
@@ -116,17 +116,17 @@ fn summary(name: &str, mesh: &Mesh) -> String {
             format!("{} {low} to {high}", field.name)
         }
     };
-    let line = |what: &str, names: &[String]| {
+    let line = |title: &str, names: &[String]| {
         let names = if names.is_empty() {
             "none".to_owned()
         } else {
             names.join(", ")
         };
-        format!("  {what:<10} {names}\n")
+        format!("  {title:<10} {names}\n")
     };
     [
         format!(
-            "{name}: {elements} {what}, {} vertices, {:.4} x {:.4} x {:.4} m\n",
+            "{name}: {elements} {kind}, {} vertices, {:.4} x {:.4} x {:.4} m\n",
             positions.len(),
             size[0],
             size[1],

@@ -1,4 +1,4 @@
-//! `palpate plan`: which stages a scene needs, and why.
+//! `palpate plan`: prints the stages that a scene needs, and why.
 
 use super::{CommandError, SceneArgument, load};
 use host::atomic_file::write_atomically;
@@ -14,12 +14,12 @@ use std::path::PathBuf;
 pub(super) struct PlanArguments {
     #[command(flatten)]
     scene: SceneArgument,
-    /// Write the plan as JSON, too
+    /// Write the plan as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
-/// What `--json` writes.
+/// The JSON that `--json` writes.
 #[derive(Serialize)]
 struct PlanJson<'a> {
     schema: &'static str,
@@ -29,7 +29,7 @@ struct PlanJson<'a> {
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
-    // No plan for a scene that cannot run: what its meshes lack is said here, too.
+    // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;
     let (mut kinds, mut choices) = (Vec::new(), Vec::new());
     for index in 0..loaded.scene.bodies.len() {

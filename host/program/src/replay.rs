@@ -1,4 +1,4 @@
-//! `palpate run --replay`: a log's ticks again, compared bit for bit.
+//! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::{CommandError, load};
 use host::atomic_file::write_atomically;
@@ -7,7 +7,7 @@ use host::run::replay::{ReplayError, replay, scene_of};
 use std::io;
 use std::path::Path;
 
-/// Why a log could not be replayed.
+/// The reason why a log could not be replayed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ReplayFileError {
     #[error("cannot read this log: {0}")]
@@ -18,7 +18,7 @@ pub(super) enum ReplayFileError {
     Replay(#[from] ReplayError),
 }
 
-/// Replays the log at `path` on its own scene, or on the one at `scene`.
+/// Replays the log at `path` on the scene of the log, or on the scene file `scene` if one is given.
 pub(super) fn run(
     path: &Path,
     scene: Option<&Path>,

@@ -1,4 +1,4 @@
-//! `palpate run`: a scene from beginning to end.
+//! `palpate run`: runs a scene from beginning to end.
 
 use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
@@ -15,17 +15,17 @@ use std::path::PathBuf;
 pub(super) struct RunArguments {
     #[command(flatten)]
     scene: SceneArgument,
-    /// Which clock: virtual time is exact and repeatable, real time is the machine's
+    /// Clock of the run: virtual time is exact and repeatable, real time is that of the machine
     #[arg(long, value_enum, default_value_t = ClockName::Virtual)]
     clock: ClockName,
-    /// Length of the run in seconds, if not the scene's
+    /// Duration of the run in seconds. Default: the duration of the scene
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     duration: Option<f64>,
-    /// Fixes every random choice, in place of the scene's seed
+    /// Seed of every random choice. Default: the seed of the scene
     #[arg(long)]
     seed: Option<u64>,
-    /// Which instructions the linear algebra uses: the machine's fastest, or those that give the same bytes
-    /// on every machine
+    /// Instructions of the linear algebra: the fastest of the machine, or portable ones, which give the same
+    /// bytes on every machine
     #[arg(long, value_enum, default_value_t = InstructionsName::Auto)]
     instructions: InstructionsName,
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
@@ -37,32 +37,32 @@ pub(super) struct RunArguments {
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Run the ticks of a log again, with its input and its local models, and compare bit for bit; on
-    /// another scene if one is given
+    /// Run the ticks of a log again, with the readings and the local models of the log, and compare bit for bit.
+    /// If a scene is given, it replaces the scene of the log
     #[arg(
         long,
         value_name = "FILE",
         conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
     )]
     replay: Option<PathBuf>,
-    /// Say on stderr, a line each time, how many ticks are done and how many of them the log holds
+    /// Print lines on stderr with the number of ticks done and the number of ticks in the log
     #[arg(long, hide = true)]
     report_progress: bool,
-    /// Make the host fail on purpose, to see what the hand feels: stall@1.5+0.5 stalls it at 1.5 s for 0.5 s;
-    /// nan@T+D and topology@T+D publish bad models; panic@T ends it. May be given several times
+    /// Make the host fail on purpose, to test the effect on the hand: stall@1.5+0.5 stalls the host at 1.5 s for
+    /// 0.5 s; nan@T+D and topology@T+D publish bad models; panic@T ends the host. May be given several times
     #[arg(long, value_name = "FAULT", conflicts_with = "replay")]
     fault: Vec<HostFault>,
-    /// Real clock: do not start without the realtime privileges, and end at a system call that the tick may
-    /// not make; or one of the two
+    /// Real clock: refuse to start without the realtime privileges, and end the run at the first system call that
+    /// the tick may not make; or only one of the two
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
           default_missing_value = "all")]
     strict: Option<Strict>,
-    /// Real clock: the core that the tick has to itself, among the other threads of this program; an isolated one at
-    /// best. If not given: the first isolated core, or else the last that this program may use
+    /// Real clock: the core that this program reserves for the tick, preferably an isolated one. Default: the first
+    /// isolated core, or without one the last core that this program may use
     #[arg(long, value_name = "N", conflicts_with = "replay")]
     core: Option<usize>,
-    /// Real clock: priority of the tick under SCHED_FIFO, 1 to 99. If not given: 80, above threaded interrupts (50)
-    /// and below the kernel's own watchdogs (99)
+    /// Real clock: priority of the tick under SCHED_FIFO, 1 to 99. Default: 80, which is above threaded interrupts
+    /// (50) and below the kernel's own watchdogs (99)
     #[arg(long, value_name = "P", value_parser = priority, conflicts_with = "replay")]
     priority: Option<u8>,
 }
@@ -71,7 +71,7 @@ pub(super) struct RunArguments {
 enum Strict {
     /// End the run, without force, at the first system call that the tick may not make
     Syscalls,
-    /// Do not start unless core, priority, locked memory and a wakeful processor are granted
+    /// Do not start unless the system grants core, priority, locked memory and a processor without deep sleep states
     Privileges,
     /// Both
     All,
@@ -110,7 +110,7 @@ enum InstructionsName {
     Portable,
 }
 
-/// A positive, finite number of seconds, a day at most.
+/// Parses a positive number of seconds, at most one day.
 fn seconds(text: &str) -> Result<f64, String> {
     let refused = || format!("found {text}, allowed: a number above 0 and up to 86400 (s)");
     let value: f64 = text.parse().map_err(|_| refused())?;
@@ -121,7 +121,7 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
-/// A priority under SCHED_FIFO.
+/// Parses a priority under SCHED_FIFO.
 fn priority(text: &str) -> Result<u8, String> {
     let allowed = text.parse().ok().filter(|value| (1..=99).contains(value));
     allowed.ok_or_else(|| format!("found {text}, allowed: a whole number from 1 to 99"))
@@ -182,7 +182,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
     options.runner.core = core;
     options.runner.priority = arguments.priority.or(options.runner.priority);
-    // Virtual time commands no device: there a signal may end the program as it always does.
+    // A run in virtual time commands no device, so a signal may end the program at once.
     let signal = match options.clock {
         Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
         Clock::Virtual => None,
@@ -192,20 +192,20 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         bar.set_position((1000.0 * progress.share()) as u64);
         if arguments.report_progress {
             let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
-            // In one piece, so that who reads it never sees half a line; if nobody does, so be it.
+            // One write call, so that a reader never sees half a line. Without a reader the error does not matter.
             let _ = std::io::stderr().write_all(line.as_bytes());
         }
     });
     bar.finish_and_clear();
     let summary = result?;
     print!("{summary}");
-    for (what, path) in [
+    for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
         ("json", &options.json),
     ] {
         if let Some(path) = path {
-            println!("  {what:<10} {}", path.display());
+            println!("  {output:<10} {}", path.display());
         }
     }
     if !summary.failures.is_empty() {

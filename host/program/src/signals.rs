@@ -1,7 +1,8 @@
-//! Ctrl-C and its kin end a run in order: no force, the log finished, the summary printed.
+//! SIGINT (Ctrl-C) and SIGTERM end a run in order: the force becomes zero, the log is finished, the summary is
+//! printed.
 //!
-//! The handler sets the loop's own flag, so that the force is gone within one tick. A second signal ends the
-//! program at once: then it is the device's watchdog that lets go of the hand.
+//! The handler sets the flag of the loop, so that the force becomes zero within one tick. A second signal ends the
+//! program at once; the watchdog of the device then removes the force.
 
 use runner::Stop;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -10,25 +11,25 @@ use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// The signal that came, if one did.
+/// The signal that the program received, if any.
 pub(super) struct Signal(Arc<AtomicUsize>);
 
 impl Signal {
-    /// Its number.
+    /// The number of the signal.
     pub(super) fn number(&self) -> Option<u8> {
         let number = self.0.load(Ordering::SeqCst);
         u8::try_from(number).ok().filter(|number| *number > 0)
     }
 }
 
-/// From here on the first SIGINT or SIGTERM asks `stop`, and the second ends the program.
+/// Installs the handlers: the first SIGINT or SIGTERM sets `stop`, and the second ends the program.
 pub(super) fn end_in_order(stop: &Stop) -> io::Result<Signal> {
-    let came = Arc::new(AtomicUsize::new(0));
+    let received = Arc::new(AtomicUsize::new(0));
     for signal in [SIGINT, SIGTERM] {
         // Handlers run in this order, so the first signal does not find the flag set.
         flag::register_conditional_shutdown(signal, 128 + signal, stop.flag())?;
-        flag::register_usize(signal, Arc::clone(&came), signal as usize)?;
+        flag::register_usize(signal, Arc::clone(&received), signal as usize)?;
         flag::register(signal, stop.flag())?;
     }
-    Ok(Signal(came))
+    Ok(Signal(received))
 }

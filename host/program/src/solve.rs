@@ -1,4 +1,4 @@
-//! `palpate solve`: equilibrium or motion of a scene without devices.
+//! `palpate solve`: solves a scene without devices for equilibrium or motion.
 
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_atomically;
@@ -11,12 +11,12 @@ use std::path::PathBuf;
 /// Arguments of `palpate solve`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SolveArguments {
-    /// Scene file (TOML) with supports and loads; `[solve]` in it says what is asked
+    /// Scene file (TOML) with supports and loads; its table `[solve]` sets the analysis
     scene: PathBuf,
     /// Write each frame as VTU into this folder, and the list frames.pvd, for ParaView
     #[arg(long, value_name = "FOLDER")]
     vtu: Option<PathBuf>,
-    /// Draw the reactions over the loads or over time (SVG)
+    /// Draw the reactions against the loads or time (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write the solution as JSON
@@ -34,7 +34,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let solution = solve(
         &loaded,
         frames.is_some(),
-        |share| bar.set_position((1000.0 * share) as u64),
+        |fraction| bar.set_position((1000.0 * fraction) as u64),
         |frame| match &mut frames {
             Some(folder) => folder.keep(&frame),
             None => Ok(()),
@@ -55,13 +55,13 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         write_atomically(path, text.as_bytes())?;
     }
     let list = frames.map(|folder| folder.list_file());
-    for (what, path) in [
+    for (output, path) in [
         ("vtu", &list),
         ("plot", &arguments.plot),
         ("json", &arguments.json),
     ] {
         if let Some(path) = path {
-            println!("  {what:<10} {}", path.display());
+            println!("  {output:<10} {}", path.display());
         }
     }
     if solution.failures.is_empty() {
@@ -71,10 +71,10 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     }
 }
 
-/// Most reactions that are drawn: more lines cannot be told apart.
+/// Largest number of reactions that are drawn: more lines cannot be distinguished.
 const MOST_LINES: usize = 8;
 
-/// Size of each reaction over the steps.
+/// A chart of the norm of each reaction over the steps.
 fn chart(solution: &Solution) -> String {
     let mut series = Vec::new();
     for body in &solution.bodies {
@@ -98,7 +98,7 @@ fn chart(solution: &Solution) -> String {
     }
     series.truncate(MOST_LINES);
     let x = match solution.analysis {
-        Analysis::Static => "share of displacements and loads",
+        Analysis::Static => "fraction of displacements and loads",
         Analysis::Dynamic => "time (s)",
     };
     let title = format!("Reactions: {}", solution.scene);

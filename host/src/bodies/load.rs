@@ -1,4 +1,4 @@
-//! The loads of a body, as forces on vertices.
+//! Converts the loads of a body to forces on its vertices.
 
 use super::places;
 use crate::scene::{LoadedScene, SceneError};
@@ -6,7 +6,7 @@ use physics::Vec3;
 use physics::body::load::{Spread, spread_on_sheet, spread_on_solid, spread_on_thread};
 use physics::mesh::Mesh;
 
-/// The scene's loads on one body together, a force for each vertex (N).
+/// The sum of the scene's loads on one body, a force for each vertex (N).
 pub(super) fn build(
     loaded: &LoadedScene,
     index: usize,
@@ -22,8 +22,8 @@ pub(super) fn build(
             Mesh::Sheet(mesh) => spread_on_sheet(mesh, &vertices),
             Mesh::Solid(mesh) => spread_on_solid(mesh, &vertices),
         };
-        // The scene's consistency was checked: it is one of the two.
-        let whole = match load.traction {
+        // The consistency of the scene was checked: a load has either a traction or a force.
+        let total = match load.traction {
             Some(traction) => {
                 if area == 0.0 {
                     let field = format!("{field}.traction");
@@ -35,8 +35,8 @@ pub(super) fn build(
             }
             None => Vec3::from(load.force.unwrap_or_default()),
         };
-        for (force, share) in forces.iter_mut().zip(&shares) {
-            *force += whole * *share;
+        for (force, fraction) in forces.iter_mut().zip(&shares) {
+            *force += total * *fraction;
         }
     }
     Ok(forces)

@@ -1,4 +1,5 @@
-//! The material of every element, from the scene's base values, the mesh's fields and the scene's regions.
+//! The material of every element, from the base values of the scene, the fields of the mesh and the regions of the
+//! scene.
 
 use super::{Kind, places};
 use crate::scene::spec::body::{Body, LawName};
@@ -6,7 +7,7 @@ use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Field, Mesh};
 use physics::{Material, SolidMaterial, ThreadMaterial, Vec3, Weave};
 
-/// What a body is made of.
+/// The materials of a body, by element.
 pub(super) struct Materials {
     pub(super) law: LawName,
     pub(super) bending: f64,
@@ -23,7 +24,7 @@ pub(super) enum Elements {
     Thread(Vec<ThreadMaterial>),
 }
 
-/// What such a body is.
+/// The kind of a body with this mesh.
 pub(super) fn kind(body: &Body, mesh: &Mesh) -> Kind {
     match (mesh, &body.material.weave) {
         (Mesh::Thread(_), _) => Kind::Thread,
@@ -82,7 +83,7 @@ pub(super) fn build(
             each.map(|e| Weave {
                 warp: Vec3::from(weave.warp),
                 young_warp: young[e],
-                // A region or field changes the stiffness, not the weave.
+                // A region or a field scales all moduli alike: the ratios of the weave stay.
                 young_weft: weave.young_weft * (young[e] / body.material.young),
                 poisson: poisson[e],
                 shear: weave.shear * (young[e] / body.material.young),
@@ -215,14 +216,14 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
     }
 }
 
-/// The base values, and in their place what the mesh has.
+/// The values of each element: those of the mesh's fields where the scene names fields, otherwise the base values.
 fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, SceneError> {
     let material = &loaded.scene.bodies[index].material;
     let fields = mesh.fields();
     let count = mesh.element_count();
     let take = |what: &str, name: &Option<String>, base: f64| match name {
         None => Ok(vec![base; count]),
-        Some(name) => values(loaded, index, what, name, fields),
+        Some(name) => values(loaded, index, quantity, name, fields),
     };
     let names = &material.fields;
     let given = (names.thickness.is_some(), names.area.is_some());
@@ -242,20 +243,20 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
     })
 }
 
-/// The mesh's values called `name`, in the range of the material's field `what`.
+/// The values of the mesh's field `name`, checked against the range of the material's `quantity`.
 fn values(
     loaded: &LoadedScene,
     index: usize,
-    what: &str,
+    quantity: &str,
     name: &str,
     fields: &[Field],
 ) -> Result<Vec<f64>, SceneError> {
-    let field = format!("body[{index}].material.fields.{what}");
+    let field = format!("body[{index}].material.fields.{quantity}");
     let names = fields.iter().map(|f| &f.name);
     let nothing = "nothing (the mesh has no values by element)";
     let found = places::named(loaded, &field, name, names, "field", nothing)?;
     let values = fields[found].values.clone();
-    let (allowed, fits): (_, fn(f64) -> bool) = if what == "poisson" {
+    let (allowed, fits): (_, fn(f64) -> bool) = if quantity == "poisson" {
         ("numbers above -1 and below 0.5", |v| v > -1.0 && v < 0.5)
     } else {
         ("numbers above 0", |v| v > 0.0)
@@ -269,7 +270,7 @@ fn values(
     }
 }
 
-/// Writes the scene's regions over the values.
+/// Replaces the values of the elements in the scene's regions.
 fn overwrite(
     loaded: &LoadedScene,
     index: usize,

@@ -1,4 +1,4 @@
-//! The mesh of a body: generated or read.
+//! The mesh of a body: generated, or read from a file.
 
 use crate::scene::spec::{MeshSource, PatternName};
 use crate::scene::{LoadedScene, SceneError};

@@ -1,7 +1,7 @@
-//! From a scene's bodies to bodies of the physics, at rest.
+//! Builds the bodies of the physics, at rest, from the bodies of a scene.
 //!
-//! What only the mesh can tell is checked here: groups that do not exist, boxes that hold nothing, a
-//! thickness where there is a solid. Such errors carry the scene file's line and field like any other.
+//! This module makes the checks that need the mesh: groups that do not exist, empty boxes, the thickness of a
+//! solid. Their errors name the line and the field of the scene file, as all errors of a scene do.
 
 mod load;
 mod material;
@@ -16,10 +16,11 @@ use physics::{
     HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
 };
 
-/// A residual below this is solved (N): a millionth of what the lightest-fingered device can render.
+/// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
+/// device can render.
 const ABSOLUTE_TOLERANCE: f64 = 1e-8;
 
-/// What a body is.
+/// The kind of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Kind {
@@ -36,38 +37,38 @@ pub enum Kind {
 /// One body of a scene, at rest.
 #[derive(Debug)]
 pub struct Built {
-    /// What it is.
+    /// The kind of the body.
     pub kind: Kind,
-    /// How stress follows from strain.
+    /// The material law: the relation between deformation and stress.
     pub law: LawName,
-    /// Its mesh, in the file's order.
+    /// The mesh of the body, in the order of the file.
     pub mesh: Mesh,
     /// Young's modulus by element (Pa).
     pub young: Vec<f64>,
     /// Poisson's ratio by element.
     pub poisson: Vec<f64>,
-    /// The physics. Supports are where they rest and loads act in full.
+    /// The body of the physics. Its supports are at rest and its loads act in full.
     pub body: Body,
-    /// Its handles: those of the scene in their order, then the turned supports in theirs.
+    /// The handles of the body: those of the scene in their order, then the turned supports in theirs.
     pub handles: Vec<HandleSpec>,
-    /// For each support of the scene, what carries it.
+    /// The carrier of each support of the scene.
     pub carriers: Vec<Carrier>,
-    /// The scene's loads together, a force for each vertex (N).
+    /// The sum of the scene's loads, a force for each vertex (N).
     pub loads: Vec<Vec3>,
 }
 
-/// What holds a support's vertices.
+/// The part of the body that holds the vertices of a scene's support.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Carrier {
     /// The support of this number in the body.
     Support(usize),
-    /// The handle of this number: the support is turned.
+    /// The handle of this number, for a support that is turned.
     Handle(usize),
-    /// Nothing: handles hold all its vertices.
+    /// No part of its own: handles hold all vertices of the support.
     Nothing,
 }
 
-/// Where a body's handles are at rest: the centre of their vertices, in the body's order.
+/// The origins of a body's handles at rest (m): the centres of their vertices, in the order of the body.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
@@ -99,10 +100,10 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
         absolute_tolerance: ABSOLUTE_TOLERANCE,
         max_iterations: scene.host.max_iterations,
     };
-    let refuse = |what: &dyn std::fmt::Display| {
+    let refuse = |fault: &dyn std::fmt::Display| {
         let field = format!("body[{index}]");
         let allowed = "a body that can be simulated";
-        loaded.source.error(&field, what.to_string(), allowed)
+        loaded.source.error(&field, fault.to_string(), allowed)
     };
     let mut body = match (&mesh, &material.elements) {
         (Mesh::Sheet(mesh), material::Elements::Sheet(materials)) => {
@@ -161,7 +162,7 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     })
 }
 
-/// Builds one body, at rest under its weight and loads in the hands that hold it.
+/// Builds one body, at rest under its weight and its loads while its handles are held.
 ///
 /// # Errors
 /// As [`handle_origins`].
@@ -171,11 +172,11 @@ pub fn build_settled(loaded: &LoadedScene, index: usize) -> Result<Built, SceneE
     Ok(built)
 }
 
-/// Builds one body and condenses it onto its handles where they begin, for local models published every `period`
+/// Builds one body and condenses it onto its handles at their initial poses, for local models published every `period`
 /// seconds.
 ///
 /// # Errors
-/// As [`handle_origins`]; and where the body cannot be condensed.
+/// As [`handle_origins`]; also if the body cannot be condensed.
 pub fn condense<E>(loaded: &LoadedScene, index: usize, period: f64) -> Result<Condenser, E>
 where
     E: From<SceneError> + From<CondenseError>,
@@ -187,8 +188,9 @@ where
     Ok(condenser)
 }
 
-/// Lets a body that has weight or bears loads come to rest in the hands that hold it, before they feel it: what it
-/// stores then, no hand has to put in. One that finds no rest begins where it was.
+/// Brings a body that has weight or bears loads to equilibrium with its handles held, before the run starts. The energy
+/// that the body then stores need not be supplied by the hands. A body for which no equilibrium is found starts
+/// undeformed.
 fn settle(body: &mut Body, handles: &[HandleSpec]) {
     if body.total_external_force() == Vec3::zeros() {
         return;
@@ -223,7 +225,8 @@ fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<Handle
         .collect()
 }
 
-/// Which motions a handle's hand feels: those that its device drives. No rotation is condensed for the others.
+/// The degrees of freedom of a handle: those that its device actuates. Without an actuated rotation, only the
+/// translations of the handle are condensed.
 pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
     let device = loaded.scene.device_of(handle);
     match loaded.models.get(device).and_then(|model| model.rotation) {
@@ -244,15 +247,16 @@ fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
     }
 }
 
-/// How a support is carried.
+/// The part of the body that will carry a support.
 enum Part {
-    /// By this handle.
+    /// The handle of this number.
     Turned(usize),
-    /// By a support of these vertices.
+    /// A support of these vertices.
     Guided(Vec<u32>),
 }
 
-/// Sorts supports into handles, which are added to `handles`, and guided vertices that no handle holds.
+/// Divides the supports into turned and guided ones. A turned support becomes a handle, which is added to `handles`. A
+/// guided support keeps the vertices that no handle holds.
 fn supports(
     loaded: &LoadedScene,
     index: usize,
@@ -294,7 +298,7 @@ fn supports(
         .collect())
 }
 
-/// Factor on a body's bending stiffness: 0 where there is none.
+/// Factor on the bending stiffness of a body; 0 for a body without a bending model.
 pub fn bending(body: &spec::Body, kind: Kind) -> f64 {
     match kind {
         Kind::Sheet => body.bending.unwrap_or(1.0),

@@ -1,15 +1,16 @@
-//! Parts of a mesh: by group or by box.
+//! Selects parts of a mesh, by group or by box.
 
 use crate::scene::source::cut;
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
 use physics::mesh::{Group, Mesh};
 
-/// Most groups of a mesh that an error lists, and longest name there, in characters.
+/// Largest number of groups of a mesh that an error lists.
 const MOST_NAMES: usize = 16;
+/// Longest name in such a list, in characters.
 const LONGEST_NAME: usize = 64;
 
-/// Lowest and highest corner (m).
+/// Lowest and highest corner of a box (m).
 type Box3 = [[f64; 3]; 2];
 
 /// The vertices in the group or box that `field` gives.
@@ -26,7 +27,8 @@ pub(super) fn vertices(
     })
 }
 
-/// The elements in the group, or with their barycentre in the box, that `field` gives.
+/// The elements in the group `name`, or else those with their barycentre in the box. `field` is the field of the scene
+/// that selects them.
 pub(super) fn elements(
     loaded: &LoadedScene,
     field: &str,
@@ -46,17 +48,17 @@ pub(super) fn elements(
             select(loaded, field, name, in_box, groups, what, centres)
         }
         Mesh::Sheet(mesh) => {
-            let what = "triangle's barycentre";
+            let member = "triangle's barycentre";
             let centres = || mesh.triangles.iter().map(|t| centre(t, &mesh.positions));
             let groups = &mesh.triangle_groups;
-            select(loaded, field, name, in_box, groups, what, centres)
+            select(loaded, field, name, in_box, groups, member, centres)
         }
         Mesh::Solid(mesh) => {
-            let what = "cell's barycentre";
+            let member = "cell's barycentre";
             let cells = || mesh.cells.vertices();
             let centres = || cells().map(|cell| centre(&cell[..4], &mesh.positions));
             let groups = &mesh.cell_groups;
-            select(loaded, field, name, in_box, groups, what, centres)
+            select(loaded, field, name, in_box, groups, member, centres)
         }
     }
 }
@@ -67,10 +69,10 @@ fn select<P: Iterator<Item = Vec3>>(
     name: Option<&str>,
     in_box: Option<Box3>,
     groups: &[Group],
-    what: &str,
+    member: &str,
     points: impl FnOnce() -> P,
 ) -> Result<Vec<u32>, SceneError> {
-    // The scene's consistency was checked: it is one of the two.
+    // The consistency of the scene was checked: either a group or a box is given.
     if let Some(name) = name {
         return Ok(group(loaded, &format!("{field}.group"), name, groups)?.to_vec());
     }
@@ -83,7 +85,7 @@ fn select<P: Iterator<Item = Vec3>>(
         .collect();
     if members.is_empty() {
         let field = format!("{field}.box");
-        let allowed = format!("one around at least one {what}");
+        let allowed = format!("one around at least one {member}");
         return Err(loaded
             .source
             .error(&field, "a box that holds nothing", allowed));
@@ -108,19 +110,19 @@ fn group<'a>(
     Ok(members)
 }
 
-/// The place of `name` among `names`, each that of a `what`; `nothing` says what to write where there are
-/// none.
+/// The index of `name` among `names`. An error calls the named parts of the mesh `kind`; `nothing` is the text of the
+/// allowed values if `names` is empty.
 pub(super) fn named<'a>(
     loaded: &LoadedScene,
     field: &str,
     name: &str,
     names: impl Iterator<Item = &'a String> + Clone,
-    what: &str,
+    kind: &str,
     nothing: &str,
 ) -> Result<usize, SceneError> {
     let found = names.clone().position(|other| other == name);
     found.ok_or_else(|| {
-        // A file's names may be any text, and many.
+        // The names come from a file: they may be many and hold any text.
         let count = names.clone().count();
         let listed: Vec<_> = names
             .take(MOST_NAMES)
@@ -130,7 +132,7 @@ pub(super) fn named<'a>(
         let allowed = if listed.is_empty() {
             nothing.to_owned()
         } else {
-            format!("a {what} of the mesh: {}{more}", listed.join(", "))
+            format!("a {kind} of the mesh: {}{more}", listed.join(", "))
         };
         loaded.source.error(field, format!("\"{name}\""), allowed)
     })

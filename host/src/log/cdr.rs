@@ -1,7 +1,7 @@
-//! CDR, the byte layout of ROS 2 messages: little-endian, every number aligned to its own size,
-//! counted from the end of the four-byte header (XCDR version 1).
+//! CDR, the byte layout of ROS 2 messages (XCDR version 1). Numbers are little-endian. Each number is aligned
+//! to its own size, counted from the end of the four-byte header.
 
-/// Marks a message as little-endian XCDR1; the two last bytes are options, always zero here.
+/// Marks a message as little-endian XCDR1. The last two bytes are options, which are always zero here.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
 
 /// Appends numbers to a message.
@@ -10,7 +10,7 @@ pub(super) struct CdrWriter<'a> {
 }
 
 impl<'a> CdrWriter<'a> {
-    /// Begins a message in `bytes`, whose former content goes but whose capacity stays.
+    /// Begins a message in `bytes`. The former content is cleared; the capacity stays.
     pub(super) fn begin(bytes: &'a mut Vec<u8>) -> Self {
         bytes.clear();
         bytes.extend_from_slice(&ENCAPSULATION);
@@ -41,7 +41,7 @@ impl<'a> CdrWriter<'a> {
     }
 }
 
-/// Takes numbers from a message. Each method gives `None` past the end.
+/// Reads the numbers of a message in their order. Each method returns `None` past the end.
 pub(super) struct CdrReader<'a> {
     /// The message after its header.
     bytes: &'a [u8],
@@ -49,7 +49,7 @@ pub(super) struct CdrReader<'a> {
 }
 
 impl<'a> CdrReader<'a> {
-    /// Begins a message; `None` if it is not little-endian XCDR1.
+    /// Begins to read a message; `None` if the message is not little-endian XCDR1.
     pub(super) fn begin(message: &'a [u8]) -> Option<Self> {
         let (header, bytes) = message.split_at_checked(ENCAPSULATION.len())?;
         (header.starts_with(&ENCAPSULATION[..2])).then_some(Self { bytes, at: 0 })

@@ -1,19 +1,19 @@
-//! Whether the records in a log's chunks end where their chunk does.
+//! Checks that the records in each chunk of a log end where the chunk ends.
 //!
-//! Crate `mcap` 0.26 takes the length of a record within an uncompressed chunk from what is left of the
-//! chunk, without asking whether that is enough: a damaged length panics in a debug build, and reads on
-//! beyond the chunk in a release build. So lengths are looked at before the crate sees them.
+//! Crate `mcap` 0.26 subtracts the length of a record within an uncompressed chunk from the rest of the chunk
+//! without a check that the rest is long enough. A damaged length therefore panics in a debug build, and reads
+//! beyond the chunk in a release build. This module checks the lengths before the crate reads them.
 //!
 //! Layout: <https://mcap.dev/spec>, "Chunk (op=0x06)".
 
 use mcap::{MAGIC, McapError, records::op};
 
-/// An operation code and a length.
+/// Size of a record's head: an operation code and a length (bytes).
 const HEAD: usize = 9;
-/// Before a chunk's compression: its times, its size, its check sum.
+/// Size of the fields before the name of a chunk's compression: times, size and check sum (bytes).
 const BEFORE_COMPRESSION: usize = 28;
 
-/// Checks the chunks of a file, which may be cut anywhere.
+/// Checks the chunks of a file. The file may be cut anywhere.
 pub(super) fn check(file: &[u8]) -> Result<(), McapError> {
     let mut rest = file.get(MAGIC.len()..).unwrap_or_default();
     while let Some((opcode, length, data)) = record(rest) {
@@ -25,7 +25,7 @@ pub(super) fn check(file: &[u8]) -> Result<(), McapError> {
     Ok(())
 }
 
-/// Checks one chunk's records. What else may be wrong with it, the crate finds.
+/// Checks the records of one chunk. The crate finds all other faults.
 fn check_chunk(chunk: &[u8]) -> Result<(), McapError> {
     let Some((&length, rest)) = chunk
         .get(BEFORE_COMPRESSION..)
@@ -49,14 +49,15 @@ fn check_chunk(chunk: &[u8]) -> Result<(), McapError> {
             .ok_or(McapError::UnexpectedEoc)?;
         rest = data.get(length..).unwrap_or_default();
     }
-    // Fewer bytes than a record's head, though the file goes on: the head would reach beyond the chunk.
+    // Fewer bytes remain than a record's head has, although the file continues: the head would reach beyond the
+    // chunk.
     if left > 0 && left < HEAD && rest.len() >= left {
         return Err(McapError::UnexpectedEoc);
     }
     Ok(())
 }
 
-/// The operation code and length of the record that comes first, and what follows them.
+/// The operation code and the length of the first record, and the bytes after them.
 fn record(bytes: &[u8]) -> Option<(u8, usize, &[u8])> {
     let (&[opcode, ref length @ ..], data) = bytes.split_first_chunk::<HEAD>()?;
     let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);

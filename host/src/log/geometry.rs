@@ -1,12 +1,12 @@
-//! Poses, twists and wrenches in messages: the usual ROS types, which tools know how to show.
+//! Poses, twists and wrenches in messages, as the standard ROS types, which tools can display.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::{Pose, Twist, Vec3, Wrench};
 
 use super::cdr::{CdrReader, CdrWriter};
 
-/// Their definitions, as the end of a message definition that uses them. A macro, because that is what
-/// `concat!` takes.
+/// The definitions of these types, to be appended to a message definition that uses them. This is a macro
+/// because `concat!` takes literals only.
 macro_rules! geometry_messages {
     () => {
         "\
@@ -68,7 +68,7 @@ impl CdrReader<'_> {
     pub(super) fn pose(&mut self) -> Option<Pose> {
         let position = self.vector()?;
         let (x, y, z, w) = (self.f64()?, self.f64()?, self.f64()?, self.f64()?);
-        // As it was logged: normalizing again would change its last bits.
+        // The rotation stays as logged: a second normalization would change its last bits.
         let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
         Some(Pose { position, rotation })
     }

@@ -1,16 +1,16 @@
-//! The log of a run: every tick in an MCAP file that public tools open (Foxglove, PlotJuggler, the
+//! The log of a run: every tick, in an MCAP file that public tools open (Foxglove, PlotJuggler, the
 //! Python package `mcap-ros2-support`).
 //!
-//! - Ticks are ROS 2 messages (`palpate_msgs/msg/Tick`) on the channel `/tick`; the file holds their
-//!   definition. Their time is the tick's nominal time, from the run's start.
+//! - Ticks are ROS 2 messages (`palpate_msgs/msg/Tick`) on the channel `/tick`. The file holds the definition of
+//!   these messages. The time of a message is the nominal time of its tick, from the start of the run.
 //! - Local models (`palpate_msgs/msg/LocalModel`) are on the channel `/model`, each before the first tick
-//!   that used it, at the time at which its state held.
-//! - The metadata record `palpate` says how the run came about; the attachment `scene.toml` is its
-//!   scene, and the other attachments are the files that the scene names. The ticks' raw readings, the
-//!   models and the scene are all that a replay needs.
+//!   that used it. The time of a message is the time of the model's reference.
+//! - The metadata record `palpate` identifies the run. The attachment `scene.toml` is the scene, and the other
+//!   attachments are the files that the scene names. A replay needs only the raw readings, the models and the
+//!   scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.
-//! - The ticks since the last [`LogWriter::flush`] wait in memory. What a killed process leaves is a
-//!   valid log without its index, and [`Log::parse`] reads it.
+//! - The ticks since the last [`LogWriter::flush`] wait in memory. A killed process leaves a valid log without
+//!   an index, which [`Log::parse`] reads.
 
 mod cdr;
 mod chunks;
@@ -39,53 +39,57 @@ const TICK_TOPIC: &str = "/tick";
 const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
-/// A chunk ends at this size even if nobody flushes (bytes).
+/// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
 
-/// How a run came about.
+/// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LogHeader {
-    /// What identifies the run: scene name, seed, scheme, clock, version, instruction path.
+    /// The facts that identify the run: scene name, seed, scheme, clock, version, instruction path.
     pub facts: BTreeMap<String, String>,
     /// The text of the scene file.
     pub scene: String,
-    /// The files that the scene names, by the names that it calls them.
+    /// The files that the scene names, by their names in the scene.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
 /// Why a log could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum LogError {
-    /// The file could not be made.
+    /// The file could not be created.
     #[error("cannot create the log {log}: {source}")]
     Create {
-        /// Which log.
+        /// The log, as messages name it.
         log: String,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The file could not be written on.
-    #[error("cannot write the log {log}: {source} (what was flushed before is kept)")]
+    /// The file could not be written.
+    #[error("cannot write the log {log}: {source} (the ticks flushed before are kept)")]
     Write {
-        /// Which log.
+        /// The log, as messages name it.
         log: String,
-        /// What the system said.
+        /// The system's error.
         source: io::Error,
     },
-    /// The bytes are no MCAP file, or one that is damaged before its end.
+    /// The bytes are no MCAP file, or the file is damaged before its end.
     #[error("not an MCAP file, or a damaged one: {0}")]
     Damaged(McapError),
-    /// The file is sound but holds no ticks.
+    /// The file is a sound MCAP file but has no channel of ticks.
     #[error(
         "no channel of {} in this file: it is not a log of palpate",
         tick::SCHEMA_NAME
     )]
     NoTicks,
-    /// The ticks are laid out otherwise than here.
-    #[error("the ticks of this log are laid out otherwise: it was written by another version")]
+    /// The definition of the messages differs from that of this version.
+    #[error(
+        "the messages of this log have another layout: another version of palpate wrote the log"
+    )]
     OtherLayout,
-    /// A tick or a model that does not match the definition.
-    #[error("message {index} (from zero) is not what its channel says, or is cut short")]
+    /// A tick or a model does not match the definition of its message.
+    #[error(
+        "message {index} (from zero) does not match the definition of its channel, or is too short"
+    )]
     BadMessage {
         /// Number of the message in the file.
         index: usize,
@@ -97,14 +101,14 @@ pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
     channels: Channels,
     models: u32,
-    /// The message under way; kept for its capacity.
+    /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
-    /// How errors call the log.
+    /// The name of the log in errors.
     name: String,
 }
 
 impl LogWriter<BufWriter<File>> {
-    /// Begins a log in a new file, in the place of an older one.
+    /// Begins a log in a new file, which replaces an older one.
     ///
     /// # Errors
     /// If the file cannot be created or written.
@@ -155,7 +159,7 @@ impl<W: Write + Seek> LogWriter<W> {
         self.put(&header)
     }
 
-    /// Adds a model of the body of index `body`. It belongs before the first tick that uses it.
+    /// Adds a model of the body of index `body`. The caller writes it before the first tick that uses it.
     ///
     /// # Errors
     /// If the writer fails.
@@ -177,8 +181,8 @@ impl<W: Write + Seek> LogWriter<W> {
             .map_err(|error| write_error(&self.name, error))
     }
 
-    /// Hands all ticks so far to the system, so that they survive this process. A chunk of the file
-    /// ends with each call: every half second of data is often enough.
+    /// Hands all ticks so far to the system, so that they survive this process. Each call ends a chunk of the
+    /// file: one call per half second of data is often enough.
     ///
     /// # Errors
     /// If the writer fails.
@@ -188,7 +192,7 @@ impl<W: Write + Seek> LogWriter<W> {
             .map_err(|error| write_error(&self.name, error))
     }
 
-    /// Ends the log with its index, and gives the writer back.
+    /// Ends the log with its index, and returns the writer.
     ///
     /// # Errors
     /// If the writer fails.
@@ -215,7 +219,7 @@ fn begin<W: Write + Seek>(
         .profile("ros2")
         .compression(None)
         .chunk_size(Some(CHUNK_SIZE))
-        // Chunks are built in memory and written whole: a killed process leaves no half header.
+        // Chunks are built in memory and written whole: a killed process leaves no incomplete header.
         .disable_seeking(true);
     let mut writer = Writer::with_options(writer, options)?;
     let metadata = Metadata {
@@ -238,7 +242,7 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
-    // The ROS 2 profile asks for this key; empty means the defaults.
+    // The ROS 2 profile requires this key. An empty value means the defaults.
     let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
     let mut channel = |topic: &str, name: &str, definition: &str| {
         let schema = writer.add_schema(name, "ros2msg", definition.as_bytes())?;

@@ -1,7 +1,8 @@
-//! A local model as a ROS 2 message: its definition, and the way between it and [`LocalModel`].
+//! A local model as a ROS 2 message: the definition of the message, and the conversion from and to
+//! [`LocalModel`].
 //!
-//! Only what is in use is kept: two handles cost two by two blocks, and where only translations are
-//! coupled (as for every device that actuates no rotation) a block is 3 x 3.
+//! A message holds only the blocks in use. Two handles take two by two blocks. A block is 3 x 3 where only
+//! translations are coupled, as for every device that actuates no rotation.
 
 use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6};
 
@@ -11,7 +12,7 @@ use super::geometry::geometry_messages;
 /// Name of the message type.
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/LocalModel";
 
-/// The message definition, with those that it uses.
+/// The message definition, with the definitions that it uses.
 pub(super) const SCHEMA: &str = concat!(
     "\
 # The linearized force of one body on all its handles. SI units; world axes; translation before rotation.
@@ -41,24 +42,24 @@ geometry_msgs/Wrench drift     # rate of the wrench beside what stiffness makes 
     geometry_messages!()
 );
 
-/// A model read back from a log: which body's, and the model without what is not in use.
+/// A local model read back from a log: the index of its body, and the parts of the model that are in use.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ModelRow {
     /// Index of the body.
     pub body: u8,
-    /// Counts the models of this body, from one.
+    /// Number of the model among those of this body, from one.
     pub sequence: u64,
-    /// When the linearized state held (ns).
+    /// Time of the reference, the state at which the model was linearized (ns).
     pub time_ns: u64,
     /// The publication period (s).
     pub period: f64,
-    /// How far ahead it is to be good for (s).
+    /// The age at which the next model is due (s).
     pub horizon: f64,
-    /// Energy that hands at rest could get back (J).
+    /// Energy that hands at rest could recover (J).
     pub energy: f64,
-    /// Energy that the body has released of its own (J).
+    /// Energy that the body itself has released, beyond the energy of the first model (J).
     pub released: f64,
-    /// Counts the changes of topology.
+    /// The topology epoch.
     pub epoch: u32,
     /// The handles, at most [`MAX_HANDLES`].
     pub handles: Vec<HandleReference>,
@@ -69,7 +70,7 @@ pub struct ModelRow {
 }
 
 impl ModelRow {
-    /// The model as it was published.
+    /// The model as the host published it.
     pub fn model(&self) -> LocalModel {
         let mut model = LocalModel {
             sequence: self.sequence,
@@ -100,7 +101,7 @@ impl ModelRow {
     }
 }
 
-/// Writes a model into `bytes`, replacing what was there.
+/// Writes a model into `bytes`, in place of the former content.
 pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     let count = model.handles().count();
     let block = if turns(model, count) { 6 } else { 3 };
@@ -136,7 +137,7 @@ pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     }
 }
 
-/// Whether a block has any entry beyond its translations. To the bit: a negative zero is one, too.
+/// Whether any block couples rotations. The comparison is bit by bit: a negative zero counts as an entry.
 fn turns(model: &LocalModel, count: usize) -> bool {
     let entry = |m: &Mat6, r: usize, c: usize| (r >= 3 || c >= 3) && m[(r, c)].to_bits() != 0;
     let turns = |m: &Mat6| (0..6).any(|r| (0..6).any(|c| entry(m, r, c)));
@@ -145,7 +146,7 @@ fn turns(model: &LocalModel, count: usize) -> bool {
     rows.flat_map(|row| row.iter().take(count)).any(turns)
 }
 
-/// Reads a model back; `None` if the message is short or its sizes make no sense.
+/// Reads a model back; `None` if the message is too short or its sizes are inconsistent.
 pub(super) fn decode(message: &[u8]) -> Option<ModelRow> {
     let mut from = CdrReader::begin(message)?;
     let (sequence, time_ns) = (from.u64()?, from.u64()?);

@@ -1,4 +1,4 @@
-//! Reading a log back, also one that a killed process left without its end.
+//! Reads a log back, including one that a killed process left without its end.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ use super::{LogError, METADATA_NAME, ModelRow, SCENE_NAME, TickRow, chunks, mode
 /// A log, read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
-    /// What identifies the run (see [`super::LogHeader`]).
+    /// The facts that identify the run (see [`super::LogHeader`]).
     pub facts: BTreeMap<String, String>,
-    /// The text of its scene file.
+    /// The text of the scene file.
     pub scene: String,
-    /// The files that the scene names, by the names that it calls them.
+    /// The files that the scene names, by their names in the scene.
     pub files: BTreeMap<String, Vec<u8>>,
     /// The ticks, in the order of the file.
     pub rows: Vec<TickRow>,
@@ -35,12 +35,12 @@ pub fn read_log(bytes: &[u8]) -> Result<Vec<TickRow>, LogError> {
 }
 
 impl Log {
-    /// Reads a log. A file that ends early gives all ticks before its end; channels that are not
-    /// palpate's are passed over.
+    /// Reads a log. A file that ends early yields all ticks before its end. Channels that palpate did not write
+    /// are skipped.
     ///
     /// # Errors
-    /// If the bytes are no MCAP file, are damaged before their end, or hold no ticks as this version
-    /// writes them.
+    /// If the bytes are no MCAP file, are damaged before their end, or hold no ticks in the layout of this
+    /// version.
     pub fn parse(bytes: &[u8]) -> Result<Self, LogError> {
         chunks::check(bytes).map_err(LogError::Damaged)?;
         let mut reader = LinearReader::new_with_options(
@@ -53,14 +53,14 @@ impl Log {
         while let Some(event) = reader.next_event() {
             match event {
                 Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                    // Nothing left: zero bytes tell the reader so.
+                    // At the end of the file, zero bytes tell the reader that nothing is left.
                     let (head, tail) = rest.split_at(wanted.min(rest.len()));
                     reader.insert(head.len()).copy_from_slice(head);
                     reader.notify_read(head.len());
                     rest = tail;
                 }
                 Ok(LinearReadEvent::Record { opcode, data }) => parser.record(opcode, data)?,
-                // A record that reaches beyond the last byte was cut, too.
+                // A record that reaches beyond the last byte was cut as well.
                 Err(
                     McapError::UnexpectedEof
                     | McapError::RecordTooLarge { .. }
@@ -73,24 +73,24 @@ impl Log {
     }
 }
 
-/// What is known so far of the file under way.
+/// The part of the log that has been read so far.
 #[derive(Default)]
 struct Parser {
     log: Log,
-    /// The schemas and channels that are palpate's, by number.
+    /// The schemas and channels that palpate wrote, by number.
     schemas: BTreeMap<u16, Content>,
     channels: BTreeMap<u16, Content>,
     messages: usize,
 }
 
-/// What a channel of palpate's carries.
+/// The content of a channel that palpate wrote.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Content {
     Ticks,
     Models,
 }
 
-/// What a schema of this name describes, and how this version defines it.
+/// The content that a schema of this name describes, and the definition of this version.
 fn known_schema(name: &str) -> Option<(Content, &'static str)> {
     match name {
         tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
@@ -103,9 +103,9 @@ impl Parser {
     fn record(&mut self, opcode: u8, data: &[u8]) -> Result<(), LogError> {
         if opcode == op::ATTACHMENT {
             match attachment(data) {
-                // The first: a file that the scene calls so does not take its place.
+                // Only the first attachment of this name is the scene: the scene may name a file of the same name.
                 Some((SCENE_NAME, text)) if self.log.scene.is_empty() => {
-                    // A scene that is no text is none; running it again says so.
+                    // A scene that is not text is refused when the log is replayed.
                     self.log.scene = String::from_utf8_lossy(text).into_owned();
                 }
                 Some((name, bytes)) => {
@@ -162,7 +162,7 @@ impl Parser {
     }
 
     fn finish(self, complete: bool) -> Result<Log, LogError> {
-        // A writer killed before its first flush leaves the header alone: that log is empty.
+        // A writer that is killed before its first flush leaves only the header. Such a log is empty.
         if complete && !self.channels.values().any(|c| *c == Content::Ticks) {
             return Err(LogError::NoTicks);
         }
@@ -173,10 +173,10 @@ impl Parser {
     }
 }
 
-/// Name and text of an attachment record. (By hand: the parser of the mcap crate panics on a record that
-/// is too short.)
+/// Name and content of an attachment record. This function parses the record itself because the parser of the
+/// mcap crate panics on a record that is too short.
 fn attachment(record: &[u8]) -> Option<(&str, &[u8])> {
-    // Two times; then name, media type and content, each after its length.
+    // The record holds two times, then name, media type and content, each after its length.
     let (_, rest) = record.split_at_checked(16)?;
     let (length, rest) = rest.split_first_chunk()?;
     let (name, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;

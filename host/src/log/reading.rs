@@ -1,4 +1,4 @@
-//! What a device gave in a tick, as the log keeps it: the input from which a run is replayed.
+//! A device's reading in a tick, as the log keeps it. A run is replayed from these readings.
 
 use std::fmt;
 
@@ -7,32 +7,32 @@ use rt_core::{Corruption, DeviceError, DeviceState};
 
 use super::cdr::{CdrReader, CdrWriter};
 
-/// A device's state (device axes), or why there was none.
+/// A device's state (device axes), or the reason why there was none.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoggedReading(pub Result<DeviceState, ReadFault>);
 
-/// Why a device gave no state: [`DeviceError`] without its particulars.
+/// The reason why a device gave no state: [`DeviceError`] without its details.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ReadFault {
-    /// Nothing new since the last read.
+    /// No new report since the last read.
     NoReport,
-    /// The device was gone; the system's error number.
+    /// The device was disconnected. Holds the system's error number.
     Disconnected(i32),
-    /// It was busy.
+    /// The device was busy.
     Busy,
     /// A report of a wrong length.
     BadLength,
-    /// A report whose bytes were changed on the way.
+    /// A report with a wrong check sum: its bytes changed in transit.
     BadCheckSum,
     /// A report of another version of the protocol.
     BadVersion,
     /// A report of another kind.
     BadKind,
-    /// A report with a field that no sender should send.
+    /// A report with a field out of its range.
     OutOfRange,
 }
 
-/// In the order of the constants in the message's definition, from one on.
+/// The faults in the order of the constants in the message definition, from one.
 const FAULTS: [ReadFault; 8] = [
     ReadFault::NoReport,
     ReadFault::Disconnected(0),
@@ -68,11 +68,11 @@ impl From<&Reading> for LoggedReading {
 }
 
 impl LoggedReading {
-    /// As a device gives it. The law asks whether there is a state, never why there is none: every report
-    /// that could not be used comes back as none at all.
+    /// The reading as the device gave it. The control law depends on whether there is a state, not on the reason
+    /// why there is none. Every report that could not be used is therefore returned as [`DeviceError::NoReport`].
     ///
     /// # Errors
-    /// Where there was none.
+    /// The fault, if the device gave no state.
     pub fn reading(&self) -> Reading {
         self.0.map_err(|fault| match fault {
             ReadFault::Disconnected(number) => DeviceError::Disconnected(number),
@@ -90,7 +90,7 @@ impl LoggedReading {
                     other => (*other, 0),
                 };
                 let place = FAULTS.iter().position(|f| *f == kind);
-                // All zero: a rotation of zero length cannot be taken for one that was read.
+                // The state is all zero: a rotation of zero length cannot be mistaken for a rotation that was read.
                 let mut nothing = DeviceState::resting();
                 nothing.pose.rotation.as_mut_unchecked().coords.fill(0.0);
                 (nothing, place.map_or(u8::MAX, |i| i as u8 + 1), number)

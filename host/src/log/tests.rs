@@ -72,7 +72,7 @@ fn telemetry(tick: u64) -> Telemetry {
     record
 }
 
-/// A model of two handles; `turns` or translations only.
+/// A model of two handles that couples rotations if `turns`, otherwise translations only.
 fn model(sequence: u64, turns: bool) -> LocalModel {
     let mut model = LocalModel {
         sequence,
@@ -131,7 +131,7 @@ fn the_sums_of_energy_are_those_of_the_message_definition() {
 }
 
 #[test]
-fn what_was_written_is_read_back() {
+fn a_log_is_read_back_as_written() {
     let log = Log::parse(&log(120)).expect("a log");
     assert!(log.complete);
     assert_eq!(log.facts, header().facts);
@@ -151,7 +151,7 @@ fn what_was_written_is_read_back() {
 }
 
 #[test]
-fn a_model_is_read_back_as_it_was_published_and_takes_room_for_what_is_in_use() {
+fn a_model_is_read_back_as_published_and_takes_room_for_its_used_blocks_only() {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     let mut negative_zero = model(3, false);
     negative_zero.damping[1][0][(4, 4)] = -0.0;
@@ -167,8 +167,8 @@ fn a_model_is_read_back_as_it_was_published_and_takes_room_for_what_is_in_use() 
     }
     let zero = log.models[2].model().damping[1][0][(4, 4)];
     assert!(zero.is_sign_negative(), "equal numbers, but not equal bits");
-    // Two handles: 31 numbers each (pose 7, twist, wrench and drift 6, contact and weight 3), and 2 x 36 or 2 x 144 in
-    // the matrices; 120 bytes for what a model has once, and its padding.
+    // Each of two handles has 31 numbers: pose 7, twist, wrench and drift 6, contact and weight 3. The matrices have
+    // 2 x 36 or 2 x 144 numbers. The other fields and the padding have less than 120 bytes.
     let mut message = Vec::new();
     super::model::encode(0, &models[0], &mut message);
     assert!(message.len() < 8 * (2 * 31 + 2 * 36) + 120);
@@ -196,7 +196,7 @@ fn every_cut_gives_the_ticks_before_it() {
         let cut = Log::parse(&whole[..end]).expect("the beginning of a log");
         assert!(!cut.complete);
         assert_eq!(cut.rows, rows[..cut.rows.len()]);
-        // No step takes more than one tick away.
+        // No cut of 29 bytes removes more than one tick.
         assert!(cut.rows.len() == left || cut.rows.len() + 1 == left);
         left = cut.rows.len();
     }
@@ -204,7 +204,7 @@ fn every_cut_gives_the_ticks_before_it() {
 }
 
 #[test]
-fn what_was_flushed_can_be_read_while_the_run_goes_on() {
+fn flushed_ticks_can_be_read_during_the_run() {
     let file = tempfile::NamedTempFile::new().expect("a temporary file");
     let mut writer = LogWriter::create_file(file.path(), &header()).expect("a file");
     for tick in 0..10 {
@@ -251,7 +251,7 @@ fn a_changed_byte_in_a_tick_is_found() {
     ));
 }
 
-/// A disk with room for so many bytes.
+/// A disk with room for `room` bytes.
 struct FullDisk {
     room: usize,
 }

@@ -1,4 +1,4 @@
-//! One tick as a ROS 2 message: its definition, and the way between it and [`Telemetry`].
+//! One tick as a ROS 2 message: the definition of the message, and the conversion from and to [`Telemetry`].
 
 use rt_core::coupling::HostState;
 use rt_core::record::{BodyTelemetry, DeviceTelemetry};
@@ -12,8 +12,9 @@ use super::reading::LoggedReading;
 /// Name of the message type.
 pub(super) const SCHEMA_NAME: &str = "palpate_msgs/msg/Tick";
 
-/// The message definition, with those that it uses, as tools read it. Poses, twists and wrenches are
-/// the usual ROS types, which tools know how to show; a `torque` is the moment about the handle.
+/// The message definition, with the definitions that it uses. Poses, twists and wrenches are the standard ROS
+/// types, which tools can display. A `torque` is the moment about the handle. A log whose definition differs
+/// from this text is refused, so any edit of the text makes older logs unreadable.
 pub(super) const SCHEMA: &str = concat!(
     "\
 # One pass of the haptic loop. SI units; world axes.
@@ -89,15 +90,15 @@ uint8 status
 pub struct TickRow {
     /// Number of the tick, from zero.
     pub tick: u64,
-    /// Its nominal time (ns).
+    /// Nominal time of the tick (ns).
     pub time_ns: u64,
-    /// How late it woke (ns).
+    /// Lateness of the tick (ns).
     pub lateness_ns: u64,
     /// The devices.
     pub devices: Vec<DeviceTelemetry>,
     /// The bodies.
     pub bodies: Vec<BodyTelemetry>,
-    /// What each device gave (device axes).
+    /// The reading of each device (device axes).
     pub readings: Vec<LoggedReading>,
 }
 
@@ -114,7 +115,7 @@ impl From<&Telemetry> for TickRow {
     }
 }
 
-/// Writes `telemetry` into `bytes`, replacing what was there.
+/// Writes `telemetry` into `bytes`, in place of the former content.
 pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
     let mut out = CdrWriter::begin(bytes);
     out.u64(telemetry.tick);
@@ -160,11 +161,11 @@ fn encode_device(device: &DeviceTelemetry, out: &mut CdrWriter) {
         .map_or(u8::MAX, |i| i as u8));
 }
 
-/// Reads a tick back; `None` if the message is short or holds a code without a meaning.
+/// Reads a tick back; `None` if the message is too short or holds an unknown code.
 pub(super) fn decode(message: &[u8]) -> Option<TickRow> {
     let mut from = CdrReader::begin(message)?;
     let (tick, time_ns, lateness_ns) = (from.u64()?, from.u64()?, from.u64()?);
-    // A false count ends with the message: nothing is reserved for it.
+    // No memory is reserved for the counts: a false count only runs into the end of the message.
     let device_count = from.u32()?;
     let devices = (0..device_count)
         .map(|_| decode_device(&mut from))
@@ -223,8 +224,8 @@ fn decode_body(from: &mut CdrReader) -> Option<BodyTelemetry> {
     })
 }
 
-/// The sums of energy (J), by the names and in the order of the message's definition: every field of the account but the
-/// count of ticks.
+/// The sums of energy (J), by the names and in the order of the message definition. They are all fields of the account
+/// except the count of ticks.
 pub fn energy_sums(energy: &EnergyAccount) -> [(&'static str, f64); 7] {
     let EnergyAccount {
         supplied,

@@ -12,25 +12,25 @@ pub(super) struct Axis {
     pub(super) from: f64,
     pub(super) to: f64,
     scale: Scale,
-    /// Where labelled marks lie.
+    /// Positions of the labelled ticks.
     ticks: Vec<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Scale {
-    /// Ticks a step apart.
+    /// Consecutive ticks are one step apart.
     Linear { step: f64 },
-    /// Labels are plain numbers, or powers of ten where those would be long.
+    /// Labels are plain numbers, or powers of ten where plain numbers would be long.
     Logarithmic { plain: bool },
 }
 
 impl Axis {
-    /// A linear axis over all of `values`, with a margin (a share of their span) at both ends and about
+    /// A linear axis over all of `values`, with a margin (a fraction of their span) at both ends and about
     /// `marks` ticks.
     pub(super) fn linear(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
         let (mut from, mut to) = range(values).unwrap_or((0.0, 1.0));
         let pad = if to > from { margin * (to - from) } else { 0.0 };
-        // Far from zero, a span below this could not be told apart in tick labels.
+        // Far from zero, the labels of ticks over a shorter span would be equal.
         let least = 1e-9_f64.max(1e-6 * from.abs().max(to.abs()));
         let short = if to - from < least {
             0.5_f64.max(least)
@@ -40,7 +40,7 @@ impl Axis {
         from -= pad.max(short);
         to += pad.max(short);
         let step = round_step((to - from) / marks);
-        // Samples end a period before the round time that they are meant to fill.
+        // The last sample lies one period before the round end of its interval.
         let next = (to / step).ceil() * step;
         if next - to < 0.005 * (to - from) {
             to = to.max(next);
@@ -54,12 +54,12 @@ impl Axis {
         }
     }
 
-    /// A logarithmic axis over those of `values` that are above zero.
+    /// A logarithmic axis over the positive ones of `values`.
     pub(super) fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
         Self::logarithmic_with(values, 0.05)
     }
 
-    /// The same without a margin: what is drawn fills it.
+    /// A logarithmic axis without a margin: the drawing fills it.
     pub(super) fn logarithmic_to_the_edge(values: impl Iterator<Item = f64>) -> Self {
         Self::logarithmic_with(values, 0.0)
     }
@@ -90,7 +90,7 @@ impl Axis {
         }
     }
 
-    /// The drawn coordinate of a value; `None` if it has none.
+    /// The drawn coordinate of a value; `None` if the axis cannot show the value.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         let place = match self.scale {
             Scale::Linear { .. } => value,
@@ -114,12 +114,12 @@ impl Ranged for Axis {
     type ValueType = f64;
 
     fn map(&self, place: &f64, limit: (i32, i32)) -> i32 {
-        let share = (place - self.from) / (self.to - self.from);
-        (f64::from(limit.0) + share * f64::from(limit.1 - limit.0)).round() as i32
+        let fraction = (place - self.from) / (self.to - self.from);
+        (f64::from(limit.0) + fraction * f64::from(limit.1 - limit.0)).round() as i32
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        // Light lines between the ticks would be noise.
+        // Light lines between the ticks would clutter the picture.
         if hint.weight().allow_light_points() {
             Vec::new()
         } else {
@@ -191,7 +191,7 @@ fn range(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// The next of 1, 2, 5, 10, 20, ... (and their parts) at or above `step`.
+/// The smallest number at or above `step` that is 1, 2 or 5 times a power of ten.
 fn round_step(step: f64) -> f64 {
     let power = libm::exp10(libm::log10(step).floor());
     let factor = [1.0, 2.0, 5.0]
@@ -202,7 +202,7 @@ fn round_step(step: f64) -> f64 {
 
 fn multiples(step: f64, from: f64, to: f64) -> Vec<f64> {
     let (first, last) = ((from / step).ceil(), (to / step).floor());
-    // At most some ten by construction; the bound keeps rounding at absurd ranges harmless.
+    // By construction there are about ten at most. The bound keeps rounding errors of extreme ranges harmless.
     let count = (last - first).clamp(-1.0, 50.0) as i32;
     (0..=count).map(|i| (first + f64::from(i)) * step).collect()
 }

@@ -1,4 +1,4 @@
-//! A plain line chart, for the tables of benchmarks.
+//! A line chart, for the tables of benchmarks.
 
 use plotters::prelude::*;
 
@@ -11,17 +11,17 @@ const HEIGHT: i32 = 460;
 /// One line of a chart.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// Its name in the legend.
+    /// The name of the line in the legend.
     pub name: String,
-    /// Its points, in the order in which the line visits them.
+    /// The points of the line, in their order along the line.
     pub points: Vec<(f64, f64)>,
-    /// What marks them.
+    /// The mark at each point.
     pub marker: Marker,
 }
 
-/// Draws lines on linear or logarithmic axes, 720 by 460 pixels. Labels carry their unit. A point that
-/// has no place (not a number, or not above zero on a logarithmic axis) is left out, and the legend says
-/// how many were.
+/// Draws lines on linear or logarithmic axes, 720 by 460 pixels. Labels include the unit. A point that
+/// an axis cannot show (not a number, or not above zero on a logarithmic axis) is omitted. The legend states
+/// the number of omitted points.
 pub fn line_chart_svg(
     title: &str,
     x_label: &str,

@@ -1,10 +1,10 @@
-//! The direction along which a device's force and movement are drawn: the one that carries most force.
+//! The direction along which a device's force and motion are drawn: the principal direction of the force.
 
 use nalgebra::{Matrix3, SymmetricEigen, Vector3};
 
 use super::reduce::usable;
 
-/// How close to an axis of the world a direction is drawn as that axis (cosine of 18 degrees).
+/// A direction within 18 degrees of an axis of the world is drawn as that axis (cosine of the angle).
 const SNAP: f64 = 0.95;
 
 /// A direction in the scene.
@@ -12,11 +12,11 @@ const SNAP: f64 = 0.95;
 pub(super) struct Direction {
     /// Unit vector; its largest component is positive.
     pub(super) axis: Vector3<f64>,
-    /// How a label calls it: `x`, or its components.
+    /// The name of the direction in labels: `x`, or its components.
     pub(super) name: String,
 }
 
-/// The direction of most force; without any force, of most movement; without either, x.
+/// The principal direction of the force; without force, that of the motion; without both, x.
 pub(super) fn main_direction(force: &[[f64; 3]], position: &[[f64; 3]]) -> Direction {
     let start = first_usable(position);
     let moved = position.iter().map(|p| Vector3::from(*p) - start);
@@ -39,13 +39,13 @@ pub(super) fn main_direction(force: &[[f64; 3]], position: &[[f64; 3]]) -> Direc
     Direction { axis, name }
 }
 
-/// The first position without a fault, from which displacements count.
+/// The first usable position, from which displacements are measured.
 pub(super) fn first_usable(position: &[[f64; 3]]) -> Vector3<f64> {
     let found = position.iter().find(|p| p.iter().all(|x| usable(*x)));
     found.map_or_else(Vector3::zeros, |p| Vector3::from(*p))
 }
 
-/// The direction that carries most of the squares of `vectors`; `None` if they are all zero.
+/// The direction along which `vectors` have the largest sum of squares; `None` if all vectors are zero.
 fn principal(vectors: impl Iterator<Item = Vector3<f64>> + Clone) -> Option<Vector3<f64>> {
     let usable = vectors.filter(|v| v.iter().all(|x| usable(*x)));
     let scale = usable
@@ -88,13 +88,13 @@ mod tests {
     fn an_oblique_force_is_drawn_along_itself() {
         let direction = main_direction(&[[0.0, -2.0, 2.0]], &[]);
         assert_eq!(direction.axis.x, 0.0);
-        // Rounding of the eigenvector only.
+        // The eigenvector errs by rounding only.
         assert!((direction.axis.y + direction.axis.z).abs() < 1e-14);
         assert!(direction.name.contains("0.71"), "{}", direction.name);
     }
 
     #[test]
-    fn without_force_the_movement_counts_and_without_either_x() {
+    fn without_force_the_motion_decides_and_without_both_the_direction_is_x() {
         let zero = [[0.0; 3]; 2];
         assert_eq!(
             main_direction(&zero, &[[5.0, 0.0, 0.0], [5.0, 0.0, 1e-3]]).name,

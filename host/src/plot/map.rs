@@ -1,4 +1,4 @@
-//! Maps over two quantities: coloured cells, with lines and points on top, one panel for each case.
+//! Maps over two quantities: coloured cells with lines and points on top, one panel per case.
 
 use plotters::prelude::*;
 
@@ -7,75 +7,75 @@ use super::page::{self, Area, Axes, Drawn, UNITS};
 
 /// Width and height of a panel with its labels (pixels).
 const PANEL: [i32; 2] = [330, 286];
-/// Panels beside each other.
+/// Panels in a row.
 const COLUMNS: usize = 3;
-/// Space above the panels: title, subtitle, legend.
+/// Space above the panels for title, subtitle and legend (pixels).
 const ABOVE: i32 = 92;
-/// Space below for the scale of colours.
+/// Space below the panels for the scale of colours (pixels).
 const BELOW: i32 = 58;
 
-/// What cells below the scale are.
+/// The colour of cells below the scale.
 const NOTHING: RGBColor = RGBColor(226, 236, 243);
 const LINE: RGBColor = RGBColor(20, 20, 20);
 const SECOND: RGBColor = RGBColor(0, 90, 170);
 
-/// One cell: its edges, and its value.
+/// One cell of a map: its edges and its value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapCell {
-    /// From and to.
+    /// Left and right edge.
     pub x: [f64; 2],
-    /// From and to, above zero.
+    /// Lower and upper edge, both above zero.
     pub y: [f64; 2],
-    /// What gives it its colour.
+    /// The value, which determines the colour.
     pub value: f64,
 }
 
-/// A boundary.
+/// A boundary in a map: a line in theory, and the points measured.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapLine {
     /// Points of the line.
     pub line: Vec<(f64, f64)>,
-    /// What was measured of it.
+    /// Measured points of the boundary.
     pub points: Vec<(f64, f64)>,
 }
 
-/// One case.
+/// The map of one case.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapPanel {
-    /// Above it.
+    /// The title above the panel.
     pub title: String,
-    /// The cells; their edges are the panel's range.
+    /// The cells. Their edges determine the range of the panel.
     pub cells: Vec<MapCell>,
-    /// The first boundary, drawn through.
+    /// The first boundary, drawn as a solid line.
     pub first: MapLine,
-    /// The second, dashed.
+    /// The second boundary, drawn as a dashed line.
     pub second: MapLine,
 }
 
-/// A page of maps. Labels carry their unit.
+/// A page of maps. Labels include the unit.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Map {
-    /// The title.
+    /// The title of the page.
     pub title: String,
-    /// The smaller line under it.
+    /// The smaller line under the title.
     pub subtitle: String,
-    /// What is across.
+    /// The label of the horizontal axis.
     pub x_label: String,
-    /// What is up; on a logarithmic axis.
+    /// The label of the vertical axis, which is logarithmic.
     pub y_label: String,
-    /// What the colours are.
+    /// The label of the scale of colours.
     pub scale_label: String,
-    /// What a cell below the scale is.
+    /// The label of the colour of cells below the scale.
     pub below_label: String,
-    /// Decades of the scale of colours: of its ends.
+    /// Decimal exponents of the lower and the upper end of the scale of colours.
     pub decades: [i32; 2],
-    /// Names of the first and the second line.
+    /// Names of the first and the second boundary.
     pub lines: [String; 2],
     /// The panels.
     pub panels: Vec<MapPanel>,
 }
 
-/// Draws the maps.
+/// Draws a page of maps, as SVG.
 pub fn map_svg(map: &Map) -> String {
     let columns = map.panels.len().clamp(1, COLUMNS);
     let rows = map.panels.len().div_ceil(columns).max(1);
@@ -125,7 +125,8 @@ fn draw(page: &Area, area: &Area, map: &Map, data: &MapPanel) -> Drawn {
         let corners = place((cell.x[0], cell.y[0])).zip(place((cell.x[1], cell.y[1])));
         if let Some((from, to)) = corners {
             let (a, b) = (panel.backend_coord(&from), panel.backend_coord(&to));
-            // A little further up and to the right, or seams would show; the neighbours cover it.
+            // Each cell extends slightly up and to the right, so that no seams show. Its neighbours cover the
+            // excess.
             let (right, top) = panel.backend_coord(&(x.to, y.to));
             let b = ((b.0 + UNITS).min(right), (b.1 - UNITS).max(top));
             page.draw(&Rectangle::new([a, b], color(map, cell.value).filled()))?;
@@ -147,7 +148,7 @@ fn draw(page: &Area, area: &Area, map: &Map, data: &MapPanel) -> Drawn {
     Ok(())
 }
 
-/// A line over what is coloured: with a white edge, whole or in dashes.
+/// A line over coloured cells, solid or dashed, with a white edge.
 fn stroke(page: &Area, path: &[(i32, i32)], ink: RGBColor, dashed: bool) -> Drawn {
     if path.len() < 2 {
         return Ok(());
@@ -167,8 +168,11 @@ fn stroke(page: &Area, path: &[(i32, i32)], ink: RGBColor, dashed: bool) -> Draw
         while at < length {
             let end = f64::min(at + dash, length);
             let ends = [at, end].map(|s| {
-                let share = s / length;
-                ((from.0 + share * dx) as i32, (from.1 + share * dy) as i32)
+                let fraction = s / length;
+                (
+                    (from.0 + fraction * dx) as i32,
+                    (from.1 + fraction * dy) as i32,
+                )
             });
             page.draw(&PathElement::new(ends.to_vec(), edge))?;
             page.draw(&PathElement::new(ends.to_vec(), style))?;
@@ -194,7 +198,8 @@ fn color(map: &Map, value: f64) -> RGBColor {
     shade(((log - low) / (high - low)).min(1.0))
 }
 
-fn shade(share: f64) -> RGBColor {
+/// The colour at a fraction of the scale.
+fn shade(fraction: f64) -> RGBColor {
     const STOPS: [[f64; 3]; 6] = [
         [255.0, 247.0, 196.0],
         [254.0, 217.0, 118.0],
@@ -203,7 +208,7 @@ fn shade(share: f64) -> RGBColor {
         [202.0, 20.0, 32.0],
         [110.0, 0.0, 34.0],
     ];
-    let at = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
+    let at = fraction.clamp(0.0, 1.0) * (STOPS.len() - 1) as f64;
     let k = (at as usize).min(STOPS.len() - 2);
     let part = at - k as f64;
     let mix = |c: usize| (STOPS[k][c] + part * (STOPS[k + 1][c] - STOPS[k][c])).round() as u8;
@@ -217,7 +222,7 @@ fn legend(page: &Area, map: &Map) -> Drawn {
         stroke(page, &[(left, middle), (right, middle)], ink, dashed)?;
         let text = |name: &str, x| page::write(page, name, x, y, page::font(12.0), page::TEXT);
         text(name, x + 42)?;
-        // Without font files, widths are estimates, as in other legends.
+        // Without font files, text widths are estimates, as in other legends.
         x += 42 + (name.chars().count() as f64 * 6.3) as i32 + 16;
         mark(page, (x * UNITS, middle), ink)?;
         text("measured", x + 12)?;
@@ -226,7 +231,7 @@ fn legend(page: &Area, map: &Map) -> Drawn {
     Ok(())
 }
 
-/// The scale of colours, with a tick a decade.
+/// The scale of colours, with one tick per decade.
 fn scale(page: &Area, map: &Map, top: i32) -> Drawn {
     const WIDTH: i32 = 300;
     const HEIGHT: i32 = 12;

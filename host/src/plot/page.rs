@@ -1,6 +1,6 @@
-//! The page: an SVG of a given size with title, legend and panels, all drawings in one style.
+//! The page: an SVG of a given size with title, legend and panels. All drawings share this style.
 //!
-//! Colours are those of Okabe and Ito, told apart by colour-blind eyes as well.
+//! The colours are those of Okabe and Ito, which colour-blind readers can distinguish.
 
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axis::Axis;
 
-/// The SVG backend counts in whole units: this many to a pixel keep lines smooth.
+/// Units per pixel. The SVG backend draws at whole units; several units per pixel keep lines smooth.
 pub(super) const UNITS: i32 = 4;
 /// Space left of a panel for its labels (pixels).
 pub(super) const LEFT: i32 = 64;
@@ -19,7 +19,7 @@ pub(super) const RIGHT: i32 = 18;
 /// Space below a panel that has a labelled x axis (pixels).
 pub(super) const BELOW: i32 = 44;
 
-/// Height of the solid strip on top of a band (pixels): a short band would not be seen without.
+/// Height of the solid strip on top of a band (pixels). Without it a short band would not be visible.
 pub(super) const STRIP: i32 = 4;
 
 const FONT: &str = "Helvetica, Arial, sans-serif";
@@ -29,7 +29,7 @@ const MUTED: RGBColor = RGBColor(96, 96, 96);
 const GRID: RGBColor = RGBColor(228, 228, 228);
 const FRAME: RGBColor = RGBColor(150, 150, 150);
 
-/// What drawing gives; drawing to a string cannot fail.
+/// The result of a drawing function. Drawing to a string cannot fail.
 pub(super) type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 /// The whole page or a part of it.
 pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
@@ -60,7 +60,7 @@ pub(super) fn band_color(index: usize) -> RGBColor {
     COLORS[index % COLORS.len()]
 }
 
-/// What fills a band, behind the lines.
+/// The fill of a band, behind the lines.
 pub(super) fn band_fill(color: RGBColor) -> ShapeStyle {
     color.mix(0.22).filled()
 }
@@ -76,7 +76,7 @@ pub(super) fn svg(width: i32, height: i32, draw: impl FnOnce(&Area) -> Drawn) ->
     let size = ((width * UNITS) as u32, (height * UNITS) as u32);
     {
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        // A string takes everything; were that not so, the page would be left as far as it came.
+        // Writing to a string cannot fail. An error would leave the page incomplete.
         let _ = area
             .fill(&WHITE)
             .and_then(|()| draw(&area))
@@ -88,7 +88,7 @@ pub(super) fn svg(width: i32, height: i32, draw: impl FnOnce(&Area) -> Drawn) ->
 
 /// A font of `size` pixels.
 pub(super) fn font(size: f64) -> FontDesc<'static> {
-    // The backend divides by 1.24, taking sizes for line heights.
+    // The backend treats sizes as line heights and divides them by 1.24.
     (FONT, size * 1.24 * f64::from(UNITS)).into_font()
 }
 
@@ -97,14 +97,14 @@ pub(super) fn stroke(color: RGBColor, width: f64) -> ShapeStyle {
     color.stroke_width((width * f64::from(UNITS)).round() as u32)
 }
 
-/// What characters XML cannot hold become.
+/// The text with a blank in place of each control character, which XML cannot hold.
 fn printable(text: &str) -> String {
     text.chars()
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect()
 }
 
-/// Writes `text` with its left middle at (`x`, `y`) pixels.
+/// Writes `text` with the middle of its left edge at (`x`, `y`) pixels.
 pub(super) fn write(
     area: &Area,
     text: &str,
@@ -119,7 +119,7 @@ pub(super) fn write(
     area.draw(&Text::new(printable(text), (x * UNITS, y * UNITS), style))
 }
 
-/// Writes the title and the line under it.
+/// Writes the title and the smaller line under the title.
 pub(super) fn title(area: &Area, title: &str, subtitle: &str) -> Drawn {
     write(
         area,
@@ -138,18 +138,18 @@ pub(super) struct Entry {
     pub(super) key: Key,
 }
 
-/// What a legend shows before a name.
+/// The symbol that a legend shows before a name.
 pub(super) enum Key {
-    /// A piece of the series' line, with its mark.
+    /// A segment of the series' line, with its mark.
     Line(RGBColor, Marker),
     /// A patch of a band's colour.
     Band(RGBColor),
 }
 
-/// What marks the points of a series.
+/// The mark at the points of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Marker {
-    /// Nothing: the line alone.
+    /// No mark: the line alone.
     #[default]
     None,
     /// A filled circle.
@@ -163,7 +163,7 @@ pub enum Marker {
 }
 
 impl Marker {
-    /// The mark at (`x`, `y`) units.
+    /// Draws the mark at (`x`, `y`) units.
     pub(super) fn draw(self, area: &Area, x: i32, y: i32, color: RGBColor) -> Drawn {
         let r = 4 * UNITS;
         match self {
@@ -189,7 +189,8 @@ impl Marker {
     }
 }
 
-/// Writes the legend in rows of the page's `width` from `top` on; gives the height it takes (pixels).
+/// Writes the legend in rows of the page's `width`, downwards from `top`. Returns the height of the legend
+/// (pixels).
 pub(super) fn legend(
     area: &Area,
     width: i32,
@@ -200,7 +201,7 @@ pub(super) fn legend(
     const KEY: i32 = 26;
     let (mut x, mut y) = (LEFT, top + ROW / 2);
     for entry in entries {
-        // Without font files, widths are estimates: a character takes about this on average.
+        // Without font files, widths are estimates: 6.3 pixels is about the mean width of a character.
         let text = (entry.name.chars().count() as f64 * 6.3).ceil() as i32;
         if x > LEFT && x + KEY + text > width - RIGHT {
             (x, y) = (LEFT, y + ROW);
@@ -229,16 +230,16 @@ pub(super) fn legend(
     Ok(y + ROW / 2 - top)
 }
 
-/// What a panel's axes show.
+/// The axes of a panel and their labels.
 pub(super) struct Axes<'a> {
     pub(super) x: &'a Axis,
     pub(super) y: &'a Axis,
-    /// `None` leaves the x axis unlabelled, as above another panel.
+    /// `None` leaves the x axis unlabelled, for a panel above another one.
     pub(super) x_label: Option<&'a str>,
     pub(super) y_label: &'a str,
 }
 
-/// Lays a panel out on `area`; what lies behind its grid can be drawn before [`grid`].
+/// Lays out a panel on `area`. The background of its grid can be drawn before [`grid`] is called.
 pub(super) fn panel<'a, 'b>(
     area: &'b Area<'a>,
     axes: &Axes,
@@ -254,7 +255,7 @@ pub(super) fn panel<'a, 'b>(
         .build_cartesian_2d(axes.x.clone(), axes.y.clone())
 }
 
-/// Writes that a panel is empty.
+/// Writes "no data" into a panel.
 pub(super) fn nothing(panel: &Panel) -> Drawn {
     let area = panel.plotting_area().strip_coord_spec();
     let (width, height) = area.dim_in_pixel();

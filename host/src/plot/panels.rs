@@ -8,23 +8,24 @@ use super::page::{self, Area, Axes, Drawn, Entry, Key};
 
 const WIDTH: i32 = 400;
 const HEIGHT: i32 = 270;
-/// Height of title, subtitle and the legend's margin (pixels).
+/// Height of title, subtitle and the margin of the legend (pixels).
 const TOP: i32 = 56;
 
-/// One of the charts.
+/// One of several charts on a page.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Panel {
-    /// What lies along x, with its unit.
+    /// The label of the x axis, with its unit.
     pub x_label: String,
-    /// What lies along y, with its unit.
+    /// The label of the y axis, with its unit.
     pub y_label: String,
-    /// Whether x is logarithmic. Points that have no place there are left out.
+    /// Whether x is logarithmic. Points with x at or below zero are then omitted.
     pub log_x: bool,
-    /// The lines. The n-th of every panel has the same colour; names are taken from the first panel.
+    /// The lines. The n-th line has the same colour in every panel. The legend takes the names from the first
+    /// panel.
     pub series: Vec<Series>,
 }
 
-/// Draws `panels` row by row, `columns` in each, all of one size.
+/// Draws `panels` row by row, `columns` in each row, as SVG. All panels have one size.
 pub fn panels_svg(title: &str, subtitle: &str, columns: usize, panels: &[Panel]) -> String {
     let columns = columns.max(1);
     let rows = panels.len().div_ceil(columns).max(1);

@@ -1,8 +1,8 @@
-//! Fewer points for the same picture: of all samples that fall on one pixel column, the smallest and
-//! the largest, in their order in time. No peak is lost, and a long run costs no more than a short one.
+//! Fewer points for the same picture. Of all samples in one pixel column, only the smallest and the largest
+//! are kept, in their order in time. No peak is lost, and a long run takes no more points than a short one.
 
-/// Lines through the usable points of `samples` (x rising), reduced for a picture in which `column`
-/// gives the pixel column of an x. A line breaks where samples are missing over a whole column.
+/// Lines through the usable points of `samples`, whose x must not decrease. The lines are reduced for a picture
+/// in which `column` gives the pixel column of an x. A line breaks where samples are missing over a whole column.
 pub(super) fn reduce(
     samples: impl Iterator<Item = (f64, f64)>,
     column: impl Fn(f64) -> i64,
@@ -36,7 +36,7 @@ pub(super) fn reduce(
     lines
 }
 
-/// Whether a number can be drawn: finite, and so far from overflow that sums and spans are, too.
+/// Whether a number can be drawn: it is finite, and so far from overflow that sums and spans are finite, too.
 pub(super) fn usable(x: f64) -> bool {
     x.abs() < 1e100
 }

@@ -1,7 +1,7 @@
-//! The picture of a run: force on the hands above, their displacement below, over the same time.
+//! The picture of a run: the force on the hands above, the displacement of the devices below, over the same time.
 //!
-//! Each device is drawn along the direction that carries most of its force, which the labels name.
-//! Bands mark when something acted on the force, such as a limit.
+//! Each device is drawn along the principal direction of its force, which the labels name. Bands mark the
+//! intervals in which a limit or a fault acted on the force.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
@@ -14,18 +14,18 @@ use super::reduce::{reduce, usable};
 const WIDTH: i32 = 960;
 const HEIGHT: i32 = 600;
 
-/// What is drawn of a run.
+/// The data of a run that are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct PlotData {
     /// The title: scene and scheme.
     pub title: String,
-    /// The smaller line under it.
+    /// The smaller line under the title.
     pub subtitle: String,
-    /// Time of each sample (s), rising.
+    /// Time of each sample (s), increasing.
     pub time: Vec<f64>,
     /// The devices.
     pub devices: Vec<DeviceSeries>,
-    /// Times to mark.
+    /// The intervals to mark.
     pub marks: Vec<Mark>,
 }
 
@@ -36,18 +36,18 @@ pub(crate) struct DeviceSeries {
     pub name: String,
     /// Force on the hand at each time (N).
     pub force: Vec<[f64; 3]>,
-    /// Its position at each time (m).
+    /// Position of the device at each time (m).
     pub position: Vec<[f64; 3]>,
 }
 
-/// A time during which something acted on the force.
+/// An interval in which a limit or a fault acted on the force.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Mark {
     /// Its beginning (s).
     pub from: f64,
-    /// Its end (s).
+    /// End of the interval (s).
     pub to: f64,
-    /// What acted, such as `force limited`; marks of one label share a colour.
+    /// The cause, such as `force limited`. Marks of the same label have the same colour.
     pub label: String,
 }
 
@@ -96,15 +96,15 @@ impl<'a> Trace<'a> {
 
 fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
     page::title(area, &data.title, &data.subtitle)?;
-    // One direction for all belongs to the axes, several belong to the names.
-    let shared = devices.first().map(|first| &first.direction.name);
-    let shared = shared.filter(|name| devices.iter().all(|d| d.direction.name == **name));
-    let along = shared.map_or_else(String::new, |name| format!(" along {name}"));
+    // The axes name a direction that all devices have in common. Otherwise the legend names each direction.
+    let common = devices.first().map(|first| &first.direction.name);
+    let common = common.filter(|name| devices.iter().all(|d| d.direction.name == **name));
+    let along = common.map_or_else(String::new, |name| format!(" along {name}"));
     let bands = bands(&data.marks, &data.time);
 
     let lines = devices.iter().enumerate().map(|(i, device)| {
         let mut name = device.series.name.clone();
-        if shared.is_none() {
+        if common.is_none() {
             name = format!("{name}, along {}", device.direction.name);
         }
         Entry {
@@ -141,7 +141,7 @@ fn draw_panel(
     series: &[Vec<(f64, f64)>],
     bands: &[Band],
 ) -> Drawn {
-    // Zero is always in view: rest, and the start.
+    // The axis always includes zero, which is no force or no displacement.
     let values = series.iter().flatten().map(|point| point.1).chain([0.0]);
     let y = Axis::linear(values, 0.06, 8.0);
     let axes = Axes {
@@ -203,7 +203,7 @@ struct Band<'a> {
     spans: Vec<(f64, f64)>,
 }
 
-/// The marks by label, in the order of first appearance; those closer than a pixel are one.
+/// The marks by label, in the order of first appearance. Marks closer than a pixel are merged.
 fn bands<'a>(marks: &'a [Mark], time: &[f64]) -> Vec<Band<'a>> {
     let axis = Axis::linear(time.iter().copied(), 0.0, 12.0);
     let pixel = (axis.to - axis.from) / f64::from(WIDTH - page::LEFT - page::RIGHT);
@@ -225,7 +225,7 @@ fn bands<'a>(marks: &'a [Mark], time: &[f64]) -> Vec<Band<'a>> {
                 });
                 bands.len() - 1
             });
-        // Two pixels at least, or a short one would not be seen.
+        // A span is at least two pixels wide, so that a short mark is visible.
         let short = (pixel - 0.5 * (to - from)).max(0.0);
         bands[at]
             .spans

@@ -3,7 +3,7 @@ use super::{
     force_and_position_svg, line_chart_svg, map_svg,
 };
 
-/// Two hands that stretch for `samples` ms, with noise.
+/// Two hands that pull apart for `samples` ms, with noise.
 fn stretch(samples: u32) -> PlotData {
     let time: Vec<f64> = (0..samples).map(|i| f64::from(i) * 1e-3).collect();
     let device = |name: &str, sign: f64| {
@@ -32,7 +32,7 @@ fn stretch(samples: u32) -> PlotData {
     }
 }
 
-/// A well-formed page: every tag closed, every number finite.
+/// Asserts that a page is well-formed: every tag is closed and every number is finite.
 fn check(svg: &str) {
     assert!(svg.starts_with("<svg width=\"") && svg.trim_end().ends_with("</svg>"));
     assert!(!svg.contains("NaN") && !svg.contains("inf"), "{svg}");
@@ -139,7 +139,7 @@ fn any_data_gives_a_picture() {
 }
 
 #[test]
-fn a_chart_shows_its_labels_and_says_what_it_leaves_out() {
+fn a_chart_shows_its_labels_and_counts_the_points_that_it_omits() {
     let series = [
         Series {
             name: "hold".to_owned(),
@@ -213,7 +213,7 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
     ] {
         assert!(svg.contains(text), "{text}");
     }
-    // Two circles a point, and of each panel's points one lies outside; the legend has a mark for each line.
+    // Each point has two circles. One point of each panel lies outside. The legend has a mark for each line.
     assert_eq!(svg.matches("<circle").count(), 2 * (4 * 2 + 2));
     let empty = map_svg(&Map::default());
     check(&empty);

@@ -1,17 +1,17 @@
-//! What no single field can tell: whether the parts of a scene fit together.
+//! Checks across several fields: whether the parts of a scene are consistent.
 
 use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
 
-/// Most cells of a generated mesh, in all.
+/// Largest number of cells of a generated mesh.
 const MOST_CELLS: u64 = 1_000_000;
 /// Longest name, in characters.
 const LONGEST_NAME: usize = 64;
-/// How far a ratio of rates may be from a whole number.
+/// Relative tolerance within which a ratio of rates counts as a whole number.
 const WHOLE: f64 = 1e-9;
 
-/// A field at odds with the rest of its scene.
+/// A field that contradicts the rest of its scene.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Conflict {
     pub(super) field: String,
@@ -103,7 +103,7 @@ fn name(field: &str, name: &str) -> Check {
     )
 }
 
-/// Names of a list's members: each fit to print, no two alike.
+/// Checks the names of a list's members: each can be printed, and no two are equal.
 fn names<'a>(list: &str, members: impl Iterator<Item = &'a String>) -> Check {
     let mut seen: Vec<&str> = Vec::new();
     for (index, member) in members.enumerate() {
@@ -205,7 +205,7 @@ fn check_loads(at: &str, body: &Body) -> Check {
     Ok(())
 }
 
-/// A part of a mesh: by group or by box.
+/// Checks the selection of a part of a mesh: by group or by box, not both.
 fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
     let allowed = "exactly one of them";
     match (group, in_box) {
@@ -228,7 +228,7 @@ fn file_name(field: &str, file: &str) -> Check {
     require(fits, field, format!("{file:?}"), "the name of a file")
 }
 
-/// Which device holds which handle.
+/// Checks that each handle names a device of the scene, and that no device holds two handles.
 fn check_holding(scene: &Scene) -> Check {
     let mut taken: Vec<(&str, String)> = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
@@ -296,7 +296,7 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
         .try_for_each(|file| file_name(&format!("{at}.recording"), file))
 }
 
-/// A task has its direction, and no field without a use.
+/// Checks that a task has a direction, and that the hand has no field that its task does not use.
 fn check_task(at: &str, hand: &Hand) -> Check {
     let kind = hand.task.map(TaskName::kind);
     let reaches = kind.is_none_or(TaskKind::reaches);
@@ -328,6 +328,6 @@ fn check_task(at: &str, hand: &Hand) -> Check {
         kind.is_none() || hand.direction.is_some(),
         &format!("{at}.task"),
         "a task without a `direction`",
-        "a task with the direction in which it goes",
+        "a task with a `direction`",
     )
 }

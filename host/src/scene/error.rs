@@ -1,4 +1,4 @@
-//! What can be wrong with a scene, said in one line: file, line, field, what was found, what is allowed.
+//! The errors of a scene. Each is one line: file, line, field, the value found, the allowed values.
 
 use super::source::{Source, cut};
 use meshio::MeshFileError;
@@ -6,10 +6,10 @@ use sim::models::{ModelError, ModelProblem};
 use std::{fmt, io, path::PathBuf};
 use thiserror::Error;
 
-/// Longest message of the TOML parser that is passed on, in characters.
+/// Longest message of the TOML parser that an error quotes, in characters.
 const LONGEST: usize = 400;
 
-/// Why a scene cannot be used.
+/// The reason why a scene cannot be used.
 #[derive(Debug, Error)]
 pub enum SceneError {
     /// The scene file itself cannot be read.
@@ -17,61 +17,61 @@ pub enum SceneError {
     Read {
         /// The file.
         file: String,
-        /// Why.
+        /// The system's error.
         source: io::Error,
     },
-    /// The text is not TOML, or not in a way that the other cases describe.
+    /// The text is not TOML, or has a fault that no other case describes.
     #[error("{place}: {problem}")]
     Malformed {
-        /// Where.
+        /// Place of the fault.
         place: Place,
-        /// What the parser says.
+        /// The parser's message.
         problem: String,
     },
-    /// A field that must be there is not.
+    /// A required field is missing.
     #[error("{place}: missing field {name}")]
     Missing {
-        /// The table that should hold it.
+        /// The table that should hold the field.
         place: Place,
-        /// Its name.
+        /// The name of the field.
         name: String,
     },
     /// A field of this name does not exist.
     #[error("{place}: unknown field, allowed: {allowed}")]
     Unknown {
-        /// Where.
+        /// Place of the field.
         place: Place,
-        /// The fields that exist there.
+        /// The fields that exist in this table.
         allowed: String,
     },
-    /// A value is of the wrong type, out of its range or at odds with another field.
+    /// A value is of the wrong type, out of its range, or in contradiction to another field.
     #[error("{place}: found {found}, allowed: {allowed}")]
     Value {
-        /// Where.
+        /// Place of the value.
         place: Place,
-        /// What the file says.
+        /// The value in the file.
         found: String,
-        /// What it may say.
+        /// The allowed values.
         allowed: String,
     },
-    /// A mesh file that the scene names is no mesh.
+    /// A mesh file that the scene names holds no valid mesh.
     #[error("{place}: cannot use {}: {source}", path.display())]
     Mesh {
-        /// The field that names it.
+        /// The field that names the file.
         place: Place,
         /// The file.
         path: PathBuf,
-        /// What is wrong with it, and where.
+        /// The fault and its place in the file.
         source: Box<MeshFileError>,
     },
     /// A file that the scene names cannot be read.
     #[error("{place}: cannot read {}: {source}", path.display())]
     File {
-        /// The field that names it.
+        /// The field that names the file.
         place: Place,
         /// The file.
         path: PathBuf,
-        /// Why.
+        /// The system's error.
         source: io::Error,
     },
 }
@@ -79,11 +79,11 @@ pub enum SceneError {
 /// A place in a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The file, as the person named it.
+    /// The name of the file, as the user gave it.
     pub file: String,
     /// Line, counted from 1.
     pub line: usize,
-    /// The field, such as `body[0].material.young`; empty where none is meant.
+    /// The field, such as `body[0].material.young`; empty if the error concerns no field.
     pub field: String,
 }
 
@@ -99,7 +99,7 @@ impl fmt::Display for Place {
 }
 
 impl SceneError {
-    /// The text is not TOML.
+    /// The error for a text that is not TOML.
     pub(super) fn syntax(source: &Source, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start);
         Self::Malformed {
@@ -108,7 +108,8 @@ impl SceneError {
         }
     }
 
-    /// A device's file is none: said as a scene's own mistakes are, with that file's line and field.
+    /// The error for a faulty device file, in the form of the scene's own errors: with the line and the field of the
+    /// device file.
     pub(super) fn model(file: String, error: ModelError) -> Self {
         let ModelError {
             line,
@@ -134,8 +135,8 @@ impl SceneError {
         }
     }
 
-    /// Serde refused the value at `field`. Its message is taken apart, so that all errors read alike and
-    /// quote the file as it is written.
+    /// The error for a value at `field` that serde refused. The function splits serde's message into its parts, so
+    /// that all errors have the same form and quote the text of the file.
     pub(super) fn refused(source: &Source, field: &str, error: &toml::de::Error) -> Self {
         let field = if field == "." { "" } else { field };
         let span = error.span();
@@ -172,7 +173,7 @@ impl SceneError {
     }
 }
 
-/// What serde calls by a Rust type, in words.
+/// Serde's description of an expected value, with words in place of the names of Rust types.
 fn plain(expected: &str) -> String {
     let expected = expected.strip_prefix("one of ").unwrap_or(expected);
     match expected {

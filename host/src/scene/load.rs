@@ -1,4 +1,4 @@
-//! From a scene file to a checked scene with the files that it names.
+//! Loads a scene: from its file to a checked scene with the files that the scene names.
 
 use super::consistency;
 use super::error::SceneError;
@@ -14,19 +14,19 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// The scene that the program carries with it.
+/// The built-in scene.
 const DEFAULT: &str = include_str!("../../scenes/stretch.toml");
-/// What messages call it.
+/// The name of the built-in scene in messages.
 const DEFAULT_NAME: &str = "stretch.toml (built in)";
 /// Largest file that is read (bytes).
 const LARGEST: u64 = 64 << 20;
 
-/// A scene, checked, with what its files say.
+/// A checked scene, with the contents of the files that it names.
 #[derive(Clone, Debug)]
 pub struct LoadedScene {
     /// The scene.
     pub scene: Scene,
-    /// Its text, for errors that are found later: see [`Source::error`].
+    /// The text of the scene, for errors that are found later: see [`Source::error`].
     pub source: Source,
     /// The mesh file of each body that names one, in the order of the bodies. Bodies that name the same file have it
     /// in common.
@@ -35,7 +35,7 @@ pub struct LoadedScene {
     pub models: Vec<DeviceModel>,
     /// The recording of each device's hand that names one, in the order of the devices.
     pub recordings: Vec<Option<Vec<Sample>>>,
-    /// What each file that the scene names holds, by the name that it calls it: what a log keeps.
+    /// The content of each file that the scene names, by the name of the file in the scene. A log keeps these files.
     pub files: BTreeMap<String, Vec<u8>>,
 }
 
@@ -65,12 +65,12 @@ impl MeshFile {
 }
 
 impl Scene {
-    /// Reads a scene's text and checks it, without opening the files that it names. Messages call it
+    /// Reads and checks the text of a scene, without the files that the scene names. Messages call the scene
     /// `name`.
     ///
     /// # Errors
     ///
-    /// Says at which line and field the text is wrong, what was found there and what is allowed.
+    /// [`SceneError`] with the line, the field, the value found and the allowed values.
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
         parse(&Source {
             name: name.to_owned(),
@@ -78,11 +78,12 @@ impl Scene {
         })
     }
 
-    /// Reads a scene file and the files that it names, whose paths are relative to its folder.
+    /// Reads a scene file and the files that the scene names. Their paths are relative to the folder of the scene
+    /// file.
     ///
     /// # Errors
     ///
-    /// As [`Scene::parse`]; also where a file cannot be read, or a recording is wrong.
+    /// As [`Scene::parse`]; also if a file cannot be read, or if a device file or a recording is invalid.
     pub fn load(path: &Path) -> Result<LoadedScene, SceneError> {
         let name = path.display().to_string();
         let text = match read(path) {
@@ -93,8 +94,8 @@ impl Scene {
         load(Source { name, text }, folder, read_bytes)
     }
 
-    /// Reads a scene's text with what the files that it names hold, as a log keeps them. Messages call
-    /// it `name`.
+    /// Reads a scene from its text and from the contents of the files that the scene names, as a log keeps them.
+    /// Messages call the scene `name`.
     ///
     /// # Errors
     ///
@@ -114,11 +115,11 @@ impl Scene {
         })
     }
 
-    /// The scene that the program carries with it; it names no files.
+    /// The built-in scene, which names no files.
     ///
     /// # Errors
     ///
-    /// As [`Scene::parse`]; the tests show that there is none.
+    /// As [`Scene::parse`]. The tests show that the built-in scene has no error.
     pub fn embedded_default() -> Result<LoadedScene, SceneError> {
         load(
             Source {
@@ -141,7 +142,7 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-/// `read` gives what a file in `folder` holds.
+/// Loads a scene from its text. `read` returns the content of a file; paths are relative to `folder`.
 fn load(
     source: Source,
     folder: &Path,
@@ -149,7 +150,7 @@ fn load(
 ) -> Result<LoadedScene, SceneError> {
     let scene = parse(&source)?;
     let mut files = BTreeMap::new();
-    // What `field` names, under the name that the scene calls it.
+    // Reads the file that `field` names, and keeps its content under the name in the scene.
     let mut named = |file: &str, field: &str| {
         let path = folder.join(file);
         match read(&path) {
@@ -191,7 +192,7 @@ fn load(
         let field = format!("device[{index}].model");
         models.push(match &device.model {
             ModelName::BuiltIn(name) => DeviceModel::named(name)
-                .ok_or_else(|| source.error(&field, *name, "a device that is carried along"))?,
+                .ok_or_else(|| source.error(&field, *name, "a built-in device"))?,
             ModelName::File(file) => {
                 let (path, bytes) = named(file, &field)?;
                 let text = text_of(bytes).map_err(|error| SceneError::File {
@@ -233,14 +234,14 @@ fn load(
     })
 }
 
-/// Reads a text file, unless it is unreasonably large.
+/// Reads a text file of at most [`LARGEST`] bytes.
 fn read(path: &Path) -> io::Result<String> {
     text_of(read_bytes(path)?)
 }
 
 /// A file's bytes as text.
 fn text_of(bytes: Vec<u8>) -> io::Result<String> {
-    // As the standard library words it where it reads text itself.
+    // The wording of the standard library, where the library reads text itself.
     String::from_utf8(bytes).map_err(|_| {
         io::Error::new(
             io::ErrorKind::InvalidData,
@@ -249,7 +250,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
     })
 }
 
-/// Reads a file, unless it is unreasonably large.
+/// Reads a file of at most [`LARGEST`] bytes.
 fn read_bytes(path: &Path) -> io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     File::open(path)?

@@ -1,8 +1,8 @@
-//! Scenes: what a run is made of, read from a TOML file.
+//! Scenes: the bodies, devices and settings of a run, read from a TOML file.
 //!
-//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: [`check`] refuses single values
-//! out of their range while they are read, `consistency` what does not fit together. Every
-//! [`SceneError`] is one line with the file, the line, the field, what was found and what is allowed.
+//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: [`check`] refuses each value that is
+//! out of its range while the file is read, `consistency` refuses values that contradict each other. Every
+//! [`SceneError`] is one line with the file, the line, the field, the value found and the allowed values.
 
 mod check;
 mod consistency;

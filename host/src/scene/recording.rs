@@ -1,7 +1,7 @@
-//! Recorded motions of a hand, as CSV: a header `time,x,y,z`, then one row a sample (s, m from the start).
+//! Recorded motions of a hand, as CSV: a header `time,x,y,z`, then one row per sample (s, m from the start).
 //!
-//! Lines that begin with `#` and empty lines are passed over. Numbers need no quotes, so a line is simply
-//! split at its commas; crate `csv` loses count of lines where there are comments.
+//! Lines that begin with `#` and empty lines are skipped. Numbers need no quotes, so each line is split at its
+//! commas. Crate `csv` is not used because its line numbers are wrong after comments.
 
 use super::error::{Place, SceneError};
 use super::source::quoted;
@@ -12,18 +12,16 @@ const COLUMNS: [&str; 4] = ["time", "x", "y", "z"];
 /// Longest recording (s), as in `sim`.
 const LONGEST: f64 = 3600.0;
 
-/// Time (s) and position (m).
+/// One sample: time (s) and position (m).
 pub type Sample = (f64, [f64; 3]);
 
-/// Reads a recording: rows of time (s) and position (m), with times that increase.
+/// Reads a recording: rows of time (s) and position (m). The times increase; the first time is arbitrary.
 ///
-/// The first time may be any.
-///
-/// `name` is what messages call the file. No more is kept than the text has lines.
+/// Messages call the file `name`. The memory is bounded by the number of lines.
 ///
 /// # Errors
 ///
-/// Says which line and column is wrong, what was found there and what is allowed.
+/// [`SceneError::Value`] with the line, the column, the text found and the allowed values.
 pub fn parse(text: &str, name: &str) -> Result<Vec<Sample>, SceneError> {
     let mut samples = Vec::new();
     let mut has_header = false;

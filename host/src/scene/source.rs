@@ -1,25 +1,25 @@
-//! The text of a scene, kept to say where a field stands in it.
+//! The text of a scene, kept to find the line of each field.
 
 use super::error::{Place, SceneError};
 use std::ops::Range;
 use toml::de::{DeTable, DeValue};
 
-/// Longest piece of a file that an error quotes, in characters.
+/// Longest part of a file that an error quotes, in characters.
 const QUOTED: usize = 60;
-/// Longest statement of what was found, in characters.
+/// Longest description of the value found, in characters.
 const LONGEST: usize = 400;
 
-/// A scene's text and the name it goes by in messages.
+/// The text of a scene, and the name of the scene in messages.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// The file as the person named it.
+    /// The name of the file, as the user gave it.
     pub name: String,
-    /// What it says.
+    /// The content of the file.
     pub text: String,
 }
 
 impl Source {
-    /// An error about a field, such as `body[0].material.young`, found once the scene was read.
+    /// An error about a field, such as `body[0].material.young`, that is found after the scene was read.
     pub fn error(
         &self,
         field: &str,
@@ -33,9 +33,9 @@ impl Source {
         }
     }
 
-    /// Where a field stands: its line, or that of the innermost table that should hold it.
+    /// The place of a field: its line, or the line of the innermost table that should hold it.
     pub fn place(&self, field: &str) -> Place {
-        // The text is parsed again, which is cheap and leaves the scene's types plain.
+        // The text is parsed again. This is cheap, and the types of the scene need no positions.
         let (root, _) = DeTable::parse_recoverable(&self.text);
         let mut span = root.span();
         let root = DeValue::Table(root.into_inner());
@@ -49,7 +49,7 @@ impl Source {
                 Err(_) => value.get(step),
             };
             let Some(next) = next else { break };
-            // A table that only dotted keys mention has no place of its own.
+            // A table that is defined by dotted keys only has no place of its own.
             if !next.span().is_empty() {
                 span = next.span();
             }
@@ -68,13 +68,13 @@ impl Source {
         }
     }
 
-    /// What the file says there: one line of it, cut short where it is long.
+    /// The text of the file within `span`: its first line, shortened if it is long.
     pub(super) fn quote(&self, span: Range<usize>) -> String {
         quoted(self.text.get(span).unwrap_or_default())
     }
 }
 
-/// A piece of a file, fit for a message.
+/// A part of a file as a message quotes it.
 pub(super) fn quoted(text: &str) -> String {
     if text.trim().is_empty() {
         "nothing".to_owned()
@@ -83,7 +83,7 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
-/// A text from outside, fit for a message: one line, without control characters, not too long.
+/// A text from outside as a message quotes it: one line of at most `most` characters, without control characters.
 pub(crate) fn cut(text: &str, most: usize) -> String {
     let text = text.trim();
     let line = text.lines().next().unwrap_or_default();

@@ -1,4 +1,4 @@
-//! One body, driven to equilibrium or through time.
+//! Drives one body to equilibrium or through time.
 
 use super::result::{BodySolution, Extreme, Reaction, Row};
 use crate::bodies::{Built, Carrier};
@@ -12,13 +12,13 @@ use physics::{
     IntegratorOptions, Mat3, NewtonOptions, Scheme, StepError, Vec3,
 };
 
-/// Where a body is after a step.
+/// The progress of a body after a step.
 pub(super) struct State {
-    /// Number of the frame that it is, if it is one.
+    /// Number of the frame, if the state after the step is one.
     pub(super) frame: Option<usize>,
-    /// Time (s), or share of the loads.
+    /// Time (s), or fraction of the loads.
     pub(super) at: f64,
-    /// Share of the steps done.
+    /// Fraction of the steps done.
     pub(super) done: f64,
 }
 
@@ -27,7 +27,7 @@ enum Method {
     Dynamic(Box<Integrator>),
 }
 
-/// A body on its way.
+/// A body that is driven step by step.
 pub(super) struct Drive<'a> {
     spec: &'a BodySpec,
     built: Built,
@@ -36,16 +36,16 @@ pub(super) struct Drive<'a> {
     targets: Vec<HandlePose>,
     forces: Vec<Vec3>,
     steps: usize,
-    /// Length of a step (s), or share of the loads.
+    /// Length of a step: a time (s), or a fraction of the loads.
     step: f64,
-    /// Time in which displacements and loads grow (s), or 1.
+    /// Time over which displacements and loads grow (s); 1 in a static solve.
     ramp: f64,
     frames: usize,
     done: usize,
     rows: Vec<Row>,
 }
 
-/// Why a step failed.
+/// The reason why a step failed.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum DriveError {
     #[error(transparent)]
@@ -72,7 +72,7 @@ impl<'a> Drive<'a> {
                     refuse_inversion: solve.refuse_inversion,
                     ..EquilibriumOptions::default()
                 };
-                // Weight and loads grow from nothing. A share of 0 is a finite number.
+                // Weight and loads grow from zero. The call cannot fail, because 0 is a finite factor.
                 let _ = built.body.set_load_factor(0.0);
                 let method = Method::Static(Box::new(Equilibrium::new(&built.body, options)?));
                 let steps = solve.load_steps;
@@ -102,7 +102,7 @@ impl<'a> Drive<'a> {
         };
         let rest: Vec<Vec3> = built.body.positions().collect();
         if solve.analysis == Analysis::Dynamic && ramp > 0.0 {
-            // Loads grow from nothing. Zeros, one a vertex, are good forces.
+            // Loads grow from zero. The call cannot fail, because there is one finite force per vertex.
             let _ = built
                 .body
                 .set_external_forces(&vec![Vec3::zeros(); rest.len()]);
@@ -124,12 +124,12 @@ impl<'a> Drive<'a> {
         })
     }
 
-    /// Time (s) or share of the loads that was reached.
+    /// Time (s) or fraction of the loads that the body has reached.
     pub(super) fn reached(&self) -> f64 {
         self.rows.last().map_or(0.0, |row| row.at)
     }
 
-    /// One more step, or `None` at the end. After an error the body is where it was before.
+    /// Advances the body by one step; `None` at the end. An error leaves the body in its previous state.
     pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
         if self.done == self.steps {
             if let Method::Dynamic(integrator) = &self.method {
@@ -138,18 +138,18 @@ impl<'a> Drive<'a> {
             return Ok(None);
         }
         let next = self.done + 1;
-        // The last step ends exactly where it should.
+        // The last step ends exactly at the end of the solve.
         let at = if next == self.steps {
             self.step * self.steps as f64
         } else {
             self.step * next as f64
         };
-        let share = if at < self.ramp { at / self.ramp } else { 1.0 };
-        self.aim(share)?;
+        let fraction = if at < self.ramp { at / self.ramp } else { 1.0 };
+        self.aim(fraction)?;
         let body = &mut self.built.body;
         let (substeps, refused, iterations, residual, open) = match &mut self.method {
             Method::Static(equilibrium) => {
-                let report = equilibrium.solve(body, &self.targets, share)?;
+                let report = equilibrium.solve(body, &self.targets, fraction)?;
                 let last = report.last;
                 let residual = last.residual / last.reference.max(f64::MIN_POSITIVE);
                 (
@@ -162,7 +162,7 @@ impl<'a> Drive<'a> {
             }
             Method::Dynamic(integrator) => {
                 for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
-                    *force = load * share;
+                    *force = load * fraction;
                 }
                 let report =
                     integrator.step_loaded(body, self.step, &self.targets, &self.forces)?;
@@ -188,7 +188,7 @@ impl<'a> Drive<'a> {
             kinetic_energy: self.built.body.kinetic_energy(),
             forces: reactions.iter().map(|reaction| reaction.force).collect(),
         });
-        // Frame k is the first step at or after k parts of the whole.
+        // Frame k is the first step at or after the fraction k / frames of the solve.
         let part = |step: usize| step * self.frames / self.steps;
         Ok(Some(State {
             frame: (part(next) > part(next - 1)).then(|| part(next)),
@@ -197,14 +197,14 @@ impl<'a> Drive<'a> {
         }))
     }
 
-    /// Moves supports `share` of their way.
-    fn aim(&mut self, share: f64) -> Result<(), BodyError> {
+    /// Moves the supports by `fraction` of their displacements and rotations.
+    fn aim(&mut self, fraction: f64) -> Result<(), BodyError> {
         for (support, carrier) in self.spec.supports.iter().zip(&self.built.carriers) {
-            let displacement = Vec3::from(support.displacement) * share;
+            let displacement = Vec3::from(support.displacement) * fraction;
             match *carrier {
                 Carrier::Support(number) => self.built.body.set_support(number, displacement)?,
                 Carrier::Handle(number) => {
-                    let turn = Vec3::from(support.rotation.unwrap_or_default()) * share;
+                    let turn = Vec3::from(support.rotation.unwrap_or_default()) * fraction;
                     self.targets[number] = HandlePose {
                         position: self.built.handles[number].origin + displacement,
                         rotation: UnitQuaternion::from_scaled_axis(turn),
@@ -257,7 +257,7 @@ impl<'a> Drive<'a> {
             .collect()
     }
 
-    /// The present state. Positions are those of the deformed body.
+    /// The present state of the body, with the positions of the deformed body.
     pub(super) fn snapshot(&self) -> Snapshot {
         let mut snapshot = match &self.built.mesh {
             Mesh::Thread(mesh) => Snapshot::of_thread(mesh),
@@ -280,7 +280,7 @@ impl<'a> Drive<'a> {
         }
         let stresses = self.stresses();
         let mut in_cells = |name: &str, values: Values| {
-            // What the mesh file calls so is told apart.
+            // A field of the mesh file that has the same name is renamed.
             for (other, _) in &mut snapshot.in_cells {
                 if other == name {
                     other.push_str("_in_file");
@@ -298,7 +298,7 @@ impl<'a> Drive<'a> {
         snapshot
     }
 
-    /// What there is to say at the end.
+    /// The solution of the body, in its present state.
     pub(super) fn finish(self) -> BodySolution {
         let body = &self.built.body;
         let moved = body.positions().zip(&self.rest);
@@ -331,6 +331,7 @@ impl<'a> Drive<'a> {
     }
 }
 
+/// The largest value and its index.
 fn largest(values: impl Iterator<Item = f64>) -> Extreme {
     let start = Extreme::default();
     values.enumerate().fold(start, |most, (at, value)| {
@@ -342,7 +343,7 @@ fn largest(values: impl Iterator<Item = f64>) -> Extreme {
     })
 }
 
-/// `sqrt(3/2 s : s)` with the deviatoric stress `s`.
+/// The von Mises stress `sqrt(3/2 s : s)`, where `s` is the deviatoric stress.
 fn von_mises(stress: &Mat3) -> f64 {
     let deviator = stress - Mat3::identity() * (stress.trace() / 3.0);
     (1.5 * deviator.norm_squared()).sqrt()

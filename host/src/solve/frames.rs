@@ -1,4 +1,4 @@
-//! Frames of a solve as files for ParaView: one VTU a body and frame, and a PVD file that lists them.
+//! Frames of a solve as files for ParaView: one VTU file per body and frame, and a PVD file that lists them.
 
 use super::Frame;
 use crate::atomic_file::{AtomicFileError, write_atomically};
@@ -6,8 +6,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder of frames. The list is written anew with each frame, so that it holds what is there whenever
-/// the solve ends.
+/// A folder of frames. The list is written again with each frame, so that it is complete whenever the solve ends.
 #[derive(Debug)]
 pub struct FrameFolder {
     folder: PathBuf,
@@ -15,10 +14,10 @@ pub struct FrameFolder {
 }
 
 impl FrameFolder {
-    /// Makes the folder, if there is none.
+    /// Creates the folder, if it does not exist.
     ///
     /// # Errors
-    /// If it cannot be made.
+    /// If the folder cannot be created.
     pub fn create(folder: &Path) -> Result<Self, AtomicFileError> {
         fs::create_dir_all(folder).map_err(|source| AtomicFileError {
             path: folder.to_owned(),
@@ -30,7 +29,7 @@ impl FrameFolder {
         })
     }
 
-    /// Keeps one frame.
+    /// Writes one frame and the list.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -50,13 +49,13 @@ impl FrameFolder {
         write_atomically(&self.list_file(), list.as_bytes())
     }
 
-    /// The list: what to open in ParaView.
+    /// The path of the list, the file to open in ParaView.
     pub fn list_file(&self) -> PathBuf {
         self.folder.join("frames.pvd")
     }
 }
 
-/// A name as part of a file's name.
+/// The name with every character replaced that might not be allowed in the name of a file.
 fn plain(name: &str) -> String {
     let keep = |c: char| {
         if c.is_alphanumeric() || c == '-' {

@@ -1,7 +1,8 @@
-//! A scene solved without devices: equilibrium under displacements and loads, or motion in time.
+//! Solves a scene without devices: equilibrium under displacements and loads, or motion in time.
 //!
-//! Handles are held where they rest. Supports move and loads grow evenly, over the load steps of a static
-//! solve or the ramp of a dynamic one. Bodies do not touch each other here, so each is solved on its own.
+//! Handles stay at their rest poses. Supports move and loads grow in proportion to the load steps of a static
+//! solve, or to the time of the ramp of a dynamic solve. Bodies do not touch each other, so each body is solved
+//! by itself.
 
 mod drive;
 pub mod frames;
@@ -16,20 +17,20 @@ use physics::CondenseError;
 
 pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
 
-/// A state of one body, worth keeping.
+/// A state of one body to be kept as a frame of the result.
 #[derive(Debug)]
 pub struct Frame<'a> {
     /// The body's name.
     pub body: &'a str,
     /// Number of the frame, from 0 at rest.
     pub number: usize,
-    /// Time (s), or share of the loads.
+    /// Time (s), or fraction of the loads.
     pub at: f64,
     /// Positions, displacement, velocity, stress, material.
     pub snapshot: Snapshot,
 }
 
-/// Why a scene could not be solved at all. A solve that gets stuck is a [`Solution`] with a failure.
+/// The reason why a scene could not be solved at all. A solve that ends early is a [`Solution`] with a failure.
 #[derive(Debug, thiserror::Error)]
 pub enum SolveError<E> {
     /// The scene cannot be built.
@@ -43,8 +44,8 @@ pub enum SolveError<E> {
     Frame(E),
 }
 
-/// Solves every body of a scene. `frame` is given each state worth keeping, if `wants_frames`, and may end
-/// the solve; `progress` is given the share done.
+/// Solves every body of a scene. If `wants_frames`, the function passes each frame to `frame`, whose error ends
+/// the solve. It passes the fraction of the steps done to `progress`.
 ///
 /// # Errors
 /// [`SolveError`].
@@ -56,7 +57,7 @@ pub fn solve<E>(
 ) -> Result<Solution, SolveError<E>> {
     let scene = &loaded.scene;
     let count = scene.bodies.len();
-    // All are built before any is solved: a mistake in the last costs no time in the first.
+    // All bodies are built before the first is solved, so that an error in the last is found at once.
     let built = (0..count)
         .map(|index| bodies::build(loaded, index))
         .collect::<Result<Vec<_>, _>>()?;

@@ -1,4 +1,4 @@
-//! A solution in words.
+//! A solution as text for people.
 
 use super::result::{BodySolution, Reaction, Solution};
 use crate::bodies::Kind;
@@ -9,12 +9,12 @@ use std::fmt;
 
 impl fmt::Display for Solution {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let what = match (self.analysis, self.scheme) {
+        let analysis = match (self.analysis, self.scheme) {
             (Analysis::Static, _) => "equilibrium",
             (Analysis::Dynamic, Some(TimeScheme::ImplicitEuler)) => "motion, implicit Euler",
             (Analysis::Dynamic, _) => "motion, TR-BDF2",
         };
-        writeln!(to, "{}: {what}", self.scene)?;
+        writeln!(to, "{}: {analysis}", self.scene)?;
         for body in &self.bodies {
             write_body(to, body, self.analysis)?;
         }
@@ -25,7 +25,7 @@ impl fmt::Display for Solution {
     }
 }
 
-fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) -> fmt::Result {
+fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analysis) -> fmt::Result {
     let elements = match (body.kind, body.vertices_of_element) {
         (Kind::Sheet, _) => "triangles",
         (Kind::Woven, _) => "woven triangles",
@@ -55,7 +55,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
         to,
         "    {:<10} {}, taken in {}, {} refused; {} iterations; residual at most {:.1e} of the forces",
         "solve",
-        match (what, steps) {
+        match (analysis, steps) {
             (Analysis::Static, 1) => "1 load step".to_owned(),
             (Analysis::Static, _) => format!("{steps} load steps"),
             (Analysis::Dynamic, 1) => "1 time step".to_owned(),
@@ -75,7 +75,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
             "digits"
         )?;
     }
-    // Of forces as large as these, and of their moments about points a metre away.
+    // Rounding errors of forces of this size, and of their moments about points one metre away.
     let forces = body.reactions.iter().map(|reaction| reaction.force);
     let forces = forces.chain([body.applied]).flatten();
     let noise = 1e-9 * forces.fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -113,7 +113,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
         "energy",
         si(body.elastic_energy, "J")
     )?;
-    if what == Analysis::Dynamic {
+    if analysis == Analysis::Dynamic {
         write!(to, ", {} kinetic", si(body.kinetic_energy, "J"))?;
     }
     writeln!(to)?;
@@ -124,7 +124,8 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, what: Analysis) 
     Ok(())
 }
 
-/// What is below a millionth of the largest entry, or below `noise`, is rounding; the JSON has it.
+/// A vector as text. An entry below a millionth of the largest entry is printed as zero, and so is a vector below
+/// `noise`: such numbers are rounding errors. The JSON output contains them.
 fn vector(v: [f64; 3], noise: f64) -> String {
     let most = v.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
     let part = |x: f64| {
@@ -138,7 +139,7 @@ fn vector(v: [f64; 3], noise: f64) -> String {
     format!("({}, {}, {})", part(v[0]), part(v[1]), part(v[2]))
 }
 
-/// Four digits and a prefix.
+/// A value with four digits and an SI prefix.
 fn si(value: f64, unit: &str) -> String {
     const PREFIXES: [(f64, &str); 8] = [
         (1e9, "G"),

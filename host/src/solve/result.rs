@@ -1,4 +1,4 @@
-//! What a solve gives, for people and (as JSON) for programs.
+//! The result of a solve, for people and (as JSON) for programs.
 
 use crate::bodies::Kind;
 use crate::scene::spec::Analysis;
@@ -6,48 +6,49 @@ use crate::scene::spec::body::LawName;
 use crate::scene::spec::solve::TimeScheme;
 use serde::Serialize;
 
-/// Version of the JSON that `--json` writes. A field that changes its meaning changes this.
+/// Version of the JSON that `--json` writes. A change of the meaning of a field changes the version.
 pub const SCHEMA: &str = "palpate.solve/1";
 
-/// Everything that a solve has to say.
+/// The result of a solve.
 #[derive(Clone, Debug, Serialize)]
 pub struct Solution {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Name of the scene.
     pub scene: String,
-    /// What was asked.
+    /// The kind of analysis.
     pub analysis: Analysis,
-    /// How time was discretized, in a dynamic solve.
+    /// The time discretization of a dynamic solve.
     pub scheme: Option<TimeScheme>,
-    /// By body.
+    /// The solution of each body.
     pub bodies: Vec<BodySolution>,
-    /// Why a body was not solved to the end; what is said of it holds where it got to.
+    /// For each body that was not solved to the end, the reason. The solution of such a body is its state at the
+    /// last step that succeeded.
     pub failures: Vec<String>,
 }
 
-/// One body where its solve ended.
+/// The state of one body at the end of its solve.
 #[derive(Clone, Debug, Serialize)]
 pub struct BodySolution {
-    /// Its name.
+    /// Name of the body.
     pub name: String,
-    /// What it is.
+    /// Kind of the body.
     pub kind: Kind,
-    /// How stress follows from strain.
+    /// The material law: the relation between deformation and stress.
     pub law: LawName,
-    /// Vertices of an element.
+    /// Number of vertices of an element.
     pub vertices_of_element: usize,
     /// Number of elements.
     pub elements: usize,
     /// Number of vertices.
     pub vertices: usize,
-    /// Number of scalars solved for.
+    /// Number of scalar unknowns.
     pub unknowns: usize,
     /// Mass (kg).
     pub mass: f64,
     /// Forces of handles and supports on the body.
     pub reactions: Vec<Reaction>,
-    /// Weight and loads together (N).
+    /// Sum of weight and loads (N).
     pub applied: [f64; 3],
     /// The longest displacement (m), at a vertex.
     pub displacement: Extreme,
@@ -57,27 +58,27 @@ pub struct BodySolution {
     pub elastic_energy: f64,
     /// Kinetic energy (J).
     pub kinetic_energy: f64,
-    /// Elements turned inside out.
+    /// Number of inverted elements.
     pub inverted: usize,
     /// The steps, in their order.
     pub steps: Vec<Row>,
 }
 
-/// What a handle or a support does.
+/// The force and the moment of a handle or a support on the body.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reaction {
-    /// Its name.
+    /// Name of the handle or the support.
     pub name: String,
     /// `handle`, `support`, or `turned support`.
     pub by: &'static str,
-    /// On the body (N); 0 along axes that are free.
+    /// Force on the body (N); 0 along free axes.
     pub force: [f64; 3],
-    /// On the body, about the centre of its vertices where it is now (N m); of what holds all three axes as
-    /// one rigid piece.
+    /// Moment on the body about the present centre of the held vertices (N m). Only handles and turned supports
+    /// have one, because they hold their vertices as one rigid piece.
     pub moment: Option<[f64; 3]>,
 }
 
-/// A largest value and where it is.
+/// A largest value and its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Extreme {
     /// The value.
@@ -86,20 +87,21 @@ pub struct Extreme {
     pub at: usize,
 }
 
-/// One step.
+/// One step of a solve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// Where it ended: time (s), or share of the loads.
+    /// End of the step: time (s), or fraction of the loads.
     pub at: f64,
-    /// Steps that it was taken in.
+    /// Number of substeps.
     pub substeps: usize,
-    /// Attempts that were thrown away.
+    /// Number of refused attempts.
     pub refused: usize,
     /// Newton iterations.
     pub iterations: usize,
-    /// Residual left, as a share of the forces that balance.
+    /// Final residual, relative to the forces that balance.
     pub residual: f64,
-    /// Where rounding stopped the solve above its tolerance: what it leaves open of the motion (m).
+    /// The largest motion of a node that rounding leaves undetermined (m), if rounding stopped the solve above its
+    /// tolerance.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub open: Option<f64>,
     /// Elastic energy (J).

@@ -1,4 +1,4 @@
-//! `palpate bench accuracy`: how far sheets and solids lie from exact solutions and independent programs.
+//! `palpate bench accuracy`: the error of sheets and solids against exact solutions and independent programs.
 
 use super::super::CommandError;
 use super::progress_bar;
@@ -11,13 +11,13 @@ use study::accuracy::{self, Accuracy, LocalModels, Prediction};
 /// Arguments of `palpate bench accuracy`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct AccuracyArguments {
-    /// Write the tables as JSON, too
+    /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Draw error against element size (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
-    /// Only the coarse meshes: seconds instead of minutes
+    /// Use only the coarse meshes, in seconds instead of minutes
     #[arg(long)]
     quick: bool,
 }
@@ -29,7 +29,7 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
         Level::Full
     };
     let bar = progress_bar();
-    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
     let found = accuracy::run(level, progress);
     bar.finish_and_clear();
     let found = found?;
@@ -70,7 +70,7 @@ fn print_series(found: &Accuracy) {
     }
 }
 
-/// Six digits, without an exponent where that stays short.
+/// A value with six decimals, or with an exponent if the value is small.
 fn value(value: f64) -> String {
     if value.abs() < 1e-2 {
         format!("{value:.4e}")
@@ -81,8 +81,8 @@ fn value(value: f64) -> String {
 
 fn print_local_models(found: &LocalModels) {
     println!(
-        "\nLocal model of a solid: error of the change of force foretold, as a share of the change, after a \
-         time (steps of {:.3} ms; holding the force errs by 1)\n",
+        "\nLocal model of a solid: error of the predicted change of force, relative to the change, after a \
+         time (steps of {:.3} ms; a held force has the error 1)\n",
         1e3 * found.step
     );
     let rows: Vec<&[Prediction]> = found
@@ -119,7 +119,7 @@ fn print_local_models(found: &LocalModels) {
         }
     }
     println!(
-        "\nWhere the future is one linearized step, and inertia is added: {:.1e}",
+        "\nError over one linearized step, with inertia added: {:.1e}",
         found.exactness
     );
 }

@@ -1,4 +1,4 @@
-//! `palpate bench extrapolation`: how well each force scheme bridges the time between publications.
+//! `palpate bench extrapolation`: the force error of each scheme between publications.
 
 use super::super::CommandError;
 use super::progress_bar;
@@ -10,22 +10,22 @@ use study::extrapolation::{self, Extrapolation, Motion, RATES};
 /// Arguments of `palpate bench extrapolation`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct ExtrapolationArguments {
-    /// Write the table as JSON, too
+    /// Write the table as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw it (SVG)
+    /// Draw the error against the publication rate (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
 
-/// Blends that are compared: the default, and the shortest there is.
+/// The blends that are compared: the default and the shortest.
 const BLENDS: [f64; 2] = [0.5, 0.0];
-/// Motion that is measured (s).
+/// Duration of the measured motion (s).
 const DURATION: f64 = 6.0;
 
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
     let bar = progress_bar();
-    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
     let found = extrapolation::run(DURATION, &RATES, &BLENDS, progress);
     bar.finish_and_clear();
     let found = found?;
@@ -62,7 +62,7 @@ fn print_tables(found: &Extrapolation) {
         } else {
             "two ticks"
         };
-        println!("\nA new model takes over within {over}:\n");
+        println!("\nBlend into a new model over {over}:\n");
         println!(
             "| Hz | hold, apart | thesis, apart | linear, apart | hold, together | thesis, together | linear, together |"
         );

@@ -1,4 +1,4 @@
-//! `palpate bench`: measurements that the book quotes.
+//! `palpate bench`: the measurements that the book quotes.
 
 mod accuracy;
 mod extrapolation;
@@ -17,15 +17,15 @@ pub(super) struct BenchArguments {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum What {
-    /// Error of sheets and solids against exact solutions and independent programs
+    /// Measure the error of sheets and solids against exact solutions and independent programs
     Accuracy(accuracy::AccuracyArguments),
-    /// Force error of each scheme against the rate at which the host publishes
+    /// Measure the force error of each scheme against the publication rate of the host
     Extrapolation(extrapolation::ExtrapolationArguments),
-    /// Processor time of a step against the error of its force, on every path; other programs' beside it
+    /// Measure the processor time of a step against the error of its force, on every path, beside other programs
     Speed(speed::SpeedArguments),
-    /// Stress every law, element and scheme; fails if a number is not finite or energy comes from nowhere
+    /// Stress every law, element and scheme. Fails if a number is not finite or a step creates energy
     Stability(stability::StabilityArguments),
-    /// Error, noise and delay of every way to estimate velocity from encoder counts, and what damping it bears
+    /// Measure error, noise and delay of each velocity estimator for encoder counts, and the damping that it allows
     Velocity(velocity::VelocityArguments),
 }
 

@@ -11,16 +11,16 @@ use study::stability::{self, Account, Case, Family, Report, Verdict};
 /// Arguments of `palpate bench stability`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct StabilityArguments {
-    /// The corners of each family only, in seconds instead of minutes
+    /// Run only the corner cases of each family, in seconds instead of minutes
     #[arg(long)]
     quick: bool,
-    /// One family only, by its name
+    /// Run only the family of this name
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(stability::names()))]
     family: Option<String>,
-    /// Write every case as JSON, too
+    /// Write every case as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw how bodies recover from scrambled starts (SVG)
+    /// Draw the recovery of bodies from scrambled starts (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -32,7 +32,7 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
         Level::Full
     };
     let bar = progress_bar();
-    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
     let report = stability::run(level, arguments.family.as_deref(), progress);
     bar.finish_and_clear();
     print_families(&report);
@@ -83,7 +83,7 @@ fn print_families(report: &Report) {
         );
     }
     println!(
-        "\nrefused: steps that ended in a typed error; damped: steps that would have made energy.\n"
+        "\nRefused: steps that ended in a typed error. Damped: steps that would have created energy.\n"
     );
     for family in &report.families {
         println!("- {}: {}.", family.name, family.stress);
@@ -101,7 +101,7 @@ fn describe(case: &Case) -> String {
     format!("{body}, {law}, {scheme}: {name}")
 }
 
-/// Families whose cases are followed over time.
+/// The families whose cases record a recovery over time.
 fn starts(report: &Report) -> impl Iterator<Item = &Family> {
     let followed = |family: &&Family| family.cases.iter().any(|case| !case.recovery.is_empty());
     report.families.iter().filter(followed)
@@ -122,7 +122,7 @@ fn print_recovery(report: &Report) {
     for family in starts(report) {
         println!("\nRecovery, {}:\n", family.name);
         println!(
-            "| law | body | starts | cells right at the end | all right | back at rest | refused |"
+            "| law | body | starts | elements not inverted at the end | starts without inverted elements | back at rest | refused |"
         );
         println!("|---|---|---|---|---|---|---|");
         for law in laws(family) {
@@ -154,7 +154,7 @@ fn print_failures(report: &Report) {
     }
 }
 
-/// Share of the cells that are the right way round over time, by law, over all scrambled starts.
+/// The fraction of elements that are not inverted, over time and by law, as a mean over all scrambled starts.
 fn chart(report: &Report) -> String {
     let mut series = Vec::new();
     if let Some(family) = starts(report).last() {
@@ -179,7 +179,7 @@ fn chart(report: &Report) -> String {
     plot::line_chart_svg(
         "Recovery from scrambled starts",
         "time (s)",
-        "cells the right way round (share)",
+        "fraction of elements not inverted",
         false,
         false,
         &series,

@@ -1,4 +1,4 @@
-//! `palpate bench velocity`: how well velocity is estimated from encoder counts.
+//! `palpate bench velocity`: the error of velocity estimates from encoder counts.
 
 use super::super::CommandError;
 use super::progress_bar;
@@ -9,14 +9,14 @@ use study::velocity::{self, DAMPING, Motion, RATES, VelocityStudy};
 /// Arguments of `palpate bench velocity`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct VelocityArguments {
-    /// Write all figures as JSON, too
+    /// Write all figures as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
 }
 
 pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
     let bar = progress_bar();
-    let found = velocity::run(|share| bar.set_position((1000.0 * share) as u64));
+    let found = velocity::run(|fraction| bar.set_position((1000.0 * fraction) as u64));
     bar.finish_and_clear();
     print_means(&found);
     print_devices(&found);
@@ -29,8 +29,8 @@ pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
 
 fn print_means(found: &VelocityStudy) {
     println!(
-        "RMS error of velocity (mm/s), chatter of {DAMPING} N s/m in a slow press (N), damping \
-         that stops the bare device (N s/m);\ngeometric means over all devices at {} Hz\n",
+        "RMS error of the velocity (mm/s), chatter under {DAMPING} N s/m in a slow press (N), largest damping that \
+         stops the bare device (N s/m);\ngeometric means over all devices at {} Hz\n",
         RATES.map(|rate| rate.to_string()).join(" and ")
     );
     println!(
@@ -47,7 +47,7 @@ fn print_means(found: &VelocityStudy) {
 }
 
 fn print_devices(found: &VelocityStudy) {
-    println!("\nBy device: error in a hand's motion and lag in it, error of a hold\n");
+    println!("\nBy device: error and lag in the motion of a hand, error in a hold\n");
     println!("| device | Hz | method | hand mm/s | lag ms | hold mm/s | chatter | stable |");
     println!("|---|---|---|---|---|---|---|---|");
     for row in &found.rows {

@@ -1,4 +1,4 @@
-//! `palpate stress faults`: the tick under input that no device, host or clock should ever give.
+//! `palpate stress faults`: runs the tick on invalid input of devices, host and clock.
 
 use super::{CommandError, Common, progress_bar, show};
 use std::collections::BTreeMap;
@@ -52,21 +52,21 @@ fn print(cells: &BTreeMap<u64, Outcome>) {
         for (sum, count) in sums.iter_mut().zip(counts) {
             *sum += count;
         }
-        for (what, count) in &cell.met {
-            *met.entry(what).or_default() += count;
+        for (event, count) in &cell.met {
+            *met.entry(event).or_default() += count;
         }
     }
     println!(
-        "| scheme | cells | ticks | not finite | beyond limits | account lost | not back | panics |"
+        "| scheme | cells | ticks | not finite | beyond limits | account lost | not recovered | panics |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for (scheme, sums) in by_scheme {
         let columns: Vec<_> = sums.iter().map(u64::to_string).collect();
         println!("| {scheme} | {} |", columns.join(" | "));
     }
-    println!("\nMet on the way:");
-    for (what, count) in met {
-        println!("  {count:>12}  {what}");
+    println!("\nEvents that occurred:");
+    for (event, count) in met {
+        println!("  {count:>12}  {event}");
     }
     for (number, cell) in cells {
         if let Some(panic) = &cell.panic {

@@ -1,4 +1,4 @@
-//! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, nothing going wrong.
+//! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, without faults.
 
 use super::scene::{log, picture};
 use super::{CommandError, Common, progress_bar, scheme_of, show};
@@ -17,33 +17,34 @@ use study::stress::jobs::{self, Header};
 /// Arguments of `palpate stress hold`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct HoldArguments {
-    /// Judge this scene instead (TOML), with its own hands
+    /// Judge this scene file (TOML) with its own hands, instead of the cells of the study
     #[arg(conflicts_with_all = ["runs", "cell", "quick", "seed", "shard", "json", "plot"])]
     file: Option<PathBuf>,
-    /// How many cells: the cases, and what is drawn; each is run under linear and capped
+    /// Number of cells: the fixed cases first, then random draws. Each cell is run under linear and capped
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
-    /// Run one cell again and show it whole: --plot draws it, --log writes every tick, --scene writes its scene file
+    /// Run one cell again and print its outcome: --plot draws the cell, --log writes every tick, --scene writes its
+    /// scene file
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
-    /// The scheme that it is run under: linear or capped, which it is unless told
+    /// Scheme of the cell: linear or capped. Default: capped
     #[arg(long, value_name = "NAME", requires = "cell", value_parser = scheme)]
     scheme: Option<SchemeName>,
-    /// Write every tick of it (CSV)
+    /// Write every tick of the cell (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
-    /// Write its scene, as `palpate run` takes it (TOML)
+    /// Write the scene of the cell, as `palpate run` reads it (TOML)
     #[arg(long, value_name = "FILE", requires = "cell")]
     scene: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
 
-/// Cells unless told.
+/// Default number of cells.
 const RUNS: u64 = 2000;
-/// The cases, and each specimen on each device.
+/// Number of cells of a quick study: the cases, and each specimen on each device.
 const QUICK: u64 = 60;
-/// Most cells that are told of by themselves.
+/// Largest number of cells that are listed one by one.
 const TOLD: usize = 12;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
@@ -81,7 +82,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     finish(&cells)
 }
 
-/// Tells of the cells in which `capped` fails, the cases and the worst.
+/// Lists the cases and the worst of the cells in which `capped` fails. Fails if there is such a cell.
 fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
     let failing = worst(cells, "capped");
     tell(cells, &failing);
@@ -131,10 +132,11 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
     }
 }
 
+/// Prints the cases and the worst of the failing cells, one row per scheme.
 fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
     println!("\nCases and worst cells:\n");
     println!(
-        "| cell | what | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
+        "| cell | case or specimen | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
     );
     println!("|{}", "---|".repeat(10));
     let cases = cells.iter().filter(|(_, cell)| cell.case.is_some());
@@ -142,14 +144,14 @@ fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Fai
     let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
     let drawn = drawn.map(|(number, cell, _)| (*number, *cell));
     for (number, cell) in cases.chain(drawn.take(TOLD)) {
-        let what = cell.draw.as_ref().map_or_else(
+        let name = cell.draw.as_ref().map_or_else(
             || cell.case.clone().unwrap_or_default(),
             |draw| format!("{}, {}", draw.kind.name(), draw.device),
         );
         for (scheme, outcome) in &cell.schemes {
             let names = failures(cell, scheme).into_iter().map(Failure::name);
             println!(
-                "| {number} | {what} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
+                "| {number} | {name} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
                 cell.rate,
                 names.collect::<Vec<_>>().join(", "),
                 100.0 * outcome.felt.hold_error,
@@ -176,13 +178,13 @@ fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResu
             continue;
         };
         let failed = row.failed.map(|count| count.to_string()).join(" | ");
-        let share = |[a, b]: [f64; 2]| format!("{:.2}, {:.2}", 100.0 * a, 100.0 * b);
+        let percent = |[a, b]: [f64; 2]| format!("{:.2}, {:.2}", 100.0 * a, 100.0 * b);
         println!(
             "| {first} | {scheme} | {} | {} | {failed} | {} | {} | {:.3}, {:.3} | {:.2} | {:.2} |",
             row.runs,
             row.passed,
-            share(row.hold),
-            share(row.run),
+            percent(row.hold),
+            percent(row.run),
             row.ripple[0],
             row.ripple[1],
             100.0 * row.capped,
@@ -191,7 +193,7 @@ fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResu
     }
 }
 
-/// Runs one cell under one scheme, and shows it.
+/// Runs one cell under one scheme and prints its outcome.
 fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), CommandError> {
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
@@ -218,7 +220,7 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
         );
         if let Some(path) = &arguments.common.plot {
             let subtitle = format!(
-                "\"{scheme}\": hold off by {:.1} %, run by {:.1} % of its peak, ripple {:.3} N, capped {:.1} %",
+                "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
                 100.0 * outcome.felt.hold_error,
                 100.0 * outcome.felt.run_error,
                 outcome.felt.worst_ripple,

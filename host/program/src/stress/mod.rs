@@ -1,4 +1,4 @@
-//! `palpate stress`: what is to be run before a person touches a device. Under virtual time, on all cores, in shards.
+//! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores, in shards.
 
 mod faults;
 mod hold;
@@ -21,41 +21,41 @@ pub(super) struct StressArguments {
 
 #[derive(Clone, Debug, clap::Subcommand)]
 enum What {
-    /// A stiff wall on each device: where energy comes out of it, against theory, under each scheme
+    /// Find the stiffest passive and stable wall of each device, under each scheme, and compare with theory
     Wall(wall::WallArguments),
-    /// A hundred million ticks of input that no device, host or clock should ever give
+    /// Run a hundred million ticks on invalid input of devices, host and clock
     Faults(faults::FaultsArguments),
-    /// Fault-free presses, holds, rubs and tremors on every kind of body: whether what is felt is the body
+    /// Press, hold, rub and shake every kind of body without faults, and compare the force with that of the body
     Hold(hold::HoldArguments),
-    /// A scene under all kinds of hands, rates and faults, under each scheme
+    /// Run a scene with many kinds of hands, rates and faults, under each scheme
     Scene(scene::SceneArguments),
 }
 
-/// What all of its commands take.
+/// The arguments of all stress studies.
 #[derive(Clone, Debug, clap::Args)]
 struct Common {
-    /// The corners only, in seconds instead of minutes
+    /// Run only the corner cases, in seconds instead of minutes
     #[arg(long)]
     quick: bool,
-    /// Fixes every random choice
+    /// Seed of every random choice
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Only the I-th of N shares of the work; the files of all are merged by cat
+    /// Run only shard I of N; cat merges the files of all shards
     #[arg(long, value_name = "I/N")]
     shard: Option<Shard>,
-    /// How many threads work; all cores unless told
+    /// Number of threads. Default: the number of cores
     #[arg(long, value_name = "N")]
     threads: Option<NonZero<usize>>,
-    /// Append every cell as a line of JSON as soon as it is done; cells that are there already are not done again
+    /// Append each cell as a line of JSON as soon as the cell is done. Cells that the file holds are not run again
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw it (SVG)
+    /// Draw the result (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
 
 impl Common {
-    /// How cells are run.
+    /// The options by which the cells are run.
     fn options(&self) -> Options {
         Options {
             shard: self.shard.unwrap_or_default(),
@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
     }
 }
 
-/// The scheme of this name among those that a study runs.
+/// The scheme of this name among the schemes of a study.
 fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
     let found = known.iter().find(|(_, name)| *name == text);
     found.map(|(scheme, _)| *scheme).ok_or_else(|| {
@@ -83,7 +83,7 @@ fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, Str
     })
 }
 
-/// Shows how far the cells are on a bar of a thousand parts.
+/// Shows the progress of the cells on a bar of a thousand parts.
 fn show(bar: &ProgressBar, at: &Progress) {
     bar.set_position(1000 * at.done / at.of.max(1));
 }

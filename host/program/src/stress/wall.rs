@@ -1,4 +1,4 @@
-//! `palpate stress wall`: maps over stiffness and damping, with the theory's line beside what was measured.
+//! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
 use super::{CommandError, Common, progress_bar, show};
 use host::atomic_file::write_atomically;
@@ -11,7 +11,7 @@ use study::stress::wall::{self, Gain, Outcome, Panel, SCHEMES, Setting, Study, p
 pub(super) struct WallArguments {
     #[command(flatten)]
     common: Common,
-    /// Rate of the map (Hz); each device's own unless told
+    /// Rate of the map (Hz). Default: the rate of each device
     #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u32).range(100..=20_000))]
     rate: Option<u32>,
     /// Output delay of the map (ticks)
@@ -81,8 +81,10 @@ impl Worst {
 }
 
 fn print_boundaries(cells: &Cells) {
-    println!("Largest stiffness (N/m), plain wall, friction and quantization off, error in %:");
-    println!("passive: to a stiff hand that makes any motion; stable: in a typical hand.\n");
+    println!(
+        "Largest stiffness (N/m) of a plain wall, without friction and quantization; error in %."
+    );
+    println!("Passive: for a stiff hand and any motion. Stable: for a typical hand.\n");
     println!(
         "| device | rate (Hz) | delay | passive at B = 0, theory | measured | error | worst over B \
          | stable at B = 0, theory | measured | error | worst over B |"
@@ -127,7 +129,8 @@ fn print_boundaries(cells: &Cells) {
 
 fn print_whole(cells: &Cells) {
     println!(
-        "\nThe same with friction, quantization and the driver's velocity, B = 0, hands up to {} m/s:\n",
+        "\nLargest passive stiffness (N/m) with friction, quantization and the driver's velocity, B = 0, hands up to {} \
+         m/s:\n",
         passive::SPEED
     );
     println!(
@@ -156,9 +159,10 @@ fn print_whole(cells: &Cells) {
 
 fn print_gains(cells: &Cells) {
     println!(
-        "\nHow many times the plain bound 2 b / T (by 2 d + 1 with delay) until the adversary gets more than {:.0} mJ \
-         out,\nwith at least {:.0} % of the static stiffness; in brackets most energy found (mJ) up to ten times; \
-         no scheme can reach\nmore than the bound against a hand that stands and leaves at once:\n",
+        "\nLargest stiffness, as a multiple of the plain bound 2 b / T (with delay: over 2 d + 1), at which the adversary \
+         extracts\nat most {:.0} mJ and the wall renders at least {:.0} % of the static stiffness. In brackets: the \
+         largest energy found (mJ)\nup to ten times the bound. No scheme can exceed the column \"bound\" against a \
+         hand that rests and leaves at once:\n",
         1e3 * wall::SAFE,
         100.0 * wall::RENDERED
     );
@@ -210,10 +214,10 @@ fn print_gains(cells: &Cells) {
 fn map(cells: &Cells) -> Map {
     let panels = wall::panels(cells).into_iter().map(panel).collect();
     Map {
-        title: "A wall inside the tick: where energy comes out of it".to_owned(),
+        title: "A wall inside the tick: net energy at the port of the hand".to_owned(),
         subtitle:
-            "plain sampled spring and damper; friction and quantization off; most net energy found \
-                   by the adversary at the hand's port"
+            "plain sampled spring and damper; without friction and quantization; the largest net energy \
+                   that the adversary found"
                 .to_owned(),
         x_label: "damping of the wall B (N s/m)".to_owned(),
         y_label: "stiffness K (N/m)".to_owned(),

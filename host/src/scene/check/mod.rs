@@ -1,8 +1,8 @@
-//! Ranges, checked while a scene is read: each function here is a field's `deserialize_with`.
+//! Checks of ranges while a scene is read: each function is the `deserialize_with` of a field.
 //!
-//! A number outside its range is refused as serde refuses a wrong type: with what was found and what is
-//! allowed. `nan` and `inf`, which TOML can write, are refused everywhere. So is what serde would take in
-//! silence: a list too long for its array, a list of values in place of a table.
+//! A number outside its range is refused as serde refuses a wrong type: with the value found and the allowed
+//! values. `nan` and `inf`, which TOML can write, are always refused. Serde would silently accept a list that is
+//! too long for its array, or a list of values in place of a table; both are refused here.
 
 mod visitors;
 
@@ -49,11 +49,11 @@ ranges! {
     tolerance: "a number between 0 and 1", |v| v > 0.0 && v < 1.0;
     /// Poisson's ratio.
     poisson: "a number above -1 and below 0.5", |v| v > -1.0 && v < 0.5;
-    /// Time from reading the hands to the model's arrival (s).
+    /// Latency: time from reading the hands to the arrival of the model (s).
     latency: "a number from 0 to 1 (s)", |v| (0.0..=1.0).contains(&v);
     /// Frequency of a hand's motion (Hz).
     hand_frequency: "a number above 0 and up to 5 (Hz)", |v| v > 0.0 && v <= 5.0;
-    /// Share by which a hand's task varies.
+    /// Fraction by which a hand's task varies.
     variation: "a number from 0 to 0.5", |v| (0.0..=0.5).contains(&v);
 }
 
@@ -71,17 +71,17 @@ macro_rules! optional {
 }
 
 optional! {
-    /// Above zero, for a field that may be left out.
+    /// Above zero, for an optional field.
     optional_positive: positive => f64;
-    /// Zero or above, for a field that may be left out.
+    /// Zero or above, for an optional field.
     optional_not_negative: not_negative => f64;
-    /// Frequency of a hand's motion, for a field that may be left out.
+    /// Frequency of a hand's motion, for an optional field.
     optional_hand_frequency: hand_frequency => f64;
-    /// Share by which a task varies, for a field that may be left out.
+    /// Fraction by which a task varies, for an optional field.
     optional_variation: variation => f64;
-    /// Poisson's ratio, for a field that may be left out.
+    /// Poisson's ratio, for an optional field.
     optional_poisson: poisson => f64;
-    /// Three finite numbers, for a field that may be left out.
+    /// Three finite numbers, for an optional field.
     optional_finite3: finite3 => [f64; 3];
 }
 
@@ -135,7 +135,7 @@ pub(super) fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::
     List::<Cells, 3>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
 
-/// Names of axes, at least one: which of x, y and z are among them.
+/// A list of axes, at least one. The result tells for x, y and z whether the list contains the axis.
 ///
 /// # Errors
 ///
@@ -172,7 +172,7 @@ pub(super) fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>,
     Ok(rows.into_iter().map(numbers).collect())
 }
 
-/// Two corners of a box, for a field that may be left out.
+/// Two corners of a box, for an optional field.
 ///
 /// # Errors
 ///
@@ -195,7 +195,7 @@ pub(super) fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(
     from.deserialize_map(TableVisitor(PhantomData))
 }
 
-/// A table of fields, for a field that may be left out.
+/// A table of fields, for an optional field.
 ///
 /// # Errors
 ///
@@ -228,7 +228,7 @@ pub(super) fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> R
     from.deserialize_str(WordVisitor(PhantomData))
 }
 
-/// A device that is carried along, or a device's file.
+/// The name of a built-in device, or of a device file.
 ///
 /// # Errors
 ///
@@ -237,7 +237,7 @@ pub(super) fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName
     from.deserialize_str(ModelVisitor)
 }
 
-/// One of several names, for a field that may be left out.
+/// One of several names, for an optional field.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! How the ranges of [`super`] are read: serde's visitors.
+//! Serde's visitors for the checks of [`super`].
 
 use super::{ModelName, finite, positive, table};
 use serde::de::value::MapAccessDeserializer;
@@ -6,7 +6,7 @@ use serde::de::{Deserialize, Deserializer, Error, IntoDeserializer, Unexpected};
 use serde::de::{MapAccess, SeqAccess, Visitor};
 use std::{fmt, marker::PhantomData};
 
-/// Most cells of a generated sheet, in each direction.
+/// Largest number of cells of a generated mesh in each direction.
 const MOST_CELLS: u64 = 10_000;
 
 /// A finite number.
@@ -141,7 +141,7 @@ impl<'de, T: Deserialize<'de>> Visitor<'de> for WordVisitor<T> {
     }
 }
 
-/// Reads the name of a device or of its file.
+/// Reads the name of a built-in device, or of a device file.
 pub(super) struct ModelVisitor;
 
 impl Visitor<'_> for ModelVisitor {

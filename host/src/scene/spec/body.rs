@@ -1,4 +1,4 @@
-//! `[[body]]`: what is deformed, what it is made of, and what holds and pulls it.
+//! `[[body]]`: a deformable body: its mesh, its material, its handles, its supports and its loads.
 
 use crate::scene::check;
 use serde::Deserialize;
@@ -11,29 +11,29 @@ use super::mesh::Mesh;
 pub struct Body {
     /// Name, unique among bodies.
     pub name: String,
-    /// Where its elements come from.
+    /// The mesh of the body.
     #[serde(deserialize_with = "check::table")]
     pub mesh: Mesh,
-    /// What it is made of.
+    /// The material of the body.
     #[serde(deserialize_with = "check::table")]
     pub material: Material,
-    /// Parts made of something else; later ones win.
+    /// Parts of another material. Where regions overlap, the last one applies.
     #[serde(default, rename = "region", deserialize_with = "check::tables")]
     pub regions: Vec<Region>,
     /// Rayleigh damping.
     #[serde(default, deserialize_with = "check::table")]
     pub damping: Rayleigh,
-    /// Bending stiffness of a sheet, as a multiple of the thin plate's; zero switches bending off. Not
-    /// given: 1 for isotropic sheets, none for woven ones and solids, which have no such model.
+    /// Bending stiffness of a sheet, as a multiple of the stiffness of a thin plate; zero switches bending off.
+    /// Default: 1 for isotropic sheets. Woven sheets and solids have no bending model.
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub bending: Option<f64>,
-    /// Where hands hold it; a run needs at least one.
+    /// The handles, by which hands hold the body. A run needs at least one.
     #[serde(default, rename = "handle", deserialize_with = "check::tables")]
     pub handles: Vec<Handle>,
-    /// Where it is held or guided by nobody's hand.
+    /// The supports, which hold or guide vertices without a hand.
     #[serde(default, rename = "support", deserialize_with = "check::tables")]
     pub supports: Vec<Support>,
-    /// Forces on it beside its weight.
+    /// Forces on the body in addition to its weight.
     #[serde(default, rename = "load", deserialize_with = "check::tables")]
     pub loads: Vec<Load>,
 }
@@ -42,10 +42,11 @@ pub struct Body {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Material {
-    /// How stress follows from strain. Not given: corotational, or St. Venant-Kirchhoff if woven.
+    /// The relation between deformation and stress. Default: St. Venant-Kirchhoff for woven sheets, otherwise
+    /// corotational.
     #[serde(default, deserialize_with = "check::optional_word")]
     pub law: Option<LawName>,
-    /// Young's modulus (Pa); along the warp, if woven.
+    /// Young's modulus (Pa); of a woven sheet, along the warp.
     #[serde(deserialize_with = "check::positive")]
     pub young: f64,
     /// Poisson's ratio, of which a thread makes no use; contraction along the weft for a pull along the warp, if woven.
@@ -63,33 +64,33 @@ pub struct Material {
     /// Density (kg/m^3).
     #[serde(deserialize_with = "check::positive")]
     pub density: f64,
-    /// Threads in two directions at right angles.
+    /// The weave of a woven sheet: threads in two perpendicular directions.
     #[serde(default, deserialize_with = "check::optional_table")]
     pub weave: Option<WeaveFields>,
-    /// Values of the mesh file, one per element, that stand in for those above.
+    /// Values of the mesh file, one per element, that replace the values above.
     #[serde(default, deserialize_with = "check::table")]
     pub fields: ElementFields,
 }
 
-/// Names of the laws.
+/// Names of the material laws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LawName {
     /// Small strains and rotations; solids only.
     Linear,
-    /// Small strains, any rotation.
+    /// Small strains, arbitrary rotations.
     Corotational,
     /// Linear in the Green strain; solids and woven sheets.
     StVenantKirchhoff,
-    /// Large strains, recovers from any inversion; solids only.
+    /// Large strains; recovers from any inversion; solids only.
     StableNeoHookean,
 }
 
-/// `[body.material.weave]`: what a woven sheet has beside an isotropic one.
+/// `[body.material.weave]`: the parameters of a woven sheet that an isotropic sheet does not have.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeaveFields {
-    /// Direction of the warp threads; what of it lies in an element's plane counts.
+    /// Direction of the warp threads. An element uses the projection of this direction onto its plane.
     #[serde(default = "along_x", deserialize_with = "check::finite3")]
     pub warp: [f64; 3],
     /// Young's modulus along the weft (Pa).
@@ -104,17 +105,17 @@ fn along_x() -> [f64; 3] {
     [1.0, 0.0, 0.0]
 }
 
-/// `[body.material.fields]`: names of the mesh's values.
+/// `[body.material.fields]`: names of fields of the mesh that hold a value for each element.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ElementFields {
-    /// Holds Young's modulus (Pa).
+    /// The field of Young's modulus (Pa).
     pub young: Option<String>,
-    /// Holds Poisson's ratio.
+    /// The field of Poisson's ratio.
     pub poisson: Option<String>,
-    /// Holds the density (kg/m^3).
+    /// The field of the density (kg/m^3).
     pub density: Option<String>,
-    /// Holds the thickness (m).
+    /// The field of the thickness (m).
     pub thickness: Option<String>,
     /// Holds the cross-section (m^2).
     pub area: Option<String>,
@@ -124,22 +125,22 @@ pub struct ElementFields {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Region {
-    /// Which elements: a group of the mesh, or those whose barycentre lies in the box.
+    /// The elements of the region, as a group of the mesh.
     #[serde(default)]
     pub group: Option<String>,
-    /// Instead of a group: lowest and highest corner of a box (m).
+    /// Instead of a group: lowest and highest corner of a box (m), for the elements with their barycentre inside.
     #[serde(default, rename = "box", deserialize_with = "check::optional_box")]
     pub in_box: Option<[[f64; 3]; 2]>,
-    /// Young's modulus there (Pa), if another.
+    /// Young's modulus in the region (Pa), if it differs from the body's.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub young: Option<f64>,
-    /// Poisson's ratio there, if another.
+    /// Poisson's ratio in the region, if it differs from the body's.
     #[serde(default, deserialize_with = "check::optional_poisson")]
     pub poisson: Option<f64>,
-    /// Density there (kg/m^3), if another.
+    /// Density in the region (kg/m^3), if it differs from the body's.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub density: Option<f64>,
-    /// Thickness there (m), if another; sheets only.
+    /// Thickness in the region (m), if it differs from the body's; sheets only.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub thickness: Option<f64>,
     /// Cross-section there (m^2), if another; threads only.
@@ -159,42 +160,42 @@ pub struct Rayleigh {
     pub stiffness: f64,
 }
 
-/// `[[body.handle]]`: vertices that move with a device. `palpate solve` holds them where they rest.
+/// `[[body.handle]]`: vertices that move rigidly with a device. `palpate solve` holds them at rest.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Handle {
     /// Name, for summaries.
     pub name: String,
-    /// Which vertices: a group of the mesh, or all inside the box.
+    /// The vertices of the handle, as a group of the mesh.
     #[serde(default)]
     pub group: Option<String>,
-    /// Instead of a group: lowest and highest corner of a box (m).
+    /// Instead of a group: lowest and highest corner of a box (m), for the vertices inside.
     #[serde(default, rename = "box", deserialize_with = "check::optional_box")]
     pub in_box: Option<[[f64; 3]; 2]>,
-    /// Name of the device that holds it.
+    /// Name of the device that holds the handle.
     pub device: String,
 }
 
-/// `[[body.support]]`: vertices that are held, guided or moved. What a handle or a turned support holds is
-/// left to that.
+/// `[[body.support]]`: vertices that are held, guided or moved. Vertices that a handle or a turned support holds
+/// belong to that handle or turned support.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Support {
-    /// Name, unique among the body's handles and supports.
+    /// Name, unique among the supports of the body.
     pub name: String,
-    /// Which vertices: a group of the mesh, or all inside the box.
+    /// The vertices of the support, as a group of the mesh.
     #[serde(default)]
     pub group: Option<String>,
-    /// Instead of a group: lowest and highest corner of a box (m).
+    /// Instead of a group: lowest and highest corner of a box (m), for the vertices inside.
     #[serde(default, rename = "box", deserialize_with = "check::optional_box")]
     pub in_box: Option<[[f64; 3]; 2]>,
-    /// Along which of the world's axes; along the others it slides freely.
+    /// The axes of the world along which the support holds its vertices. They slide freely along the other axes.
     #[serde(default = "every_axis", deserialize_with = "check::axes")]
     pub axes: [bool; 3],
-    /// `palpate solve`: how far it is moved (m).
+    /// `palpate solve`: displacement of the support (m).
     #[serde(default, deserialize_with = "check::finite3")]
     pub displacement: [f64; 3],
-    /// `palpate solve`: how it is turned about the centre of its vertices, a rotation vector (rad).
+    /// `palpate solve`: rotation of the support about the centre of its vertices, as a rotation vector (rad).
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub rotation: Option<[f64; 3]>,
 }
@@ -203,22 +204,23 @@ fn every_axis() -> [bool; 3] {
     [true; 3]
 }
 
-/// `[[body.load]]`: a force that keeps its direction.
+/// `[[body.load]]`: a force of constant direction.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Load {
     /// Name, unique among the body's loads.
     pub name: String,
-    /// Where: a group of the mesh, or all vertices inside the box.
+    /// The vertices that bear the load, as a group of the mesh.
     #[serde(default)]
     pub group: Option<String>,
-    /// Instead of a group: lowest and highest corner of a box (m).
+    /// Instead of a group: lowest and highest corner of a box (m), for the vertices inside.
     #[serde(default, rename = "box", deserialize_with = "check::optional_box")]
     pub in_box: Option<[[f64; 3]; 2]>,
-    /// Altogether (N), spread over the area there, else over the boundary's length, else over the vertices.
+    /// Total force (N). It is spread over the area of the faces there; without faces, over the length of the
+    /// boundary there; without either, over the vertices.
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub force: Option<[f64; 3]>,
-    /// Instead of a force: per area at rest (Pa).
+    /// Instead of a force: force per area of the body at rest (Pa).
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub traction: Option<[f64; 3]>,
 }

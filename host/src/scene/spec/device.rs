@@ -27,13 +27,13 @@ pub struct Device {
     /// Largest force to ask of it (N), if lower than its own.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_force: Option<f64>,
-    /// Speed of the handle beyond which its force fades (m/s, at the device); no limit if not given.
+    /// Speed of the handle beyond which the force fades (m/s, device metres). Default: no limit.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_speed: Option<f64>,
-    /// Distance from the device's origin beyond which its force fades (m, at the device); no limit if not given.
+    /// Reach beyond which the force fades (m, device metres). Default: no limit.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_reach: Option<f64>,
-    /// Fastest change of its force (N/s), for a device that needs such a limit.
+    /// Limit on the slew of the force (N/s), for a device that needs one.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub max_slew: Option<f64>,
     /// Scene metres per device metre.
@@ -51,11 +51,11 @@ fn simulated() -> String {
     SIMULATED.to_owned()
 }
 
-/// What names a device's model: a device that is carried along, or a file of one's own.
+/// The name of a device model: a built-in device, or a device file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ModelName {
-    /// One of `sim::models::FILES`, by its name there.
+    /// The name of one of `sim::models::FILES`.
     BuiltIn(&'static str),
-    /// A device's file, its path relative to the scene file; it ends in `.toml`.
+    /// The path of a device file, relative to the scene file. It ends in `.toml`.
     File(String),
 }

@@ -1,35 +1,35 @@
-//! `[device.hand]`: the hands that hold devices, how they grip and what they do.
+//! `[device.hand]`: the hands that hold devices, with their grips and tasks.
 
 use crate::scene::check;
 use serde::Deserialize;
 use sim::{Arm, TaskKind, Wrist};
 
-/// `[device.hand]`: an arm that follows a trajectory. Task, waypoints, sinusoids and recording add up.
+/// `[device.hand]`: an arm that follows a trajectory, the sum of task, waypoints, sinusoids and recording.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Hand {
-    /// How it holds the device: mass, damping and stiffness at once, and those of the wrist.
+    /// The grip: a named set of mass, damping and stiffness of the arm and of the wrist.
     #[serde(default, deserialize_with = "check::optional_word")]
     pub grip: Option<GripName>,
-    /// Moving mass (kg), if not the grip's.
+    /// Moving mass (kg), if it differs from the grip's.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub mass: Option<f64>,
-    /// Stiffness towards the trajectory (N/m), if not the grip's.
+    /// Stiffness towards the trajectory (N/m), if it differs from the grip's.
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub stiffness: Option<f64>,
-    /// Damping (N s/m), if not the grip's.
+    /// Damping (N s/m), if it differs from the grip's.
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub damping: Option<f64>,
-    /// Root mean square of the tremor (m).
+    /// RMS amplitude of the tremor (m).
     #[serde(default, deserialize_with = "check::not_negative")]
     pub tremor: f64,
-    /// What it does; the fields from `direction` to `variation` are the task's.
+    /// The task of the hand. The fields from `direction` to `variation` are parameters of the task.
     #[serde(default, deserialize_with = "check::optional_word")]
     pub task: Option<TaskName>,
-    /// Every task: where to, device axes; only the direction counts.
+    /// Every task: direction of the motion, in device axes. The length of the vector has no effect.
     #[serde(default, deserialize_with = "check::optional_finite3")]
     pub direction: Option<[f64; 3]>,
-    /// Every task: how far along the direction (m).
+    /// Every task: displacement along the direction (m).
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub depth: Option<f64>,
     /// All but `shake`: mean speed of a reach (m/s).
@@ -38,19 +38,19 @@ pub struct Hand {
     /// All but `shake`: time at rest before each reach (s).
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub pause: Option<f64>,
-    /// `rub`, `move_together`, `shake`: how far sideways (m).
+    /// `rub`, `move_together`, `shake`: displacement sideways (m).
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub width: Option<f64>,
     /// `rub`, `shake`: frequency of the rhythm (Hz), at most 5.
     #[serde(default, deserialize_with = "check::optional_hand_frequency")]
     pub frequency: Option<f64>,
-    /// Every task: share by which its numbers vary from one time to the next, at most 0.5.
+    /// Every task: fraction by which its parameters vary from one repetition to the next, at most 0.5.
     #[serde(default, deserialize_with = "check::optional_variation")]
     pub variation: Option<f64>,
     /// Rows `[time, x, y, z]` joined by minimum-jerk segments (s, m from the start).
     #[serde(default, deserialize_with = "check::rows4")]
     pub waypoints: Vec<[f64; 4]>,
-    /// Sinusoids added to it.
+    /// Sinusoids of the trajectory.
     #[serde(default, deserialize_with = "check::tables")]
     pub sines: Vec<Sine>,
     /// A recorded trajectory, its path relative to the scene file (CSV: time, x, y, z).
@@ -59,7 +59,8 @@ pub struct Hand {
 }
 
 impl Hand {
-    /// The arm: the grip's, or the typical one, with the numbers that are given in place of its.
+    /// The arm of the grip, or the typical arm without a grip. Mass, damping and stiffness of the hand replace those of
+    /// the grip.
     pub fn arm(&self) -> Arm {
         let grip = self.grip.map_or(Arm::default(), GripName::arm);
         Arm {
@@ -69,7 +70,7 @@ impl Hand {
         }
     }
 
-    /// The wrist: the grip's, or the typical one.
+    /// The wrist of the grip, or the typical wrist without a grip.
     pub fn wrist(&self) -> Wrist {
         self.grip.map_or(Wrist::default(), GripName::wrist)
     }
@@ -79,18 +80,18 @@ impl Hand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum GripName {
-    /// Two fingers that barely hold: 0.1 kg, 2 N s/m, 30 N/m.
+    /// A loose grip of two fingers: 0.1 kg, 2 N s/m, 30 N/m.
     Relaxed,
     /// The arm of a person who does not resist: 0.554 kg, 6.45 N s/m, 135 N/m.
     Typical,
-    /// A hand that means to hold on: 0.95 kg, 25 N s/m, 700 N/m.
+    /// A firm grip: 0.95 kg, 25 N s/m, 700 N/m.
     Firm,
     /// A braced fist: 2 kg, 60 N s/m, 2,000 N/m.
     Rigid,
 }
 
 impl GripName {
-    /// The place among the grips of [`Arm::GRIPS`] and [`Wrist::GRIPS`].
+    /// The index of the grip in [`Arm::GRIPS`] and [`Wrist::GRIPS`].
     fn place(self) -> usize {
         match self {
             Self::Relaxed => 0,
@@ -113,22 +114,22 @@ impl GripName {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TaskName {
-    /// Goes in and comes back at once, again and again with a pause in between.
+    /// The hand reaches along the direction and returns at once, repeatedly, with a pause before each reach.
     Tap,
-    /// Goes in after a pause, and stays.
+    /// The hand reaches along the direction after a pause, and stays there.
     PressAndHold,
-    /// Goes in after a pause, and swings sideways there.
+    /// The hand reaches along the direction after a pause, and swings sideways there.
     Rub,
-    /// Pulls out, holds for the pause, lets back, again and again.
+    /// The hand pulls along the direction, holds for the pause and returns, repeatedly.
     PullApart,
-    /// Goes round by the depth and the width; hands with equal fields go alike.
+    /// The hand moves along a closed path as large as the depth and the width. Hands with equal fields move alike.
     MoveTogether,
-    /// Swings along the direction, and less regularly sideways.
+    /// The hand swings along the direction, and less regularly sideways.
     Shake,
 }
 
 impl TaskName {
-    /// What the simulation calls it.
+    /// The task of the simulation.
     pub fn kind(self) -> TaskKind {
         match self {
             Self::Tap => TaskKind::Tap,

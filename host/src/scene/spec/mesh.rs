@@ -1,10 +1,10 @@
-//! `body.mesh`: where elements come from.
+//! `body.mesh`: the source of a body's mesh.
 
 use crate::scene::check;
 use physics::mesh::generate_plate::{HoledPlate, Rays};
 use serde::Deserialize;
 
-/// `body.mesh`.
+/// `body.mesh`: the mesh of a body.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "MeshFields")]
 pub struct Mesh {
@@ -14,11 +14,11 @@ pub struct Mesh {
     pub quadratic: bool,
 }
 
-/// Where elements come from.
+/// The source of a mesh.
 #[derive(Clone, Debug)]
 pub enum MeshSource {
-    /// Triangles: a rectangle in the xy-plane, centred at the origin, its groups `left`, `right`, `bottom`,
-    /// `top` the edges.
+    /// Triangles: a rectangle in the xy-plane, centred at the origin. Its groups are its edges `left`, `right`,
+    /// `bottom` and `top`.
     Sheet {
         /// Extent in x (m).
         length: f64,
@@ -26,18 +26,18 @@ pub enum MeshSource {
         width: f64,
         /// Cells in x and y, two triangles each.
         cells: [u32; 2],
-        /// How the cells are cut.
+        /// The pattern by which cells are cut into triangles.
         pattern: PatternName,
     },
-    /// Triangles: a rectangle in the xy-plane with a round hole in its middle, at the origin.
+    /// Triangles: a rectangle in the xy-plane with a circular hole at its centre, the origin.
     Plate {
         /// The whole plate.
         plate: HoledPlate,
-        /// Whether only the quarter with positive x and y is made.
+        /// Whether the mesh is only the quarter with positive x and y.
         quarter: bool,
     },
-    /// Tetrahedra: a box centred at the origin, its groups the faces `left`, `right`
-    /// (x), `front`, `back` (y), `bottom`, `top` (z).
+    /// Tetrahedra: a box centred at the origin. Its groups are its faces `left` and `right` (x), `front` and `back`
+    /// (y), `bottom` and `top` (z).
     Box {
         /// Extents (m).
         size: [f64; 3],
@@ -56,18 +56,19 @@ pub enum MeshSource {
     File(String),
 }
 
-/// `body.mesh.sheet.pattern`: how the cells of a sheet are cut in two.
+/// `body.mesh.sheet.pattern`: the diagonals by which the cells of a sheet are cut into triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PatternName {
-    /// All alike, from the lower left to the upper right: bends as a thin plate does.
+    /// All diagonals from the lower left to the upper right. The sheet bends as a thin plate does.
     #[default]
     Regular,
-    /// In turn: equally stiff along both diagonals, but too soft against bending by half or more.
+    /// Alternating diagonals. The sheet is equally stiff along both diagonals, but its bending stiffness is too low by
+    /// half or more.
     Alternating,
 }
 
-/// `mesh` as it is written: a table with one source.
+/// `mesh` as the scene file has it: a table with one source.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct MeshFields {
@@ -107,7 +108,7 @@ struct PlateFields {
     height: f64,
     #[serde(deserialize_with = "check::positive")]
     radius: f64,
-    /// Along a quarter of the hole, and from there to the border.
+    /// Number of cells along a quarter of the hole, and from the hole to the border.
     #[serde(deserialize_with = "check::cells")]
     cells: [u32; 2],
     #[serde(default = "mild", deserialize_with = "check::positive")]
@@ -116,7 +117,7 @@ struct PlateFields {
     quarter: bool,
 }
 
-/// Growth of cells in the usual model of a plate with a hole.
+/// Ratio of the sizes of consecutive cells outwards, in the usual model of a plate with a hole.
 fn mild() -> f64 {
     1.15
 }

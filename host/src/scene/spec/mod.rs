@@ -1,7 +1,7 @@
-//! What a scene file says, field by field, with its defaults. Units are SI.
+//! The format of a scene file, field by field, with the defaults. Units are SI.
 //!
-//! Each field that has a range checks it while it is read, so that the error carries the file's line and
-//! the field's path.
+//! Each field that has a range checks the range while the file is read, so that the error names the line of the
+//! file and the path of the field.
 
 pub(crate) mod body;
 mod device;
@@ -30,7 +30,7 @@ pub struct Scene {
     /// How long a run or a dynamic solve lasts (s), at most a day.
     #[serde(default = "one", deserialize_with = "check::duration")]
     pub duration: f64,
-    /// Fixes every random choice; `--seed` overrides it.
+    /// Seed of every random choice; `--seed` overrides it.
     #[serde(default)]
     pub seed: u64,
     /// The realtime loop.
@@ -39,7 +39,7 @@ pub struct Scene {
     /// The host's physics.
     #[serde(default, deserialize_with = "check::table")]
     pub host: Host,
-    /// What `palpate solve` does.
+    /// The settings of `palpate solve`.
     #[serde(default, deserialize_with = "check::table")]
     pub solve: Solve,
     /// Acceleration of gravity (m/s^2).
@@ -54,8 +54,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Index of the device that holds a handle of this scene: its consistency was checked when it was read, so the
-    /// device exists.
+    /// Index of the device that holds a handle of this scene. The device exists, because the consistency of the scene
+    /// was checked when the scene was read.
     pub fn device_of(&self, handle: &Handle) -> usize {
         let holds = |device: &Device| device.name == handle.device;
         self.devices.iter().position(holds).unwrap_or(0)
@@ -74,10 +74,10 @@ fn earth() -> [f64; 3] {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Realtime {
-    /// Ticks a second (Hz).
+    /// Rate of the tick (Hz).
     #[serde(deserialize_with = "check::tick_rate")]
     pub rate: f64,
-    /// Force between publications.
+    /// The scheme: the rule that gives the force between publications.
     #[serde(deserialize_with = "check::word")]
     pub scheme: SchemeName,
     /// `thesis` only: spring from handle to proxy (N/m).
@@ -86,22 +86,22 @@ pub struct Realtime {
     /// `thesis` only: damping of the proxy (N s/m).
     #[serde(deserialize_with = "check::not_negative")]
     pub thesis_damping: f64,
-    /// `proxy` only: spring between device and proxy (N/m); what the device's driver recommends if not given.
+    /// `proxy` only: spring between device and proxy (N/m). Default: the value that the device's driver recommends.
     #[serde(deserialize_with = "check::optional_positive")]
     pub proxy_stiffness: Option<f64>,
-    /// `proxy` only: damper between device and proxy (N s/m); likewise.
+    /// `proxy` only: damper between device and proxy (N s/m). Default: the value that the device's driver recommends.
     #[serde(deserialize_with = "check::optional_not_negative")]
     pub proxy_damping: Option<f64>,
-    /// Share of a publication period over which a new model takes over.
+    /// Duration of the blend into a new model, as a fraction of the publication period.
     #[serde(deserialize_with = "check::share")]
     pub blend: f64,
-    /// Age beyond which a model is not trusted (s); if not given, see [`Realtime::age_limit`].
+    /// Age beyond which a model is not trusted (s). Default: see [`Realtime::age_limit`].
     #[serde(deserialize_with = "check::optional_positive")]
     pub age_limit: Option<f64>,
-    /// Time in which the force then fades (s).
+    /// Time in which the force fades once the model is too old (s).
     #[serde(deserialize_with = "check::positive")]
     pub decay: f64,
-    /// Time in which it comes back (s).
+    /// Time in which the force returns with a new model (s).
     #[serde(deserialize_with = "check::positive")]
     pub recovery: f64,
     /// Damping of the safe hold (N s/m).
@@ -128,9 +128,11 @@ impl Default for Realtime {
 }
 
 impl Realtime {
-    /// Age beyond which a model is not trusted (s). Under `capped` an old model is a passive spring, whatever has
-    /// become of the body, and a force that fades loses what hands have put in: two seconds, the longest stall that
-    /// the stress study knows. Under the others it is on its own: a tenth.
+    /// Age beyond which a model is not trusted (s).
+    ///
+    /// Under `capped` an old model is a passive spring, whatever the state of the body, and a fading force loses the
+    /// energy that the hands supplied. The default is therefore two seconds, the longest stall of the stress study.
+    /// Under the other schemes nothing bounds the energy of an old model, and the default is 0.1 s.
     pub fn age_limit(&self) -> f64 {
         self.age_limit.unwrap_or(match self.scheme {
             SchemeName::Capped => 2.0,
@@ -143,17 +145,17 @@ impl Realtime {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SchemeName {
-    /// The published wrench, held.
+    /// The published wrench, constant between publications.
     Hold,
-    /// Held, plus a spring to the proxy and damping (thesis, equation 4.5).
+    /// The published wrench, plus a spring to the proxy and damping (thesis, equation 4.5).
     Thesis,
-    /// The local model's extrapolation.
+    /// The extrapolation of the local model.
     Linear,
-    /// The same, felt through a spring and a damper to a proxy.
+    /// As `Linear` for a massless proxy, which a virtual coupling connects to the device.
     Proxy,
-    /// As `Linear`, damped once the hands have got more than they gave.
+    /// As `Linear`, with a damper once the hands have received more energy than they supplied.
     Classic,
-    /// As `Linear`, held to the energy that the hands have put in.
+    /// As `Linear`, with a cap: the springs return no more energy than the credit.
     Capped,
 }
 
@@ -161,47 +163,47 @@ pub enum SchemeName {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Host {
-    /// Physics steps a second (Hz).
+    /// Rate of physics steps (Hz).
     #[serde(deserialize_with = "check::rate")]
     pub step_rate: f64,
-    /// Local models a second (Hz); at most `step_rate`, which it divides.
+    /// Rate of publications (Hz): `step_rate` divided by a whole number.
     #[serde(deserialize_with = "check::rate")]
     pub publish_rate: f64,
-    /// Virtual clock: time from reading the hands to the model's arrival (s), at most 1.
+    /// Virtual clock: latency, the time from reading the hands to the arrival of the model (s), at most 1.
     #[serde(deserialize_with = "check::latency")]
     pub latency: f64,
     /// Cut-off of the filter that smooths the handles' paths (Hz).
     #[serde(deserialize_with = "check::positive")]
     pub smoothing: f64,
-    /// What solves a step.
+    /// The solver of a step.
     #[serde(deserialize_with = "check::word")]
     pub solver: SolverName,
-    /// Real clock, frozen solvers: time after which a step is taken with what has been found (s); no limit if not
-    /// given.
+    /// Real clock, frozen solvers: time after which a step takes its latest iterate (s). Default: no limit.
     #[serde(deserialize_with = "check::optional_positive")]
     pub budget: Option<f64>,
-    /// Solver: residual relative to the step's first.
+    /// Solver: final residual, relative to the first residual of the step.
     #[serde(deserialize_with = "check::tolerance")]
     pub tolerance: f64,
-    /// Solver: most iterations a step.
+    /// Solver: largest number of iterations per step.
     #[serde(deserialize_with = "check::iterations")]
     pub max_iterations: usize,
 }
 
-/// `host.solver`: what solves a step.
+/// `host.solver`: the solver of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SolverName {
-    /// By the body.
+    /// The host chooses the solver for each body.
     #[default]
     Auto,
-    /// The assembled matrix, conjugate gradients on its diagonal blocks.
+    /// Conjugate gradients on the assembled matrix, preconditioned by its diagonal blocks.
     Assembled,
-    /// Nothing assembled, conjugate gradients on a frozen factor.
+    /// Conjugate gradients without an assembled matrix, preconditioned by a frozen factor.
     Frozen,
-    /// The same in single precision.
+    /// As `Frozen`, in single precision.
     FrozenSingle,
-    /// As `Frozen`, on an incomplete factor with the motions of patches: for bodies whose complete one is too large.
+    /// As `Frozen`, with an incomplete factor and the motions of patches. It is for bodies whose complete factor is too
+    /// large.
     Incomplete,
 }
 

@@ -3,36 +3,36 @@
 use crate::scene::check;
 use serde::Deserialize;
 
-/// `[solve]`: how `palpate solve` goes about a scene.
+/// `[solve]`: the settings of `palpate solve`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Solve {
-    /// What is asked.
+    /// The kind of analysis.
     #[serde(deserialize_with = "check::word")]
     pub analysis: Analysis,
-    /// `static`: steps in which displacements, loads and weight grow; each is a frame of the result.
+    /// `static`: number of steps in which displacements, loads and weight grow. Each step is a frame of the result.
     #[serde(deserialize_with = "check::frames")]
     pub load_steps: usize,
     /// `dynamic`: length of a time step (s).
     #[serde(deserialize_with = "check::positive")]
     pub step: f64,
-    /// `dynamic`: how time is discretized.
+    /// `dynamic`: time discretization.
     #[serde(deserialize_with = "check::word")]
     pub scheme: TimeScheme,
-    /// `dynamic`: time over which displacements and loads grow, evenly, to their full values (s); weight is
-    /// there from the start. Not given: the whole duration.
+    /// `dynamic`: time over which displacements and loads grow linearly to their full values (s). Default: the whole
+    /// duration. The weight acts in full from the start.
     #[serde(deserialize_with = "check::optional_not_negative")]
     pub ramp: Option<f64>,
-    /// `dynamic`: frames of the result, evenly in time, beside the start.
+    /// `dynamic`: number of frames of the result, evenly spaced in time, in addition to the start.
     #[serde(deserialize_with = "check::frames")]
     pub frames: usize,
-    /// Residual as a share of the forces that balance.
+    /// Final residual, relative to the forces that balance.
     #[serde(deserialize_with = "check::tolerance")]
     pub tolerance: f64,
-    /// Most Newton iterations of one solve, before its step is halved.
+    /// Largest number of Newton iterations of one solve, before its step is halved.
     #[serde(deserialize_with = "check::iterations")]
     pub max_iterations: usize,
-    /// Whether a step that turns elements inside out is halved, and refused if that does not help.
+    /// Whether a step that inverts elements is halved, and refused if smaller steps invert elements as well.
     pub refuse_inversion: bool,
 }
 
@@ -52,7 +52,7 @@ impl Default for Solve {
     }
 }
 
-/// What is asked of a scene.
+/// The kind of analysis of a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Analysis {
@@ -62,7 +62,7 @@ pub enum Analysis {
     Dynamic,
 }
 
-/// How time is discretized.
+/// The time discretization.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TimeScheme {

@@ -1,4 +1,4 @@
-//! Error against processor time, a chart for each thing that is varied.
+//! Error against processor time, one chart for each quantity that is varied.
 
 use host::plot::{self, Marker, Series};
 use study::speed::{Speed, Varied};

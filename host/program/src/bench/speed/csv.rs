@@ -1,10 +1,10 @@
-//! A line for each scene and path.
+//! The results as CSV, a line for each scene and path.
 
 use std::fmt::Write;
 use study::speed::Speed;
 
-/// What the columns are; times in microseconds, step in seconds, force in newtons, errors as shares of the
-/// largest force.
+/// The names of the columns. Times are in microseconds, the step in seconds, the force in newtons. Errors are
+/// relative to the largest force.
 const HEAD: &str = "scene,elements,unknowns,step_s,path,steps,median_us,p99_us,p999_us,worst_us,\
     mean_iterations,most_iterations,residual,force_n,solver_error,step_error,jnd";
 
@@ -17,7 +17,7 @@ pub(super) fn rows(found: &Speed) -> String {
         let step_error = row
             .step_error
             .map_or(String::new(), |error| format!("{error:e}"));
-        // A string takes everything.
+        // Writing to a string cannot fail.
         let _ = writeln!(
             text,
             "{},{},{},{},{},{},{median:.2},{p99:.2},{p999:.2},{worst:.2},{:.2},{},{:e},{},{:e},{step_error},{:e}",

@@ -6,7 +6,7 @@ pub(super) fn print(rows: &[KernelRow]) {
     if rows.is_empty() {
         return;
     }
-    println!("\nEach kind of element and law, pressed or pulled by a tenth in 0.5 s:\n");
+    println!("\nEach kind of element and law, compressed or extended by a tenth in 0.5 s:\n");
     println!(
         "| elements | law | number | assemble ns | linearize ns | product ns | assembled step ns | fast step ns | times as fast | assembled error | fast error |"
     );
@@ -28,8 +28,8 @@ pub(super) fn print(rows: &[KernelRow]) {
         );
     }
     println!(
-        "\nMedians of processor time for each element. Linearize and product: those of the fast step, bending included. \
-         Steps: solved to 1e-6. Errors: the largest of the force over the motion against implicit Euler by Newton's \
-         method, as a share of the largest force."
+        "\nMedians of processor time per element. Linearize and product: those of the fast step, with bending. Steps: \
+         solved to 1e-6. Errors: the largest error of the force over the motion, against implicit Euler by Newton's \
+         method, relative to the largest force."
     );
 }

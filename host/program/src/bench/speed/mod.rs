@@ -16,19 +16,19 @@ use study::speed::{self, Section};
 /// Arguments of `palpate bench speed`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct SpeedArguments {
-    /// Write everything as JSON, too
+    /// Write all results as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Write a line for each scene and path as CSV, too
+    /// Write a line for each scene and path as CSV as well
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Draw error against processor time (SVG): speed-solver, speed-mesh and speed-time-step
     #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,
-    /// Faster motions and fewer meshes: within a minute instead of twenty
+    /// Use faster motions and fewer meshes: within one minute instead of twenty
     #[arg(long)]
     quick: bool,
-    /// Measure one part of the study only
+    /// Measure only this part of the study
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
 }
@@ -40,15 +40,15 @@ enum Part {
     Cube,
     /// The sheets' scenes
     Sheets,
-    /// Larger and larger cubes
+    /// Cubes of increasing size
     Scaling,
-    /// What is left undone on purpose
+    /// Work that is skipped on purpose
     Skips,
     /// Error against time
     Precision,
-    /// Where the time of the fast step goes
+    /// Distribution of the time of the fast step
     Parts,
-    /// Each kind of element and law, assembled and not
+    /// Each kind of element and law, with and without an assembled matrix
     Kernels,
 }
 
@@ -73,7 +73,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
         Level::Full
     };
     let bar = progress_bar();
-    let progress = |share: f64| bar.set_position((1000.0 * share) as u64);
+    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
     let found = speed::run(level, arguments.only.map(Section::from), progress);
     bar.finish_and_clear();
     let found = found?;
@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     if let Some(path) = &arguments.csv {
         write_atomically(path, csv::rows(&found).as_bytes())?;
     }
-    // Charts are of that part.
+    // The charts show the part `precision` only.
     let drawn = !found.precision.is_empty();
     if let Some(folder) = arguments.plot.as_ref().filter(|_| drawn) {
         std::fs::create_dir_all(folder).map_err(|source| AtomicFileError {

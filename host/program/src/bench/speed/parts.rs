@@ -1,4 +1,4 @@
-//! The tables of where the time of the fast step goes.
+//! The tables of the distribution of the fast step's time over its parts.
 
 use study::speed::{Parts, Timed};
 
@@ -6,9 +6,9 @@ pub(super) fn print(found: &Parts) {
     if found.timed.is_empty() {
         return;
     }
-    println!("\nWhere the time of the fast step goes:\n");
+    println!("\nDistribution of the time of the fast step:\n");
     println!(
-        "| body | elements | step | part | median us | a step | share of step | kB | Mflop | GB/s | machine GB/s | share of bandwidth | Gflop/s | machine Gflop/s | share of peak |"
+        "| body | elements | step | part | median us | per step | fraction of step | kB | Mflop | GB/s | machine GB/s | fraction of bandwidth | Gflop/s | machine Gflop/s | fraction of peak |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for part in &found.timed {
@@ -32,14 +32,15 @@ pub(super) fn print(found: &Parts) {
         );
     }
     println!(
-        "\nMedians of processor time, each part repeated where the body is. A step: how often one does it, on average. \
-         Bytes: every array once for each pass that reads or writes it. Machine: one thread reading a block as large as \
-         the memory that the part touches, again and again, and multiplying and adding in registers without fusing the \
-         two. The factorization, a library's, fuses them: its share may exceed what others can reach."
+        "\nMedians of processor time. Each part is repeated in the present state of the body. Per step: mean number of \
+         executions in a step. Bytes: every array counts once for each pass that reads or writes the array. Machine: one \
+         thread that repeatedly reads a block as large as the memory of the part, and one that multiplies and adds in \
+         registers without fused operations. The factorization belongs to a library and uses fused operations: its \
+         fraction of the peak may exceed that of the other parts."
     );
     println!("\nMemory of the fast step:\n");
     println!(
-        "| body | elements | step | stepper kB | of that, to refresh | bytes an element | body kB | bytes an element |"
+        "| body | elements | step | stepper kB | of which refresher kB | bytes per element | body kB | bytes per element |"
     );
     println!("|---|---|---|---|---|---|---|---|");
     for memory in &found.memory {
@@ -57,7 +58,7 @@ pub(super) fn print(found: &Parts) {
     }
 }
 
-/// The median of the step of which `part` is one (s).
+/// The median time of the step to which `part` belongs (s).
 fn step(found: &Parts, part: &Timed) -> f64 {
     let whole = found.timed.iter().find(|other| {
         other.part == "step" && other.body == part.body && other.precision == part.precision

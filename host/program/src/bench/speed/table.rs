@@ -1,4 +1,4 @@
-//! What is printed: the machine, and a table for each part of the study.
+//! The printed result: the machine, and a table for each part of the study.
 
 use super::{kernels, parts};
 use study::elsewhere::{SPEED, Steps};
@@ -26,10 +26,10 @@ fn print_scenes(found: &Speed) {
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
         println!(
-            "\nTimes: processor time of one thread for a whole step. Errors: the largest of the force over the motion, as a \
-             share of the largest force: of the solver, against the same equation solved to 1e-12; of the step, \
-             against implicit Euler by Newton's method. JND: the larger of the two in just-noticeable differences \
-             of 10 %."
+            "\nTimes: processor time of one thread for a whole step. Errors: the largest error of the force over the \
+             motion, relative to the largest force. The solver error is against the same equation solved to 1e-12, the \
+             step error against implicit Euler by Newton's method. JND: the larger of the two errors, in just-noticeable \
+             differences of 10 %."
         );
     }
 }
@@ -45,8 +45,8 @@ fn print_elsewhere_all(found: &Speed) {
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
         println!(
-            "\nScaled: times the ratio of the small kernel's times, {:.2}. The ratios on the right: the other program's \
-             scaled time over ours.",
+            "\nScaled: multiplied by the ratio of the small kernel's times, {:.2}. The ratios on the right are the scaled \
+             time of the other program over the time of palpate.",
             found.machine.scaled(1.0)
         );
     }
@@ -61,7 +61,7 @@ fn print_machine(machine: &Machine) {
         machine.found.join(" ")
     );
     println!(
-        "Small kernel: {:.2} us here, {:.2} us where the other programs' times were taken",
+        "Small kernel: {:.2} us on this machine, {:.2} us on the machine that measured the other programs",
         1e6 * machine.calibration,
         1e6 * machine.calibration_elsewhere
     );
@@ -93,7 +93,7 @@ fn print_rows(rows: &[Row]) {
     }
 }
 
-/// What the others take, beside the ratio of each path that was run on as many elements.
+/// Prints the times of the other programs, with the ratio to each path that was run on the same number of elements.
 fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &str) {
     let mut paths: Vec<&str> = Vec::new();
     for row in rows.iter().filter(|row| row.scene == scene) {
@@ -170,7 +170,7 @@ fn print_scaling(found: &Speed) {
     println!();
     for scaling in &found.scaling {
         println!(
-            "- {}: a step's time grows with the power {:.2} of the tetrahedra, an iteration's with {:.2}",
+            "- {}: the time of a step grows with the power {:.2} of the number of tetrahedra, the time of an iteration with {:.2}",
             scaling.path, scaling.exponent, scaling.exponent_of_iteration
         );
     }
@@ -181,9 +181,9 @@ fn print_skips(found: &Speed) {
         return;
     }
     println!(
-        "\nLeft undone on purpose (error of the stiffness published, or of the force, as a share):\n"
+        "\nWork skipped on purpose (relative error of the published stiffness, or of the force):\n"
     );
-    println!("| what | elements | whole us | done us | error |");
+    println!("| work | elements | full us | reduced us | error |");
     println!("|---|---|---|---|---|");
     for skip in &found.skips {
         println!(

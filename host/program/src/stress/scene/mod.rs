@@ -1,4 +1,4 @@
-//! `palpate stress scene`: a scene under all kinds of hands, rates and faults.
+//! `palpate stress scene`: runs a scene with many kinds of hands, rates and faults.
 
 pub(super) mod picture;
 mod table;
@@ -18,28 +18,28 @@ use study::stress::scene::{SCHEMES, Study};
 pub(super) struct SceneArguments {
     /// Scene file (TOML)
     scene: PathBuf,
-    /// How many worlds are drawn; each is run under every scheme
+    /// Number of random worlds. Each world is run under every scheme
     #[arg(long, value_name = "N")]
     runs: Option<u64>,
-    /// Which schemes; all unless told
+    /// Schemes to run. Default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = scheme)]
     schemes: Vec<SchemeName>,
-    /// Run one world again and show it whole: --plot draws it, --log writes every tick
+    /// Run one world again and print its outcome: --plot draws the run, --log writes every tick
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
-    /// The scheme that it is run under; capped unless told
+    /// Scheme of that world's run. Default: capped
     #[arg(long, value_name = "NAME", requires = "cell", value_parser = scheme)]
     scheme: Option<SchemeName>,
-    /// Write every tick of it (CSV)
+    /// Write every tick of the run (CSV)
     #[arg(long, value_name = "FILE", requires = "cell")]
     log: Option<PathBuf>,
     #[command(flatten)]
     common: Common,
 }
 
-/// Worlds unless told: ten of each rate and kind of trouble. A world of the sheet takes about a second of one core.
+/// Default number of worlds: ten of each rate and each trouble. A world of the sheet takes about a second of one core.
 const RUNS: u64 = 420;
-/// Each rate twice: without faults, and with stalls.
+/// Number of worlds of a quick study: each rate twice, without faults and with stalls.
 const QUICK: u64 = 14;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
@@ -92,7 +92,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     }
 }
 
-/// Runs one world under one scheme, and shows it.
+/// Runs one world under one scheme and prints its outcome.
 fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(), CommandError> {
     let wanted = arguments.scheme.unwrap_or(SchemeName::Capped);
     let (draw, reference, runs) = study.traces(cell, &[wanted])?;
@@ -126,11 +126,12 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     Ok(())
 }
 
-/// Every tick as a line: time, energies, then for each device force and position, of the run and of its reference.
+/// The ticks of a run as CSV, one line per tick: time, energies, then force and position of each device in the run and
+/// in the reference run.
 pub(super) fn log(run: &Trace, reference: &Trace) -> String {
     let mut text = String::from("time,out,reference_out,to_spend,stored");
     for device in 0..run.devices.len() {
-        for what in [
+        for column in [
             "force",
             "position",
             "body",
@@ -139,26 +140,26 @@ pub(super) fn log(run: &Trace, reference: &Trace) -> String {
             "reference_position",
         ] {
             for axis in ["x", "y", "z"] {
-                let _ = write!(text, ",{what}_{device}_{axis}");
+                let _ = write!(text, ",{column}_{device}_{axis}");
             }
         }
     }
     for tick in 0..run.out.len() {
         let [to_spend, stored] = run.account[tick];
         let time = tick as f64 * run.period;
-        let (out, right) = (run.out[tick], reference.out[tick]);
+        let (out, expected) = (run.out[tick], reference.out[tick]);
         let _ = write!(
             text,
-            "\n{time:.4},{out:.9},{right:.9},{to_spend:.9},{stored:.9}"
+            "\n{time:.4},{out:.9},{expected:.9},{to_spend:.9},{stored:.9}"
         );
-        for (mine, right) in run.devices.iter().zip(&reference.devices) {
+        for (device, expected) in run.devices.iter().zip(&reference.devices) {
             for value in [
-                mine.force[tick],
-                mine.position[tick],
-                mine.body[tick],
-                mine.own[tick].force,
-                right.force[tick],
-                right.position[tick],
+                device.force[tick],
+                device.position[tick],
+                device.body[tick],
+                device.own[tick].force,
+                expected.force[tick],
+                expected.position[tick],
             ] {
                 let _ = write!(text, ",{:.6},{:.6},{:.6}", value.x, value.y, value.z);
             }

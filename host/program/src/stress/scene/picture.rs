@@ -1,4 +1,4 @@
-//! Pictures of the study, and of one of its cells.
+//! Charts of a study, and of one of its cells.
 
 use host::plot::{self, Marker, Panel, Series};
 use std::collections::BTreeMap;
@@ -7,18 +7,18 @@ use study::stress::scene::measure::{DeviceTrace, Outcome, Trace};
 use study::stress::scene::summary::{Band, outcomes};
 use study::stress::scene::{CellResult, SCHEMES};
 
-/// Most points of a line: more would not be seen.
+/// Largest number of points of a line: more would not be visible.
 const POINTS: usize = 240;
-/// Net energies below this (mJ) are drawn as this much: a logarithmic axis has no zero.
+/// Net energies below this bound are drawn at the bound (mJ), because a logarithmic axis has no zero.
 const LEAST_ENERGY: f64 = 1e-3;
 
-/// The same of errors (%), ripple (mN) and shares (%).
+/// The corresponding bound for errors (%), ripple (mN) and fractions (%).
 const LEAST_ERROR: f64 = 1e-3;
 
-/// A number of an outcome.
+/// A quantity of an outcome.
 type Value = fn(&Outcome) -> f64;
 
-/// The distributions of force error and net energy, for late hosts, those of 60 Hz, and faster ones.
+/// The distributions of force error and net energy, for hosts at 20 and 30 Hz, at 60 Hz, and at higher rates.
 pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> String {
     let bands = [
         ("20 and 30 Hz", Band::of(20.0, 30.0)),
@@ -32,7 +32,7 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
         }),
     ];
     let mut panels = Vec::new();
-    for (what, value) in values {
+    for (quantity, value) in values {
         for (label, band) in bands {
             let series = SCHEMES.iter().map(|(_, scheme)| {
                 let found = outcomes(cells.iter(), scheme, band);
@@ -43,8 +43,8 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
                 }
             });
             panels.push(Panel {
-                x_label: format!("{what}, host at {label}"),
-                y_label: "share of runs".to_owned(),
+                x_label: format!("{quantity}, host at {label}"),
+                y_label: "fraction of runs".to_owned(),
                 log_x: true,
                 series: series.collect(),
             });
@@ -55,23 +55,24 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
     plot::panels_svg(&title, &subtitle, 3, &panels)
 }
 
-/// The distributions of the study of holds: errors of the hold and of the run, ripple, and the cap's share.
+/// The distributions of the study of holds: errors of the hold and of the run, ripple, and the fraction of ticks in
+/// which the cap acts.
 pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
     let values: [(&str, Value); 4] = [
         ("error of the hold (%)", |o| {
             (100.0 * o.felt.hold_error).max(LEAST_ERROR)
         }),
-        ("error of the run, of its peak (%)", |o| {
+        ("error of the run, relative to its peak (%)", |o| {
             (100.0 * o.felt.run_error).max(LEAST_ERROR)
         }),
-        ("ripple beyond the reference's (mN)", |o| {
+        ("ripple in excess of the reference (mN)", |o| {
             (1e3 * o.felt.worst_ripple).max(LEAST_ERROR)
         }),
         ("ticks capped (%)", |o| (100.0 * o.capped).max(LEAST_ERROR)),
     ];
-    let panels = values.map(|(what, value)| Panel {
-        x_label: what.to_owned(),
-        y_label: "share of cells".to_owned(),
+    let panels = values.map(|(quantity, value)| Panel {
+        x_label: quantity.to_owned(),
+        y_label: "fraction of cells".to_owned(),
         log_x: true,
         series: hold::SCHEMES
             .iter()
@@ -92,7 +93,7 @@ pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
     plot::panels_svg("Presses, holds, rubs and tremors", &subtitle, 2, &panels)
 }
 
-/// The share of `values` that lies below each of them.
+/// The cumulative distribution of `values`: for each value, the fraction of the values at or below it.
 fn distribution(mut values: Vec<f64>) -> Vec<(f64, f64)> {
     values.sort_unstable_by(f64::total_cmp);
     let count = values.len();
@@ -103,7 +104,8 @@ fn distribution(mut values: Vec<f64>) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// One run beside its reference: each device's force and motion along its main direction, and the energy.
+/// One run beside its reference run: force and position of each device along the main direction of its force, and the
+/// energy.
 pub(in crate::stress) fn cell(
     title: &str,
     subtitle: &str,
@@ -122,30 +124,30 @@ pub(in crate::stress) fn cell(
         log_x: false,
         series,
     };
-    for (number, (mine, right)) in run.devices.iter().zip(&reference.devices).enumerate() {
-        let way = right.main_direction();
-        let along = |trace: &DeviceTrace| trace.force.iter().map(|f| f.dot(&way)).collect();
-        let own = mine.own.iter().map(|own| own.force.dot(&way));
+    for (number, (device, expected)) in run.devices.iter().zip(&reference.devices).enumerate() {
+        let axis = expected.main_direction();
+        let along = |trace: &DeviceTrace| trace.force.iter().map(|f| f.dot(&axis)).collect();
+        let own = device.own.iter().map(|own| own.force.dot(&axis));
         panels.push(panel(
             format!("force of device {number} (N)"),
             vec![
-                line("this run", along(mine)),
-                line("reference", along(right)),
+                line("this run", along(device)),
+                line("reference", along(expected)),
                 line("the body's own along this run", own.collect()),
             ],
         ));
     }
-    for (number, (mine, right)) in run.devices.iter().zip(&reference.devices).enumerate() {
-        let way = right.main_direction();
+    for (number, (device, expected)) in run.devices.iter().zip(&reference.devices).enumerate() {
+        let axis = expected.main_direction();
         let along = |trace: &DeviceTrace| {
             let places = trace.position.iter();
-            places.map(|p| 1e3 * p.dot(&way)).collect()
+            places.map(|p| 1e3 * p.dot(&axis)).collect()
         };
         panels.push(panel(
             format!("position of device {number} (mm)"),
             vec![
-                line("this run", along(mine)),
-                line("reference", along(right)),
+                line("this run", along(device)),
+                line("reference", along(expected)),
             ],
         ));
     }
@@ -167,7 +169,7 @@ pub(in crate::stress) fn cell(
     plot::panels_svg(title, subtitle, 2, &panels)
 }
 
-/// A point for each few ticks: the largest of them in size, so that no peak is lost.
+/// One point for several ticks: the value of largest magnitude, so that no peak is lost.
 fn thin(period: f64, values: &[f64]) -> Vec<(f64, f64)> {
     let every = values.len().div_ceil(4 * POINTS).max(1);
     let each = values.chunks(every).enumerate();

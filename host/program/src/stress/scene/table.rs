@@ -5,9 +5,9 @@ use study::stress::scene::draw::{RATES, Trouble};
 use study::stress::scene::summary::{Band, Row, row};
 use study::stress::scene::{CellResult, SCHEMES};
 
-/// Prints a table by rate, and one by what went wrong.
+/// Prints a table by publication rate, and a table by trouble.
 pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
-    println!("By publication rate, whatever went wrong:\n");
+    println!("By publication rate, over all troubles:\n");
     head("Hz");
     let late = ("20 and 30", Band::of(20.0, 30.0));
     let others = [
@@ -19,7 +19,7 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
     for (name, band) in each.chain([late]).chain(others) {
         rows(cells, name, band);
     }
-    println!("\nBy what went wrong, at 60 Hz and more:\n");
+    println!("\nBy trouble, at 60 Hz and more:\n");
     head("trouble");
     for trouble in Trouble::ALL {
         let band = Band {
@@ -33,8 +33,8 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
 fn head(first: &str) {
     println!(
         "| {first} | scheme | runs | bounded % | net energy mJ: 99 %, most (cell) | ripple N: median, most (cell) \
-         | error %: median, 90 % | once word has come | without faults: median, 90 %, below 10 % | stiffness error %: median, 90 % \
-         | felt %: median, 90 % | ripple of the run N: 90 %, most | capped %: median, most |"
+         | error %: median, 90 % | with a current model | without faults: median, 90 %, below 10 % | stiffness error %: median, 90 % \
+         | run error %: median, 90 % | ripple of the run N: 90 %, most | capped %: median, most |"
     );
     println!("|{}", "---|".repeat(13));
 }
