@@ -221,7 +221,7 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
     let material = &loaded.scene.bodies[index].material;
     let fields = mesh.fields();
     let count = mesh.element_count();
-    let take = |what: &str, name: &Option<String>, base: f64| match name {
+    let take = |quantity: &str, name: &Option<String>, base: f64| match name {
         None => Ok(vec![base; count]),
         Some(name) => values(loaded, index, quantity, name, fields),
     };
