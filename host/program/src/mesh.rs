@@ -89,7 +89,7 @@ impl Format {
 
 /// A summary of the mesh: its kind, its size, its groups and its fields.
 fn summary(name: &str, mesh: &Mesh) -> String {
-    let (what, parts) = match mesh {
+    let (kind, parts) = match mesh {
         Mesh::Thread(mesh) => ("lines", &mesh.line_groups),
         Mesh::Sheet(mesh) => ("triangles", &mesh.triangle_groups),
         Mesh::Solid(mesh) => ("tetrahedra", &mesh.cell_groups),
