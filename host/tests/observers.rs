@@ -1,4 +1,4 @@
-//! Whoever watches a run sees all of it, whether it is logged or not.
+//! An observer of a run receives every record, whether the run is logged or not.
 
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
@@ -7,13 +7,13 @@ use runner::link::LogRecord;
 use std::error::Error;
 use std::sync::{Arc, Mutex};
 
-/// What an observer saw.
+/// The records that an observer received.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Seen {
     /// The numbers of the ticks.
     ticks: Vec<u64>,
     models: u64,
-    /// Ticks that used a model before it was shown.
+    /// Ticks that used a model before the observer received it.
     early: u64,
 }
 
@@ -52,7 +52,7 @@ fn an_observer_sees_every_tick_and_its_models_before_it() -> Result<(), Box<dyn 
         let seen = Arc::new(Mutex::new(Seen::default()));
         let others = Observers::new().with(Watcher(Arc::clone(&seen)));
         let summary = run_watched(&loaded, &options, others, |_| {})?;
-        // The summary is there as ever, with what the observer had to say.
+        // The summary is complete, and contains the failure that the observer reported.
         assert_eq!(summary.tick.records, 200);
         assert_eq!(summary.failures, ["the watcher fell asleep"]);
         let seen = seen.lock().expect("nothing panics").clone();

@@ -1,5 +1,5 @@
-//! Threads in scenes: generated or read, solved against the force of a stretched bar, and refused where the scene says
-//! what a thread has not.
+//! Threads in scenes: generated or read from a file, compared with the force of a stretched bar, and refused with
+//! parameters that threads do not have.
 
 use host::bodies::{self, Kind};
 use host::scene::{LoadedScene, Scene};
@@ -23,7 +23,7 @@ fn solved(loaded: &LoadedScene) -> BodySolution {
     solution.bodies.into_iter().next().expect("a body")
 }
 
-/// A weightless thread of `mesh`, its right end moved by `pull` (m).
+/// A thread of `mesh` without weight, whose right end is moved by `pull` (m).
 fn pulled(mesh: &str, material: &str, right: &str, pull: f64) -> String {
     format!(
         r#"
@@ -63,7 +63,7 @@ fn a_pulled_thread_resists_with_its_stiffness() {
     let body = solved(&loaded);
     assert_eq!(body.kind, Kind::Thread);
     assert_eq!((body.elements, body.vertices_of_element), (4, 2));
-    // EA = 2 N, a tenth longer; the solver leaves less than 1e-8 of it open.
+    // EA = 2 N, extended by a tenth. The residual of the solver is below 1e-8.
     let [x, y, z] = force(&body, "right");
     assert!(
         (x - 0.2).abs() < 1e-8 && y == 0.0 && z == 0.0,
@@ -87,7 +87,7 @@ fn a_rod_resists_compression_where_a_thread_does_not() {
     assert_eq!(body.elastic_energy(), 0.0);
 }
 
-/// The same thread as a VTK file, its cross-section by line.
+/// The same thread as a VTK file, with a cross-section for each line.
 fn file() -> String {
     "# vtk DataFile Version 3.0\nthread\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 3 double\n\
      -0.1 0 0\n0 0 0\n0.1 0 0\nCELLS 2 6\n2 0 1\n2 1 2\nCELL_TYPES 2\n3\n3\n\
@@ -96,12 +96,12 @@ fn file() -> String {
 }
 
 #[test]
-fn a_file_of_lines_is_a_thread_whose_cross_section_may_stand_in_it() {
+fn a_file_of_lines_is_a_thread_and_may_contain_its_cross_section() {
     let right = "box = [[0.0999, -1, -1], [0.1001, 1, 1]]";
     let material = "area = 1, fields = { area = \"section\" }";
     let text = pulled("file = \"t.vtk\"", material, right, 0.03);
     let body = solved(&load(&text, &[("t.vtk", file())]));
-    // Springs of 20 and 40 N/m one after the other.
+    // Springs of 20 and 40 N/m in series.
     let [x, ..] = force(&body, "right");
     assert!((x - 0.03 * 20.0 * 40.0 / 60.0).abs() < 1e-8, "{x}");
 }
@@ -116,7 +116,7 @@ fn a_region_has_another_cross_section() {
 }
 
 #[test]
-fn what_a_thread_has_not_is_refused() {
+fn parameters_that_a_thread_does_not_have_are_refused() {
     let refused = |mesh: &str, material: &str| {
         let loaded = load(&pulled(mesh, material, RIGHT, 0.0), &[]);
         let error = bodies::build(&loaded, 0).expect_err("refused");

@@ -53,7 +53,7 @@ fn link(name: &str, features: &[&str]) -> PathBuf {
         .arg(fixture.join("Cargo.toml"))
         .arg("--target-dir")
         .arg(&target)
-        // No start-up code of the C library: what is in the object is the law's.
+        // Without the start-up code of the C library, the object contains only the law.
         .args([
             "--",
             "-Clink-arg=-nostartfiles",

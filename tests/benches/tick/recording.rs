@@ -15,14 +15,14 @@ pub(crate) const TICKS: usize = 3000;
 /// The scene's host steps and publishes at 250 Hz; a model arrives one period after its step began.
 pub(crate) const HOST_EVERY: usize = 4;
 
-/// A device with what passed through it.
+/// A device with its recorded readings and wrenches.
 struct Tape {
     device: AnyDevice,
     readings: Vec<Reading>,
     wrenches: Vec<Wrench>,
 }
 
-/// A device that keeps what passes through it on the tape that comes with it.
+/// A device that records its readings and wrenches on the returned tape.
 fn recorder(device: AnyDevice) -> (AnyDevice, Arc<Mutex<Tape>>) {
     let capabilities = device.capabilities();
     let tape = Arc::new(Mutex::new(Tape {

@@ -169,9 +169,8 @@ pub fn run(
         found.skips = skips::run(level)?;
     }
     if wanted(Section::Precision) {
-        found.precision = precision::run(level, |fraction| {
-            within(scaling_end, precision_end, fraction)
-        })?;
+        let report = |fraction| within(scaling_end, precision_end, fraction);
+        found.precision = precision::run(level, report)?;
     }
     if wanted(Section::Parts) {
         found.parts = parts::run(level, |fraction| within(precision_end, parts_end, fraction))?;

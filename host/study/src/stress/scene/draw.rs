@@ -273,8 +273,8 @@ fn stalls(chance: Chance) -> Vec<Span> {
     (1..=count).map(|n| span(chance, n, 0.05, 2.0)).collect()
 }
 
-/// Between the relaxed and the rigid grip of simulated hands, all on logarithmic scales. Firm hands are heavy as a rule:
-/// each number strays from a common firmness.
+/// A grip between the relaxed and the rigid grip of simulated hands, all on logarithmic scales. Firm hands are usually
+/// heavy: each number deviates from a common firmness.
 fn grip(chance: Chance, device: u64) -> Grip {
     let firmness = chance.unit(4 * device);
     let stray = |n| (firmness + chance.between(4 * device + n, -0.25, 0.25)).clamp(0.0, 1.0);
