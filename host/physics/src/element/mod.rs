@@ -1,13 +1,13 @@
-//! Elements: forces, energies and stiffness of a set of them. The exact form and the form for vector instructions stand
-//! side by side.
+//! Elements: forces, energies and stiffness of sets of elements. The exact form and the form for vector instructions
+//! stand side by side.
 //!
-//! - [`Elements`]: what any set of elements gives a body, exactly.
-//! - `kernel`: what the realtime step needs of a set, on padded nodes.
-//! - [`tet`]: what linear and quadratic tetrahedra have in common: shape functions, any law exactly, any isotropic law in
-//!   vectors.
-//! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
-//! - [`triangle`]: membranes, with a grain or without.
-//! - [`bending`]: what a sheet that is flat at rest resists bending with.
+//! - [`Elements`]: the interface of a set of elements to a body, in the exact form.
+//! - `kernel`: the interface of a set of elements to the realtime step, on padded nodes.
+//! - [`tet`]: code that linear and quadratic tetrahedra have in common: shape functions, any law in the exact form, any
+//!   isotropic law in the vector form.
+//! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in the vector form.
+//! - [`triangle`]: membranes, isotropic or woven.
+//! - [`bending`]: the bending stiffness of a sheet that is flat at rest.
 
 pub mod bending;
 pub mod elements;
