@@ -1,4 +1,4 @@
-//! What a local model says of a hand that moves steadily, against the steps that follow it.
+//! The wrench that a local model predicts for a steadily moving hand, against the steps that follow the model.
 
 mod fem_support;
 
@@ -10,7 +10,7 @@ use physics::{
 
 /// A step (s).
 const H: f64 = 1e-3;
-/// Steps between models, and steps that a model is to be good for.
+/// Steps between models, and steps over which a model must be accurate.
 const EVERY: u32 = 4;
 const AHEAD: u32 = 8;
 /// The hand presses the block this fast (m/s), for so many steps.
@@ -45,7 +45,7 @@ fn block(damping: f64) -> (Body, Vec<HandlePose>) {
     (body.unwrap(), rest_poses(&handles))
 }
 
-/// The hand goes on, to its velocity within 0.1 s.
+/// Moves the hand, which reaches its velocity within 0.1 s.
 fn press(poses: &mut [HandlePose], step: u32) {
     let start = (f64::from(step) / 100.0).min(1.0);
     poses[1].position.z -= SPEED * H * start;
@@ -55,8 +55,8 @@ fn force(body: &Body) -> Vec3 {
     body.handle_report(1).unwrap().wrench_on_hand.force
 }
 
-/// Presses with `step`, takes models with `condense`, and returns by which share of its change the last one errs in
-/// the hand's force.
+/// Presses with `step` and computes models with `condense`. Returns the error of the last model in the hand's force, as
+/// a fraction of the change of that force.
 fn error<S>(
     damping: f64,
     solver: impl FnOnce(&Body) -> S,
@@ -79,11 +79,12 @@ fn error<S>(
         step(&mut solver, &mut body, &poses);
     }
     let ahead = f64::from(AHEAD) * H;
-    let way = -SPEED * ahead;
-    let foretold =
-        Vec3::from_fn(|i, _| model.drift[6 + i] * ahead - model.stiffness[(6 + i, 8)] * way);
+    let displacement = -SPEED * ahead;
+    let predicted = Vec3::from_fn(|i, _| {
+        model.drift[6 + i] * ahead - model.stiffness[(6 + i, 8)] * displacement
+    });
     let change = force(&body) - start;
-    (foretold - change).norm() / change.norm()
+    (predicted - change).norm() / change.norm()
 }
 
 fn assembled(damping: f64) -> f64 {
@@ -120,7 +121,7 @@ fn frozen<T: Real>(damping: f64) -> f64 {
 }
 
 #[test]
-fn models_of_a_pressed_block_foretell_a_steady_hand() {
+fn models_of_a_pressed_block_predict_the_force_on_a_steady_hand() {
     for damping in [0.0, 0.01, 0.1] {
         let errors = [
             assembled(damping),
@@ -128,7 +129,8 @@ fn models_of_a_pressed_block_foretell_a_steady_hand() {
             frozen::<f32>(damping),
         ];
         println!("damping {damping} s: {errors:.4?}");
-        // Without what the steps miss they err by 0.3 to 0.5 %. How the damping changes along the way stays unseen.
+        // Without the forces that the tangent misses the errors are 0.3 to 0.5 %. The models do not contain the change
+        // of the damping along the path.
         assert!(errors.iter().all(|&error| error < 0.0025), "{errors:?}");
     }
 }

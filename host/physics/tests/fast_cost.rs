@@ -1,4 +1,4 @@
-//! The operations said to be in a kernel against those that it makes, and the memory that a stepper holds.
+//! The stated numbers of operations of kernels against counted operations, and the memory of a stepper.
 
 use physics::element::tet4::{self, Tet, Tets};
 use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
@@ -17,7 +17,7 @@ thread_local! {
     static OPERATIONS: Cell<usize> = const { Cell::new(0) };
 }
 
-/// A number that counts what is done with it.
+/// A number that counts the operations on it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
 struct Counted(f64);
 
@@ -81,7 +81,7 @@ impl Real for Counted {
     }
 }
 
-/// Operations in what `work` does.
+/// The number of operations of `work`.
 fn operations(work: impl FnOnce()) -> usize {
     let before = OPERATIONS.get();
     work();
@@ -102,8 +102,8 @@ fn displacements(nodes: i32, scale: f64) -> Vec<Node<Counted>> {
         .collect()
 }
 
-/// Operations on the fill of nodes, of an element of `nodes`: each difference, when it is read and when it is
-/// gathered, each force added to its node, and their sum at the first.
+/// Operations on the padding of the nodes of an element of `nodes`: on each difference when it is read and when it is
+/// gathered, on each force added to its node, and on their sum at the first node.
 fn fill(nodes: usize) -> usize {
     let others = nodes - 1;
     2 * others + others + (others - 1) + 1
@@ -258,8 +258,8 @@ fn parts_repeated_change_no_step() {
     let moved = plain.positions().map(|x| x.amax());
     assert!(moved.fold(0.0, f64::max) > 0.05);
     for (a, b) in plain.positions().zip(repeated.positions()) {
-        // Repeated, a rotation's Newton iteration goes on from where it had converged, to 1e-13: a step of some
-        // millimetres keeps that many digits, and 1e-6 of the residual otherwise is the same.
+        // A repeated Newton iteration for a rotation continues from the converged rotation, which has an error of
+        // 1e-13. A step of some millimetres keeps that many digits.
         assert!((a - b).amax() < 1e-12, "{a} {b}");
     }
 }
@@ -289,7 +289,7 @@ fn costs_are_those_of_the_data() {
     let refresh = stepper.cost(Part::Refresh).unwrap();
     let unknowns: usize = 3 * 100;
     assert!(refresh.flops > unknowns * unknowns / 8 && refresh.flops < unknowns.pow(3));
-    // What it holds is more than what any part touches, and in single precision less.
+    // The memory of a stepper exceeds that which any part touches, and is smaller in single precision.
     assert!(stepper.bytes() > linearize.touched + refresh.touched);
     assert!(single.bytes() < stepper.bytes());
     assert!(body.bytes() > elements * size_of::<[Vec3; 4]>());

@@ -22,7 +22,7 @@ thread_local! {
     static COUNT: Cell<u64> = const { Cell::new(0) };
 }
 
-/// Counts what each thread asks for.
+/// Counts the allocations of each thread.
 struct Counting;
 
 // SAFETY: every call is handed on to the system's allocator unchanged; counting touches only a
@@ -126,7 +126,7 @@ fn right_side(unknowns: usize) -> Vec<f64> {
     (0..unknowns).map(|_| random.signed()).collect()
 }
 
-/// What `faer` with its own order gives, by nodes.
+/// The solution of `faer` with its own order, by nodes.
 fn reference(body: &Body, mask: Option<&[Vec3]>, b: &[f64]) -> Vec<f64> {
     let (matrix, mass) = (body.stiffness(), body.node_masses());
     let mut cholesky = Cholesky::new(matrix, 1, Kernels::Fastest).unwrap();
@@ -165,7 +165,7 @@ fn by_panels(panels: &mut Panels, b: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The condition number, from power iterations either way (within some per cent).
+/// The condition number, from power iterations on the matrix and on its inverse (within some per cent).
 fn condition(matrix: &BlockMatrix, mass: &[f64], factor: &mut Factor) -> f64 {
     let free = matrix.free();
     let norm = |x: &[Vec3]| x.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
@@ -218,8 +218,8 @@ fn the_order_fills_less_than_minimum_degree_on_solids() {
     let order = order(body.stiffness(), body.node_positions());
     let factor = Factor::with_kernels(body.stiffness(), &order, Kernels::Portable).unwrap();
     // Column by column neither stores zeros. Measured: 537,426 against 631,224 entries, 15 % fewer.
-    let share = factor.factor_entries() as f64 / cholesky.factor_entries() as f64;
-    assert!(share < 0.9, "{share}");
+    let fraction = factor.factor_entries() as f64 / cholesky.factor_entries() as f64;
+    assert!(fraction < 0.9, "{fraction}");
 }
 
 #[test]
@@ -312,7 +312,7 @@ fn three_at_once_are_three_in_turn() {
 }
 
 #[test]
-fn places_past_the_factor_s_are_left_and_too_few_are_not_touched() {
+fn places_past_the_factor_are_unchanged_and_a_short_vector_is_unchanged() {
     let body = solid([6, 5, 7]);
     let factor = factor_of(&body, None);
     let mut panels = Panels::new(&factor);
@@ -445,7 +445,7 @@ fn another_body_s_matrix_is_refused() {
 }
 
 #[test]
-fn nothing_is_allocated_once_all_is_made() {
+fn nothing_is_allocated_after_construction() {
     for (name, body) in bodies() {
         let (matrix, mass) = (body.stiffness(), body.node_masses());
         let mut factor = factor_of(&body, None);

@@ -1,5 +1,5 @@
-//! Where iterations start: close in any smooth motion, and no further off than the last velocity where one begins,
-//! turns or ends.
+//! The guess from which iterations start. It is close in any smooth motion. Where a motion begins, turns or ends, it is
+//! no worse than the previous velocity.
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
@@ -7,7 +7,7 @@ use physics::{
     Stepper, StepperOptions, Vec3,
 };
 
-/// Of this reach (m) all motions are.
+/// The largest displacement of each motion (m).
 const REACH: f64 = 0.01;
 
 /// A cube of 10 cm times `scale`, held below and above; stiffness and density are such that it moves alike.
@@ -61,7 +61,7 @@ fn drive<T: Real>(
     (iterations, body.positions().collect())
 }
 
-/// With a factor of its own only, so that how old it is does not matter, and never asleep.
+/// Options with a new factor for each step, so that the age of a factor has no effect, and without sleep.
 fn options(guess: Guess) -> StepperOptions {
     StepperOptions {
         guess,
@@ -107,7 +107,7 @@ fn corners(t: f64) -> Vec3 {
 
 #[test]
 fn a_smooth_motion_takes_fewer_iterations() {
-    // The first steps of a motion are no smooth ones: 50 of them are left out.
+    // The first 50 steps of a motion are not smooth and are omitted.
     let late = |iterations: &[usize]| iterations[50..].iter().sum::<usize>();
     for (h, motion) in [
         (0.01, press as fn(f64) -> Vec3),
@@ -127,13 +127,13 @@ fn a_smooth_motion_takes_fewer_iterations() {
 }
 
 #[test]
-fn nothing_is_taken_for_a_trend_where_a_motion_turns() {
+fn the_guess_follows_no_trend_where_a_motion_turns() {
     let time = (0.01, 80);
     let [fitted, velocity, acceleration] = each::<f64>(1e-6, time, corners);
     println!("{fitted:?}\n{velocity:?}\n{acceleration:?}");
     for corner in [0, 10, 20, 30, 40, 50] {
         let around = |iterations: &[usize]| iterations[corner..corner + 6].iter().sum::<usize>();
-        // What the velocity takes, and at most an iteration more in one of six steps.
+        // At most one iteration more than with the velocity alone in one of six steps.
         assert!(around(&fitted) <= around(&velocity) + 1, "at {corner}");
     }
     let most = |iterations: &[usize]| iterations.iter().max().copied();
@@ -142,7 +142,7 @@ fn nothing_is_taken_for_a_trend_where_a_motion_turns() {
 
 /// Sizes that are powers of two change no digit, so that a body a thousand times as large moves the same digits.
 #[test]
-fn what_is_fitted_has_no_unit() {
+fn the_fit_does_not_depend_on_units() {
     let time = (0.01, 80);
     let (iterations, x) = drive::<f64>(1.0, options(Guess::Fitted), time, corners);
     let (in_large, large) = drive::<f64>(1024.0, options(Guess::Fitted), time, corners);

@@ -1,4 +1,4 @@
-//! The incomplete factor: exact where nothing fills up, symmetric, and positive definite whatever it meets.
+//! The incomplete factor: exact for matrices without fill, symmetric, and positive definite for every matrix.
 
 mod fem_support;
 
@@ -59,7 +59,7 @@ fn flat(nodes: &[Node<f32>]) -> Vec<f64> {
     numbers.copied().map(f64::from).collect()
 }
 
-/// Largest difference as a share of the largest number.
+/// Largest difference as a fraction of the largest number.
 fn off(a: &[f64], b: &[f64]) -> f64 {
     let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     difference.fold(0.0, f64::max) / b.iter().map(|b| b.abs()).fold(0.0, f64::max)
@@ -160,7 +160,7 @@ fn bad_pivots_enlarge_the_diagonal_and_leave_a_positive_preconditioner() {
 }
 
 #[test]
-fn what_is_not_positive_definite_is_refused() {
+fn a_matrix_that_is_not_positive_definite_is_refused() {
     let mut random = Random(2);
     let good = chain(6, &mut random);
     let mut factor = Blocks::new(&good);

@@ -119,10 +119,10 @@ fn bodies() -> Vec<(&'static str, Body)> {
 fn poses(body: &Body, step: u32) -> Vec<HandlePose> {
     let mut poses = handle_poses(body);
     if let Some(last) = poses.last_mut() {
-        let share = f64::from(step) / 20.0;
-        last.position += Vec3::new(0.004, 0.002, -0.006) * share;
+        let fraction = f64::from(step) / 20.0;
+        last.position += Vec3::new(0.004, 0.002, -0.006) * fraction;
         last.rotation =
-            nalgebra::UnitQuaternion::from_scaled_axis(Vec3::new(0.1, -0.2, 0.1) * share);
+            nalgebra::UnitQuaternion::from_scaled_axis(Vec3::new(0.1, -0.2, 0.1) * fraction);
     }
     poses
 }
@@ -160,7 +160,8 @@ fn body_force(body: &Body) -> Vec3 {
     body.handle_report(last).unwrap().wrench_on_hand.force
 }
 
-/// What the patches are for: the incomplete factor alone would take more than twice as many on twice as fine a mesh.
+/// The purpose of the patches. The incomplete factor alone would take more than twice as many iterations on a mesh
+/// twice as fine.
 #[test]
 fn finer_meshes_take_few_more_iterations() {
     let iterations = |n: u32| {
@@ -182,13 +183,13 @@ fn finer_meshes_take_few_more_iterations() {
     };
     let (coarse, fine) = (iterations(10), iterations(20));
     println!("iterations: {coarse} at 10 cells along an edge, {fine} at 20");
-    // A quarter more is what patches of one size leave.
+    // Patches of one size leave an increase of a quarter.
     assert!(fine < 1.5 * coarse, "{coarse} {fine}");
 }
 
 #[test]
 fn memory_is_counted_and_grows_as_the_mesh() {
-    let share = |n: u32| {
+    let per_element = |n: u32| {
         let body = cube(n, 1.0);
         let stepper = Stepper::<f64>::new(&body, options(Preconditioner::Incomplete)).unwrap();
         let elements = body.element_count() as f64;
@@ -197,14 +198,14 @@ fn memory_is_counted_and_grows_as_the_mesh() {
             complete_bytes(&body) as f64 / elements,
         )
     };
-    let ((small, complete_small), (large, complete_large)) = (share(7), share(14));
+    let ((small, complete_small), (large, complete_large)) = (per_element(7), per_element(14));
     println!(
         "bytes a tetrahedron: {small:.0}, {large:.0}; {complete_small:.0}, {complete_large:.0}"
     );
-    // The rim's share changes, no more; the complete factor grows by eight to the power 0.3 and more.
+    // Only the fraction of cells at the rim changes. The complete factor grows at least by eight to the power 0.3.
     assert!(large < 1.15 * small, "{small} {large}");
     assert!(complete_large > 1.7 * complete_small);
-    // What it counts is a part of what a stepper on the complete factor holds, and most of what that grows by.
+    // The counted memory is a part of the memory of a stepper on the complete factor, and most of its growth.
     let body = cube(14, 1.0);
     let complete = Stepper::<f64>::new(&body, options(Preconditioner::Complete)).unwrap();
     let more = complete.bytes() as f64 / body.element_count() as f64 - large;
@@ -273,9 +274,9 @@ fn local_models_are_those_of_a_factorization() {
                 .unwrap();
             assert!(report.residual <= 1e-11, "{name}: {report:?}");
             let off = square_off(&ours.stiffness, &exact.stiffness);
-            // As tight as the shapes, by the condition of what is condensed.
+            // The tolerance of the shapes times the condition of the condensed matrix.
             assert!(off < 1e-7, "{name}: {off:e}");
-            // Those of the last time are where the next begin.
+            // The next iterations start from the previous shapes.
             if step > 0 {
                 assert!(report.iterations < before, "{name}: {report:?}");
             } else {
@@ -285,7 +286,7 @@ fn local_models_are_those_of_a_factorization() {
     }
 }
 
-/// Largest difference as a share of the largest entry.
+/// Largest difference as a fraction of the largest entry.
 fn square_off(a: &Square, b: &Square) -> f64 {
     let (mut difference, mut largest) = (0.0_f64, 0.0_f64);
     for i in 0..a.size() {

@@ -1,5 +1,4 @@
-//! The realtime step on bodies that start mirrored: what energy a body has it keeps or loses, and one that is promised to
-//! come back right does.
+//! The realtime step on bodies that start mirrored: a body gains no energy, and a body whose law permits it recovers.
 
 mod fem_support;
 
@@ -40,9 +39,9 @@ fn mirrored(law: SolidLaw, quadratic: bool, poisson: f64, shaken: f64) -> Body {
 }
 
 #[test]
-fn a_body_in_balance_but_for_rounding_stays_where_it_is() {
+fn a_body_in_equilibrium_up_to_rounding_does_not_move() {
     // Under this law the mirror image has no strain, so all its energy is rounding: a few cells' 1e4 J times 1e-16
-    // squared. Whatever moves it by one digit multiplies that.
+    // squared. A displacement by one digit multiplies that energy.
     let mut body = mirrored(SolidLaw::StVenantKirchhoff, true, 0.3, 0.0);
     let start: Vec<Vec3> = body.positions().collect();
     let energy = body.total_energy();
@@ -56,7 +55,7 @@ fn a_body_in_balance_but_for_rounding_stays_where_it_is() {
 }
 
 #[test]
-fn a_mirrored_body_comes_back_right() {
+fn a_mirrored_body_recovers() {
     // With one linearization everywhere one of the 48 cells stays inside out here, with 3.3 % of the energy: a balance
     // that no accurate scheme reaches from this start.
     for (poisson, shaken) in [(0.3, 0.01), (0.45, 0.01), (0.45, 0.0)] {

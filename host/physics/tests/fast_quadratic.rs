@@ -1,5 +1,4 @@
-//! Quadratic tetrahedra in blocks, straight and curved, against the bodies of `fem`, and the stiffness against what
-//! it must be.
+//! Quadratic tetrahedra in blocks, straight and curved, against the exact form, and the properties of the stiffness.
 
 mod fast_support;
 mod fem_support;
@@ -62,12 +61,12 @@ fn meshes() -> [(&'static str, TetMesh); 2] {
     ]
 }
 
-/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `share` of the mesh.
-fn displaced(mesh: &TetMesh, angle: f64, share: f64, seed: u64) -> Vec<Vec3> {
+/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `fraction` of the mesh.
+fn displaced(mesh: &TetMesh, angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = nalgebra::Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
     let turn = nalgebra::Rotation3::from_axis_angle(&axis, angle);
-    let moved = |x: &Vec3| turn * x - x + random.vector() * share;
+    let moved = |x: &Vec3| turn * x - x + random.vector() * fraction;
     mesh.positions.iter().map(moved).collect()
 }
 
@@ -96,20 +95,20 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
     for (name, mesh) in meshes() {
         let (mut body, law) = (body(&mesh, SolidLaw::Corotational), law(&mesh));
         let mut inverted = 0;
-        for (seed, share) in [1e-4, 0.02, 0.1].into_iter().enumerate() {
-            // One after the other: each starts from the last one's rotations, far away.
+        for (seed, fraction) in [1e-4, 0.02, 0.1].into_iter().enumerate() {
+            // Each case starts from the rotations of the previous case, far away.
             let mut tets = QuadraticTets::<f64>::new(&list(&mesh));
             for angle in [0.0, 0.01, 1.0, 2.0, 3.0] {
-                let d = displaced(&mesh, angle, share, seed as u64);
+                let d = displaced(&mesh, angle, fraction, seed as u64);
                 let x = moved(&mesh, &d);
                 body.set_positions(&x).unwrap();
                 body.assemble();
                 inverted += body.inverted_count();
                 let expected: Vec<Vec3> = body.internal_forces().collect();
                 let (force, energy) = forces(&mut tets, &d);
-                let case = format!("{name}, angle {angle}, share {share}");
+                let case = format!("{name}, angle {angle}, fraction {fraction}");
                 // As for linear elements; gradients are several times as large here.
-                let bound = if share < 1e-2 { 1e-10 } else { 1e-12 };
+                let bound = if fraction < 1e-2 { 1e-10 } else { 1e-12 };
                 let found = difference(&force, &expected);
                 assert!(found < bound, "{case}: forces {found:e}");
                 let reference = body.elastic_energy();
@@ -218,7 +217,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         let turn: Vec<Vec3> = moved(&mesh, &d).iter().map(|x| axis.cross(x)).collect();
         let size = |u: &[Vec3]| fem_support::largest(product(&tets, u).into_iter());
         let found = size(&turn) / size(&field(count, &mut random));
-        // Rounding of terms that cancel, up to 10 times as large as what is left of another field.
+        // Rounding of terms that cancel, up to 10 times as large as the result for another field.
         assert!(found < 1e-14, "{name}: {found:e}");
     }
 }
@@ -264,18 +263,18 @@ fn in_a_fixed_frame_the_law_is_linear() {
     for (name, mesh) in meshes() {
         let mut body = body(&mesh, SolidLaw::Linear);
         let mut tets = QuadraticTets::<f64>::new(&list(&mesh)).in_frame(Frame::Fixed);
-        for (angle, share) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
-            let d = displaced(&mesh, angle, share, 1);
+        for (angle, fraction) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
+            let d = displaced(&mesh, angle, fraction, 1);
             body.set_positions(&moved(&mesh, &d)).unwrap();
             body.assemble();
             let expected: Vec<Vec3> = body.internal_forces().collect();
             let (force, energy) = forces(&mut tets, &d);
             // Rounding of F, a few 1e-16, over a strain of at least 1e-4.
             let found = difference(&force, &expected);
-            assert!(found < 1e-11, "{name}, {share}: {found:e}");
+            assert!(found < 1e-11, "{name}, {fraction}: {found:e}");
             let reference = body.elastic_energy();
             let found = (energy - reference).abs() / reference;
-            assert!(found < 1e-11, "{name}, {share}: {found:e}");
+            assert!(found < 1e-11, "{name}, {fraction}: {found:e}");
             // Forces are minus the product, and no rotation was looked for.
             let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
             assert_eq!(force, minus);
@@ -291,17 +290,17 @@ fn single_precision_agrees_to_its_digits() {
         let mut single = QuadraticTets::<f32>::new(&list(&mesh));
         // As for linear elements, of gradients several times as large.
         let small = 5e-6;
-        for (angle, share, bound) in [
+        for (angle, fraction, bound) in [
             (0.0, 1e-4, small),
             (0.0, 1e-2, small),
             (1.0, 0.1, small),
             (1.0, 1e-3, 5e-4),
             (2.5, 1e-3, 5e-4),
         ] {
-            let d = displaced(&mesh, angle, share, 6);
+            let d = displaced(&mesh, angle, fraction, 6);
             let (expected, reference) = forces(&mut double, &d);
             let (force, energy) = forces(&mut single, &d);
-            let case = format!("{name}, angle {angle}, share {share}");
+            let case = format!("{name}, angle {angle}, fraction {fraction}");
             let found = difference(&force, &expected);
             assert!(found < bound, "{case}: forces {found:e}");
             let found = (energy - reference).abs() / reference;
@@ -313,7 +312,7 @@ fn single_precision_agrees_to_its_digits() {
 }
 
 #[test]
-fn a_warm_start_gives_what_a_cold_one_gives() {
+fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
     let mesh = curved(cube(2, 0.2, true), 2.0);
     let mut warm = QuadraticTets::<f64>::new(&list(&mesh));
     for step in 0..40 {

@@ -106,13 +106,13 @@ fn largest(a: impl Iterator<Item = Vec3>, b: impl Iterator<Item = Vec3>) -> f64 
     a.zip(b).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max)
 }
 
-/// Steps both and compares all that a step reports, as a share of the motion's size (m).
+/// Steps both and compares all that a step reports, as a fraction of the motion's size (m).
 fn compare(
     body: &Body,
     handles: &[HandleSpec],
     (size, turn): (f64, f64),
     options: StepperOptions,
-    share: f64,
+    fraction: f64,
 ) {
     let (mut slow, mut fast) = (body.clone(), body.clone());
     let mut stepper = Stepper::<f64>::new(&fast, options).unwrap();
@@ -128,7 +128,7 @@ fn compare(
         let report = stepper.step(&mut fast, 5e-3, &targets, || false).unwrap();
         assert!(report.converged, "{report:?}");
         let off = largest(slow.positions(), fast.positions());
-        assert!(off < share * size, "step {step}: {off:e}");
+        assert!(off < fraction * size, "step {step}: {off:e}");
         for handle in 0..handles.len() {
             let [a, b] = [&slow, &fast].map(|body| *body.handle_report(handle).unwrap());
             let force = a.reaction.force.norm() + a.wrench_on_hand.force.norm();
@@ -139,7 +139,7 @@ fn compare(
             ] {
                 let off = (a.force - b.force).norm() + (a.moment - b.moment).norm();
                 assert!(
-                    off < 100.0 * share * force,
+                    off < 100.0 * fraction * force,
                     "step {step}: {off:e} of {force}"
                 );
             }
@@ -147,7 +147,7 @@ fn compare(
         for support in 0..body.support_count() {
             let [a, b] = [&slow, &fast].map(|body| body.support_reaction(support).unwrap());
             assert!(
-                (a - b).norm() < 100.0 * share * a.norm(),
+                (a - b).norm() < 100.0 * fraction * a.norm(),
                 "step {step}: {a} {b}"
             );
         }
@@ -161,12 +161,11 @@ fn every_solid_is_stepped_as_before() {
             for guided in [false, true] {
                 let (body, handles) = solid(law, quadratic, guided);
                 if law == SolidLaw::Corotational {
-                    // Its kernels leave out what the turn of a strained cell adds to the tangent: the same as
-                    // far as strains are small, here a millionth.
+                    // The kernels of this law omit the derivative of the rotation in the tangent. The difference is
+                    // negligible for small strains, here a millionth.
                     compare(&body, &handles, (1e-6, 1e-6), options(), 1e-5);
                 } else {
-                    // Both are solved to 1e-13; what is left grows over the steps, and more where cells are
-                    // crushed.
+                    // Both are solved to 1e-13. The error grows over the steps, and more so if cells are crushed.
                     compare(&body, &handles, (1.0, 1.0), options(), 1e-9);
                 }
             }
@@ -181,7 +180,7 @@ fn a_sheet_with_bending_is_stepped_as_before() {
 }
 
 #[test]
-fn where_iterations_start_does_not_matter_to_where_they_end() {
+fn the_result_of_a_step_does_not_depend_on_its_guess() {
     let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);
     for guess in [Guess::Velocity, Guess::Acceleration, Guess::Fitted] {
         let options = StepperOptions { guess, ..options() };
@@ -189,7 +188,7 @@ fn where_iterations_start_does_not_matter_to_where_they_end() {
     }
 }
 
-/// Shapes that are kept up against those found anew.
+/// Updated shapes against recomputed shapes.
 #[test]
 fn local_models_are_those_of_a_factorization() {
     // Strains as above: small for a tangent that leaves out a part.
@@ -226,7 +225,7 @@ fn local_models_are_those_of_a_factorization() {
                         .condense(&mut stepper, &body, period, &options)
                         .unwrap();
                     assert!(report.residual <= 1e-12, "{report:?}");
-                    // The single precision of the factor's panels does not show: iterations make up for it.
+                    // The iterations remove the error of the factor's panels in single precision.
                     for (ours, exact) in [
                         (&ours.raw_stiffness, &exact.raw_stiffness),
                         (&ours.raw_damping, &exact.raw_damping),
@@ -245,7 +244,7 @@ fn local_models_are_those_of_a_factorization() {
     }
 }
 
-/// The largest difference as a share of the largest entry.
+/// The largest difference as a fraction of the largest entry.
 fn off(a: &Square, b: &Square) -> f64 {
     let (mut difference, mut largest) = (0.0_f64, 0.0_f64);
     for i in 0..a.size() {
@@ -257,7 +256,7 @@ fn off(a: &Square, b: &Square) -> f64 {
     difference / largest
 }
 
-/// Where a body comes to rest does not depend on the tangent.
+/// The equilibrium of a body does not depend on the tangent.
 #[test]
 fn both_come_to_rest_in_one_place() {
     let (body, handles) = solid(SolidLaw::Corotational, false, true);
@@ -284,9 +283,9 @@ fn both_come_to_rest_in_one_place() {
     assert!(off < 1e-4, "{off:e}");
 }
 
-/// What renewing one shape with each model costs in error while a hand moves.
+/// The error of models that update one shape at a time while a hand moves.
 #[test]
-fn shapes_renewed_in_turn_are_hardly_older() {
+fn shapes_updated_in_turn_have_a_small_error() {
     let (mut body, handles) = solid(SolidLaw::Corotational, false, false);
     let mut stepper = Stepper::<f64>::new(&body, options()).unwrap();
     let mut condenser = Condenser::new(&body).unwrap();
@@ -318,7 +317,7 @@ fn shapes_renewed_in_turn_are_hardly_older() {
     assert!(worst < 0.02, "{worst}");
 }
 
-/// A factor that is made elsewhere, and late, changes how many iterations a step takes, and nothing else.
+/// A factor that is computed beside the steps and arrives late changes only the number of iterations of a step.
 #[test]
 fn a_factor_may_be_made_beside_the_steps() {
     let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);
@@ -360,7 +359,7 @@ fn a_factor_may_be_made_beside_the_steps() {
 
 /// Stopped after any iteration, a step is the best found so far, and says so.
 #[test]
-fn a_step_that_runs_out_of_time_is_as_good_as_it_says() {
+fn a_step_that_runs_out_of_time_reports_its_true_residual() {
     let (body, handles) = solid(SolidLaw::Corotational, false, false);
     let step = |iterations: usize| {
         let mut body = body.clone();
@@ -402,7 +401,7 @@ fn a_step_that_runs_out_of_time_is_as_good_as_it_says() {
     }
 }
 
-/// A body that is left alone falls asleep, and wakes in the step in which something reaches it.
+/// A body at rest falls asleep, and wakes in the step in which a motion or a force acts on it.
 #[test]
 fn bodies_sleep_and_wake_exactly() {
     let (body, handles) = solid(SolidLaw::Corotational, false, false);

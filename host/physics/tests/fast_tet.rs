@@ -1,4 +1,4 @@
-//! Tetrahedra in blocks against the bodies of `fem`, and the stiffness against what it must be.
+//! Linear tetrahedra in blocks against the exact form, and the properties of the stiffness.
 
 mod fast_support;
 mod fem_support;
@@ -23,12 +23,12 @@ fn solid(mesh: &TetMesh, law: SolidLaw) -> Body {
     Body::solid(mesh, &materials, law, config, &[]).unwrap()
 }
 
-/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `share` of the mesh.
-fn displaced(mesh: &TetMesh, angle: f64, share: f64, seed: u64) -> Vec<Vec3> {
+/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `fraction` of the mesh.
+fn displaced(mesh: &TetMesh, angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = nalgebra::Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
     let turn = nalgebra::Rotation3::from_axis_angle(&axis, angle);
-    let moved = |x: &Vec3| turn * x - x + random.vector() * share;
+    let moved = |x: &Vec3| turn * x - x + random.vector() * fraction;
     mesh.positions.iter().map(moved).collect()
 }
 
@@ -52,26 +52,26 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
     let law = Solid::<4, 1, Tet4, _>::new(Corotational, &mesh.positions, cells(&mesh), &list);
     let law = law.unwrap();
     let mut inverted = 0;
-    for (seed, share) in [0.0, 1e-4, 0.02, 0.1, 0.3].into_iter().enumerate() {
-        // One after the other: each starts from the last one's rotations, far away.
+    for (seed, fraction) in [0.0, 1e-4, 0.02, 0.1, 0.3].into_iter().enumerate() {
+        // Each case starts from the rotations of the previous case, far away.
         let mut tets = Tets::<f64>::new(tets(&mesh).into_iter());
         for angle in [0.0, 0.01, 1.0, 2.0, 3.0] {
-            if share == 0.0 && angle == 0.0 {
+            if fraction == 0.0 && angle == 0.0 {
                 continue;
             }
-            let d = displaced(&mesh, angle, share, seed as u64);
+            let d = displaced(&mesh, angle, fraction, seed as u64);
             let x: Vec<Vec3> = mesh.positions.iter().zip(&d).map(|(x, d)| x + d).collect();
             body.set_positions(&x).unwrap();
             body.assemble();
             inverted += body.inverted_count();
             let expected: Vec<Vec3> = body.internal_forces().collect();
             let (force, energy) = forces(&mut tets, &d);
-            let case = format!("angle {angle}, share {share}");
-            if share > 0.0 {
-                // Stress of 1e-15 of the moduli by rounding of F, and what the rotation's rounding makes of
-                // the strain, here at least 1e-4 times some: 1e-11 of the force. Elements that are nearly
-                // on the line where the rotation jumps (stretches s2 + s3 = 1e-3) enlarge 1e-15 to 1e-12.
-                let bound = if share < 1e-2 { 1e-10 } else { 1e-12 };
+            let case = format!("angle {angle}, fraction {fraction}");
+            if fraction > 0.0 {
+                // Rounding of F gives a stress of 1e-15 of the moduli. With the rounding of the rotation and a
+                // strain of at least 1e-4 the error is 1e-11 of the force. Elements near the line where the
+                // rotation jumps (stretches s2 + s3 = 1e-3) enlarge 1e-15 to 1e-12.
+                let bound = if fraction < 1e-2 { 1e-10 } else { 1e-12 };
                 let found = difference(&force, &expected);
                 assert!(found < bound, "{case}: forces {found:e}");
                 let reference = body.elastic_energy();
@@ -140,7 +140,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         .map(|(x, d)| axis.cross(&(x + d)));
     let size = |u: &[Vec3]| fem_support::largest(product(&tets, u).into_iter());
     let found = size(&turn.collect::<Vec<_>>()) / size(&field());
-    // Rounding of terms that cancel, up to 10 times as large as what is left of another field.
+    // Rounding of terms that cancel, up to 10 times as large as the result for another field.
     assert!(found < 1e-14, "{found:e}");
 }
 
@@ -214,8 +214,8 @@ fn in_a_fixed_frame_the_law_is_linear() {
     let count = mesh.positions.len();
     let mut body = solid(&mesh, SolidLaw::Linear);
     let mut tets = Tets::<f64>::new(tets(&mesh).into_iter()).in_frame(Frame::Fixed);
-    for (angle, share) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
-        let d = displaced(&mesh, angle, share, 1);
+    for (angle, fraction) in [(0.0, 1e-4), (1.0, 0.0), (2.0, 0.3)] {
+        let d = displaced(&mesh, angle, fraction, 1);
         let x: Vec<Vec3> = mesh.positions.iter().zip(&d).map(|(x, d)| x + d).collect();
         body.set_positions(&x).unwrap();
         body.assemble();
@@ -223,10 +223,10 @@ fn in_a_fixed_frame_the_law_is_linear() {
         let (force, energy) = forces(&mut tets, &d);
         // Rounding of F, 1e-16, over a strain of at least 1e-4.
         let found = difference(&force, &expected);
-        assert!(found < 1e-11, "{share}: {found:e}");
+        assert!(found < 1e-11, "{fraction}: {found:e}");
         let reference = body.elastic_energy();
         let found = (energy - reference).abs() / reference;
-        assert!(found < 1e-11, "{share}: {found:e}");
+        assert!(found < 1e-11, "{fraction}: {found:e}");
         // Forces are minus the product, and no rotation was looked for.
         let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
         assert_eq!(force, minus);
@@ -250,20 +250,20 @@ fn single_precision_agrees_to_its_digits() {
         Tets::<f64>::new(tets(&mesh).into_iter()),
         Tets::<f32>::new(tets(&mesh).into_iter()),
     );
-    // Small strains without a turn keep their digits; with one, `R^T F - I` is known to 2e-7 or so, which
-    // is that over the strain, here about 5 times the share, of the force.
+    // Small strains without a rotation keep their digits. With a rotation, `R^T F - I` has an error of about 2e-7. The
+    // relative error of the force is that over the strain, here about 5 times the fraction.
     let small = 2e-6;
-    for (angle, share, bound) in [
+    for (angle, fraction, bound) in [
         (0.0, 1e-4, small),
         (0.0, 1e-2, small),
         (1.0, 0.1, small),
         (1.0, 1e-3, 5e-4),
         (2.5, 1e-3, 5e-4),
     ] {
-        let d = displaced(&mesh, angle, share, 6);
+        let d = displaced(&mesh, angle, fraction, 6);
         let (expected, reference) = forces(&mut double, &d);
         let (force, energy) = forces(&mut single, &d);
-        let case = format!("angle {angle}, share {share}");
+        let case = format!("angle {angle}, fraction {fraction}");
         let found = difference(&force, &expected);
         assert!(found < bound, "{case}: forces {found:e}");
         let found = (energy - reference).abs() / reference;
@@ -274,7 +274,7 @@ fn single_precision_agrees_to_its_digits() {
 }
 
 #[test]
-fn a_warm_start_gives_what_a_cold_one_gives() {
+fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
     let mesh = cube(3, 0.2, false);
     let mut warm = Tets::<f64>::new(tets(&mesh).into_iter());
     for step in 0..40 {

@@ -41,13 +41,13 @@ fn triangles<T: Real>(mesh: &TriMesh) -> Triangles<T> {
 }
 
 /// Stretched by `stretch` along the axes of the plane, turned by `angle` about a crooked axis, and every vertex moved
-/// by up to `share`.
-fn displaced(mesh: &TriMesh, stretch: [f64; 3], angle: f64, share: f64, seed: u64) -> Vec<Vec3> {
+/// by up to `fraction`.
+fn displaced(mesh: &TriMesh, stretch: [f64; 3], angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
     let turn = Rotation3::from_axis_angle(&axis, angle);
     let stretch = Vec3::from(stretch);
-    let moved = |x: &Vec3| turn * x.component_mul(&stretch) - x + random.vector() * share;
+    let moved = |x: &Vec3| turn * x.component_mul(&stretch) - x + random.vector() * fraction;
     mesh.positions.iter().map(moved).collect()
 }
 
@@ -67,7 +67,7 @@ fn product<T: Real>(triangles: &Triangles<T>, factor: f64, u: &[Vec3]) -> Vec<Ve
     vectors(&y)
 }
 
-/// What differs most, as a share of the largest: forces, energy, tangent blocks.
+/// The largest difference of forces, energy and tangent blocks, each as a fraction of the largest value.
 fn compare<T: Real>(mesh: &TriMesh, d: &[Vec3]) -> [f64; 3] {
     let membrane = membrane(mesh);
     let mut triangles = triangles::<T>(mesh);
@@ -111,11 +111,11 @@ fn forces_energy_and_tangent_are_those_of_the_membrane() {
     ] {
         for angle in [0.0, 0.01, 1.0, 3.1] {
             // By edges of 0.1 m: strains of a hundredth, of a third, and crumpled.
-            for share in [1e-3, 0.03, 0.3] {
+            for fraction in [1e-3, 0.03, 0.3] {
                 seed += 1;
-                let d = displaced(&mesh, stretch, angle, share, seed);
+                let d = displaced(&mesh, stretch, angle, fraction, seed);
                 let [force, energy, tangent] = compare::<f64>(&mesh, &d);
-                let case = format!("{stretch:?} {angle} {share}");
+                let case = format!("{stretch:?} {angle} {fraction}");
                 // Strains are known to some 1e-16 of the largest stretch, 1e-14 of those that are smallest here.
                 assert!(force < 1e-12, "{case}: forces {force:e}");
                 assert!(energy < 1e-12, "{case}: energy {energy:e}");
@@ -125,7 +125,7 @@ fn forces_energy_and_tangent_are_those_of_the_membrane() {
     }
 }
 
-/// Small strains are found from displacements, so they lose nothing to what they are added to.
+/// Small strains are computed from displacements, so they lose no digits to the rest positions.
 #[test]
 fn small_strains_keep_their_digits() {
     let mesh = mesh();
@@ -221,10 +221,10 @@ fn the_tangent_is_positive() {
 #[test]
 fn single_precision_agrees_to_its_digits() {
     let mesh = mesh();
-    // Strains that are not small against the turn keep all but the last digits. With a turn, `C - I` is known to
-    // 2e-7 or so, which is that over the strain, here about 20 times the share, of the force.
+    // Strains that are not small against the rotation keep all but the last digits. With a rotation, `C - I` has an
+    // error of about 2e-7. The relative error of the force is that over the strain, here about 20 times the fraction.
     let small = 4e-6;
-    for (stretch, angle, share, bound) in [
+    for (stretch, angle, fraction, bound) in [
         (UNSTRETCHED, 0.0, 1e-6, small),
         (UNSTRETCHED, 0.0, 1e-4, small),
         (UNSTRETCHED, 0.0, 1e-2, small),
@@ -235,18 +235,18 @@ fn single_precision_agrees_to_its_digits() {
         (UNSTRETCHED, 2.5, 1e-3, 1e-4),
     ] {
         // Displacements that single precision holds.
-        let d: Vec<Vec3> = displaced(&mesh, stretch, angle, share, 6)
+        let d: Vec<Vec3> = displaced(&mesh, stretch, angle, fraction, 6)
             .iter()
             .map(|d| d.map(|c| f64::from(c as f32)))
             .collect();
         let found = compare::<f32>(&mesh, &d);
-        let case = format!("{stretch:?} {angle} {share}");
+        let case = format!("{stretch:?} {angle} {fraction}");
         assert!(found.iter().all(|&off| off < bound), "{case}: {found:?}");
     }
 }
 
-/// What is shrunk to a line has a normal by the membrane's convention, where rounding does not decide between two:
-/// along an axis, by symmetry, or in a point it does.
+/// A triangle that is shrunk to a line has a normal by the membrane's convention, unless rounding decides between two
+/// normals. Rounding decides along an axis, by symmetry, and in a point.
 #[test]
 fn collapsed_triangles_stay_finite() {
     let (crooked, even) = (mesh(), grid(6, 3, 0.6, 0.3, Split::Alternating));

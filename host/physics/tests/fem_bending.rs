@@ -1,4 +1,4 @@
-//! Bending against plate theory: a cylinder, a saddle and a cap, and what must not bend.
+//! Bending against plate theory: a cylinder, a saddle and a cap, and affine maps, which must not bend.
 
 mod fem_support;
 
@@ -66,9 +66,9 @@ fn meshes(lx: f64, ly: f64) -> Vec<Box<dyn Fn(u32) -> TriMesh>> {
     meshes
 }
 
-/// The border's strip is left out of the energy: an error of the order of a cell over the width, 1/64 and
-/// 1/48 on both sides of the finest mesh, which halves with every refinement. What does not halve is what
-/// the patches near a conic are eased by, below a thousandth.
+/// The energy lacks the strip at the border. This error is of the order of a cell over the width, 1/64 and 1/48 on both
+/// sides of the finest mesh, and halves with every refinement. The error by which patches near a conic are regularized
+/// does not halve. It is below a thousandth.
 fn assert_convergent(errors: [f64; 3]) {
     assert!(errors[2].abs() < 0.03, "{errors:?}");
     assert!(
@@ -94,7 +94,7 @@ fn a_cylinder_stores_half_the_rigidity_times_area_over_radius_squared() {
 }
 
 #[test]
-fn a_cap_and_a_saddle_store_what_kirchhoff_says() {
+fn a_cap_and_a_saddle_store_the_energy_of_kirchhoff_s_plate() {
     let (lx, ly, curvature) = (0.2, 0.15, 0.1);
     let material = rubber(0.3);
     for (xx, xy, yy) in [
@@ -196,17 +196,17 @@ proptest! {
         let mut sheet = sheet(&mesh, Material { thickness: 0.05, ..rubber(0.3) });
         let mut random = Random(seed);
         let x: Vec<Vec3> = mesh.positions.iter().map(|x| x + random.vector() * 0.03).collect();
-        let way: Vec<Vec3> = mesh.positions.iter().map(|_| random.vector()).collect();
+        let direction: Vec<Vec3> = mesh.positions.iter().map(|_| random.vector()).collect();
         sheet.set_positions(&x).unwrap();
         // A sum of squares, never negative.
         prop_assert!(sheet.bending_energy() > 0.0);
         sheet.assemble();
-        let slope: f64 = sheet.internal_forces().zip(&way).map(|(f, way)| -f.dot(way)).sum();
+        let slope: f64 = sheet.internal_forces().zip(&direction).map(|(f, direction)| -f.dot(direction)).sum();
         let scale = largest(sheet.internal_forces());
         // Central differences over cells of 0.1 m: truncation (1e-6 / 0.1)^2, rounding 1e-16 E / 1e-6.
         let step = 1e-6;
         let mut energy = |by: f64| {
-            let x: Vec<Vec3> = x.iter().zip(&way).map(|(x, way)| x + way * by).collect();
+            let x: Vec<Vec3> = x.iter().zip(&direction).map(|(x, direction)| x + direction * by).collect();
             sheet.set_positions(&x).unwrap();
             sheet.elastic_energy()
         };

@@ -59,7 +59,7 @@ fn pulled(mesh: &TriMesh, weave: Weave, law: SheetLawName, stretch: f64) -> f64 
 }
 
 #[test]
-fn a_strip_with_free_sides_pulls_as_its_law_says() {
+fn a_strip_with_free_sides_pulls_with_the_force_of_its_law() {
     let mesh = irregular(10, 4, LENGTH, WIDTH, 0.2, 5);
     for poisson in [0.0, 0.3] {
         // E w t (l - 1) and E w t l (l^2 - 1) / 2, facts.md: 8.0000 N and 10.5600 N. The residual is 1e-9 of

@@ -36,8 +36,8 @@ fn loaded(config: BodyConfig, freedom: [Freedom; 3]) -> (Body, Vec<HandlePose>) 
     (sheet, poses)
 }
 
-/// Derivative of all reactions by every motion of every handle: the step is run again with the target
-/// moved either way.
+/// Derivative of all reactions by every motion of every handle. The step is run again with the target moved in the
+/// positive and in the negative direction.
 fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Square {
     // A step is linear in the vertices' displacement, a turn quadratic in its angle beyond that: the
     // central difference errs by the angle squared, 1e-8.
@@ -45,7 +45,7 @@ fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Squ
     let mut result = Square::zeros(6 * poses.len());
     for (handle, freedom) in freedom.iter().enumerate() {
         for motion in 0..freedom.count() {
-            let way = |sign: f64| {
+            let reactions = |sign: f64| {
                 let mut targets = poses.to_vec();
                 let axis = Vec3::ith(motion % 3, sign * by);
                 if motion < 3 {
@@ -59,7 +59,7 @@ fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Squ
                 let reactions = |i| sheet.handle_report(i).unwrap().reaction;
                 (0..poses.len()).map(reactions).collect::<Vec<_>>()
             };
-            let (plus, minus) = (way(1.0), way(-1.0));
+            let (plus, minus) = (reactions(1.0), reactions(-1.0));
             for (other, (plus, minus)) in plus.iter().zip(&minus).enumerate() {
                 let force = (plus.force - minus.force) / (2.0 * by);
                 let moment = (plus.moment - minus.moment) / (2.0 * by);
@@ -210,7 +210,7 @@ fn in_the_static_limit_moving_all_handles_alike_costs_nothing() {
     for i in (0..18).filter(|i| i % 6 < 3) {
         for axis in 0..3 {
             let sum: f64 = (0..3).map(|handle| k[(i, 6 * handle + axis)]).sum();
-            // What the mass still adds is (1e4 s)^-2, nothing; rounding times the matrix's condition.
+            // The mass adds (1e4 s)^-2, which is negligible. The error is rounding times the matrix's condition.
             assert!(sum.abs() < 1e-9 * scale, "{i} {axis}: {sum:e} {scale:e}");
         }
     }
@@ -229,11 +229,11 @@ fn assert_definite(matrix: &Square, length: f64) {
         }
     }
     for _ in 0..1000 {
-        let way: Vec<f64> = (0..size).map(|i| random.signed() / unit(i)).collect();
+        let motion: Vec<f64> = (0..size).map(|i| random.signed() / unit(i)).collect();
         let mut energy = 0.0;
         for j in 0..size {
             for i in 0..size {
-                energy += way[i] * matrix[(i, j)] * way[j];
+                energy += motion[i] * matrix[(i, j)] * motion[j];
             }
         }
         // Clipping leaves 1e-12 of the largest eigenvalue, which a trace bounds.
@@ -242,7 +242,7 @@ fn assert_definite(matrix: &Square, length: f64) {
 }
 
 #[test]
-fn what_is_published_is_symmetric_and_semidefinite() {
+fn the_published_matrices_are_symmetric_and_semidefinite() {
     let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Translation];
     let (mut sheet, poses) = loaded(config(), freedom);
     settle(&mut sheet, &poses, 1.0, 60).unwrap();
@@ -273,7 +273,8 @@ fn a_loose_sheet_in_one_hand_has_a_local_model() {
     sheet.assemble();
     let condensed = condenser.condense(&sheet, 0.01).unwrap();
     assert_definite(&condensed.stiffness, condensed.length);
-    // Out of its plane a flat membrane gives way: the rest does not follow the hand, so nothing is felt.
+    // A flat membrane has no stiffness out of its plane. The free nodes do not follow the hand, so the hand feels no
+    // force.
     let (out, along) = (condensed.stiffness[(2, 2)], condensed.stiffness[(0, 0)]);
     assert!(out.abs() < 1e-9 * along, "{out:e} {along:e}");
     let period = condenser.condense(&sheet, -1.0).map(|_| ());
@@ -393,7 +394,7 @@ fn a_solid_s_condensation_is_a_rerun_of_the_step() {
 }
 
 #[test]
-fn static_condensation_is_how_the_body_answers_at_rest() {
+fn static_condensation_is_the_response_of_the_body_at_rest() {
     let (mut body, poses) = cube_between_plates(SolidLaw::StableNeoHookean);
     let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
     equilibrium.solve(&mut body, &poses, 1.0).unwrap();
@@ -403,14 +404,14 @@ fn static_condensation_is_how_the_body_answers_at_rest() {
     let by = 1e-5;
     let (mut error, mut largest) = (0.0_f64, 0.0_f64);
     for motion in 0..3 {
-        let mut way = |sign: f64| {
+        let mut reactions = |sign: f64| {
             let mut moved = body.clone();
             let mut targets = poses.clone();
             targets[1].position[motion] += sign * by;
             equilibrium.solve(&mut moved, &targets, 1.0).unwrap();
             moved.handle_report(1).unwrap().reaction.force
         };
-        let slope = (way(1.0) - way(-1.0)) / (2.0 * by);
+        let slope = (reactions(1.0) - reactions(-1.0)) / (2.0 * by);
         for axis in 0..3 {
             let found = condensed.raw_stiffness[(6 + axis, 6 + motion)];
             error = error.max((found - slope[axis]).abs());

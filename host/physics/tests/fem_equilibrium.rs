@@ -62,7 +62,7 @@ fn bonded(n: usize, law: SolidLaw) -> f64 {
     let report = solve(&mut body, &targets).unwrap();
     assert!(report.last.converged);
     let [below, above] = [0, 1].map(|i| body.handle_report(i).unwrap().reaction.force);
-    // What one plate gives the other takes, up to the residual.
+    // The forces on the two plates balance, up to the residual.
     assert!(
         (below + above).norm() < 1e-7 * above.norm(),
         "{below} {above}"
@@ -71,7 +71,7 @@ fn bonded(n: usize, law: SolidLaw) -> f64 {
 }
 
 #[test]
-fn a_bonded_cube_presses_back_as_an_independent_program_says() {
+fn a_bonded_cube_has_the_force_of_an_independent_program() {
     // facts.md, on the same meshes; to its four decimals.
     for (n, linear, corotational) in [
         (6, 21.8183, 21.6604),
@@ -154,7 +154,7 @@ fn newton_ends_quadratically_on_the_exact_tangent() {
 }
 
 #[test]
-fn weight_is_carried_by_what_holds() {
+fn handles_and_supports_carry_the_weight() {
     for quadratic in [false, true] {
         let mesh = small_cube(2, quadratic);
         let handles = [HandleSpec {

@@ -1,4 +1,4 @@
-//! A body that goes on as another one, of the same mesh and of something else.
+//! The exchange of a body for another body of the same mesh and another material.
 
 mod fem_support;
 
@@ -10,8 +10,8 @@ use physics::{
 const LX: f64 = 0.1;
 const STEP: f64 = 1e-3;
 
-/// A strip between two handles, of this share of rubber's stiffness.
-fn strip(share: f64, cells: u32) -> (Body, Vec<HandlePose>) {
+/// A strip between two handles, of this fraction of rubber's stiffness.
+fn strip(fraction: f64, cells: u32) -> (Body, Vec<HandlePose>) {
     let mesh = grid(cells, 4, LX, 0.04, Split::Right);
     let handles = [
         handle(&mesh, Freedom::Translation, |x| x.x < 1e-9),
@@ -19,7 +19,7 @@ fn strip(share: f64, cells: u32) -> (Body, Vec<HandlePose>) {
     ];
     let base = rubber(0.3);
     let material = Material {
-        young: share * base.young,
+        young: fraction * base.young,
         ..base
     };
     let config = BodyConfig {
@@ -31,7 +31,7 @@ fn strip(share: f64, cells: u32) -> (Body, Vec<HandlePose>) {
     (body, rest_poses(&handles))
 }
 
-/// The right hand's way after so many steps: it pulls, ever faster.
+/// The poses after `steps` steps. The right hand pulls with increasing speed.
 fn pulled(rest: &[HandlePose], steps: i32) -> [HandlePose; 2] {
     let t = f64::from(steps) * STEP;
     let mut poses = [rest[0], rest[1]];
@@ -40,7 +40,7 @@ fn pulled(rest: &[HandlePose], steps: i32) -> [HandlePose; 2] {
 }
 
 #[test]
-fn of_the_same_material_nothing_is_felt_of_it() {
+fn an_exchange_for_the_same_material_changes_no_force() {
     let (mut body, rest) = strip(1.0, 10);
     let (mut other, _) = strip(1.0, 10);
     for step in 1..=100 {
@@ -57,7 +57,7 @@ fn of_the_same_material_nothing_is_felt_of_it() {
 }
 
 #[test]
-fn a_softer_one_keeps_motion_and_loses_its_share_of_energy() {
+fn a_softer_body_keeps_the_motion_and_the_energy_falls_with_its_modulus() {
     let (mut body, rest) = strip(1.0, 10);
     let (mut soft, _) = strip(0.25, 10);
     for step in 1..=200 {
@@ -66,9 +66,9 @@ fn a_softer_one_keeps_motion_and_loses_its_share_of_energy() {
     soft.continue_from(&body).unwrap();
     assert_eq!(soft.momentum(), body.momentum());
     // Membrane and bending are linear in Young's modulus: rounding of a few hundred sums.
-    let share = soft.elastic_energy() / body.elastic_energy();
-    assert!((share - 0.25).abs() < 1e-12, "{share}");
-    // What holds it pulls with a quarter once it has come to rest, whoever steps it.
+    let fraction = soft.elastic_energy() / body.elastic_energy();
+    assert!((fraction - 0.25).abs() < 1e-12, "{fraction}");
+    // At rest the handles pull with a quarter of the force, with either stepper.
     let mut stepper = Stepper::<f64>::new(&soft, StepperOptions::default()).unwrap();
     let targets = pulled(&rest, 200);
     for _ in 0..4000 {
@@ -76,7 +76,7 @@ fn a_softer_one_keeps_motion_and_loses_its_share_of_energy() {
         stepper.step(&mut soft, STEP, &targets, || false).unwrap();
     }
     let pull = |body: &Body| body.handle_report(1).unwrap().wrench_on_hand.force.x;
-    // The solver's 1e-6, and what little of the motion 4 s leave.
+    // The solver's tolerance of 1e-6, and the small motion that remains after 4 s.
     assert!((pull(&soft) / pull(&body) - 0.25).abs() < 1e-4);
 }
 

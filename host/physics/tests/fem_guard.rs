@@ -1,4 +1,4 @@
-//! The bound on the energy that a step may leave: it acts where a step would make energy, and nowhere else.
+//! The guard, the bound on the energy at the end of a step: it acts if a step would create energy, and only then.
 
 mod fem_support;
 
@@ -60,7 +60,7 @@ fn kick(body: &mut Body, speed: f64) {
 }
 
 #[test]
-fn tr_bdf2_gives_way_where_it_would_make_energy() {
+fn tr_bdf2_is_replaced_where_it_would_create_energy() {
     let mesh = cube(2, 0.2, false);
     for law in BENT {
         let mut body = Body::solid(&mesh, &[jelly(0.499)], law, quiet(), &[]).unwrap();
@@ -71,7 +71,7 @@ fn tr_bdf2_gives_way_where_it_would_make_energy() {
         let mut damped = 0;
         for _ in 0..50 {
             damped += integrator.step(&mut body, 0.1, &[]).unwrap().damped;
-            // Half a percent is what the bound lets a scheme of second order swing.
+            // The bound lets the energy of a second-order scheme oscillate by half a percent.
             assert!(energy(&body) <= 1.005 * start, "{law:?}: {}", energy(&body));
         }
         // Otherwise this test would show nothing. (Without the bound: 3.2 to 3.8 times the start's.)
@@ -80,7 +80,7 @@ fn tr_bdf2_gives_way_where_it_would_make_energy() {
 }
 
 #[test]
-fn a_linearized_step_holds_back_what_would_make_energy_and_keeps_momentum() {
+fn a_linearized_step_withholds_motion_that_would_create_energy_and_keeps_momentum() {
     let mesh = grid(6, 6, 1.0, 1.0, Split::Alternating);
     for bending in [0.0, 1.0] {
         // Momentum is as exact as the solve: here the guess's forces are (c h / cell)^2 = 4e5 times those that
@@ -107,7 +107,7 @@ fn a_linearized_step_holds_back_what_would_make_energy_and_keeps_momentum() {
 }
 
 #[test]
-fn what_a_hand_puts_in_is_not_taken_for_made() {
+fn the_work_of_a_hand_does_not_count_as_created_energy() {
     let mesh = grid(8, 4, 1.0, 0.5, Split::Right);
     let handles = [
         handle(&mesh, Freedom::Rigid, |x| x.x < 1e-9),
@@ -142,8 +142,8 @@ fn what_a_hand_puts_in_is_not_taken_for_made() {
         let mut integrator = tr_bdf2(&body);
         for step in 1..=50 {
             let angle = 0.1 * f64::from(step);
-            let way = Vec3::new(1.0 - angle.cos(), 0.2 * angle.sin(), 0.0) * 0.4;
-            body.set_support(pulled, way).unwrap();
+            let displacement = Vec3::new(1.0 - angle.cos(), 0.2 * angle.sin(), 0.0) * 0.4;
+            body.set_support(pulled, displacement).unwrap();
             let report = integrator.step(&mut body, 0.01, &[]).unwrap();
             assert_eq!(report.damped, 0, "{law:?}, step {step}");
         }

@@ -1,4 +1,4 @@
-//! Time schemes: order, energy, momentum, recovery, and what is kept when a step fails.
+//! Time schemes: order, energy, momentum, recovery, and the state after a step that fails.
 
 mod fem_support;
 
@@ -334,8 +334,8 @@ fn loaded(law: SolidLaw, scheme: Scheme, steps: u32, jumps: bool) -> Vec<Vec3> {
     body.add_support(&held, [true; 3]).unwrap();
     let mut integrator = Integrator::new(&body, options(scheme)).unwrap();
     for step in 1..=steps {
-        let share = f64::from(step) / f64::from(steps);
-        let pull = |x: &Vec3| Vec3::new(20.0, -5.0, 10.0) * (x.z * share * share);
+        let fraction = f64::from(step) / f64::from(steps);
+        let pull = |x: &Vec3| Vec3::new(20.0, -5.0, 10.0) * (x.z * fraction * fraction);
         let forces: Vec<Vec3> = mesh.positions.iter().map(pull).collect();
         let h = 0.1 / f64::from(steps);
         if jumps {
@@ -355,7 +355,7 @@ fn schemes_keep_their_order_under_growing_loads() {
         for (scheme, jumps, order) in [
             (Scheme::TrBdf2, false, 2.0),
             (Scheme::ImplicitEuler, false, 1.0),
-            // What the loads of their own time are for.
+            // The purpose of loads at the time of each stage.
             (Scheme::TrBdf2, true, 1.0),
         ] {
             let error = |steps| distance(&loaded(law, scheme, steps, jumps), &exact);

@@ -1,5 +1,5 @@
-//! What rounding takes: bodies so stiff, loads so small or places so far away that digits run out. What can be solved
-//! is; what cannot is said to be unsolved.
+//! The limits by rounding: bodies so stiff, loads so small or positions so far away that digits run out. A problem that
+//! can be solved is solved. A problem that cannot be solved is reported as unsolved.
 
 mod fem_support;
 
@@ -26,8 +26,8 @@ fn weightless() -> BodyConfig {
     }
 }
 
-/// A steel block whose lower face is held, moved by `off`, under a force (N) along x spread over its upper face; and
-/// how far its vertices go (m).
+/// A steel block whose lower face is fixed, moved by `off`, under a force (N) along x that is distributed over its
+/// upper face; and the displacements of its vertices (m).
 fn block(
     law: SolidLaw,
     off: f64,
@@ -107,7 +107,7 @@ fn a_steel_block_moves_under_a_tenth_of_a_millinewton() {
 }
 
 #[test]
-fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
+fn a_load_below_rounding_is_not_reported_as_balanced() {
     for (off, force) in [(0.0, 1e-8), (FAR, 1e-4), (FAR, 1e-2)] {
         for law in [SolidLaw::Linear, SolidLaw::StableNeoHookean] {
             let error = block(law, off, force, 1e-9).unwrap_err();
@@ -129,7 +129,7 @@ fn a_load_that_drowns_in_rounding_is_not_taken_for_carried() {
 }
 
 #[test]
-fn a_motion_without_digits_is_told_from_one_that_begins_gently() {
+fn a_motion_without_digits_is_distinguished_from_a_gentle_start() {
     for (force, enough) in [(1.0, true), (1e-10, false)] {
         let mut mesh = cube(2, 0.0, false);
         for x in &mut mesh.positions {
@@ -153,11 +153,11 @@ fn a_motion_without_digits_is_told_from_one_that_begins_gently() {
         };
         let mut integrator = Integrator::new(&body, options).unwrap();
         for step in 1..=50 {
-            let share = (f64::from(step) / 50.0).powi(3);
+            let fraction = (f64::from(step) / 50.0).powi(3);
             let forces: Vec<Vec3> = mesh
                 .positions
                 .iter()
-                .map(|x| Vec3::x() * (x.z * force * share))
+                .map(|x| Vec3::x() * (x.z * force * fraction))
                 .collect();
             integrator
                 .step_loaded(&mut body, 1e-6, &[], &forces)
@@ -196,7 +196,7 @@ fn strip(off: f64, scheme: Option<Scheme>) -> Vec<Vec3> {
     };
     let mut body = Body::sheet(&mesh, &[rubber], config, &ends).unwrap();
     let mut targets = rest_poses(&ends);
-    let way = Vec3::new(0.02, 0.01, 0.0);
+    let displacement = Vec3::new(0.02, 0.01, 0.0);
     if let Some(scheme) = scheme {
         let options = IntegratorOptions {
             scheme,
@@ -204,11 +204,11 @@ fn strip(off: f64, scheme: Option<Scheme>) -> Vec<Vec3> {
         };
         let mut integrator = Integrator::new(&body, options).unwrap();
         for step in 1..=20 {
-            targets[1].position = ends[1].origin + way * (f64::from(step) / 20.0);
+            targets[1].position = ends[1].origin + displacement * (f64::from(step) / 20.0);
             integrator.step(&mut body, 1e-3, &targets).unwrap();
         }
     } else {
-        targets[1].position = ends[1].origin + way;
+        targets[1].position = ends[1].origin + displacement;
         let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
         equilibrium.solve(&mut body, &targets, 1.0).unwrap();
     }

@@ -1,5 +1,5 @@
-//! Laws of sheets against what elasticity says: derivatives, rotations, off-axis moduli, the limit of
-//! stability, and gradients that no cloth survives.
+//! Laws of sheets against the theory of elasticity: derivatives, rotations, off-axis moduli, the limit of stability,
+//! and extreme gradients.
 
 mod fem_support;
 
@@ -246,7 +246,7 @@ fn smallest<L: SheetLaw>(d: &PlaneStiffness, along: f64, across: f64) -> f64 {
 }
 
 #[test]
-fn under_tension_only_the_corotational_cloth_loses_its_stability_and_where_it_says() {
+fn under_tension_only_the_corotational_cloth_loses_its_stability_at_the_stated_strain() {
     let d = cloth();
     // Pulled along the warp and free across it. Out of the plane nothing then resists a slope across the
     // pull, so that one eigenvalue is 0, up to rounding of E / G = 40.

@@ -1,4 +1,4 @@
-//! Tetrahedra against what elasticity says: laws, patch tests, rigid motions, tangents, momentum.
+//! Tetrahedra against the theory of elasticity: laws, patch tests, rigid motions, tangents, momentum.
 
 mod fem_support;
 

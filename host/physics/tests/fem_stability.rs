@@ -1,5 +1,5 @@
-//! What a hand may do to a solid, and what a mesh may hold, without a number that is not finite or energy
-//! from nowhere. The quick part of the stress suite.
+//! Extreme motions of hands and extreme meshes of solids: every number stays finite, and no energy is created. This is
+//! the quick part of the stress suite.
 
 mod fem_support;
 
@@ -33,9 +33,9 @@ fn material(young: f64, poisson: f64) -> SolidMaterial {
     }
 }
 
-/// Takes `steps`; each must succeed or leave the state as it was, and the energy of a free body must not
-/// exceed `1 + growth` times its start. Gives the number of steps that succeeded and the largest energy as
-/// a share of the start's.
+/// Takes `steps` steps. Each must succeed or leave the state unchanged, and the energy of a free body must not exceed
+/// `1 + growth` times its initial energy. Returns the number of steps that succeeded and the ratio of the largest
+/// energy to the initial energy.
 fn run(
     body: &mut Body,
     scheme: Scheme,
@@ -191,7 +191,7 @@ fn a_handle_jerked_by_ten_body_lengths_leaves_a_body_that_can_be_stepped() {
         let mut largest = 0.0_f64;
         let mut integrator = Integrator::new(&body, IntegratorOptions::default()).unwrap();
         for step in 0..300 {
-            // A step may be refused; what is kept must be finite.
+            // A step may be refused. The state must be finite.
             let _ = integrator.step(&mut body, 1e-2, &targets(step));
             assert!(body.positions().all(|x| x.iter().all(|c| c.is_finite())));
             largest = largest.max(body.elastic_energy());

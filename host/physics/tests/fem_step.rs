@@ -59,15 +59,15 @@ fn handles_bear_the_weight_that_supports_leave_them() {
         equilibrium.solve(sheet, poses, 1.0).unwrap();
     };
     let (mut sheet, poses) = held_strip(config, Freedom::Fixed);
-    // Before it has come to rest nothing is known, and nothing is safe.
+    // Before the sheet has come to rest the weights are unknown, and zero is the safe value.
     assert!(sheet.handle_weights().iter().all(|w| *w == Vec3::zeros()));
     let weight = sheet.total_mass() * 9.81;
     settle(&mut sheet, &poses);
-    let shares = sheet.handle_weights();
-    for share in &shares {
+    let carried = sheet.handle_weights();
+    for carried in &carried {
         // Equilibrium leaves a billionth of the forces, of which the strip's tension is the largest part.
-        assert!((share.z / -weight - 0.5).abs() < 1e-5, "{share}");
-        assert!(share.x == 0.0 && share.y == 0.0, "along gravity only");
+        assert!((carried.z / -weight - 0.5).abs() < 1e-5, "{carried}");
+        assert!(carried.x == 0.0 && carried.y == 0.0, "along gravity only");
     }
 
     // A support bears the other half.
@@ -79,8 +79,8 @@ fn handles_bear_the_weight_that_supports_leave_them() {
         .collect();
     sheet.add_support(&left, [true; 3]).unwrap();
     settle(&mut sheet, &[HandlePose::at(held[0].origin)]);
-    let share = sheet.handle_weights()[0].z / -weight;
-    assert!((share - 0.5).abs() < 1e-5, "{share}");
+    let fraction = sheet.handle_weights()[0].z / -weight;
+    assert!((fraction - 0.5).abs() < 1e-5, "{fraction}");
 }
 
 #[test]
@@ -176,7 +176,7 @@ fn a_handle_moves_its_vertices_as_a_rigid_body() {
 }
 
 #[test]
-fn fast_jerks_do_not_blow_it_up() {
+fn the_sheet_stays_bounded_under_fast_jerks() {
     for (bending, poisson) in [(0.0, 0.3), (1.0, 0.45)] {
         let mesh = irregular(10, 6, LX, 0.06, 0.3, 41);
         let handles = [
@@ -208,8 +208,8 @@ fn fast_jerks_do_not_blow_it_up() {
             // Nothing flies: two hands 10 cm apart that shake by 5 cm hold a sheet of 10 cm.
             assert!(largest(sheet.positions()) < 1.0, "step {i}");
         }
-        // A second at home with damping: what moves is the slow swing under gravity, at most that of a
-        // fall by its own length.
+        // The hands rest for a second, with damping. The remaining motion is the slow swing under gravity, at most that
+        // of a fall by the sheet's own length.
         let fall = sheet.total_mass() * 9.81 * LX;
         assert!(
             sheet.kinetic_energy() < 0.1 * fall,

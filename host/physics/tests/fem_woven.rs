@@ -1,5 +1,5 @@
-//! Triangles of woven sheets against what elasticity says: the isotropic membrane, derivatives, rigid
-//! motions, strips, and materials that are refused.
+//! Triangles of woven sheets against the theory of elasticity: the isotropic membrane, derivatives, rigid motions,
+//! strips, and materials that are refused.
 
 mod fem_support;
 
@@ -211,7 +211,7 @@ fn pull<L: SheetLaw>(l: f64, across: f64) -> f64 {
 }
 
 #[test]
-fn a_free_strip_pulls_as_its_law_says() {
+fn a_free_strip_pulls_with_the_force_of_its_law() {
     let Weave {
         young_warp: e,
         poisson,

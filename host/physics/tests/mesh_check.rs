@@ -1,4 +1,4 @@
-//! What makes arrays a mesh, each check seen to refuse what it is there for; and what a mesh answers.
+//! The checks of triangle meshes, each with an input that it refuses; and the queries of a mesh.
 
 use physics::Vec3;
 use physics::mesh::check::{MAX_COORDINATE, MIN_HEIGHT_RATIO};
@@ -11,7 +11,7 @@ fn square() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (positions, vec![[0, 1, 2], [0, 2, 3]])
 }
 
-/// The square after `change`, or why it is no mesh any more.
+/// The square after `change`, or the error by which it is no valid mesh.
 fn changed(change: impl FnOnce(&mut Vec<Vec3>, &mut Vec<[u32; 3]>)) -> Result<TriMesh, MeshError> {
     let (mut positions, mut triangles) = square();
     change(&mut positions, &mut triangles);
@@ -48,7 +48,7 @@ fn a_square_is_a_mesh_and_answers_for_itself() {
 }
 
 #[test]
-fn a_box_holds_the_vertices_in_it_and_on_its_faces() {
+fn a_box_contains_the_vertices_in_it_and_on_its_faces() {
     let mesh = changed(|positions, _| positions[2].z = 0.5).unwrap();
     let all = |min, max| mesh.vertices_in_box(min, max);
     assert_eq!(all(Vec3::zeros(), Vec3::new(1.0, 1.0, 0.5)), [0, 1, 2, 3]);
@@ -188,7 +188,7 @@ fn at_most_two_triangles_may_meet_at_an_edge() {
 }
 
 #[test]
-fn no_triangle_may_stand_twice_and_no_vertex_alone() {
+fn no_triangle_may_occur_twice_and_no_vertex_may_be_unused() {
     let (positions, _) = square();
     let twice = TriMesh::new(positions[..3].to_vec(), vec![[0, 1, 2], [2, 1, 0]]);
     assert_eq!(

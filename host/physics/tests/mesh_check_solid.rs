@@ -1,4 +1,4 @@
-//! What makes arrays a mesh of tetrahedra: each check seen to refuse what it is there for.
+//! The checks of tetrahedral meshes, each with an input that it refuses.
 
 use physics::mesh::check::MAX_COORDINATE;
 use physics::mesh::check_solid::MIN_VOLUME_RATIO;
@@ -56,7 +56,7 @@ fn generated_solids_pass() {
 }
 
 #[test]
-fn what_holds_for_sheets_holds_for_solids() {
+fn the_checks_of_sheets_hold_for_solids() {
     for found in [f64::NAN, f64::INFINITY, 1.001 * MAX_COORDINATE] {
         let error = linear(|positions, _| positions[2].y = found).unwrap_err();
         let is_coordinate = matches!(
@@ -169,7 +169,7 @@ fn cells_must_have_a_positive_volume_at_any_scale() {
 }
 
 #[test]
-fn what_passes_can_be_simulated() {
+fn a_mesh_that_passes_can_be_simulated() {
     // Just above the limit, straight and with midsides that fold almost.
     let material = SolidMaterial {
         young: 1e4,
@@ -290,7 +290,7 @@ fn an_edge_has_one_middle_and_a_middle_one_edge() {
     let Cells::Quadratic(cells) = &mut pair.cells else {
         panic!()
     };
-    // The middle that nothing names any more goes, and the vertices after it move up.
+    // The middle without a cell is removed, and the numbers of the later vertices decrease.
     let (kept, left) = (cells[0][4], cells[1][4]);
     pair.positions.remove(left as usize);
     for vertex in &mut cells[1] {

@@ -1,4 +1,4 @@
-//! The generator of plates with a hole: counts, groups, symmetry, area, and what it refuses.
+//! The generator of plates with a hole: counts, groups, symmetry, area, and errors.
 
 use core::f64::consts::PI;
 use physics::Vec3;
@@ -36,7 +36,8 @@ fn a_small_quarter_is_as_drawn() {
         rays: Rays::Equal,
     };
     let mesh = quarter_plate_with_hole(&plate).unwrap();
-    // Cells grow twofold: a third of the way, then two. A ray of a square's even quarter meets the corner.
+    // Cells grow twofold: the first has a third of the length, the second two thirds. With an even number of cells a
+    // ray of a square's quarter meets the corner.
     let third = 0.5_f64.sqrt() * 2.0 / 3.0 + 2.0 / 3.0;
     let expected = [
         [1.0, 0.0],
@@ -146,7 +147,7 @@ proptest! {
 #[test]
 fn the_area_converges_with_the_square_of_the_cells() {
     for rays in [Rays::ThroughCorners, Rays::Equal] {
-        // An even number of rays of a square meets its corners either way.
+        // With an even number of cells, both kinds of rays meet the corners of a square.
         let error = |around| {
             let plate = HoledPlate {
                 width: 0.2,
@@ -234,7 +235,7 @@ fn sizes_and_counts_that_make_no_plate_are_refused() {
         plate_with_hole(plate).unwrap_err()
     };
     for found in [0.0, -0.1, f64::NAN, f64::INFINITY] {
-        for (what, plate) in [
+        for (size, plate) in [
             (
                 "width",
                 HoledPlate {
@@ -259,7 +260,7 @@ fn sizes_and_counts_that_make_no_plate_are_refused() {
         ] {
             let error = refused(&plate);
             assert!(
-                matches!(error, PlateError::Size { what: named, .. } if named == what),
+                matches!(error, PlateError::Size { what: named, .. } if named == size),
                 "{error}"
             );
         }

@@ -1,4 +1,4 @@
-//! The sheet generator: counts, groups, winding and what it refuses.
+//! The sheet generator: counts, groups, winding and errors.
 
 use physics::mesh::generate::{MAX_VERTICES, Pattern, SheetError, sheet};
 use physics::mesh::{Adjacency, MeshError, TriMesh};

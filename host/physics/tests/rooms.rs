@@ -80,8 +80,8 @@ fn rooms(src: &Path) -> Graph {
         .collect()
 }
 
-/// Rooms that lie on a circle or above one: what is left when rooms whose imports are all gone are taken away again and
-/// again.
+/// Rooms on a cycle or above one. The function repeatedly removes rooms that import no remaining room; these rooms
+/// remain.
 fn circles(graph: &Graph) -> Vec<String> {
     let mut left = graph.clone();
     loop {

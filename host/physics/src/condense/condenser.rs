@@ -1,16 +1,16 @@
-//! What the hands feel of a body, as small dense matrices between handles.
+//! The condensation of a body onto its handles by a factorization.
 //!
 //! With `A = M / t^2 + C / t + K` at the publication period `t`, split into free and handle nodes, and the
-//! basis `S` of the handles' motions, the body follows the hands by `Psi = [S; -A_ff^-1 A_fh S]`. The
-//! published matrices are the stiffness and damping of those shapes, `Psi^T K Psi` and `Psi^T C Psi`.
+//! basis `S` of the handles' motions, the body follows the handles by the shapes `Psi = [S; -A_ff^-1 A_fh S]`. The
+//! published matrices are the stiffness and damping of these shapes, `Psi^T K Psi` and `Psi^T C Psi`.
 //! This is Guyan's reduction ("Reduction of stiffness and mass matrices", 1965) with the dynamic stiffness
-//! of the period in the place of the static one, so it exists for loose pieces and flat membranes too. It
-//! is not the Schur complement of `A`: that holds `M / t^2` and `C / t` and would be felt as a spring.
+//! of the period in place of the static stiffness, so it exists for loose pieces and flat membranes as well. It
+//! is not the Schur complement of `A`, which contains `M / t^2` and `C / t`: a hand would feel these terms as a spring.
 //!
-//! A moment is taken about the moving origin of its handle. Turning a loaded handle turns the arms at
-//! which its vertices pull, which changes the moment even where every force stays: the *lever* term,
-//! `d m = sum (theta x r_i) x f_i`, belongs to the stiffness. It is not symmetric, so what is published is
-//! the symmetric part of both, made positive semidefinite; the raw matrices can be read beside it.
+//! A moment is taken about the moving origin of its handle. A turn of a loaded handle turns the arms of its vertices
+//! and so changes the moment even if every force is constant. The *lever* term, `d m = sum (theta x r_i) x f_i`, is
+//! part of the stiffness. It is not symmetric. The published matrices are the symmetric parts, made positive
+//! semidefinite; the raw matrices are available as well.
 //!
 //! Since `A_ff Psi_f = -A_fh S`, on the free nodes `K Psi` is a multiple of `M Psi`, and the products
 //! `Psi^T K Psi` need only the handle rows of `K` and inner products with the masses.
@@ -22,7 +22,7 @@ use crate::error::CondenseError;
 use crate::linear::cholesky::Cholesky;
 use crate::linear::sparse_cholesky::Kernels;
 
-/// Condenses one body again and again without allocating.
+/// Condenses one body repeatedly without allocation.
 #[derive(Debug)]
 pub struct Condenser {
     /// The epoch of the body for which everything here is made.
@@ -33,7 +33,7 @@ pub struct Condenser {
 }
 
 impl Condenser {
-    /// Analyzes the topology of `body` and sets all memory aside.
+    /// Analyzes the topology of `body` and allocates all memory.
     ///
     /// # Errors
     ///
@@ -42,7 +42,7 @@ impl Condenser {
         Self::with_kernels(body, Kernels::default())
     }
 
-    /// The same, with a choice of the code that factorizes.
+    /// [`new`](Self::new) with a choice of the kernels of the factorization.
     ///
     /// # Errors
     ///
@@ -67,12 +67,12 @@ impl Condenser {
         &self.cholesky
     }
 
-    /// Condenses the stiffness last assembled onto the handles where they are now, for local models
+    /// Condenses the latest assembled stiffness onto the handles at their present poses, for local models
     /// published every `period` seconds.
     ///
     /// # Errors
     ///
-    /// [`CondenseError`]; the last result is kept then.
+    /// [`CondenseError`]. The last result is then kept.
     pub fn condense(&mut self, body: &Body, period: f64) -> Result<&Condensed, CondenseError> {
         if !(period > 0.0 && period.is_finite()) {
             return Err(CondenseError::Period { found: period });
@@ -82,13 +82,13 @@ impl Condenser {
         self.reduce(body, (mass_factor, stiffness_factor), period)
     }
 
-    /// Guyan's own, static condensation of the stiffness last assembled: how the body answers once it has
-    /// come to rest. It replaces the last result; its damping and mass are those of the static shapes.
+    /// Guyan's static condensation of the latest assembled stiffness: the response of the body at rest. It replaces
+    /// the last result. Its damping and mass are those of the static shapes.
     ///
     /// # Errors
     ///
-    /// [`CondenseError`]; where nothing but inertia holds a part of the body (a loose piece, a flat
-    /// membrane), [`CondenseError::NotPositiveDefinite`].
+    /// [`CondenseError`]. If only inertia supports a part of the body (a loose piece, a flat membrane), it is
+    /// [`CondenseError::NotPositiveDefinite`].
     pub fn condense_static(&mut self, body: &Body) -> Result<&Condensed, CondenseError> {
         self.reduce(body, (0.0, 1.0), f64::INFINITY)
     }
@@ -126,7 +126,7 @@ impl Condenser {
         ))
     }
 
-    /// The arms, and `Psi_f = -A_ff^-1 A_fh S`.
+    /// Computes the arms and `Psi_f = -A_ff^-1 A_fh S`.
     fn solve_shapes(&mut self, body: &Body, stiffness_factor: f64) -> Result<(), CondenseError> {
         let free = body.assembly.stiffness.free();
         self.reduction.take_arms(body);
@@ -166,7 +166,7 @@ impl Condenser {
         }
     }
 
-    /// `K Psi` on the held nodes.
+    /// Computes `K Psi` on the handle nodes.
     fn pull(&mut self, body: &Body) {
         let free = body.assembly.stiffness.free();
         let rows = 3 * free;

@@ -1,8 +1,8 @@
-//! Condensation: what the hands feel of a body, as small dense matrices between handles.
+//! Condensation: the projection of a body onto its handles, as small dense matrices between handles.
 //!
-//! - `condenser`: by a factorization of its own.
-//! - `shapes`: on a stepper's frozen factor, from the shapes of last time.
-//! - `reduction`: what either kind of shapes comes to between handles.
+//! - `condenser`: computes the shapes by a factorization of its own.
+//! - `shapes`: computes the shapes by iterations on a stepper's frozen factor, from the previous shapes.
+//! - `reduction`: computes the matrices between handles from either kind of shapes.
 
 mod condenser;
 mod reduction;

@@ -1,7 +1,7 @@
-//! What the shapes that hands give a body come to between handles: small dense matrices.
+//! The reduction of a body by its shapes to small dense matrices between handles.
 //!
-//! See [`condense`](crate::condense::condenser) for the method. This half knows nothing of how the shapes were found: it
-//! needs them on the free nodes, and what the stiffness makes of them on the held ones.
+//! See [`condenser`](crate::condense::condenser) for the method. The reduction needs the shapes `Psi` on the free nodes
+//! and `K Psi` on the handle nodes. It is independent of the method by which the shapes were computed.
 
 use crate::Vec3;
 use crate::body::Body;
@@ -10,10 +10,10 @@ use crate::linear::dense::{Clip, Clipper, Square};
 
 /// The condensed matrices of all handles of a body.
 ///
-/// Each is 6 H x 6 H for H handles: three translations (m, N), then three rotations (rad, N m) about the
-/// handle's origin, in world axes, for each handle in turn. Rows and columns of motions that a handle does
-/// not answer to are zero. They give the wrench of the hand on the body for a motion of the handle;
-/// the wrench on the hand has the opposite sign.
+/// Each matrix is 6 H x 6 H for H handles: for each handle in turn three translations (m, N), then three rotations
+/// (rad, N m) about the handle's origin, in world axes. The rows and columns of motions that a handle lacks are zero.
+/// The matrices give the wrench of the hand on the body for a motion of the handle. The wrench on the hand has the
+/// opposite sign.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Condensed {
     /// Tangent stiffness, symmetric and positive semidefinite.
@@ -24,16 +24,17 @@ pub struct Condensed {
     pub raw_stiffness: Square,
     /// `Psi^T C Psi`, neither symmetrized nor clipped.
     pub raw_damping: Square,
-    /// `Psi^T M Psi`: for checks, it is not to be extrapolated.
+    /// `Psi^T M Psi`. It serves checks and must not be extrapolated.
     pub mass: Square,
-    /// Rate of the wrench on the hand beside what the stiffness makes of the handles' velocities (N/s, N m/s), 6 H
-    /// numbers: `w0' + K v0`, where `w0'` is the mean rate of the wrench over the period if the handles go on at `v0`.
+    /// The drift (N/s, N m/s), 6 H numbers: the part of the rate of the wrench on the hand that the stiffness does not
+    /// predict. It is `w0' + K v0`, where `w0'` is the mean rate of the wrench over the period if the handles keep the
+    /// velocities `v0`.
     pub drift: Vec<f64>,
-    /// What clipping took from the stiffness.
+    /// The part that clipping removed from the stiffness.
     pub stiffness_clip: Clip,
-    /// What clipping took from the damping.
+    /// The part that clipping removed from the damping.
     pub damping_clip: Clip,
-    /// The length (m) by which rotations were made comparable to translations for clipping.
+    /// The length (m) that makes rotations comparable to translations for clipping.
     pub length: f64,
 }
 
@@ -61,20 +62,21 @@ impl Column {
     }
 }
 
-/// When the last model was told (s of the body's clock), and for which ratio of mass to stiffness.
+/// The time of the previous model (s of the body's clock), and its ratio of mass to stiffness (1/s²).
 #[derive(Clone, Copy, Debug)]
 struct Told {
     at: f64,
     ratio: f64,
 }
 
-/// Rates of forces are smoothed over so many periods, for a jolt of one step is no trend,
+/// The time constant, in periods, over which rates of forces are smoothed. A jolt of one step is no trend.
 const SMOOTHED: f64 = 2.0;
-/// and over this time at most (s).
+/// The longest such time constant (s).
 const LONGEST_SMOOTHED: f64 = 0.01;
 
-/// What is added to the drift is at most this fraction of the rate at which the stiffness lets the wrench change. In steady
-/// motion it is some hundredths; where a strip snaps a step misses far more than it promised, and that is no trend.
+/// The largest ratio of the addition to the drift to the rate of the wrench that the stiffness predicts. In steady
+/// motion the ratio is some hundredths. When a strip snaps, the linearization of a step misses far more, and that is no
+/// trend.
 const MOST_BESIDE: f64 = 0.25;
 
 /// Shapes of one body, and the matrices that follow from them.
@@ -87,7 +89,7 @@ pub(crate) struct Reduction {
     pub(crate) range: Vec<core::ops::Range<usize>>,
     /// `Psi` on the free nodes, by columns.
     pub(crate) shapes: Vec<f64>,
-    /// `K Psi` on the held nodes, by columns.
+    /// `K Psi` on the handle nodes, by columns.
     pub(crate) pulls: Vec<Vec3>,
     /// Present arm of each handle node from its handle's origin (m).
     pub(crate) arms: Vec<Vec3>,
@@ -97,8 +99,9 @@ pub(crate) struct Reduction {
     scale: Vec<f64>,
     /// Velocities of the handles, by columns.
     speeds: Vec<f64>,
-    /// The drift that inertia makes, and what is added to it, in the last model; by columns.
+    /// The drift by inertia in the previous model, by columns.
     inertia: Vec<f64>,
+    /// The addition to the drift in the previous model, by columns.
     trend: Vec<f64>,
     told: Told,
     pub(crate) condensed: Condensed,
@@ -157,13 +160,13 @@ impl Reduction {
         }
     }
 
-    /// Whether it was made for such a body.
+    /// Whether the reduction was made for a body of this topology.
     pub(crate) fn fits(&self, body: &Body) -> bool {
         self.holder.len() == body.assembly.grip.len()
             && self.range.len() == body.constraints.handles.len()
     }
 
-    /// The arms as they are now.
+    /// Computes the present arms.
     pub(crate) fn take_arms(&mut self, body: &Body) {
         let free = body.assembly.stiffness.free();
         for handle in &body.constraints.handles {
@@ -173,8 +176,8 @@ impl Reduction {
         }
     }
 
-    /// The matrices, from shapes, pulls and arms; `ratio` is that of mass to stiffness in the matrix for which
-    /// the shapes were found (1/s^2); `missed`, by node, is what the tangent misses (N/s).
+    /// Computes the matrices from shapes, pulls and arms. `ratio` is the ratio of mass to stiffness in the matrix of
+    /// the shapes (1/s²). `missed` is, for each node, the rate of force that the tangent misses (N/s).
     pub(crate) fn reduce(
         &mut self,
         body: &Body,
@@ -188,25 +191,26 @@ impl Reduction {
         &self.condensed
     }
 
-    /// The drift, from the shapes and the velocities of the free nodes.
+    /// Computes the drift from the shapes and the velocities of the free nodes.
     ///
-    /// One implicit Euler step of the linearized body as long as the period, with the handles going on at `v0`, makes
-    /// the wrench on the hands change by
+    /// Consider one implicit Euler step of the linearized body over the period `t`, while the handles keep the
+    /// velocities `v0`. It changes the wrench on the hands by
     ///
     /// ```text
     /// w0' t = -(K_c + r Psi_f^T M Psi_f) v0 t + r t Psi_f^T M v_f + Psi_f^T M a_f
     /// ```
     ///
     /// with `K_c = Psi^T K Psi`, `r` the ratio of mass to stiffness in the matrix of the shapes, and `v_f`, `a_f` the
-    /// present velocities and accelerations of the free nodes (`K_hf A_ff^-1` is `-Psi_f^T` but for a factor, so that no
-    /// element is asked again). The accelerations are left out: they hold the tremor of the hand, and nothing of a
-    /// steady motion. What is left beside the stiffness is `p = r Psi_f^T M (v_f - Psi_f v0)`: nothing where the body
-    /// moves as its shapes say, and motions quicker than the period count the less the quicker they are.
+    /// present velocities and accelerations of the free nodes. (`K_hf A_ff^-1` is proportional to `-Psi_f^T`, so no
+    /// element is evaluated.) The accelerations are omitted: they contain the tremor of the hand and no part of a
+    /// steady motion. The remainder beside the stiffness is `p = r Psi_f^T M (v_f - Psi_f v0)`. It vanishes if the body
+    /// moves by its shapes, and it attenuates motions that are faster than the period.
     ///
-    /// Two things are added to it, smoothed over a few periods. What the tangent misses along the motion changes the
-    /// wrench by `Psi^T g`, where `g` is its rate on the nodes: a force on a free node reaches the hands by the shapes.
-    /// And what `p` is to the stiffness, `beta p` is to the damping: it takes all of a change of the hands' velocities
-    /// for news, though the body follows. Its rate is that of `p` since the last model.
+    /// Two terms, smoothed over a few periods, are added to `p`. First, the force that the tangent misses along the
+    /// motion. With its rate `g` on the nodes it changes the wrench at the rate `Psi^T g`, since the shapes carry a
+    /// force on a free node to the hands. Second, the damping of the shapes responds to every change of the hands'
+    /// velocities at once, although the body follows with a lag. `beta` times the rate of `p` since the previous model
+    /// corrects this.
     fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
         let rows = 3 * body.assembly.stiffness.free();
         for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
@@ -230,8 +234,8 @@ impl Reduction {
             at: body.state.clock,
             ratio,
         };
-        // Without a model before, what is missed now is all there is.
-        let share = if goes_on {
+        // Without a previous model the present addition is taken whole.
+        let blend = if goes_on {
             since / (since + (SMOOTHED * period).min(LONGEST_SMOOTHED))
         } else {
             1.0
@@ -262,15 +266,15 @@ impl Reduction {
             }
             let most = MOST_BESIDE * rate;
             let beside = beside.max(-most).min(most);
-            let trend = self.trend[c] + share * (beside - self.trend[c]);
-            // A number that overflowed must not live on in all that follow.
+            let trend = self.trend[c] + blend * (beside - self.trend[c]);
+            // A number that overflowed must not remain in later models.
             self.trend[c] = if trend.is_finite() { trend } else { 0.0 };
             self.inertia[c] = inertia;
             drift[column.slot()] = inertia + clipped + self.trend[c];
         }
     }
 
-    /// `Psi^T K Psi` (with the lever term) and `Psi^T M Psi`, into their slots.
+    /// Computes `Psi^T K Psi` and `Psi^T M Psi`, without the lever term.
     fn products(&mut self, body: &Body, ratio: f64) {
         let free = body.assembly.stiffness.free();
         let rows = 3 * free;
@@ -317,7 +321,7 @@ impl Reduction {
         }
     }
 
-    /// Damping, lever term, symmetrizing and clipping.
+    /// Adds damping and lever term, symmetrizes and clips.
     fn publish(&mut self, body: &Body) {
         let Condensed {
             stiffness,
@@ -362,7 +366,7 @@ impl Reduction {
     }
 }
 
-/// `sum m_i a_i . b_i`, in three running sums so that additions need not wait for each other.
+/// `sum m_i a_i . b_i`. Three running sums make additions independent of each other.
 fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
     let mut sum = [0.0; 3];
     for ((a, b), &mass) in a.chunks_exact(3).zip(b.chunks_exact(3)).zip(mass) {
@@ -391,7 +395,7 @@ fn momentum(shape: &[f64], velocity: &[Vec3], mass: &[f64]) -> f64 {
     sum.sum()
 }
 
-/// The root mean square of the rigid handles' offsets, or of the body's extent where they have none.
+/// The root mean square of the rigid handles' offsets (m), or of the body's extent if all offsets are zero.
 fn characteristic_length(squares: f64, count: usize, x: &[Vec3]) -> f64 {
     if squares > 0.0 {
         return libm::sqrt(squares / count as f64);

@@ -1,8 +1,9 @@
-//! Local models at the rate of the steps: shapes that are kept up instead of found anew.
+//! Local models at the rate of the steps, from shapes that are updated instead of recomputed.
 //!
-//! What [`Condenser`](crate::condense::condenser::Condenser) finds with a factorization of its own, conjugate gradients on the
-//! stepper's frozen factor find from the shapes of last time: a body's shapes change little from one model to
-//! the next. Columns may be renewed in turn, a few with each model; the others are then a little older.
+//! [`Condenser`](crate::condense::condenser::Condenser) computes the shapes by a factorization of its own. Here
+//! conjugate gradients, preconditioned by the stepper's frozen factor, start from the previous shapes, which change
+//! little from one model to the next. The columns may be updated in turn, a few with each model. The others are then
+//! slightly older.
 
 use super::reduction::{Condensed, Reduction};
 use crate::Vec3;
@@ -11,14 +12,14 @@ use crate::error::CondenseError;
 use crate::lanes::{Real, to_node, to_vec};
 use crate::motion::stepper::{Limits, Stepper};
 
-/// How shapes are kept up.
+/// The options of the updates of shapes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapeOptions {
-    /// The residual of a shape to reach, as a share of the forces that make it.
+    /// The residual of a shape to reach, as a fraction of the forces that cause the shape.
     pub tolerance: f64,
-    /// Most iterations for a shape at a time.
+    /// The largest number of iterations for a shape in one update.
     pub max_iterations: usize,
-    /// How many shapes are renewed with each model, in turn; the first model has them all.
+    /// The number of shapes that are updated with each model, in turn. The first model computes all of them.
     pub at_a_time: usize,
 }
 
@@ -32,18 +33,18 @@ impl Default for ShapeOptions {
     }
 }
 
-/// How a model was found.
+/// The report of the updates for one model.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ShapeReport {
-    /// Shapes renewed.
+    /// Number of shapes that were updated.
     pub renewed: usize,
-    /// Iterations, all together.
+    /// Total number of iterations.
     pub iterations: usize,
-    /// The worst residual of a renewed shape, as a share of the forces that make it.
+    /// The largest residual of an updated shape, as a fraction of the forces that cause the shape.
     pub residual: f64,
 }
 
-/// The shapes of a body, kept from one local model to the next; none at first.
+/// The shapes of a body, kept from one local model to the next. There are none before the first model.
 #[derive(Debug, Default)]
 pub struct Shapes {
     kept: Option<Box<Kept>>,
@@ -55,24 +56,25 @@ struct Kept {
     /// The epoch of the body.
     epoch: u64,
     reduction: Reduction,
-    /// Factors of mass and stiffness for which they are found.
+    /// Factors of mass and stiffness in the matrix of the shapes.
     factors: (f64, f64),
-    /// The norm of the forces that make each, from when it was first found (N).
+    /// For each shape, the norm of the forces that cause it (N), from its first computation.
     references: Vec<f64>,
     next: usize,
-    /// The linearization for which they are found, and how many of them.
+    /// The linearization of the latest shapes.
     state: u64,
+    /// Number of shapes that are up to date with that linearization.
     current: usize,
-    /// What the tangent misses, by node (N/s).
+    /// For each node, the rate of force that the tangent misses (N/s).
     missed: Vec<Vec3>,
 }
 
-/// A turn makes forces of at least this share of what a translation by the handles' length makes: a handle whose
-/// vertices lie on its axis makes none, and a share of none is no goal.
+/// The forces of a turn are taken to be at least this fraction of those of a translation by the handles' length. A
+/// turn of a handle whose vertices lie on the axis causes no force, and a fraction of zero would be no goal.
 const LEAST_TURN: f64 = 1e-3;
 
 impl Kept {
-    /// The least norm of the forces that a column is taken to make (N).
+    /// The least norm of the forces that a column is taken to cause (N).
     fn least_reference(&self, column: usize) -> f64 {
         let found = self.references[..column].iter().copied();
         let largest = found.fold(f64::MIN_POSITIVE, f64::max);
@@ -85,8 +87,8 @@ impl Kept {
 }
 
 impl Shapes {
-    /// Condenses the body that `stepper` moves onto its handles as they are after the last step, for local models published every
-    /// `period` seconds. Allocates the first time.
+    /// Condenses the body that `stepper` moves onto its handles after the last step, for local models published every
+    /// `period` seconds. The first call allocates.
     ///
     /// # Errors
     ///
@@ -136,8 +138,9 @@ impl Shapes {
 }
 
 impl<T: Real> Stepper<T> {
-    /// Finds by how much elastic forces at the end of the last step are not those that its linearization promised; nothing
-    /// where shapes have been renewed since. The step's own equation tells what `K u` was: no product is needed.
+    /// Computes by how much the elastic forces at the end of the last step differ from its linearization, as a rate
+    /// (N/s). `missed` is unchanged if no step was taken since the last model. The equation of the step gives `K u`, so
+    /// no product is needed.
     fn see_missed(&mut self, body: &Body, missed: &mut [Vec3]) {
         let Some(step) = self.stepped.take() else {
             return;
@@ -204,7 +207,8 @@ impl<T: Real> Stepper<T> {
         report
     }
 
-    /// Puts a column and its residual where conjugate gradients work; a column never found is zero.
+    /// Loads a column and its residual into the vectors of the conjugate gradients. A column that was never computed is
+    /// zero.
     fn lay(&mut self, body: &Body, shapes: &Kept, column: usize) {
         let Kept {
             reduction,
@@ -231,7 +235,7 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// Takes a column back, with what the stiffness makes of it on held nodes.
+    /// Stores a column, and its product with the stiffness on the handle nodes.
     fn keep(&mut self, shapes: &mut Kept, column: usize) {
         let (mass_factor, stiffness_factor) = shapes.factors;
         let free = self.free;

@@ -1,8 +1,8 @@
-//! A set of elements of one kind, as a body sees it.
+//! The interface of a set of elements of one kind to a body.
 //!
-//! A body is one or more such sets over the same nodes. Each set keeps its own arrays over its elements
-//! and runs its own loops; the body asks for whole sums only, so nothing is decided element by element.
-//! Constructors number vertices as the mesh does; the body then renumbers them into nodes.
+//! A body consists of one or more such sets over the same nodes. Each set has its own arrays and its own loops over its
+//! elements. The body calls functions of whole sets only, so there is no dispatch element by element. Constructors use
+//! the vertex numbers of the mesh. The body then renumbers vertices to nodes.
 
 use super::tet4::Tet;
 use super::tet10::QuadraticTet;
@@ -25,11 +25,11 @@ pub trait Elements: fmt::Debug + Send + Sync {
     /// Replaces each vertex by its node.
     fn renumber(&mut self, node_of_vertex: &[u32]);
 
-    /// Looks up where the elements' blocks lie in `matrix`.
+    /// Looks up the slots of the elements' blocks in `matrix`.
     fn bind(&mut self, matrix: &BlockMatrix);
 
-    /// Adds each node's lumped mass (kg) to `mass`, and to `load` what a body force is multiplied by: the
-    /// integral of the density times the node's shape function (kg). The two differ for quadratic elements.
+    /// Adds each node's lumped mass (kg) to `mass`, and the integral of the density times the node's shape function
+    /// (kg) to `load`. A body force (m/s²) is multiplied by `load`. The two differ for quadratic elements.
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]);
 
     /// Elastic energy (J) at node positions `x`.
@@ -44,41 +44,41 @@ pub trait Elements: fmt::Debug + Send + Sync {
         stiffness: &mut BlockMatrix,
     );
 
-    /// Memory that they hold (bytes).
+    /// Memory of the elements (bytes).
     fn bytes(&self) -> usize;
 
-    /// Number of elements that are turned inside out at `x`. A sheet has no inside.
+    /// Number of elements that are inverted at `x`. The elements of a sheet cannot be inverted.
     fn inverted(&self, x: &[Vec3]) -> usize;
 
     /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
 
-    /// The elements as linear tetrahedra under Hooke's law in a frame, where that is what they are.
+    /// The elements as linear tetrahedra under Hooke's law in a frame, or `None` if they are of another kind.
     fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
         None
     }
 
-    /// The elements as quadratic tetrahedra under Hooke's law in a frame, where that is what they are.
+    /// The elements as quadratic tetrahedra under Hooke's law in a frame, or `None` if they are of another kind.
     fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
         None
     }
 
-    /// The elements as linear tetrahedra of a law in principal axes, where that is what they are.
+    /// The elements as linear tetrahedra of a law in principal axes, or `None` if they are of another kind.
     fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
         None
     }
 
-    /// The elements as quadratic tetrahedra of a law in principal axes, where that is what they are.
+    /// The elements as quadratic tetrahedra of a law in principal axes, or `None` if they are of another kind.
     fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
         None
     }
 
-    /// The elements as corotational membrane triangles, where that is what they are.
+    /// The elements as corotational membrane triangles, or `None` if they are of another kind.
     fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
         None
     }
 
-    /// A copy.
+    /// A copy of the elements.
     fn boxed(&self) -> Box<dyn Elements>;
 }
 
@@ -95,7 +95,7 @@ pub(crate) fn renumber<const N: usize>(elements: &mut [[u32; N]], node_of_vertex
     }
 }
 
-/// Where the blocks of each element lie in `matrix`; of none where it lacks some.
+/// The slots of the blocks of each element in `matrix`. The result is empty if `matrix` lacks a block.
 pub(crate) fn slots<const N: usize>(
     elements: impl Iterator<Item = [u32; N]>,
     matrix: &BlockMatrix,

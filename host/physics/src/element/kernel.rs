@@ -1,7 +1,7 @@
-//! What a step needs of a set of elements, on padded nodes.
+//! The interface of a set of elements to the realtime step, on padded nodes.
 //!
-//! A kernel is linearized once a step and then multiplied by as often as the solver asks: nothing is assembled
-//! unless a factor is to be made. [`Assembled`] serves elements that have no kernel of their own.
+//! A step linearizes a kernel once. The solver then calls its product repeatedly. A matrix is assembled only for a
+//! factorization. [`Assembled`] serves elements that have no kernel of their own.
 
 use super::elements::{Elements, slots};
 use super::tet::principal::PrincipalTets;
@@ -18,9 +18,9 @@ use crate::material::law::isotropic::PointLaw;
 use crate::{Mat3, Vec3};
 use core::fmt;
 
-/// A set of elements, linearized where it was last told to be.
+/// A set of elements with its latest linearization.
 pub(crate) trait Kernel<T>: fmt::Debug + Send {
-    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and keeps the tangent there. Returns the
+    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and stores the tangent at `d`. Returns the
     /// elastic energy (J).
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64;
 
@@ -30,17 +30,17 @@ pub(crate) trait Kernel<T>: fmt::Debug + Send {
     /// Adds the blocks of `K` to `matrix`.
     fn add_to(&self, matrix: &mut BlockMatrix);
 
-    /// What `linearize` costs, but for displacements and forces; `None` where it has not been counted.
+    /// The cost of `linearize` without displacements and forces, or `None` if it has not been counted.
     fn linearize_cost(&self) -> Option<Cost>;
 
-    /// What `product` costs, but for the vectors; `None` where it has not been counted.
+    /// The cost of `product` without the vectors, or `None` if it has not been counted.
     fn product_cost(&self) -> Option<Cost>;
 
-    /// Memory that it holds (bytes).
+    /// Memory of the kernel (bytes).
     fn bytes(&self) -> usize;
 }
 
-/// Elements that have a kernel of their own, and where the blocks of each lie in the matrix.
+/// Elements that have a kernel of their own, and the slots of their blocks in the matrix.
 #[derive(Debug)]
 pub(crate) struct Placed<E, const N: usize> {
     elements: E,
@@ -181,7 +181,7 @@ placed!(Tets, 4);
 placed!(QuadraticTets, 10);
 placed!(Triangles, 3);
 
-/// Elements by their assembled matrix.
+/// Elements with their assembled matrix.
 #[derive(Debug)]
 pub(crate) struct Assembled {
     elements: Box<dyn Elements>,
@@ -192,7 +192,8 @@ pub(crate) struct Assembled {
 }
 
 impl Assembled {
-    /// `elements` over nodes in the solver's order and bound to `matrix`; `rest` are their positions (m).
+    /// A kernel of `elements`, whose nodes are in the solver's order and which are bound to `matrix`. `rest` contains
+    /// the rest positions of the nodes (m).
     pub(crate) fn new(elements: Box<dyn Elements>, matrix: &BlockMatrix, rest: &[Vec3]) -> Self {
         Self {
             elements,
@@ -243,7 +244,7 @@ impl<T: Real> Kernel<T> for Assembled {
     }
 
     fn product_cost(&self) -> Option<Cost> {
-        // A product and a sum for each entry, and both once more for each row.
+        // A product and a sum for each entry, and a further product and sum for each row.
         let (nodes, blocks) = (self.matrix.nodes(), self.matrix.block_count());
         Some(Cost::read(self.matrix.bytes()) + Cost::flops(18 * blocks + 6 * nodes))
     }

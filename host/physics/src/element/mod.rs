@@ -1,5 +1,5 @@
-//! Elements: forces, energies and stiffness of a set of them. The exact form and the form for vector instructions stand
-//! side by side.
+//! Elements: forces, energies and stiffness of sets of elements. The exact form and the form for vector instructions
+//! stand side by side.
 //!
 //! - [`Elements`]: what any set of elements gives a body, exactly.
 //! - `kernel`: what the realtime step needs of a set, on padded nodes.

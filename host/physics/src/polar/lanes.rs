@@ -1,12 +1,13 @@
-//! Rotations of elements, from where they last were.
+//! Rotations of elements by Newton iterations from the previous rotations.
 //!
-//! The rotation `R` of a deformation gradient `F` makes `R^T F` symmetric and the trace of that largest. From
-//! a guess, with `A = R^T F` and its symmetric part `S`, the turn `w` that makes `exp(-[w]) A` symmetric to
-//! first order solves `(tr S I - S) w = axial(A - A^T)`: Newton's method, which converges quadratically, and
-//! nearly cubically where strains are small. As a function of the rotation's quaternion the trace is a quadratic
-//! form, which has one largest value and no other local one; where `tr S I - S` is positive definite the
-//! iteration has therefore found it, inside out elements included, and it is the rotation of
-//! [`svd`](crate::polar::svd). That decides where the iteration fails.
+//! The rotation `R` of a deformation gradient `F` makes `R^T F` symmetric and maximizes its trace. With a guess of `R`,
+//! `A = R^T F` and its symmetric part `S`, the turn `w` that makes `exp(-[w]) A` symmetric to first order solves
+//! `(tr S I - S) w = axial(A - A^T)`. This is Newton's method. It converges quadratically, and nearly cubically where
+//! strains are small.
+//!
+//! As a function of the rotation's quaternion the trace is a quadratic form. It has no local maximum but the global
+//! one. If `tr S I - S` is positive definite, the iteration has therefore found the maximum, also in an inverted
+//! element, and the rotation is that of [`svd`](crate::polar::svd). Otherwise the caller uses the singular values.
 
 use super::svd::svd;
 use crate::Mat3;
@@ -18,11 +19,11 @@ pub type Matrix<T> = [[T; 3]; 3];
 /// A unit quaternion, its scalar part first.
 pub type Quaternion<T> = [T; 4];
 
-/// `tr S I - S` must have a determinant above this share of its trace cubed (1/27 at rest): two stretches
-/// whose sum is below some hundredths of the largest are left to the singular values.
+/// The least ratio of the determinant of `tr S I - S` to the cube of its trace (1/27 at rest). If the sum of two
+/// stretches is below some hundredths of the largest, the caller uses the singular values.
 const DEFINITE: f64 = 1e-4;
 
-/// `R - I`: where a rotation is small its digits are kept.
+/// `R - I`. The digits of a small rotation are kept.
 #[inline(always)]
 pub fn rotation_less_identity<T: Real>(q: Quaternion<T>) -> Matrix<T> {
     let [w, x, y, z] = q;
@@ -37,7 +38,7 @@ pub fn rotation_less_identity<T: Real>(q: Quaternion<T>) -> Matrix<T> {
     ]
 }
 
-/// `R^T (I + H) - I` from `Q = R - I`, without forming either sum: small where strains are small.
+/// `R^T (I + H) - I` from `Q = R - I`, without forming either sum. The digits of small strains are kept.
 #[inline(always)]
 pub fn strain<T: Real>(q: &Matrix<T>, h: &Matrix<T>) -> Matrix<T> {
     let mut e = [[T::ZERO; 3]; 3];
@@ -50,7 +51,7 @@ pub fn strain<T: Real>(q: &Matrix<T>, h: &Matrix<T>) -> Matrix<T> {
     e
 }
 
-/// One Newton iteration for the rotation of `F = I + H`. Returns the new quaternion and whether it is done.
+/// One Newton iteration for the rotation of `F = I + H`. Returns the new quaternion and whether it has converged.
 #[inline(always)]
 pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
     let e = strain(&rotation_less_identity(q), h);
@@ -85,7 +86,7 @@ pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
         (c02 * a[0] + c12 * a[1] + c22 * a[2]) * inverse,
     ];
     let square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2];
-    // `|w|` is the turn's tangent where there is no strain; the half angle's is near `2 |w| / (4 + |w|^2)`.
+    // Without strain, `|w|` is the tangent of the angle. The tangent of half the angle is near `2 |w| / (4 + |w|^2)`.
     let scalar = T::of(4.0) + square;
     let [x, y, z] = [w[0] + w[0], w[1] + w[1], w[2] + w[2]];
     let turned = [
@@ -108,12 +109,12 @@ pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
     (unit, definite && square <= T::SMALL_TURN)
 }
 
-/// The quaternion of the rotation of `I + H` from singular values: always finite.
+/// The quaternion of the rotation of `I + H` from singular values. It is always finite.
 pub fn quaternion<T: Real>(h: &Matrix<T>) -> Quaternion<T> {
     let f = Mat3::from_fn(|i, j| h[i][j].to_f64() + if i == j { 1.0 } else { 0.0 });
     let svd = svd(&f);
     let r = svd.u * svd.v.transpose();
-    // Shepperd's choice: divide by the largest component (Journal of Guidance and Control 1, 1978).
+    // Division by the largest component (Shepperd, Journal of Guidance and Control 1, 1978).
     let trace = r.trace();
     let (largest, _) = [trace, r[(0, 0)], r[(1, 1)], r[(2, 2)]]
         .into_iter()

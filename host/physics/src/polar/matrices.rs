@@ -1,5 +1,4 @@
-//! Matrices of one element in a lane: small functions that are always inlined, into whatever loop over lanes calls
-//! them.
+//! Matrices of the element in one lane. The functions are always inlined into the loop over lanes that calls them.
 
 use super::lanes::Matrix;
 use crate::lanes::Real;
@@ -19,7 +18,7 @@ pub(crate) fn outer<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     sum
 }
 
-/// `a^T b`: the same sum.
+/// `a^T b`, which is the same sum as [`outer`].
 #[inline(always)]
 pub(crate) fn transposed_times<T: Real>(a: &Matrix<T>, b: &Matrix<T>) -> Matrix<T> {
     outer(a, b)
@@ -78,7 +77,7 @@ pub(crate) fn stress<T: Real>(e: &Symmetric<T>, ratio: T) -> Symmetric<T> {
     ]
 }
 
-/// Half of strain times stress.
+/// Half of the product of strain and stress.
 #[inline(always)]
 pub(crate) fn energy<T: Real>(e: &Symmetric<T>, s: &Symmetric<T>) -> T {
     let along = e[0] * s[0] + e[1] * s[1] + e[2] * s[2];

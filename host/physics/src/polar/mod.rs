@@ -1,8 +1,8 @@
-//! How a deformation gradient splits into a turn and a stretch: exactly, and in the lanes of vector instructions.
+//! The polar decomposition of a deformation gradient into rotation and stretch, for one element and in vector lanes.
 //!
-//! - [`svd`]: singular values of a 3 x 3 matrix; `surface`: those of a triangle's 3 x 2.
-//! - [`lanes`]: rotations of elements, from where they last were; `surface_lanes`: the same of triangles.
-//! - `matrices`: the matrices of one element in a lane.
+//! - [`svd`]: singular values of a 3 x 3 matrix; `surface`: the polar decomposition of a triangle's 3 x 2 gradient.
+//! - [`lanes`]: rotations of elements by Newton iterations; `surface_lanes`: the decomposition of triangles in lanes.
+//! - `matrices`: matrices of the element in one lane.
 
 pub mod lanes;
 pub(crate) mod matrices;

@@ -3,11 +3,11 @@
 
 use crate::Vec3;
 
-/// A compressed direction has its stretch bounded below by this in the out-of-plane part of the tangent,
-/// which divides by it: a triangle crushed to a hundredth must not make the matrix arbitrarily stiff.
+/// The least stretch by which the out-of-plane part of the tangent divides. A triangle that is crushed to a hundredth
+/// must not make the matrix arbitrarily stiff.
 pub(crate) const STRETCH_FLOOR: f64 = 0.01;
 
-/// Polar decomposition of a deformation gradient, and what the force and the tangent need of it.
+/// Polar decomposition of a deformation gradient, with the terms that the force and the tangent need.
 pub(crate) struct Polar {
     /// Columns of the 3 x 2 rotation.
     pub(crate) r: [Vec3; 2],
@@ -22,7 +22,7 @@ impl Polar {
     pub(crate) fn new(f1: &Vec3, f2: &Vec3) -> Self {
         let c = [f1.dot(f1), f1.dot(f2), f2.dot(f2)];
         let trace_c = c[0] + c[2];
-        // A triangle shrunk to a point has no direction at all: any frame will do.
+        // A triangle that is shrunk to a point has no direction. Any frame is valid.
         if trace_c < 1e-200 {
             return Self {
                 r: [Vec3::x(), Vec3::y()],
@@ -54,11 +54,11 @@ impl Polar {
         [mean + radius, mean - radius]
     }
 
-    /// The tensor (xx, xy, yy) that shares its principal axes with `U` and has these principal `values` where `U` has
-    /// these `stretches`.
+    /// The tensor (xx, xy, yy) with the principal axes of `U` that has the principal `values` where `U` has the
+    /// `stretches`.
     pub(crate) fn with_principal(&self, stretches: [f64; 2], values: [f64; 2]) -> [f64; 3] {
-        // S = s_2 I + (s_1 - s_2) v_1 v_1^T and v_1 v_1^T = (U - l_2 I) / (l_1 - l_2): the quotient of
-        // differences is bounded, so nearly equal stretches lose nothing.
+        // S = s_2 I + (s_1 - s_2) v_1 v_1^T and v_1 v_1^T = (U - l_2 I) / (l_1 - l_2). The quotient of the
+        // differences is bounded, so nearly equal stretches lose no digits.
         let gap = stretches[0] - stretches[1];
         let slope = if gap > 1e-14 * stretches[0] {
             (values[0] - values[1]) / gap
@@ -74,7 +74,7 @@ impl Polar {
     }
 }
 
-/// A unit vector perpendicular to `line`, the same for the same line.
+/// A unit vector perpendicular to `line`, a function of `line` alone.
 fn normal_of_line(line: &Vec3) -> Vec3 {
     let axis = match line.iamin() {
         0 => Vec3::x(),

@@ -1,6 +1,6 @@
 //! Polar decomposition of a triangle's deformation gradient, strain and the part of its tangent out of the plane.
 //!
-//! Closed forms of straight arithmetic, for loops over lanes (see `triangle_kernels`).
+//! The closed forms are arithmetic without branches, for loops over lanes (see `element/triangle/kernels.rs`).
 
 use super::surface::STRETCH_FLOOR;
 use crate::lanes::Real;
@@ -16,16 +16,15 @@ pub(crate) struct Polar<T> {
     pub(crate) n: Vector<T>,
     /// `U - I`.
     pub(crate) strain: Plane<T>,
-    /// The inverse of `tr U`, at most that of two floors.
+    /// The inverse of `tr U`, bounded by the inverse of twice the least stretch.
     pub(crate) over_trace: T,
 }
 
 /// The polar decomposition of `F = frame + h`, as in [`membrane`](crate::element::triangle::membrane).
 ///
-/// The strain is `(C - I) (U + I)^-1` with `C - I` from `h`, and `(U + I)^-1` is `(I + adj U) / det(U + I)`: a
-/// small strain without a turn keeps its digits. What is left is the turn: its `h` is no longer small and its
-/// terms in `C - I` cancel, which leaves an error of a rounding times the turn (rad), in single precision 1e-7 of
-/// the moduli at most.
+/// The strain is `(C - I) (U + I)^-1` with `C - I` from `h`, and `(U + I)^-1` is `(I + adj U) / det(U + I)`. A small
+/// strain without rotation keeps its digits. With a rotation, `h` is not small and its terms in `C - I` cancel. The
+/// error is one rounding times the angle (rad), in single precision at most 1e-7 of the moduli.
 #[inline(always)]
 pub(crate) fn polar<T: Real>(frame: &[Vector<T>; 2], h: &[Vector<T>; 2]) -> Polar<T> {
     let one = T::of(1.0);
@@ -38,7 +37,7 @@ pub(crate) fn polar<T: Real>(frame: &[Vector<T>; 2], h: &[Vector<T>; 2]) -> Pola
         dot(sum(a2, f2), h2),
     ];
 
-    // Of a triangle shrunk to a point rounding leaves no direction: any frame will do.
+    // Rounding leaves no direction in a triangle that is shrunk to a point. Any frame is valid.
     let point = dot(f1, f1) + dot(f2, f2) < T::EPSILON * T::EPSILON;
     let (x, y) = (
         [T::EPSILON, T::ZERO, T::ZERO],
@@ -49,7 +48,8 @@ pub(crate) fn polar<T: Real>(frame: &[Vector<T>; 2], h: &[Vector<T>; 2]) -> Pola
     let c = [dot(f1, f1), dot(f1, f2), dot(f2, f2)];
     let trace_c = c[0] + c[2];
 
-    // Shrunk to a line, it has many normals: one of them. In double precision the bound is 1e-14.
+    // A triangle that is shrunk to a line has many normals. One of them is chosen. In double precision the bound is
+    // 1e-14.
     let cross_product = cross(f1, f2);
     let thin = T::of(45.0) * T::EPSILON * trace_c;
     let flat = dot(cross_product, cross_product) > thin * thin;
@@ -80,9 +80,11 @@ pub(crate) fn polar<T: Real>(frame: &[Vector<T>; 2], h: &[Vector<T>; 2]) -> Pola
     }
 }
 
-/// The positive part of `stress U^-1` at `strain = U - I`; `twice` is twice the shear modulus. Its principal
-/// values are those of the stress over the stretches, `v_2 I + (v_1 - v_2) / (e_1 - e_2) (strain - e_2 I)`: the
-/// error of the quotient is no larger than that of the values over the gap by which it is multiplied.
+/// The positive part of `stress U^-1` at `strain = U - I`; `twice` is twice the shear modulus.
+///
+/// The principal values `v_k` are the principal stresses over the stretches, and the tensor is
+/// `v_2 I + (v_1 - v_2) / (e_1 - e_2) (strain - e_2 I)`. The quotient is multiplied by the gap `e_1 - e_2` again, so
+/// its error is that of the values.
 #[inline(always)]
 pub(crate) fn out_of_plane<T: Real>(strain: &Plane<T>, twice: T, pressure: T) -> Plane<T> {
     let (one, half) = (T::of(1.0), T::of(0.5));
@@ -108,7 +110,7 @@ pub(crate) fn out_of_plane<T: Real>(strain: &Plane<T>, twice: T, pressure: T) ->
     ]
 }
 
-/// `v` times the axis to which it is most nearly perpendicular.
+/// The cross product of `v` and the axis to which `v` is most nearly perpendicular.
 #[inline(always)]
 fn across<T: Real>(v: Vector<T>) -> Vector<T> {
     let [x, y, z] = v.map(|c| larger(c, -c));

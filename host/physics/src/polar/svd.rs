@@ -1,24 +1,33 @@
 //! Signed singular values of a 3 x 3 matrix.
 //!
-//! `F = U diag(s) V^T` with proper rotations `U` and `V`; the singular value of least size carries the sign
-//! of `det F` (Irving, Teran and Fedkiw, "Invertible finite elements for robust simulation of large
-//! deformation", 2004). By one-sided Jacobi rotations (Hestenes, 1958): columns of `F V` are turned against
-//! each other until they are orthogonal, which keeps small singular values as accurate as large ones and
-//! has no case that fails.
+//! `F = U diag(s) V^T` with proper rotations `U` and `V`. The singular value of least magnitude carries the sign of
+//! `det F` (Irving, Teran and Fedkiw, "Invertible finite elements for robust simulation of large deformation", 2004).
+//! One-sided Jacobi rotations (Hestenes, 1958) rotate pairs of columns of `F V` until all columns are orthogonal. The
+//! method computes small singular values as accurately as large ones and has no case that fails.
 
 use crate::{Mat3, Vec3};
 
-/// More sweeps than any matrix was seen to need.
+/// The largest number of sweeps. No tested matrix needed as many.
 const MAX_SWEEPS: usize = 12;
-/// Columns whose cosine is below this are orthogonal.
+/// Columns whose cosine is below this bound count as orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
 
-/// `F = u diag(s) v^T`.
+/// The decomposition `F = u diag(s) v^T`.
+///
+/// ```
+/// use physics::{Mat3, Vec3};
+/// use physics::polar::svd::svd;
+///
+/// // A mirrored matrix: the singular value of least magnitude is negative.
+/// let decomposed = svd(&Mat3::from_diagonal(&Vec3::new(1.0, -0.5, 2.0)));
+/// assert!((decomposed.s - Vec3::new(2.0, 1.0, -0.5)).norm() < 1e-15);
+/// assert!((decomposed.u.determinant() - 1.0).abs() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Svd {
     /// Left rotation.
     pub u: Mat3,
-    /// Singular values: descending in size, the last signed.
+    /// Singular values, descending in magnitude. Only the last may be negative.
     pub s: Vec3,
     /// Right rotation.
     pub v: Mat3,
@@ -34,12 +43,13 @@ fn perpendicular(to: &Vec3) -> Vec3 {
     to.cross(&axis).normalize()
 }
 
-/// The decomposition of a finite matrix.
+/// The decomposition of a finite matrix. A matrix that is zero or not finite gives zero singular values.
 pub fn svd(f: &Mat3) -> Svd {
     svd_from(f, &Mat3::identity())
 }
 
-/// The same from right axes near the right ones, a rotation: fewer sweeps.
+/// The decomposition of `f` from `start`, a rotation near the right rotation of `f`. It takes fewer sweeps than
+/// [`svd`].
 pub fn svd_from(f: &Mat3, start: &Mat3) -> Svd {
     let scale = f.amax();
     if scale == 0.0 || !scale.is_finite() {
@@ -70,7 +80,7 @@ pub fn svd_from(f: &Mat3, start: &Mat3) -> Svd {
             break;
         }
     }
-    // Descending, by exchanging columns with a change of sign so that `v` stays a rotation.
+    // Sort in descending order. An exchange of columns changes a sign, so that `v` stays a rotation.
     for (p, q) in [(0, 1), (1, 2), (0, 1)] {
         if b[p].norm_squared() < b[q].norm_squared() {
             (b[p], b[q]) = (b[q], -b[p]);
@@ -79,7 +89,7 @@ pub fn svd_from(f: &Mat3, start: &Mat3) -> Svd {
     }
     let first = b[0].norm();
     let u0 = b[0] / first;
-    // What is left of the second column beside the first: exact orthogonality even where it is tiny.
+    // The part of the second column orthogonal to the first. It makes `u` orthogonal even if this part is tiny.
     let rest = b[1] - u0 * u0.dot(&b[1]);
     let second = rest.norm();
     let u1 = if second > 1e-14 * first {

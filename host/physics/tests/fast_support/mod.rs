@@ -49,7 +49,7 @@ pub(crate) fn tets(mesh: &TetMesh) -> Vec<Tet> {
     cells.iter().zip(materials(cells.len())).map(tet).collect()
 }
 
-/// Filled up.
+/// Vectors as padded nodes.
 pub(crate) fn nodes<T: Real>(vectors: &[Vec3]) -> Vec<Node<T>> {
     let node = |v: &Vec3| [T::of(v.x), T::of(v.y), T::of(v.z), T::ZERO];
     vectors.iter().map(node).collect()
@@ -59,7 +59,7 @@ pub(crate) fn zeros<T: Real>(count: usize) -> Vec<Node<T>> {
     vec![[T::ZERO; 4]; count]
 }
 
-/// Without their fill, which must have stayed zero.
+/// Vectors without the padding, which must be zero still.
 pub(crate) fn vectors<T: Real>(nodes: &[Node<T>]) -> Vec<Vec3> {
     assert!(nodes.iter().all(|node| node[3] == T::ZERO));
     let vector = |v: &Node<T>| Vec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64());
@@ -70,7 +70,7 @@ pub(crate) fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
 
-/// Largest difference as a share of the largest of `b`.
+/// Largest difference as a fraction of the largest of `b`.
 pub(crate) fn difference(a: &[Vec3], b: &[Vec3]) -> f64 {
     let scale = largest(b.iter().copied());
     largest(a.iter().zip(b).map(|(a, b)| a - b)) / scale

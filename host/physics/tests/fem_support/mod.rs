@@ -1,4 +1,4 @@
-//! Small meshes, a generator of numbers and norms that the tests of the sheet share.
+//! Small meshes, a generator of random numbers, and norms for the tests.
 #![allow(dead_code)]
 
 use physics::mesh::tet::MIDSIDE_ENDS;
@@ -69,14 +69,14 @@ pub(crate) fn on_border(x: &Vec3, lx: f64, ly: f64) -> bool {
     near(x.x, 0.0) || near(x.x, lx) || near(x.y, 0.0) || near(x.y, ly)
 }
 
-/// `grid` with its inner vertices moved by up to `share` of a cell.
-pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, share: f64, seed: u64) -> TriMesh {
+/// `grid` with its inner vertices moved by up to `fraction` of a cell.
+pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, fraction: f64, seed: u64) -> TriMesh {
     let mut mesh = grid(nx, ny, lx, ly, Split::Alternating);
     let mut random = Random(seed);
     for x in &mut mesh.positions {
         if !on_border(x, lx, ly) {
-            x.x += share * lx / f64::from(nx) * random.signed();
-            x.y += share * ly / f64::from(ny) * random.signed();
+            x.x += fraction * lx / f64::from(nx) * random.signed();
+            x.y += fraction * ly / f64::from(ny) * random.signed();
         }
     }
     mesh
@@ -177,14 +177,14 @@ pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
     Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// A cube of edge 1 in `n`^3 cells of six tetrahedra (Kuhn), its inner vertices moved by up to `share` of a
+/// A cube of edge 1 in `n`^3 cells of six tetrahedra (Kuhn), its inner vertices moved by up to `fraction` of a
 /// cell.
-pub(crate) fn cube(n: usize, share: f64, quadratic: bool) -> TetMesh {
-    block([n; 3], share, quadratic)
+pub(crate) fn cube(n: usize, fraction: f64, quadratic: bool) -> TetMesh {
+    block([n; 3], fraction, quadratic)
 }
 
 /// The same in `n` cells along each axis.
-pub(crate) fn block(n: [usize; 3], share: f64, quadratic: bool) -> TetMesh {
+pub(crate) fn block(n: [usize; 3], fraction: f64, quadratic: bool) -> TetMesh {
     let mut random = Random(3);
     let vertex = |at: [usize; 3]| ((at[2] * (n[1] + 1) + at[1]) * (n[0] + 1) + at[0]) as u32;
     let mut positions = Vec::new();
@@ -194,7 +194,7 @@ pub(crate) fn block(n: [usize; 3], share: f64, quadratic: bool) -> TetMesh {
                 let at = [i, j, k];
                 let inner = (0..3).all(|axis| at[axis] > 0 && at[axis] < n[axis]);
                 let off = if inner {
-                    random.vector() * share
+                    random.vector() * fraction
                 } else {
                     Vec3::zeros()
                 };
@@ -208,8 +208,8 @@ pub(crate) fn block(n: [usize; 3], share: f64, quadratic: bool) -> TetMesh {
     for k in 0..n[2] {
         for j in 0..n[1] {
             for i in 0..n[0] {
-                // Six paths along the axes from one corner to the opposite; the last three turn the other
-                // way and so have two vertices exchanged.
+                // Six paths along the axes from one corner to the opposite one. The last three have the opposite
+                // orientation, so two of their vertices are exchanged.
                 let even = [[0, 1, 2], [1, 2, 0], [2, 0, 1]];
                 let odd = [[1, 0, 2], [0, 2, 1], [2, 1, 0]];
                 for path in even.into_iter().chain(odd) {

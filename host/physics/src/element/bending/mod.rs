@@ -1,39 +1,37 @@
-//! Resistance to bending: a constant matrix, for a sheet that is flat at rest.
+//! The bending stiffness of a sheet that is flat at rest: a constant matrix.
 //!
 //! For nearly isometric motion the second derivatives of the positions are the curvatures times the
 //! normal, so a plate's energy is a quadratic function of the positions with a constant matrix (Bergou,
 //! Wardetzky, Harmon, Zorin, Grinspun, "A quadratic bending model for inextensible surfaces", 2006).
-//! As there, the fold across an interior edge is a four-vertex stencil of cotangents,
+//! As in that paper, the fold across an interior edge is a four-vertex stencil of cotangents,
 //!
 //! ```text
 //! (k_e x) = (cot b + cot b') x_a + (cot a + cot a') x_b - (cot a + cot b) x_c - (cot a' + cot b') x_c'
 //! ```
 //!
-//! with the edge from `a` to `b`, `c` and `c'` across it, and the angles at `a` and `b` in either triangle.
-//! It is the jump of the normal derivative times the edge's length.
+//! with the edge from `a` to `b`, the vertices `c` and `c'` across it, and the angles at `a` and `b` in either
+//! triangle. The fold is the jump of the normal derivative times the edge's length.
 //!
-//! Unlike there, an edge does not count alone. The energy of separate hinges, `3 / (A + A') |k_e x|^2`,
-//! is that of the mean curvature for a sphere, but three times too large for a cylinder on the usual
-//! meshes, and it depends on their direction. So the folds of a triangle are taken together (Grinspun,
-//! Gingold, Reisman, Zorin, "Computing discrete shape operators on general meshes", 2006, the quadratic
-//! fit): a constant curvature `kappa` (xx, xy, yy in the triangle's rest frame) makes the folds
-//! `T kappa`, so the triangle's energy is that of the cheapest curvature with the folds `s = (k_e x)`
-//! that it has,
+//! Unlike in that paper, the edges are not independent hinges. The energy of independent hinges,
+//! `3 / (A + A') |k_e x|^2`, is that of the mean curvature for a sphere. For a cylinder on the usual meshes it is three
+//! times too large and depends on the direction of the edges. The folds of a triangle are therefore taken together
+//! (Grinspun, Gingold, Reisman, Zorin, "Computing discrete shape operators on general meshes", 2006, the quadratic
+//! fit). A constant curvature `kappa` (xx, xy, yy in the triangle's rest frame) causes the folds `T kappa`. The
+//! triangle's energy is the least energy of a curvature with the folds `s = (k_e x)` of the triangle,
 //!
 //! ```text
 //! E = A / 2 min { kappa^T G kappa : T kappa = s } = A / 2 s^T (T G^-1 T^T)^-1 s
 //! ```
 //!
 //! with Kirchhoff's plate matrix `G`, of rigidity `D = E t^3 / (12 (1 - nu^2))`. With three neighbours
-//! this is exact for any constant curvature on any mesh; it vanishes only where every fold does; and a
-//! border needs no treatment: an edge with one triangle has no fold, which costs an error of the order of
-//! the triangle's size.
+//! this energy is exact for any constant curvature on any mesh. It vanishes only if every fold does. A border needs
+//! no treatment: an edge with one triangle has no fold, which causes an error of the order of the triangle's size.
 //!
-//! That is a statement about the energy of a given shape. What a load makes of a sheet also depends on how
-//! it is cut: deflections converge to the plate's, from above and with the size of the cells, where all
-//! diagonals run alike and nearly so where vertices are moved; alternating diagonals have shapes that cost
-//! too little, and such a sheet bends by one and a half times too much or more, however fine (`palpate bench
-//! accuracy`).
+//! These statements concern the energy of a given shape. The deflection under a load also depends on the pattern of
+//! the mesh. If all diagonals are parallel, deflections converge to those of the plate, from above and linearly in the
+//! size of the cells. They nearly do so if the vertices are moved. With alternating diagonals some shapes have too
+//! little energy, and such a sheet bends by one and a half times too much or more, however fine the mesh
+//! (`palpate bench accuracy`).
 
 pub(crate) mod scalar;
 
@@ -43,17 +41,18 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::material::Material;
 use crate::{Mat3, Vec3};
 
-/// A sheet folded by more than this at rest (rad) is not flat. A file in single precision stays below.
+/// The largest fold (rad) of a sheet that counts as flat at rest. The rounding of a file in single precision stays
+/// below it.
 const FLAT: f64 = 1e-5;
 
-/// Where the six vertices of a patch lie near a common conic, `T` is nearly singular and one combination
-/// of folds would be locked. This share of the mean diagonal of `T G^-1 T^T` bounds its stiffness.
+/// If the six vertices of a patch lie near a common conic, `T` is nearly singular and one combination of folds would
+/// lock. This fraction of the mean diagonal of `T G^-1 T^T` is added to the diagonal and bounds the stiffness.
 const EASE: f64 = 1e-4;
 
-/// What one triangle and its up to three neighbours contribute.
+/// The contribution of one triangle and its neighbours, of which there are at most three.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
-    /// Vertices of the triangle, then those across its interior edges.
+    /// Vertices of the triangle, then the vertices across its interior edges.
     pub(crate) vertices: Vec<u32>,
     /// Weights between them, a symmetric scalar matrix (N/m).
     weights: Vec<Vec<f64>>,
@@ -83,8 +82,8 @@ fn cotangent(at: &Vec3, to: &Vec3, other: &Vec3) -> f64 {
     u.dot(&v) / u.cross(&v).norm()
 }
 
-/// Angle (rad) by which the triangles (a, b, c) and (a, b, d) depart from lying flat on either side of the
-/// edge, whatever their orientation.
+/// The fold (rad) between the triangles (a, b, c) and (a, b, d), whatever their orientation. It is zero if both lie in
+/// a plane, on either side of the edge.
 fn fold(a: &Vec3, b: &Vec3, c: &Vec3, d: &Vec3) -> f64 {
     let edge = (b - a).normalize();
     let rise = |p: &Vec3| {
@@ -284,7 +283,7 @@ impl Bending {
                 }
             }
         }
-        // A translation bends nothing.
+        // A translation causes no bending force.
         for row in 0..matrix.nodes() {
             let (columns, start) = matrix.row(row);
             let sum: f64 = weights[start..start + columns.len()].iter().sum();
@@ -305,7 +304,7 @@ impl Bending {
         for (row, force) in force.iter_mut().enumerate() {
             let (columns, start) = matrix.row(row);
             let mut sum = Vec3::zeros();
-            // By differences: a sheet far from the origin keeps its digits.
+            // Differences keep the digits of a sheet far from the origin.
             for (&column, &weight) in columns.iter().zip(&self.weights[start..]) {
                 sum += (x[row] - x[column as usize]) * weight;
             }

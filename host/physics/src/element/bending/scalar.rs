@@ -1,4 +1,4 @@
-//! Bending on padded nodes: a constant matrix of scalars, without what is zero.
+//! Bending on padded nodes: a constant sparse matrix of scalars.
 
 use crate::cost::Cost;
 use crate::element::kernel::Kernel;
@@ -18,7 +18,7 @@ pub(crate) struct ScalarMatrix<T> {
 }
 
 impl<T: Real> ScalarMatrix<T> {
-    /// `weights` by slot of `matrix`, whose pattern it takes; zeros are left out.
+    /// The matrix with these `weights` by slot of `matrix`, in the pattern of `matrix` without zeros.
     pub(crate) fn new(matrix: &BlockMatrix, weights: &[f64]) -> Self {
         let mut row_start = vec![0];
         let (mut columns, mut kept) = (Vec::new(), Vec::new());
@@ -40,7 +40,7 @@ impl<T: Real> ScalarMatrix<T> {
         }
     }
 
-    /// What all rows times a vector cost.
+    /// The cost of the products of all rows and a vector.
     fn read_cost(&self) -> Cost {
         Cost::read(size_of_val(self.row_start.as_slice()))
             + Cost::read(size_of_val(self.columns.as_slice()))
@@ -48,7 +48,7 @@ impl<T: Real> ScalarMatrix<T> {
             + Cost::flops(6 * self.weights.len())
     }
 
-    /// Rows times `u`: `sum(row, pull)` by row.
+    /// Calls `sum(row, product)` with the product of each row and `u`.
     #[inline(always)]
     fn rows(&self, u: &[Node<T>], mut sum: impl FnMut(usize, Node<T>)) {
         let ends = self.row_start[1..].iter().map(|&end| end as usize);
@@ -70,7 +70,7 @@ impl<T: Real> ScalarMatrix<T> {
     }
 }
 
-/// Subtracts the rows times `d` from `force`; returns twice the energy.
+/// Subtracts the product with `d` from `force`. Returns twice the energy.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx2+bmi1+bmi2"))
@@ -88,7 +88,7 @@ fn scalar_linearize<T: Real>(
     work
 }
 
-/// Adds `factor` times the rows times `u` to `y`.
+/// Adds `factor` times the product with `u` to `y`.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx2+bmi1+bmi2"))
@@ -113,7 +113,7 @@ impl<T: Real> Kernel<T> for ScalarMatrix<T> {
     }
 
     fn linearize_cost(&self) -> Option<Cost> {
-        // The force's three sums and the energy's six operations for each row.
+        // Three sums of the force and six operations of the energy for each row.
         Some(self.read_cost() + Cost::flops(9 * (self.row_start.len() - 1)))
     }
 

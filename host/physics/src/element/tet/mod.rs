@@ -1,8 +1,8 @@
-//! Tetrahedra of elastic solids: what linear and quadratic ones have in common.
+//! Tetrahedra of elastic solids: code that linear and quadratic tetrahedra have in common.
 //!
 //! - [`shape`]: shape functions and quadrature.
-//! - [`solid`]: any law, exactly.
-//! - `principal` and `principal_kernels`: any isotropic law, in vectors.
+//! - [`solid`]: any law, in the exact form.
+//! - `principal` and `principal_kernels`: any isotropic law, in the vector form.
 
 pub(crate) mod principal;
 pub(crate) mod principal_kernels;

@@ -1,14 +1,14 @@
 //! Tetrahedra of any isotropic law in blocks: forces, energies and products with the clipped tangent.
 //!
-//! Nothing is assembled. In the axes of `F = U diag(s) V^T` the modulus of an isotropic law has twelve numbers (see
-//! [`isotropic`](crate::material::law::isotropic)), and with the gradients `h_c = V^T g_c` a product is, at each point,
+//! No matrix is assembled. In the axes of `F = U diag(s) V^T` the modulus of an isotropic law has twelve numbers (see
+//! [`isotropic`](crate::material::law::isotropic)). With the gradients `h_c = V^T g_c` a product is, at each point,
 //!
 //! ```text
 //! f_c = U (C : sum_b (U^T u_b) h_b^T) h_c
 //! ```
 //!
-//! so that it needs thirty numbers. They are found one point after the other by the law itself, in double precision
-//! whatever that of the step: stresses of large strains are differences of large numbers. Products run in blocks.
+//! so that it needs thirty numbers. The law computes them point by point, in double precision whatever the precision of
+//! the step, since stresses of large strains are differences of large numbers. Products run in blocks.
 
 use super::principal_kernels::{
     CROSSED, Cell, Four, MODULI, SAME, Tangents, Ten, product, product_flops,
@@ -24,24 +24,24 @@ use crate::material::law::isotropic::{PAIRS, PointLaw};
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
-/// A tetrahedron with `Q` points.
+/// The constant data of a tetrahedron with `Q` points.
 #[derive(Clone, Copy, Debug)]
 struct Rest<const Q: usize> {
-    /// The gradients of barycentric coordinates 1, 2 and 3 as rows (1/m).
+    /// At each point, the gradients of barycentric coordinates 1, 2 and 3 as rows (1/m).
     gradients: [Mat3; Q],
-    /// Of each point (m^3).
+    /// The volume of each point (m^3).
     volumes: [f64; Q],
     lame: Lame,
 }
 
-/// Tetrahedra of an isotropic law.
+/// Tetrahedra of an isotropic law in blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct PrincipalTets<T, C, const N: usize, const Q: usize> {
     law: PointLaw,
     nodes: Vec<[[u32; N]; LANES]>,
-    /// By block and lane, without what fills up the last block.
+    /// By block and lane, without the padding of the last block.
     rest: Vec<Rest<Q>>,
-    /// The right axes of each point where it last was, by block and lane.
+    /// The latest right axes of each point, by block and lane.
     right: Vec<[Mat3; Q]>,
     tangents: Vec<Tangents<T, Q>>,
     /// Block and lane of each element.
@@ -50,7 +50,7 @@ pub(crate) struct PrincipalTets<T, C, const N: usize, const Q: usize> {
 }
 
 impl<T: Real> PrincipalTets<T, Four, 4, 1> {
-    /// Linear ones.
+    /// Linear tetrahedra.
     pub(crate) fn linear(law: PointLaw, tets: &[Tet]) -> Self {
         let rest = |tet: &Tet| {
             let [_, b, c, d] = tet.gradients;
@@ -69,7 +69,7 @@ impl<T: Real> PrincipalTets<T, Four, 4, 1> {
 }
 
 impl<T: Real> PrincipalTets<T, Ten, 10, 4> {
-    /// Quadratic ones.
+    /// Quadratic tetrahedra.
     pub(crate) fn quadratic(law: PointLaw, tets: &[QuadraticTet]) -> Self {
         let rest = |tet: &QuadraticTet| Rest {
             gradients: tet.gradients.map(|gradients| rows(gradients) * Ten::FACTOR),
@@ -89,7 +89,7 @@ fn rows(vectors: [Vec3; 3]) -> Mat3 {
 }
 
 impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C, N, Q> {
-    /// The elements, with no stiffness before the first call of `linearize`.
+    /// The elements. They have no stiffness before the first call of `linearize`.
     fn new(law: PointLaw, tets: &[([u32; N], Rest<Q>)]) -> Self {
         let order = apart(tets.len(), |element| &tets[element].0);
         let mut all = Self {
@@ -102,7 +102,7 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
             cell: PhantomData,
         };
         for (block, elements) in order.chunks(LANES).enumerate() {
-            // A block is filled up with copies of its last element that have no stiffness.
+            // Copies of the last element without stiffness pad the last block.
             let last = elements.len() - 1;
             let nodes = core::array::from_fn(|lane| tets[elements[lane.min(last)]].0);
             all.nodes.push(nodes);
@@ -119,7 +119,7 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         all
     }
 
-    /// Memory that they hold (bytes).
+    /// Memory of the elements (bytes).
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.nodes.as_slice())
@@ -128,15 +128,15 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
             + size_of_val(self.tangents.as_slice())
     }
 
-    /// What a product costs, but for the vectors.
+    /// The cost of a product, without the vectors.
     pub(crate) fn product_cost(&self) -> Cost {
         Cost::read(size_of_val(self.nodes.as_slice()))
             + Cost::read(size_of_val(self.tangents.as_slice()))
             + Cost::flops(product_flops::<C, N, Q>() * self.places.len())
     }
 
-    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and keeps the tangent there. Returns the elastic
-    /// energy (J).
+    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and stores the tangent at `d`. Returns the
+    /// elastic energy (J).
     pub(crate) fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
         let mut energy = 0.0;
         let mut points = [[[T::ZERO; LANES]; 9]; Q];
@@ -177,12 +177,12 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         energy
     }
 
-    /// Adds `factor` times the last stiffness times `u` to `y`.
+    /// Adds `factor` times the latest stiffness times `u` to `y`.
     pub(crate) fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         product::<T, C, N, Q>((&self.nodes, &self.tangents), factor, u, y);
     }
 
-    /// The 3 x 3 blocks of an element's last stiffness (N/m), by its nodes.
+    /// The 3 x 3 blocks of an element's latest stiffness (N/m), by its nodes.
     pub(crate) fn stiffness(&self, element: usize) -> [[Mat3; N]; N] {
         let (block, lane) = self.places[element];
         let (tangents, lane) = (&self.tangents[block as usize], lane as usize);

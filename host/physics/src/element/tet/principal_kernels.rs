@@ -1,9 +1,11 @@
-//! Products with the tangent of isotropic laws, on blocks of tetrahedra, once for each width of vector instructions.
+//! Products with the tangent of isotropic laws on blocks of tetrahedra, compiled once for each width of vector
+//! instructions.
 //!
-//! Loops over lanes must stay loops until the compiler makes vectors of them: see `tet_kernels`.
+//! The bodies of loops over lanes have no branches, so that the compiler vectorizes them: see
+//! `element/tet4/kernels.rs`.
 
 use crate::element::tet4::kernels::{at, node, put, vectors_at};
-use crate::element::tet10::kernels::{self, FACTOR, SHARE};
+use crate::element::tet10::kernels::{self, FACTOR, WEIGHT};
 use crate::lanes::block::{LANES, Lanes, gather, scatter};
 use crate::lanes::{Node, Real};
 use crate::mesh::tet::MIDSIDE_ENDS;
@@ -11,14 +13,14 @@ use crate::polar::matrices::{outer, product_of, times};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Numbers of the modulus at a point in principal axes: stretches 00, 11, 22, 12, 02, 01, then by the axis that is left
-/// out how a shear answers to itself and to its transpose.
+/// Numbers of the modulus at a point in principal axes: stretches 00, 11, 22, 12, 02, 01; then for each pair of axes
+/// the derivative of a shear stress by the same shear, and the derivative by its transpose.
 pub(crate) const MODULI: usize = 12;
 pub(crate) const SAME: usize = 6;
 pub(crate) const CROSSED: usize = 9;
 
-/// Operations of a product at each point: into the axes 45, the gradient 45, the modulus 33 and its factor 9, forces 45,
-/// back 45.
+/// Operations of a product at each point: change to principal axes 45, the gradient 45, the modulus 33 and its factor
+/// 9, forces 45, change back 45.
 const POINT_FLOPS: usize = 45 + 45 + 33 + 9 + 45 + 45;
 
 /// The tangent at the points of a block.
@@ -26,8 +28,8 @@ const POINT_FLOPS: usize = 45 + 45 + 33 + 9 + 45 + 45;
 pub(crate) struct Tangents<T, const Q: usize> {
     /// Component `i` of left axis `k` in row `3 i + k`.
     pub(crate) axes: [[Lanes<T>; 9]; Q],
-    /// The gradients of the barycentric coordinates along the right axes: that along axis `j` of coordinate `c + 1` in
-    /// row `3 c + j`.
+    /// The gradients of the barycentric coordinates along the right axes. Row `3 c + j` contains the component along
+    /// axis `j` of the gradient of coordinate `c + 1`.
     pub(crate) gradients: [[Lanes<T>; 9]; Q],
     /// [`MODULI`] times the volume.
     pub(crate) moduli: [[Lanes<T>; MODULI]; Q],
@@ -37,19 +39,19 @@ pub(crate) struct Tangents<T, const Q: usize> {
 pub(crate) trait Cell<const N: usize, const Q: usize>:
     Clone + core::fmt::Debug + Send + Sync
 {
-    /// A factor that is left out of the derivatives, for the gradients to have.
+    /// A factor that the derivatives lack and the gradients contain.
     const FACTOR: f64;
 
     /// Operations of `spread`, `collect` and of the sums on both sides.
     const ENDS_FLOPS: usize;
 
-    /// Derivatives by coordinates 1, 2 and 3, less that by coordinate 0.
+    /// Derivatives by coordinates 1, 2 and 3, minus the derivative by coordinate 0.
     fn spread<T: Real>(nodes: &[[u32; N]; LANES], of: &[Node<T>], points: &mut [[Lanes<T>; 9]; Q]);
 
-    /// Its transpose: adds to the nodes what belongs to the derivatives.
+    /// The transpose of `spread`: adds the forces that correspond to the derivatives to the nodes.
     fn collect<T: Real>(nodes: &[[u32; N]; LANES], points: &[[Lanes<T>; 9]; Q], to: &mut [Node<T>]);
 
-    /// By node, what its displacement adds to the derivative by each of the four coordinates at a point.
+    /// For each node, the derivatives of its shape function by the four coordinates at a point, without `FACTOR`.
     fn weights(point: usize) -> [[f64; 4]; N];
 }
 
@@ -95,7 +97,7 @@ impl Cell<4, 1> for Four {
     }
 }
 
-/// Quadratic tetrahedra: see `quadratic_kernels`.
+/// Quadratic tetrahedra: see `element/tet10/kernels.rs`.
 #[derive(Clone, Debug)]
 pub(crate) struct Ten;
 
@@ -132,8 +134,8 @@ impl Cell<10, 4> for Ten {
             weights[c][c] = near(c) - 0.25;
         }
         for (weights, [c, e]) in weights[4..].iter_mut().zip(MIDSIDE_ENDS) {
-            weights[c] = SHARE + near(e);
-            weights[e] = SHARE + near(c);
+            weights[c] = WEIGHT + near(e);
+            weights[e] = WEIGHT + near(c);
         }
         weights
     }

@@ -1,10 +1,9 @@
 //! Shape functions and quadrature of tetrahedra.
 //!
 //! Both elements use the barycentric coordinates `l0 = 1 - r - s - t, l1 = r, l2 = s, l3 = t` (Zienkiewicz
-//! and Taylor, "The finite element method", volume 1, chapter 8). The linear one needs one point. The
-//! quadratic one has the four points that integrate quadratics exactly: products of its gradients on
-//! straight edges, and no deformation but the rigid ones goes unseen. Its vertices are ordered as VTK
-//! orders them.
+//! and Taylor, "The finite element method", volume 1, chapter 8). The linear element has one quadrature point. The
+//! quadratic element has the four points that integrate quadratics exactly. On straight edges these are the products
+//! of its gradients, and only rigid motions have no energy. The vertices have the order of VTK.
 
 use crate::Vec3;
 use crate::mesh::tet::MIDSIDE_ENDS;
@@ -20,13 +19,12 @@ pub trait Shape<const N: usize, const Q: usize>: Copy + core::fmt::Debug + Send 
     /// Gradients of the shape functions by (r, s, t).
     fn gradients(at: &Vec3) -> [Vec3; N];
 
-    /// Share of the element's mass that each node carries when the mass is lumped: the diagonal of the
-    /// consistent mass matrix, scaled to the whole (Hinton, Rock and Zienkiewicz, "A note on mass lumping
-    /// and related processes in the finite element method", 1976). Row sums would make the corners of the
-    /// quadratic tetrahedron negative.
+    /// Fraction of the element's mass that is lumped at each node: the diagonal of the consistent mass matrix, scaled
+    /// to the total mass (Hinton, Rock and Zienkiewicz, "A note on mass lumping and related processes in the finite
+    /// element method", 1976). Row sums would give the corners of the quadratic tetrahedron a negative mass.
     fn lumping() -> [f64; N];
 
-    /// Integral of each shape function over the undistorted element, as a share of its volume.
+    /// Integral of each shape function over the undistorted element, as a fraction of its volume.
     fn weights() -> [f64; N];
 }
 

@@ -1,12 +1,11 @@
 //! Tetrahedra of an elastic solid: a shape, a law, and arrays over elements.
 //!
-//! Total Lagrangian: at each quadrature point the deformation gradient is `F = sum x_a g_a^T` with the rest
-//! gradients `g_a` of the shape functions, the force `f_a = -sum w P g_a` with the law's first
-//! Piola-Kirchhoff stress, and the stiffness the law's modulus between the gradients (Bonet and Wood,
-//! "Nonlinear continuum mechanics for finite element analysis", 2008, chapter 9). Whatever the law says is
-//! therefore integrated the same way; the corotational law's rotation is that of the quadrature point,
-//! which for a linear tetrahedron is that of the element (Müller and Gross, "Interactive virtual
-//! materials", 2004, with the exact tangent).
+//! The formulation is total Lagrangian (Bonet and Wood, "Nonlinear continuum mechanics for finite element analysis",
+//! 2008, chapter 9). At each quadrature point the deformation gradient is `F = sum x_a g_a^T` with the rest gradients
+//! `g_a` of the shape functions. The force is `f_a = -sum w P g_a` with the first Piola-Kirchhoff stress `P` of the
+//! law. The stiffness is the modulus of the law between the gradients. All laws are integrated alike. The rotation of
+//! the corotational law is that of the quadrature point, which for a linear tetrahedron is the rotation of the element
+//! (Müller and Gross, "Interactive virtual materials", 2004, with the exact tangent).
 
 use super::shape::Shape;
 use crate::element::elements::{Elements, renumber, slots};
@@ -22,7 +21,7 @@ use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
-/// A tetrahedron whose volume is below this share of its longest edge cubed has no usable gradients.
+/// A tetrahedron whose volume is below this fraction of the cube of its longest edge has no usable gradients.
 const FLAT: f64 = 1e-12;
 
 /// Elements of shape `S` and law `L`, by arrays over elements.
@@ -40,7 +39,7 @@ pub struct Solid<const N: usize, const Q: usize, S, L> {
     shape: PhantomData<S>,
 }
 
-/// Rest gradients and volumes of an element, or `None` where it is flat or turned inside out.
+/// Rest gradients and volumes of an element, or `None` if it is flat or inverted.
 fn rest<const N: usize, const Q: usize, S: Shape<N, Q>>(
     x: &[Vec3; N],
 ) -> Option<([[Vec3; N]; Q], [f64; Q])> {
@@ -51,7 +50,7 @@ fn rest<const N: usize, const Q: usize, S: Shape<N, Q>>(
     let mut volumes = [0.0; Q];
     for (q, at) in S::points().iter().enumerate() {
         let slopes = S::gradients(at);
-        // By differences from the first vertex: far from the origin no digit is lost.
+        // Differences from the first vertex lose no digits far from the origin.
         let mut jacobian = Mat3::zeros();
         for (x_a, slope) in x.iter().zip(&slopes) {
             jacobian += (x_a - x[0]) * slope.transpose();
@@ -74,8 +73,8 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
     ///
     /// # Errors
     ///
-    /// [`BodyError`] for a material out of range and for a cell that is flat, inside out or names a vertex
-    /// that does not exist.
+    /// [`BodyError`] for a material out of range and for a cell that is flat, is inverted or names a vertex that does
+    /// not exist.
     pub fn new(
         law: L,
         positions: &[Vec3],
@@ -141,7 +140,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
         core::array::from_fn(|q| deformation(&self.gradients[element][q], &x))
     }
 
-    /// As linear tetrahedra, where they are.
+    /// The elements as linear tetrahedra, or `None` if they are quadratic.
     fn tets(&self) -> Option<Vec<Tet>> {
         if N != 4 || Q != 1 {
             return None;
@@ -159,14 +158,14 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
         (0..self.nodes.len()).map(tet).collect()
     }
 
-    /// As quadratic tetrahedra, where they are.
+    /// The elements as quadratic tetrahedra, or `None` if they are linear.
     fn quadratic_tets(&self) -> Option<Vec<QuadraticTet>> {
         if N != 10 {
             return None;
         }
         let tet = |element: usize| {
-            // A quadratic element has its barycentric coordinates for linear fields: 1 at their corner, 1/2 at the
-            // middles of its edges.
+            // The shape functions reproduce a barycentric coordinate, a linear field: it is 1 at its corner and 1/2 at
+            // the middles of the edges that meet there.
             let coordinates = |gradients: &[Vec3; N]| {
                 [1, 2, 3].map(|corner| {
                     let ends = gradients[4..].iter().zip(MIDSIDE_ENDS);
@@ -189,7 +188,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q>, L: Law> Solid<N, Q, S, L> {
     }
 }
 
-/// `sum x_a g_a^T`, by differences from the first node: the gradients sum to zero.
+/// `sum x_a g_a^T` by differences from the first node, since the gradients sum to zero.
 #[inline]
 fn deformation<const N: usize>(gradients: &[Vec3; N], x: &[Vec3; N]) -> Mat3 {
     let mut f = Mat3::zeros();
@@ -289,8 +288,8 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
                 }
                 add_stiffness(&mut blocks, &response.modulus, gradients, volume);
             }
-            // The gradients sum to zero, so what is left out above is minus a sum: a translation then
-            // gives no force, and the forces have no resultant, not even by rounding.
+            // The gradients sum to zero, so the remaining blocks and forces are minus sums. A translation then gives
+            // no force, and the forces have no resultant, not even by rounding.
             forces[0] = -forces[1..].iter().sum::<Vec3>();
             for a in 0..N {
                 force[self.nodes[element][a] as usize] += forces[a];
@@ -326,7 +325,8 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
             .iter()
             .zip(&self.volumes[element])
         {
-            // Weighted by the present volume, whose sign cancels: defined for a collapsed element too.
+            // The weight is the present volume, whose sign cancels. The mean is defined for a collapsed element as
+            // well.
             sum += self.law.stress(self.lame[element], f) * f.transpose() * rest;
             volume += rest * f.determinant();
         }

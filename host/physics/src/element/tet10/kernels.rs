@@ -1,16 +1,16 @@
-//! What is computed on blocks of quadratic tetrahedra, once for each width of vector instructions.
+//! The computations on blocks of quadratic tetrahedra, compiled once for each width of vector instructions.
 //!
-//! At a quadrature point the displacement's derivative by the barycentric coordinates needs no shape function's
-//! value of its own. With `M_cc` the displacement of corner `c`, `M_ce` that of the middle of edge `ce`, and point
-//! `q` of the rule near corner `q`, it is, from the gradients of [`Tet10`](crate::element::tet::shape::Tet10),
+//! The derivatives of the displacement by the barycentric coordinates at the quadrature points have a common part. With
+//! `M_cc` the displacement of corner `c`, `M_ce` that of the middle of edge `ce`, and point `q` of the rule near corner
+//! `q`, the gradients of [`Tet10`](crate::element::tet::shape::Tet10) give for coordinate `c`
 //!
 //! ```text
 //! 4 / sqrt 5 (M_cq + s (sum of M_ce over e but c) - M_cc / 4)        s = (sqrt 5 - 1) / 4
 //! ```
 //!
-//! of which [`spread`] makes the differences to corner 0's, and [`collect`], its transpose, forces on nodes. Between
-//! the two each point is like a linear tetrahedron, whose gradients are those of the barycentric coordinates there.
-//! The factor in front is part of them.
+//! [`spread`] computes the differences of these derivatives from that by coordinate 0. [`collect`], its transpose,
+//! computes forces on nodes. Between the two each point is treated as a linear tetrahedron with the gradients of the
+//! barycentric coordinates at the point. These gradients contain the factor `4 / sqrt 5`.
 
 use crate::element::tet4::kernels::{TURN_FLOPS, at, node, put, quaternion_at, rotate, sum};
 use crate::lanes::block::{LANES, Lanes, less, plus};
@@ -27,31 +27,31 @@ pub(crate) const POINTS: usize = 4;
 pub(crate) const FACTOR: f64 = 1.788_854_381_999_831_8;
 
 /// `(sqrt 5 - 1) / 4`.
-pub(crate) const SHARE: f64 = 0.309_016_994_374_947_45;
+pub(crate) const WEIGHT: f64 = 0.309_016_994_374_947_45;
 
-/// Operations of a linearization for each element: differences 27, spread 117, at each point `F - I` 45, one turn, the
-/// gradients turned and the energy 215 and forces 45, then collected 117, and their sums 54.
+/// Operations of a linearization for each element: differences 27, `spread` 117, at each point `F - I` 45, one Newton
+/// iteration, rotated gradients and energy 215 and forces 45, then `collect` 117, and sums of forces 54.
 pub(crate) const LINEARIZE_FLOPS: usize =
     27 + 117 + POINTS * (45 + TURN_FLOPS + 215 + 45) + 117 + 54;
 
-/// Of a product: differences 27, spread 117, at each point the gradient 45, its symmetric part 10, the stress 6 and
-/// forces 45, then collected 117, and their sums 54.
+/// Operations of a product: differences 27, `spread` 117, at each point the gradient 45, its symmetric part 10, the
+/// stress 6 and forces 45, then `collect` 117, and sums of forces 54.
 pub(crate) const PRODUCT_FLOPS: usize = 27 + 117 + POINTS * (45 + 10 + 6 + 45) + 117 + 54;
 
-/// Of the energy, as of a linear tetrahedron at each point.
+/// Operations of the energy, at each point those of a linear tetrahedron.
 pub(crate) const ENERGY_FLOPS: usize = POINTS * 13;
 
-/// What does not change of a block.
+/// The constant data of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Rest<T> {
     /// At each point, component `j` of the gradient of barycentric coordinate `c + 1` in row `3 c + j`, times
     /// [`FACTOR`] (1/m).
     pub(crate) gradients: Points<T>,
-    /// `sqrt(2 mu V)` of each point; zero where the block is filled up.
+    /// `sqrt(2 mu V)` of each point, zero in lanes that pad the block.
     pub(crate) scale: [Lanes<T>; POINTS],
 }
 
-/// What a product reads of a block.
+/// The data of a block that a product reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Turned<T> {
     /// The gradients rotated and scaled.
@@ -73,7 +73,7 @@ pub(crate) struct Blocks<T> {
 /// A 3 x 3 matrix at each point, row by row.
 pub(crate) type Points<T> = [[Lanes<T>; 9]; POINTS];
 
-/// A vector for each node but the first, filled up like nodes.
+/// A vector for each node but the first, padded like nodes.
 pub(crate) type Others<T> = [[Node<T>; LANES]; 9];
 
 /// See [`QuadraticTets::linearize`](crate::element::tet10::QuadraticTets::linearize).
@@ -116,8 +116,8 @@ pub(crate) fn linearize<T: Real>(
     sum(&energies)
 }
 
-/// See [`QuadraticTets::product`](crate::element::tet10::QuadraticTets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
-/// the gradients, where `factor` is 1 or -1.
+/// See [`QuadraticTets::product`](crate::element::tet10::QuadraticTets::product). With `ENERGY`, `factor` must be 1 or
+/// -1, and the result is the energy of the displacements `u` from the frame of the gradients.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets(
@@ -157,7 +157,7 @@ pub(crate) fn product<T: Real, const ENERGY: bool>(
     if ENERGY { sum(&energies) } else { T::ZERO }
 }
 
-/// `F - I` from the differences of derivatives at a point, in their place.
+/// Replaces the differences of derivatives at a point by `F - I`.
 #[inline(always)]
 fn deformation<T: Real>(gradients: &[Lanes<T>; 9], point: &mut [Lanes<T>; 9]) {
     for lane in 0..LANES {
@@ -168,7 +168,7 @@ fn deformation<T: Real>(gradients: &[Lanes<T>; 9], point: &mut [Lanes<T>; 9]) {
     }
 }
 
-/// Rotates the gradients of a point, puts the forces by its derivatives in the place of `F - I`, and adds to the
+/// Rotates the gradients of a point, replaces `F - I` by the forces that correspond to the derivatives, and adds to the
 /// energies.
 #[inline(always)]
 fn respond<T: Real>(
@@ -180,7 +180,7 @@ fn respond<T: Real>(
 ) {
     for lane in 0..LANES {
         let less = rotation_less_identity(quaternion_at(rotations, lane));
-        // Negative strains: the force of an element on its nodes is minus its stress times the gradients.
+        // The strains are negated: the force of an element on its nodes is minus its stress times the gradients.
         let e = symmetric(&strain(&less, &at(point, lane)), -scale[lane]);
         let s = stress(&e, ratio[lane]);
         energies[lane] += energy(&e, &s);
@@ -202,13 +202,13 @@ fn respond<T: Real>(
     }
 }
 
-/// Derivatives by the barycentric coordinates 1, 2 and 3 at each point, less that by coordinate 0, from the vectors of
-/// the nodes less that of the first.
+/// Computes the derivatives by the barycentric coordinates 1, 2 and 3 at each point, minus the derivative by coordinate
+/// 0, from the vectors of the nodes minus that of the first node.
 #[inline(always)]
 pub(crate) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
-    let (share, quarter) = (T::of(SHARE), T::of(0.25));
+    let (weight, quarter) = (T::of(WEIGHT), T::of(0.25));
     for lane in 0..LANES {
-        // The fill, zero, is read too: see `tet_kernels`.
+        // The padding, which is zero, is read as well: see `element/tet4/kernels.rs`.
         let vector = |a: usize| {
             let node = &others[a - 1][lane];
             [node[0] + node[3], node[1], node[2]]
@@ -217,9 +217,9 @@ pub(crate) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
         let (m01, m12, m02) = (vector(4), vector(5), vector(6));
         let (m03, m13, m23) = (vector(7), vector(8), vector(9));
         for i in 0..3 {
-            let all1 = share * ((m12[i] + m13[i]) - (m02[i] + m03[i])) - quarter * d1[i];
-            let all2 = share * ((m12[i] + m23[i]) - (m01[i] + m03[i])) - quarter * d2[i];
-            let all3 = share * ((m13[i] + m23[i]) - (m01[i] + m02[i])) - quarter * d3[i];
+            let all1 = weight * ((m12[i] + m13[i]) - (m02[i] + m03[i])) - quarter * d1[i];
+            let all2 = weight * ((m12[i] + m23[i]) - (m01[i] + m03[i])) - quarter * d2[i];
+            let all3 = weight * ((m13[i] + m23[i]) - (m01[i] + m02[i])) - quarter * d3[i];
             points[0][i][lane] = all1 + m01[i];
             points[0][3 + i][lane] = all2 + m02[i];
             points[0][6 + i][lane] = all3 + m03[i];
@@ -239,7 +239,7 @@ pub(crate) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
 /// The transpose of [`spread`]: forces on all nodes but the first.
 #[inline(always)]
 pub(crate) fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
-    let (share, quarter) = (T::of(SHARE), T::of(0.25));
+    let (weight, quarter) = (T::of(WEIGHT), T::of(0.25));
     for lane in 0..LANES {
         let mut forces = [[T::ZERO; 3]; 9];
         for i in 0..3 {
@@ -248,11 +248,11 @@ pub(crate) fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
             let all1 = (t1[0] + t1[1]) + (t1[2] + t1[3]);
             let all2 = (t2[0] + t2[1]) + (t2[2] + t2[3]);
             let all3 = (t3[0] + t3[1]) + (t3[2] + t3[3]);
-            // What coordinate 0 has is minus the sum of the others.
+            // The term of coordinate 0 is minus the sum of the others.
             let (all12, all13, all23) = (
-                share * (all1 + all2),
-                share * (all1 + all3),
-                share * (all2 + all3),
+                weight * (all1 + all2),
+                weight * (all1 + all3),
+                weight * (all2 + all3),
             );
             forces[0][i] = t1[1] - quarter * all1;
             forces[1][i] = t2[2] - quarter * all2;
@@ -270,7 +270,7 @@ pub(crate) fn collect<T: Real>(points: &Points<T>, others: &mut Others<T>) {
     }
 }
 
-/// Differences of the vectors `of` at each element's other nodes from that at its first.
+/// Sets `others` to the vectors `of` at each element's other nodes minus the vector at its first node.
 #[inline(always)]
 pub(crate) fn gather<T: Real>(nodes: &[[u32; 10]; LANES], of: &[Node<T>], others: &mut Others<T>) {
     for lane in 0..LANES {
@@ -282,7 +282,8 @@ pub(crate) fn gather<T: Real>(nodes: &[[u32; 10]; LANES], of: &[Node<T>], others
     }
 }
 
-/// Adds `others` to the vectors `to` at each element's other nodes, and subtracts their sum at its first.
+/// Adds `others` to the vectors `to` at each element's other nodes, and subtracts their sum from the vector at its
+/// first node.
 #[inline(always)]
 pub(crate) fn scatter<T: Real>(nodes: &[[u32; 10]; LANES], others: &Others<T>, to: &mut [Node<T>]) {
     for lane in 0..LANES {

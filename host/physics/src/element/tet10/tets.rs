@@ -1,13 +1,13 @@
 //! Corotational quadratic tetrahedra in blocks: forces, energies and products with the stiffness.
 //!
-//! The law is that of linear ones, [`Corotational`](crate::material::law::Corotational), at each of the four quadrature
-//! points with the rotation there, and so is the tangent: the warped stiffness, which leaves out what the turn of a
-//! strained point adds and is positive semidefinite whatever the strain (see [`tet`](crate::element::tet4)). Edges may be curved:
-//! each point has its own gradients and volume.
+//! The law is [`Corotational`](crate::material::law::Corotational) at each of the four quadrature points, with the
+//! rotation of the point. The tangent is the warped stiffness, as for linear tetrahedra (see
+//! [`tet4`](crate::element::tet4)): it omits the derivative of the rotation and is positive semidefinite for any
+//! strain. Edges may be curved: each point has its own gradients and volume.
 //!
-//! Displacements are those from rest, so that single precision keeps the digits of small strains.
+//! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
 
-use super::kernels::{self, Blocks, FACTOR, POINTS, Rest, SHARE, Turned, linearize, product};
+use super::kernels::{self, Blocks, FACTOR, POINTS, Rest, Turned, WEIGHT, linearize, product};
 use crate::cost::Cost;
 use crate::lanes::block::{LANES, Lanes, apart};
 use crate::lanes::{Node, Real};
@@ -19,7 +19,7 @@ use crate::{Mat3, Vec3};
 /// Operations of [`QuadraticTets::linearize`] for each element, with one Newton iteration for its rotations.
 pub const LINEARIZE_FLOPS: usize = kernels::LINEARIZE_FLOPS;
 
-/// Those of the energy in a fixed frame, where the forces are a product.
+/// Operations of the energy in a fixed frame, where the forces are a product.
 pub const ENERGY_FLOPS: usize = kernels::ENERGY_FLOPS;
 
 /// Operations of [`QuadraticTets::product`] for each element.
@@ -28,10 +28,10 @@ pub const PRODUCT_FLOPS: usize = kernels::PRODUCT_FLOPS;
 /// One tetrahedron, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct QuadraticTet {
-    /// Its nodes: corners, then middles of edges as [`MIDSIDE_ENDS`] has them.
+    /// Its nodes: corners, then middles of edges in the order of [`MIDSIDE_ENDS`].
     pub nodes: [u32; 10],
     /// Rest gradients (1/m) of barycentric coordinates 1, 2 and 3 at each point of
-    /// [`Tet10`](crate::element::tet::shape::Tet10); all the same where edges are straight.
+    /// [`Tet10`](crate::element::tet::shape::Tet10). They are equal at all points if the edges are straight.
     pub gradients: [[Vec3; 3]; POINTS],
     /// Rest volume of each point (m^3).
     pub volumes: [f64; POINTS],
@@ -41,7 +41,7 @@ pub struct QuadraticTet {
     pub mu: f64,
 }
 
-/// Corotational quadratic tetrahedra.
+/// Corotational quadratic tetrahedra in blocks.
 #[derive(Clone, Debug)]
 pub struct QuadraticTets<T> {
     blocks: Blocks<T>,
@@ -71,7 +71,7 @@ impl<T: Real> QuadraticTets<T> {
                 ratio: zero,
             };
             for lane in 0..LANES {
-                // A block is filled up with copies of its last element that have no volume.
+                // Copies of the last element without volume pad the last block.
                 let element = elements[lane.min(elements.len() - 1)];
                 let tet = &tets[element];
                 nodes[lane] = tet.nodes;
@@ -100,8 +100,8 @@ impl<T: Real> QuadraticTets<T> {
         all
     }
 
-    /// The same with strains measured in `frame`: in a fixed one no rotation is looked for, and the stiffness is that
-    /// at rest.
+    /// The same elements with strains measured in `frame`. In a fixed frame the rotations are the identity, and the
+    /// stiffness is that at rest.
     #[must_use]
     pub fn in_frame(self, frame: Frame) -> Self {
         Self { frame, ..self }
@@ -112,12 +112,12 @@ impl<T: Real> QuadraticTets<T> {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Memory that they hold (bytes).
+    /// Memory of the elements (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.blocks.nodes.as_slice())
@@ -126,7 +126,7 @@ impl<T: Real> QuadraticTets<T> {
             + size_of_val(self.blocks.rotations.as_slice())
     }
 
-    /// What a linearization with one Newton iteration costs, but for displacements and forces.
+    /// The cost of a linearization with one Newton iteration, without displacements and forces.
     pub(crate) fn linearize_cost(&self) -> Cost {
         if self.frame == Frame::Fixed {
             return self.product_cost() + Cost::flops(ENERGY_FLOPS * self.len());
@@ -140,19 +140,19 @@ impl<T: Real> QuadraticTets<T> {
             + Cost::flops(LINEARIZE_FLOPS * self.len())
     }
 
-    /// What a product costs, but for the vectors.
+    /// The cost of a product, without the vectors.
     pub(crate) fn product_cost(&self) -> Cost {
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.turned.as_slice()))
             + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
-    /// Finds the rotations at displacements `d` (m), starting from the last ones, and adds the elastic forces
-    /// (N) to `force`. Returns the elastic energy (J).
+    /// Computes the rotations at displacements `d` (m), starting from the previous rotations, and adds the elastic
+    /// forces (N) to `force`. Returns the elastic energy (J).
     ///
     /// # Panics
     ///
-    /// Where `d` or `force` is shorter than a node's number.
+    /// If `d` or `force` has no entry for a node.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
         if self.frame == Frame::Fixed {
             return product::<T, true>(&self.blocks, T::of(-1.0), d, force);
@@ -160,20 +160,21 @@ impl<T: Real> QuadraticTets<T> {
         linearize(&mut self.blocks, d, force)
     }
 
-    /// Adds `factor` times the stiffness at the last rotations times `u` to `y`.
+    /// Adds `factor` times the stiffness at the latest rotations times `u` to `y`.
     ///
     /// # Panics
     ///
-    /// Where `u` or `y` is shorter than a node's number.
+    /// If `u` or `y` has no entry for a node.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         product::<T, false>(&self.blocks, factor, u, y);
     }
 
-    /// Rotation of an element at each point in the last call of `linearize`; the identity before the first.
+    /// Rotation of an element at each point in the latest call of `linearize`. It is the identity before the first
+    /// call.
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn rotations(&self, element: usize) -> [Mat3; POINTS] {
         let (block, lane) = self.places[element];
         let points = &self.blocks.rotations[block as usize];
@@ -186,17 +187,17 @@ impl<T: Real> QuadraticTets<T> {
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn nodes(&self, element: usize) -> [u32; 10] {
         let (block, lane) = self.places[element];
         self.blocks.nodes[block as usize][lane as usize]
     }
 
-    /// The 3 x 3 blocks of an element's stiffness at the last rotations (N/m), by its nodes.
+    /// The 3 x 3 blocks of an element's stiffness at the latest rotations (N/m), by its nodes.
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn stiffness(&self, element: usize) -> [[Mat3; 10]; 10] {
         let (block, lane) = self.places[element];
         let (turned, lane) = (&self.blocks.turned[block as usize], lane as usize);
@@ -208,14 +209,14 @@ impl<T: Real> QuadraticTets<T> {
                 b[c + 1] = Vec3::from_fn(|i, _| rows[3 * c + i][lane].to_f64());
             }
             b[0] = -(b[1] + b[2] + b[3]);
-            // The gradient that each node's displacement is multiplied by: see `quadratic_kernels`.
+            // The gradient of each node's shape function: see `kernels`.
             let near = |corner: usize| if corner == q { 1.0 } else { 0.0 };
             let mut gradients = [Vec3::zeros(); 10];
             for c in 0..4 {
                 gradients[c] = b[c] * (near(c) - 0.25);
             }
             for (gradient, [c, e]) in gradients[4..].iter_mut().zip(MIDSIDE_ENDS) {
-                *gradient = b[c] * (SHARE + near(e)) + b[e] * (SHARE + near(c));
+                *gradient = b[c] * (WEIGHT + near(e)) + b[e] * (WEIGHT + near(c));
             }
             for (row, blocks) in gradients.iter().zip(&mut blocks) {
                 for (column, block) in gradients.iter().zip(blocks) {

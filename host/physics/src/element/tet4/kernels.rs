@@ -1,8 +1,8 @@
-//! What is computed on blocks of tetrahedra, once for each width of vector instructions.
+//! The computations on blocks of linear tetrahedra, compiled once for each width of vector instructions.
 //!
-//! Loops over lanes must stay loops until the compiler makes vectors of them: it does where their body is
-//! straight arithmetic, so bodies are small functions that are always inlined, and anything that branches is
-//! outside. The attribute's clones differ in speed alone.
+//! The compiler vectorizes a loop over lanes if its body is arithmetic without branches. The bodies are therefore small
+//! functions that are always inlined, and branches are outside the loops. The versions that the attribute generates
+//! differ in speed alone.
 
 use crate::lanes::block::{LANES, Lanes, Vectors, gather, scatter};
 use crate::lanes::{Node, Real};
@@ -13,33 +13,35 @@ use crate::polar::matrices::{
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Newton iterations a call spends on a rotation before it takes the singular values instead.
+/// The largest number of Newton iterations for a rotation in a call. After these the singular values are used.
 const MAX_TURNS: usize = 8;
 
-/// Operations of a linearization for each element: differences 9, `F - I` 45, one turn, the gradients turned and the
-/// energy 215, forces 45, and their sums 18.
+/// Operations of a linearization for each element: differences 9, `F - I` 45, one Newton iteration, rotated gradients
+/// and energy 215, forces 45, and their sums 18.
 pub(crate) const LINEARIZE_FLOPS: usize = 9 + 45 + TURN_FLOPS + 215 + 45 + 18;
 
-/// Of one Newton iteration for a rotation: rotation and strain 84, `tr S I - S`, its adjugate and determinant 40, the
-/// turn 24, the quaternion turned 35 and scaled 13.
+/// Operations of one Newton iteration for a rotation: rotation and strain 84, `tr S I - S`, its adjugate and
+/// determinant 40, the turn 24, the product of quaternions 35 and its normalization 13.
 pub(crate) const TURN_FLOPS: usize = 84 + 40 + 24 + 35 + 13;
 
-/// Of a product: differences 9, their gradient 45, its symmetric part 10, the stress 6, forces 45, their sums 18.
+/// Operations of a product: differences 9, their gradient 45, its symmetric part 10, the stress 6, forces 45, their
+/// sums 18.
 pub(crate) const PRODUCT_FLOPS: usize = 9 + 45 + 10 + 6 + 45 + 18;
 
-/// Of the energy: three products along the axes and three across, their sums and a half, and the sum over elements.
+/// Operations of the energy: three products of normal and three of shear components, their sums and a half, and the sum
+/// over elements.
 pub(crate) const ENERGY_FLOPS: usize = 13;
 
-/// What does not change of a block.
+/// The constant data of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Rest<T> {
     /// Component `j` of the gradient of node `a + 1` in row `3 a + j` (1/m).
     pub(crate) gradients: [Lanes<T>; 9],
-    /// `sqrt(2 mu V)`; zero where the block is filled up.
+    /// `sqrt(2 mu V)`, zero in lanes that pad the block.
     pub(crate) scale: Lanes<T>,
 }
 
-/// What a product reads of a block.
+/// The data of a block that a product reads.
 #[derive(Clone, Debug)]
 pub(crate) struct Turned<T> {
     /// The gradients rotated and scaled.
@@ -58,7 +60,7 @@ pub(crate) struct Blocks<T> {
     pub(crate) rotations: Vec<[Lanes<T>; 4]>,
 }
 
-/// See [`Tets::linearize_with`](crate::element::tet4::Tets::linearize_with); without `GUESS`, `u` is not read.
+/// See [`Tets::linearize_with`](crate::element::tet4::Tets::linearize_with). Without `GUESS`, `u` is not read.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets(
@@ -94,8 +96,8 @@ pub(crate) fn linearize<T: Real, const GUESS: bool>(
     sum(&energy)
 }
 
-/// See [`Tets::product`](crate::element::tet4::Tets::product). With `ENERGY`, returns that of the displacements `u` from the frame of
-/// the gradients, where `factor` is 1 or -1.
+/// See [`Tets::product`](crate::element::tet4::Tets::product). With `ENERGY`, `factor` must be 1 or -1, and the result
+/// is the energy of the displacements `u` from the frame of the gradients.
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets(
@@ -146,7 +148,7 @@ fn deformation<T: Real>(
     }
 }
 
-/// Rotations of a block.
+/// Computes the rotations of a block.
 #[inline(always)]
 pub(crate) fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
     for _ in 0..MAX_TURNS {
@@ -165,7 +167,7 @@ pub(crate) fn rotate<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) 
     rotate_singly(h, rotations);
 }
 
-/// The same one by one, by singular values where the iteration has not converged.
+/// Computes the rotations one by one, by singular values if the iteration has not converged.
 #[cold]
 #[inline(never)]
 fn rotate_singly<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
@@ -181,9 +183,11 @@ fn rotate_singly<T: Real>(h: &[Lanes<T>; 9], rotations: &mut [Lanes<T>; 4]) {
     }
 }
 
-/// Rotates the gradients of a block, gives the forces on the last three nodes of each element, and adds to
-/// the energies. The forces are those at `F - I = h`, or, with differences of a guess `u`, those at what it
-/// adds to `h` times `factor`, with the rotations of `h`: the warped stiffness is the derivative of that.
+/// Rotates the gradients of a block, computes the forces on the last three nodes of each element, and adds to the
+/// energies.
+///
+/// The forces are those at `F - I = h`. With `GUESS` they are those at `h` plus `factor` times the gradient of the
+/// guess `u`, with the rotations of `h`. The derivative of these forces is the warped stiffness.
 #[inline(always)]
 fn respond<T: Real, const GUESS: bool>(
     rest: &Rest<T>,
@@ -198,7 +202,7 @@ fn respond<T: Real, const GUESS: bool>(
     for lane in 0..LANES {
         let less = rotation_less_identity(quaternion_at(rotations, lane));
         let (scale, ratio) = (rest.scale[lane], ratio[lane]);
-        // Negative strains: the force of an element on its nodes is minus its stress times the gradients.
+        // The strains are negated: the force of an element on its nodes is minus its stress times the gradients.
         let mut e = symmetric(&strain(&less, &at(h, lane)), -scale);
         let mut s = stress(&e, ratio);
         energies[lane] += energy(&e, &s);
@@ -228,7 +232,7 @@ fn respond<T: Real, const GUESS: bool>(
     }
 }
 
-/// Over all lanes.
+/// The sum over all lanes.
 #[inline(always)]
 pub(crate) fn sum<T: Real>(lanes: &Lanes<T>) -> T {
     let mut sum = T::ZERO;
@@ -238,7 +242,7 @@ pub(crate) fn sum<T: Real>(lanes: &Lanes<T>) -> T {
     sum
 }
 
-/// Rows of one element.
+/// The matrix of one element.
 #[inline(always)]
 pub(crate) fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
     let mut m = [[T::ZERO; 3]; 3];
@@ -250,8 +254,8 @@ pub(crate) fn at<T: Real>(rows: &[Lanes<T>; 9], lane: usize) -> Matrix<T> {
     m
 }
 
-/// The vectors of one element, as rows. The fill, zero, is read too: where one entry in four is left out, the
-/// compiler does the last lanes one by one.
+/// The vectors of one element, as rows. The padding, which is zero, is read as well: if one entry in four is skipped,
+/// the compiler processes the last lanes one by one.
 #[inline(always)]
 pub(crate) fn vectors_at<T: Real>(vectors: &Vectors<T>, lane: usize) -> Matrix<T> {
     let vector = |a: usize| {

@@ -1,4 +1,4 @@
-//! Linear tetrahedra under Hooke's law in vectors: `tets` holds them, `kernels` computes on a block of them.
+//! Linear tetrahedra under Hooke's law in the vector form: `tets` stores them, `kernels` computes on their blocks.
 
 pub(crate) mod kernels;
 mod tets;

@@ -2,12 +2,12 @@
 //!
 //! The law is [`Corotational`](crate::material::law::Corotational): with the rotation `R` of the element's
 //! deformation gradient and the strain `E = R^T F - I`, `P = R (2 mu E + lambda tr(E) I)`. The stiffness is
-//! the warped one, `R K0 R^T` (Müller and Gross, "Interactive virtual materials", 2004): positive
-//! semidefinite whatever the strain. No matrix is kept. With the rotated rest gradients
-//! `b_a = sqrt(2 mu V) R g_a` the product is `f_a = (sym G + lambda / (2 mu) tr(G) I) b_a` where
-//! `G = sum u_a b_a^T`: nine numbers an element and one ratio.
+//! the warped stiffness `R K0 R^T` (Müller and Gross, "Interactive virtual materials", 2004), which is positive
+//! semidefinite for any strain. No matrix is stored. With the rotated rest gradients `b_a = sqrt(2 mu V) R g_a` the
+//! product is `f_a = (sym G + lambda / (2 mu) tr(G) I) b_a` where `G = sum u_a b_a^T`. It needs nine numbers and one
+//! ratio for each element.
 //!
-//! Displacements are those from rest, so that single precision keeps the digits of small strains.
+//! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
 
 use super::kernels::{self, Blocks, Rest, Turned, linearize, product};
 use crate::cost::Cost;
@@ -20,10 +20,10 @@ use crate::{Mat3, Vec3};
 /// Operations of [`Tets::linearize`] for each element, with one Newton iteration for its rotation.
 pub const LINEARIZE_FLOPS: usize = kernels::LINEARIZE_FLOPS;
 
-/// Those of each Newton iteration more.
+/// Operations of each further Newton iteration.
 pub const TURN_FLOPS: usize = kernels::TURN_FLOPS;
 
-/// Those of the energy in a fixed frame, where the forces are a product.
+/// Operations of the energy in a fixed frame, where the forces are a product.
 pub const ENERGY_FLOPS: usize = kernels::ENERGY_FLOPS;
 
 /// Operations of [`Tets::product`] for each element.
@@ -34,7 +34,7 @@ pub const PRODUCT_FLOPS: usize = kernels::PRODUCT_FLOPS;
 pub struct Tet {
     /// Its nodes.
     pub nodes: [u32; 4],
-    /// Rest gradients of the shape functions (1/m); they sum to zero.
+    /// Rest gradients of the shape functions (1/m). Their sum is zero.
     pub gradients: [Vec3; 4],
     /// Rest volume (m^3).
     pub volume: f64,
@@ -44,7 +44,7 @@ pub struct Tet {
     pub mu: f64,
 }
 
-/// Corotational tetrahedra.
+/// Corotational linear tetrahedra in blocks.
 #[derive(Clone, Debug)]
 pub struct Tets<T> {
     blocks: Blocks<T>,
@@ -72,7 +72,7 @@ impl<T: Real> Tets<T> {
             };
             let mut ratio = zero;
             for lane in 0..LANES {
-                // A block is filled up with copies of its last element that have no volume.
+                // Copies of the last element without volume pad the last block.
                 let element = elements[lane.min(elements.len() - 1)];
                 let tet = &tets[element];
                 nodes[lane] = tet.nodes;
@@ -103,8 +103,8 @@ impl<T: Real> Tets<T> {
         all
     }
 
-    /// The same with strains measured in `frame`: in a fixed one no rotation is looked for, and the stiffness is that
-    /// at rest.
+    /// The same elements with strains measured in `frame`. In a fixed frame the rotations are the identity, and the
+    /// stiffness is that at rest.
     #[must_use]
     pub fn in_frame(self, frame: Frame) -> Self {
         Self { frame, ..self }
@@ -115,12 +115,12 @@ impl<T: Real> Tets<T> {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Memory that they hold (bytes).
+    /// Memory of the elements (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.blocks.nodes.as_slice())
@@ -129,7 +129,7 @@ impl<T: Real> Tets<T> {
             + size_of_val(self.blocks.rotations.as_slice())
     }
 
-    /// What a linearization with one Newton iteration costs, but for displacements and forces.
+    /// The cost of a linearization with one Newton iteration, without displacements and forces.
     pub(crate) fn linearize_cost(&self) -> Cost {
         if self.frame == Frame::Fixed {
             return self.product_cost() + Cost::flops(ENERGY_FLOPS * self.len());
@@ -143,19 +143,19 @@ impl<T: Real> Tets<T> {
             + Cost::flops(LINEARIZE_FLOPS * self.len())
     }
 
-    /// What a product costs, but for the vectors.
+    /// The cost of a product, without the vectors.
     pub(crate) fn product_cost(&self) -> Cost {
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.turned.as_slice()))
             + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
-    /// Finds the rotations at displacements `d` (m), starting from the last ones, and adds the elastic forces
-    /// (N) to `force`. Returns the elastic energy (J).
+    /// Computes the rotations at displacements `d` (m), starting from the previous rotations, and adds the elastic
+    /// forces (N) to `force`. Returns the elastic energy (J).
     ///
     /// # Panics
     ///
-    /// Where `d` or `force` is shorter than a node's number.
+    /// If `d` or `force` has no entry for a node.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
         if self.frame == Frame::Fixed {
             return product::<T, true>(&self.blocks, T::of(-1.0), d, force);
@@ -163,12 +163,12 @@ impl<T: Real> Tets<T> {
         linearize::<T, false>(&mut self.blocks, d, d, T::ZERO, force)
     }
 
-    /// The same, and subtracts `factor` times the stiffness times `u` from `force` on the way: the residual
-    /// of a guess `u` of the step. Returns the elastic energy at `d` (J).
+    /// [`linearize`](Self::linearize) that also subtracts `factor` times the stiffness times `u` from `force`. The
+    /// result is the residual of a guess `u` of the step. Returns the elastic energy at `d` (J).
     ///
     /// # Panics
     ///
-    /// Where `d`, `u` or `force` is shorter than a node's number.
+    /// If `d`, `u` or `force` has no entry for a node.
     pub fn linearize_with(
         &mut self,
         d: &[Node<T>],
@@ -183,20 +183,20 @@ impl<T: Real> Tets<T> {
         linearize::<T, true>(&mut self.blocks, d, u, factor, force)
     }
 
-    /// Adds `factor` times the stiffness at the last rotations times `u` to `y`.
+    /// Adds `factor` times the stiffness at the latest rotations times `u` to `y`.
     ///
     /// # Panics
     ///
-    /// Where `u` or `y` is shorter than a node's number.
+    /// If `u` or `y` has no entry for a node.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         product::<T, false>(&self.blocks, factor, u, y);
     }
 
-    /// Rotation of an element in the last call of `linearize`; the identity before the first.
+    /// Rotation of an element in the latest call of `linearize`. It is the identity before the first call.
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn rotation(&self, element: usize) -> Mat3 {
         let (block, lane) = self.places[element];
         let rows = &self.blocks.rotations[block as usize];
@@ -207,17 +207,17 @@ impl<T: Real> Tets<T> {
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn nodes(&self, element: usize) -> [u32; 4] {
         let (block, lane) = self.places[element];
         self.blocks.nodes[block as usize][lane as usize]
     }
 
-    /// The 3 x 3 blocks of an element's stiffness at the last rotations (N/m), by its nodes.
+    /// The 3 x 3 blocks of an element's stiffness at the latest rotations (N/m), by its nodes.
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn stiffness(&self, element: usize) -> [[Mat3; 4]; 4] {
         let (block, lane) = self.places[element];
         let turned = &self.blocks.turned[block as usize];

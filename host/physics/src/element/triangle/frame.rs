@@ -1,17 +1,18 @@
-//! A triangle at rest: an orthonormal frame in its plane, the gradients of its hat functions there, its area.
+//! A triangle at rest: an orthonormal frame in its plane, the gradients of its hat functions in that frame, its area.
 
 use crate::Vec3;
 use crate::error::BodyError;
 
-/// `g_1`, `g_2` in the triangle's rest frame and its rest area, or `None` where it has none.
+/// The gradients `g_1`, `g_2` (1/m) in the triangle's rest frame and its rest area (m²), or `None` if the triangle is
+/// flat.
 ///
-/// The frame's first axis runs along the first edge; the triangle is counterclockwise in it.
+/// The first axis of the frame is along the first edge. The triangle is counterclockwise in the frame.
 pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     let e1 = x[1] - x[0];
     let e2 = x[2] - x[0];
     let longest = e1.norm().max(e2.norm()).max((e2 - e1).norm());
     let twice_area = e1.cross(&e2).norm();
-    // Thinner than this, the gradients would carry no correct digits in strain.
+    // The gradients of a flatter triangle would give strains without correct digits.
     if twice_area <= 1e-10 * longest * longest || twice_area.is_nan() {
         return None;
     }
@@ -27,7 +28,7 @@ pub(crate) fn rest_frame(x: [&Vec3; 3]) -> Option<([[f64; 2]; 2], f64)> {
     ))
 }
 
-/// The axes in space of the frame of [`rest_frame`], of a triangle that has one.
+/// The axes of the frame of [`rest_frame`] in world coordinates. The triangle must have such a frame.
 pub(crate) fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
     let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
     let along = e1.normalize();

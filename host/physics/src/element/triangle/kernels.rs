@@ -1,7 +1,7 @@
-//! What is computed on blocks of triangles, once for each width of vector instructions.
+//! The computations on blocks of triangles, compiled once for each width of vector instructions.
 //!
-//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet_kernels`), so nothing branches:
-//! both sides of a choice are computed and one is selected.
+//! The bodies of loops over lanes have no branches, so that the compiler vectorizes them (see
+//! `element/tet4/kernels.rs`): both sides of a choice are computed, and one is selected.
 
 use crate::lanes::block::{LANES, Lanes, less, plus};
 use crate::lanes::{Node, Real};
@@ -9,31 +9,32 @@ use crate::polar::surface_lanes::{Vector, combine, dot, larger, out_of_plane, po
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// The vectors of two nodes of each element, filled up like nodes.
+/// The vectors of two nodes of each element, padded like nodes.
 type Pairs<T> = [[Node<T>; LANES]; 2];
 
-/// The stiffness by displacements of the second and third node from the first: a symmetric 6 x 6 matrix, that is
-/// block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
+/// Numbers of the stiffness with respect to the displacements of the second and third node relative to the first. The
+/// stiffness is a symmetric 6 x 6 matrix: block 11 (xx, yy, zz, yz, xz, xy), block 12 (row by row) and block 22.
 pub(crate) const ENTRIES: usize = 21;
 pub(crate) const BLOCK_11: usize = 0;
 pub(crate) const BLOCK_12: usize = 6;
 pub(crate) const BLOCK_22: usize = 15;
 
 /// Operations of a linearization for each element: differences 6, `F - I` 18, the polar decomposition 147, stress,
-/// energy and forces 45, the tangent in its plane and out of it 216, and the sums of forces 12.
+/// energy and forces 45, the tangent in the plane and out of it 216, and the sums of forces 12.
 pub(crate) const LINEARIZE_FLOPS: usize = 6 + 18 + 147 + 45 + 216 + 12;
 
-/// Of a product: differences 6, scaled 6, times a symmetric matrix of 6 x 6 66, and the sums of forces 12.
+/// Operations of a product: differences 6, their scaling 6, the product with a symmetric 6 x 6 matrix 66, and the sums
+/// of forces 12.
 pub(crate) const PRODUCT_FLOPS: usize = 6 + 6 + 66 + 12;
 
-/// What does not change of a block.
+/// The constant data of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Rest<T> {
     /// Component `j` of the gradient of node `a + 1` in row `2 a + j` (1/m).
     pub(crate) gradients: [Lanes<T>; 4],
-    /// The two axes of the rest frame in space.
+    /// The two axes of the rest frame in world coordinates.
     pub(crate) frame: [Lanes<T>; 6],
-    /// Lamé's parameters times the volume (N m); zero where the block is filled up.
+    /// Lamé's parameters times the volume (N m), zero in lanes that pad the block.
     pub(crate) mu: Lanes<T>,
     pub(crate) lambda: Lanes<T>,
 }
@@ -115,7 +116,7 @@ pub(crate) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
     }
 }
 
-/// Forces on the last two nodes of each element of a block, its stiffness, and its energies, which it adds.
+/// Computes the forces on the last two nodes of each element of a block and its stiffness, and adds to the energies.
 #[inline(always)]
 fn respond<T: Real>(
     rest: &Rest<T>,
@@ -152,7 +153,7 @@ fn respond<T: Real>(
             T::of(0.5) * (stress[0] + stress[2]) * polar.over_trace,
         );
         let taut = out_of_plane(&polar.strain, twice, pressure);
-        // A block is, with the turned gradients b_a = R g_a and w = g_a^T taut g_c,
+        // With the rotated gradients b_a = R g_a and w = g_a^T taut g_c a block is
         // (mu + spin) (g_a . g_c) (I - n n^T) + (mu - spin) b_c b_a^T + lambda b_a b_c^T + w n n^T.
         let n = polar.n;
         let turned = |g: [T; 2]| combine(r1, g[0], r2, g[1]);
@@ -197,7 +198,7 @@ fn respond<T: Real>(
     }
 }
 
-/// Differences of the vectors `of` at each element's last two nodes from that at its first.
+/// Sets `differences` to the vectors `of` at each element's last two nodes minus the vector at its first node.
 #[inline(always)]
 fn gather<T: Real>(nodes: &[[u32; 3]; LANES], of: &[Node<T>], differences: &mut Pairs<T>) {
     for lane in 0..LANES {
@@ -208,7 +209,8 @@ fn gather<T: Real>(nodes: &[[u32; 3]; LANES], of: &[Node<T>], differences: &mut 
     }
 }
 
-/// Adds `vectors` to the vectors `to` at each element's last two nodes, and subtracts their sum at its first.
+/// Adds `vectors` to the vectors `to` at each element's last two nodes, and subtracts their sum from the vector at its
+/// first node.
 #[inline(always)]
 fn scatter<T: Real>(nodes: &[[u32; 3]; LANES], vectors: &Pairs<T>, to: &mut [Node<T>]) {
     for lane in 0..LANES {
@@ -232,8 +234,8 @@ fn shape_at<T: Real>(rest: &Rest<T>, lane: usize) -> Shape<T> {
     }
 }
 
-/// The vectors of one element. The fill, zero, is read too: where one entry in four is left out, the compiler does
-/// the last lanes one by one.
+/// The vectors of one element. The padding, which is zero, is read as well: if one entry in four is skipped, the
+/// compiler processes the last lanes one by one.
 #[inline(always)]
 fn vectors_at<T: Real>(vectors: &Pairs<T>, lane: usize) -> [Vector<T>; 2] {
     [0, 1].map(|a: usize| {

@@ -8,20 +8,20 @@
 //! U = (C + s I) / q        R = (F + [F_2 x n, n x F_1]) / q
 //! ```
 //!
-//! which stays finite and orthonormal for a collapsed triangle as long as `n` is some unit normal of what
-//! is left. The strain is `U - I`, the stress `sigma = 2 mu (U - I) + lambda tr(U - I) I` with the Lame
-//! parameters of plane stress, and the force is exactly minus the gradient of the energy: `P = R sigma`,
+//! `U` and `R` are finite, and `R` is orthonormal, for a collapsed triangle as well, if `n` is a unit normal of the
+//! remaining line or point. The strain is `U - I`, the stress `sigma = 2 mu (U - I) + lambda tr(U - I) I` with the Lame
+//! parameters of plane stress. The force is exactly minus the gradient of the energy: `P = R sigma`,
 //! `f_a = -t A P g_a`.
 //!
-//! The tangent is exact as well (differentiate `R sigma`; the in-plane part is that of McAdams et al.,
-//! "Efficient elasticity for character skinning with contact and collisions", 2011, in two dimensions).
-//! It is a sum of three parts, each of known sign:
+//! The tangent, the derivative of `R sigma`, is exact as well. Its in-plane part is that of McAdams et al., "Efficient
+//! elasticity for character skinning with contact and collisions", 2011, in two dimensions. The tangent is a sum of
+//! three parts, each of known sign:
 //!
 //! 1. material: `D sym(R^T dF)`, positive semidefinite;
 //! 2. in-plane spin: `tr(sigma) / (2 tr U)` times the square of the spin;
-//! 3. out of plane: `w^T sigma U^-1 w` for `dF = n w^T`, the stiffness of a taut string.
+//! 3. out of plane: `w^T sigma U^-1 w` for `dF = n w^T`, the geometric stiffness, like that of a taut string.
 //!
-//! [`Tangent::Clipped`] keeps the positive part of 2 and 3, so that every element's tangent is positive
+//! [`Tangent::Clipped`] keeps the positive parts of 2 and 3, so that every element's tangent is positive
 //! semidefinite. Without part 3 a step of a sheet under tension is unstable.
 
 use super::frame::{degenerate, rest_axes, rest_frame};
@@ -48,9 +48,9 @@ pub struct Element {
 #[derive(Clone, Debug)]
 pub struct Membrane {
     nodes: Vec<[u32; 3]>,
-    /// Rest gradients of the second and third hat function; the first is minus their sum.
+    /// Rest gradients of the second and third hat function (1/m). The first gradient is minus their sum.
     gradients: Vec<[[f64; 2]; 2]>,
-    /// The axes of the frames of those gradients in space.
+    /// The axes of the frames of those gradients in world coordinates.
     frames: Vec<[Vec3; 2]>,
     /// Shear modulus times thickness times rest area (N m).
     mu: Vec<f64>,
@@ -81,7 +81,7 @@ impl Membrane {
         }
     }
 
-    /// The triangles of `mesh` by vertex, with one material for all or one for each.
+    /// The triangles of `mesh` over its vertices, with one material for all or one for each.
     ///
     /// # Errors
     ///
@@ -157,12 +157,12 @@ impl Membrane {
         Polar::new(&(e1 * g1[0] + e2 * g2[0]), &(e1 * g1[1] + e2 * g2[1]))
     }
 
-    /// Principal stretches of triangle `e` at node positions `x`, the larger first; 1 is unstretched.
+    /// Principal stretches of triangle `e` at node positions `x` (m), the larger first. The stretch at rest is 1.
     pub fn principal_stretches(&self, e: usize, x: &[Vec3]) -> [f64; 2] {
         self.polar(e, x).stretches()
     }
 
-    /// Force and tangent of triangle `e` at node positions `x`.
+    /// Force and tangent of triangle `e` at node positions `x` (m).
     pub fn element(&self, e: usize, x: &[Vec3], tangent: Tangent) -> Element {
         let polar = self.polar(e, x);
         let (mu, lambda) = (self.mu[e], self.lambda[e]);
@@ -194,14 +194,14 @@ impl Membrane {
                 [entry(0, 0) + shear, entry(0, 1)],
                 [entry(1, 0), entry(1, 1) + shear],
             ];
-            // R k R^T, by its two left columns.
+            // R k R^T from the two columns of R.
             let left = [r1 * k[0][0] + r2 * k[1][0], r1 * k[0][1] + r2 * k[1][1]];
             let w = a[0] * (geometric[0] * b[0] + geometric[1] * b[1])
                 + a[1] * (geometric[1] * b[0] + geometric[2] * b[1]);
             left[0] * r1.transpose() + left[1] * r2.transpose() + nn * w
         };
-        // The gradients sum to zero, so the diagonal blocks are minus the sum of their rows: a
-        // translation then gives no force at all, not even by rounding.
+        // The gradients sum to zero, so the diagonal blocks are minus the sums of their rows. A
+        // translation then gives no force, not even by rounding.
         let k01 = block(g0, g1);
         let k02 = block(g0, g2);
         let k12 = block(g1, g2);
@@ -300,7 +300,7 @@ impl Elements for Membrane {
             2.0 * mu * xy,
             2.0 * mu * (yy - 1.0) + pressure,
         ];
-        // Cauchy: R sigma U R^T over the stretched area; the thickness is that at rest.
+        // The Cauchy stress is R sigma U R^T over the stretched area. The thickness is that at rest.
         let [r1, r2] = polar.r;
         let area = xx * yy - xy * xy;
         if area <= 0.0 {
@@ -334,7 +334,7 @@ impl Elements for Membrane {
     }
 }
 
-/// Part 2 of the tangent: what multiplies the square of the in-plane spin.
+/// Part 2 of the tangent: the coefficient of the square of the in-plane spin.
 fn spin_coefficient(sigma: &[f64; 3], trace: f64, tangent: Tangent) -> f64 {
     let floor = 2.0 * STRETCH_FLOOR;
     let coefficient = 0.5 * (sigma[0] + sigma[2]) / trace.max(floor);
@@ -344,8 +344,7 @@ fn spin_coefficient(sigma: &[f64; 3], trace: f64, tangent: Tangent) -> f64 {
     }
 }
 
-/// Part 3 of the tangent: `sigma U^-1` or its positive part (xx, xy, yy), which shares its principal axes
-/// with `U`.
+/// Part 3 of the tangent: `sigma U^-1` or its positive part (xx, xy, yy). Its principal axes are those of `U`.
 fn out_of_plane(polar: &Polar, mu: f64, lambda: f64, tangent: Tangent) -> [f64; 3] {
     let stretch = polar.stretches();
     let pressure = lambda * (stretch[0] + stretch[1] - 2.0);

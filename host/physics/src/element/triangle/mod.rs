@@ -1,8 +1,8 @@
 //! Triangles of thin sheets.
 //!
-//! - [`membrane`]: isotropic sheets, exactly; [`triangles`] and `kernels`: the same in vectors.
-//! - [`woven`]: sheets with a grain.
-//! - `frame`: a triangle at rest.
+//! - [`membrane`]: isotropic sheets in the exact form; [`triangles`] and `kernels`: the same in the vector form.
+//! - [`woven`]: woven sheets.
+//! - `frame`: the rest frame of a triangle.
 
 pub(crate) mod frame;
 mod kernels;

@@ -1,11 +1,12 @@
 //! Corotational membrane triangles in blocks: forces, energies and products with the stiffness.
 //!
-//! The law is that of [`Membrane`](crate::element::triangle::membrane::Membrane), and so is the tangent: its positive part,
-//! [`Tangent::Clipped`](crate::Tangent::Clipped). Forces and tangent depend on the displacements of the
-//! second and third node from the first alone, so the stiffness of a triangle is a symmetric matrix of 6 x 6. It
-//! is kept: 21 numbers take fewer operations in a product than the 18 of which they are made.
+//! The law is that of [`Membrane`](crate::element::triangle::membrane::Membrane), and the tangent is its positive part,
+//! [`Tangent::Clipped`](crate::Tangent::Clipped). Forces and tangent depend on the displacements of the second and
+//! third node relative to the first alone, so the stiffness of a triangle is a symmetric 6 x 6 matrix. This matrix is
+//! stored. A product with its 21 numbers takes fewer operations than a product with the 18 numbers from which it is
+//! computed.
 //!
-//! Displacements are those from rest, so that single precision keeps the digits of small strains.
+//! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
 
 use super::kernels::{
     self, BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product,
@@ -27,9 +28,9 @@ pub struct Triangle {
     /// Its nodes.
     pub nodes: [u32; 3],
     /// Rest gradients of the shape functions of its second and third node (1/m), in an orthonormal frame of its
-    /// plane at rest; that of the first is minus their sum.
+    /// plane at rest. The gradient of the first is minus their sum.
     pub gradients: [[f64; 2]; 2],
-    /// The axes of that frame in space.
+    /// The axes of that frame in world coordinates.
     pub frame: [Vec3; 2],
     /// Shear modulus times thickness times rest area (N m).
     pub mu: f64,
@@ -37,7 +38,7 @@ pub struct Triangle {
     pub lambda: f64,
 }
 
-/// Corotational triangles.
+/// Corotational triangles in blocks.
 #[derive(Clone, Debug)]
 pub struct Triangles<T> {
     blocks: Blocks<T>,
@@ -46,7 +47,7 @@ pub struct Triangles<T> {
 }
 
 impl<T: Real> Triangles<T> {
-    /// The elements, with no stiffness before the first call of `linearize`.
+    /// The elements. They have no stiffness before the first call of `linearize`.
     pub fn new(triangles: &[Triangle]) -> Self {
         let order = apart(triangles.len(), |element| &triangles[element].nodes);
         let mut all = Self {
@@ -63,7 +64,7 @@ impl<T: Real> Triangles<T> {
                 lambda: zero,
             };
             for lane in 0..LANES {
-                // A block is filled up with copies of its last element that have no stiffness.
+                // Copies of the last element without stiffness pad the last block.
                 let element = elements[lane.min(elements.len() - 1)];
                 let triangle = &triangles[element];
                 nodes[lane] = triangle.nodes;
@@ -93,12 +94,12 @@ impl<T: Real> Triangles<T> {
         self.places.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no elements.
     pub fn is_empty(&self) -> bool {
         self.places.is_empty()
     }
 
-    /// Memory that they hold (bytes).
+    /// Memory of the elements (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.places.as_slice())
             + size_of_val(self.blocks.nodes.as_slice())
@@ -106,7 +107,7 @@ impl<T: Real> Triangles<T> {
             + size_of_val(self.blocks.stiffness.as_slice())
     }
 
-    /// What a linearization costs, but for displacements and forces.
+    /// The cost of a linearization, without displacements and forces.
     pub(crate) fn linearize_cost(&self) -> Cost {
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.rest.as_slice()))
@@ -114,28 +115,28 @@ impl<T: Real> Triangles<T> {
             + Cost::flops(LINEARIZE_FLOPS * self.len())
     }
 
-    /// What a product costs, but for the vectors.
+    /// The cost of a product, without the vectors.
     pub(crate) fn product_cost(&self) -> Cost {
         Cost::read(size_of_val(self.blocks.nodes.as_slice()))
             + Cost::read(size_of_val(self.blocks.stiffness.as_slice()))
             + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
-    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and keeps the stiffness there. Returns the
+    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and stores the stiffness at `d`. Returns the
     /// elastic energy (J).
     ///
     /// # Panics
     ///
-    /// Where `d` or `force` is shorter than a node's number.
+    /// If `d` or `force` has no entry for a node.
     pub fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> T {
         linearize(&mut self.blocks, d, force)
     }
 
-    /// Adds `factor` times the last stiffness times `u` to `y`.
+    /// Adds `factor` times the latest stiffness times `u` to `y`.
     ///
     /// # Panics
     ///
-    /// Where `u` or `y` is shorter than a node's number.
+    /// If `u` or `y` has no entry for a node.
     pub fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         product(&self.blocks, factor, u, y);
     }
@@ -144,17 +145,17 @@ impl<T: Real> Triangles<T> {
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn nodes(&self, element: usize) -> [u32; 3] {
         let (block, lane) = self.places[element];
         self.blocks.nodes[block as usize][lane as usize]
     }
 
-    /// The 3 x 3 blocks of an element's last stiffness (N/m), by its nodes.
+    /// The 3 x 3 blocks of an element's latest stiffness (N/m), by its nodes.
     ///
     /// # Panics
     ///
-    /// Where there is no such element.
+    /// If there is no such element.
     pub fn stiffness(&self, element: usize) -> [[Mat3; 3]; 3] {
         let (block, lane) = self.places[element];
         let rows = &self.blocks.stiffness[block as usize];

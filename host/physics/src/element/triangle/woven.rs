@@ -1,7 +1,7 @@
-//! In-plane elasticity of a sheet with a grain: constant-strain triangles with any [`SheetLaw`].
+//! In-plane elasticity of a woven sheet: constant-strain triangles with any [`SheetLaw`].
 //!
-//! The counterpart of [`Membrane`](crate::element::triangle::membrane::Membrane) for cloth and for laws other than its own.
-//! Each triangle has an orthonormal rest frame whose first axis is the warp, projected into its plane. With
+//! This module is the counterpart of [`Membrane`](crate::element::triangle::membrane::Membrane) for cloth and for other
+//! laws. Each triangle has an orthonormal rest frame whose first axis is the warp, projected onto its plane. With
 //! the gradients `g_a` of the hat functions in that frame the deformation gradient is `F = sum x_a g_a^T`,
 //! the force `f_a = -A P g_a` and the stiffness `K_ab = A sum_jl g_a[j] g_b[l] dP_j / dF_l` (Bonet and Wood,
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
@@ -18,17 +18,18 @@ use crate::mesh::TriMesh;
 use crate::polar::surface::Polar;
 use crate::{Mat3, Vec3};
 
-/// Below this share of the warp in a triangle's plane its direction there is not what anyone meant.
+/// The least sine of the angle between the warp and a triangle's normal. Below it, the projection of the warp onto the
+/// plane of the triangle has no meaningful direction.
 const LEAST_WARP: f64 = 1e-6;
 
 /// All triangles of a woven sheet, by arrays over triangles.
 ///
-/// Methods that take node positions `x` need an entry for every node that was pushed.
+/// The node positions `x` that methods take must have an entry for every node that was pushed.
 #[derive(Clone, Debug, Default)]
 pub struct Woven<L: SheetLaw> {
     law: L,
     nodes: Vec<[u32; 3]>,
-    /// Rest gradients of the second and third hat function in the frame of the warp (1/m); the first is
+    /// Rest gradients of the second and third hat function in the frame of the warp (1/m). The first gradient is
     /// minus their sum.
     gradients: Vec<[[f64; 2]; 2]>,
     /// Rest area (m^2).
@@ -40,7 +41,7 @@ pub struct Woven<L: SheetLaw> {
 }
 
 impl<L: SheetLaw> Woven<L> {
-    /// No triangles yet, and room for `count`.
+    /// An empty sheet with room for `count` triangles.
     pub fn with_capacity(count: usize) -> Self {
         Self {
             law: L::default(),
@@ -54,11 +55,11 @@ impl<L: SheetLaw> Woven<L> {
         }
     }
 
-    /// The triangles of `mesh` by vertex, with one material for all or one for each.
+    /// The triangles of `mesh` over its vertices, with one material for all or one for each.
     ///
     /// # Errors
     ///
-    /// [`BodyError`] for no triangles, a vertex that does not exist, and as [`push`](Self::push).
+    /// [`BodyError`] for no triangles, for a vertex that does not exist, and the errors of [`push`](Self::push).
     pub fn new(mesh: &TriMesh, weaves: &[Weave]) -> Result<Self, BodyError> {
         let (triangles, count) = (mesh.triangles.len(), mesh.positions.len());
         if triangles == 0 {
@@ -86,14 +87,13 @@ impl<L: SheetLaw> Woven<L> {
         Ok(woven)
     }
 
-    /// Adds a triangle by its nodes, its corners at rest (m) and its material; gives its rest area (m^2).
+    /// Adds a triangle by its nodes, its corners at rest (m) and its material. Returns its rest area (m^2).
     ///
     /// # Errors
     ///
-    /// [`BodyError`], naming the triangle by its number here: [`Degenerate`](BodyError::Degenerate) for
-    /// one without area, [`Material`](BodyError::Material) and [`Warp`](BodyError::Warp) as
-    /// [`Weave::check`] does, and [`Warp`](BodyError::Warp) where the warp is within 1e-6 rad of the
-    /// triangle's normal. Nothing is added then.
+    /// [`BodyError`], which names the triangle by its number in this sheet. After an error the sheet is unchanged. The
+    /// errors are [`Degenerate`](BodyError::Degenerate) for a triangle without area, those of [`Weave::check`], and
+    /// [`Warp`](BodyError::Warp) if the warp is within 1e-6 rad of the triangle's normal.
     pub fn push(
         &mut self,
         nodes: [u32; 3],
@@ -106,7 +106,7 @@ impl<L: SheetLaw> Woven<L> {
         let (gradients, area) = rest_frame(corners).ok_or_else(|| degenerate(triangle, corners))?;
         let [c, s] = warp_in_frame(triangle, corners, &weave.warp)?;
         self.nodes.push(nodes);
-        // From the frame along the first edge to that along the warp.
+        // The change from the frame along the first edge to the frame along the warp.
         self.gradients
             .push(gradients.map(|g| [c * g[0] + s * g[1], c * g[1] - s * g[0]]));
         self.area.push(area);
@@ -139,7 +139,7 @@ impl<L: SheetLaw> Woven<L> {
         [e1 * g1[0] + e2 * g2[0], e1 * g1[1] + e2 * g2[1]]
     }
 
-    /// Principal stretches of triangle `e` at node positions `x`, the larger first; 1 is unstretched.
+    /// Principal stretches of triangle `e` at node positions `x` (m), the larger first. The stretch at rest is 1.
     pub fn principal_stretches(&self, e: usize, x: &[Vec3]) -> [f64; 2] {
         let [f1, f2] = self.gradient(e, x);
         Polar::new(&f1, &f2).stretches()
@@ -182,8 +182,8 @@ impl<L: SheetLaw> Woven<L> {
                 + m10 * (area * a[1] * b[0])
                 + m11 * (area * a[1] * b[1])
         };
-        // The gradients sum to zero, so the diagonal blocks are minus the sum of their rows: a
-        // translation then gives no force at all, not even by rounding.
+        // The gradients sum to zero, so the diagonal blocks are minus the sums of their rows. A
+        // translation then gives no force, not even by rounding.
         let k01 = block(g0, g1);
         let k02 = block(g0, g2);
         let k12 = block(g1, g2);
@@ -209,16 +209,19 @@ impl<L: SheetLaw> Woven<L> {
 
 /// Cosine and sine of the angle from the first edge to the warp in the plane of the triangle.
 fn warp_in_frame(triangle: usize, corners: [&Vec3; 3], warp: &Vec3) -> Result<[f64; 2], BodyError> {
-    let none = |share| BodyError::Warp { triangle, share };
+    let none = |sine| BodyError::Warp {
+        triangle,
+        share: sine,
+    };
     let warp = unit(warp).ok_or_else(|| none(f64::NAN))?;
     let along = (corners[1] - corners[0]).normalize();
     let normal = along.cross(&(corners[2] - corners[0])).normalize();
     let (x, y) = (warp.dot(&along), warp.dot(&normal.cross(&along)));
-    let share = libm::hypot(x, y);
-    if share > LEAST_WARP {
-        Ok([x / share, y / share])
+    let sine = libm::hypot(x, y);
+    if sine > LEAST_WARP {
+        Ok([x / sine, y / sine])
     } else {
-        Err(none(share))
+        Err(none(sine))
     }
 }
 
@@ -285,7 +288,7 @@ impl<L: SheetLaw> Elements for Woven<L> {
         0
     }
 
-    /// Cauchy stress over the stretched area, the thickness that at rest.
+    /// Cauchy stress over the stretched area. The thickness is that at rest.
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3 {
         let [f1, f2] = self.gradient(element, x);
         let [p1, p2] = self.law.stress(&self.stiffness[element], &[f1, f2]);

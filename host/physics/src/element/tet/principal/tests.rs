@@ -1,4 +1,4 @@
-//! The tangent against the forces, the blocks and single precision; states that are no use.
+//! The tangent against the forces, against the blocks and in single precision; invalid states.
 
 use super::*;
 use crate::element::elements::Elements;
@@ -12,7 +12,7 @@ use crate::mesh::{Cells, TetMesh};
 type Linear<T> = PrincipalTets<T, Four, 4, 1>;
 type Quadratic<T> = PrincipalTets<T, Ten, 10, 4>;
 
-/// 48 cells: a block and a half.
+/// 48 cells, which fill a block and a half.
 fn mesh(quadratic: bool) -> TetMesh {
     let mesh = solid_box([1.0; 3], [2; 3]).unwrap();
     if quadratic { mesh.quadratic() } else { mesh }
@@ -49,7 +49,8 @@ fn quadratic<T: Real, L: Law>(mesh: &TetMesh) -> Quadratic<T> {
     Quadratic::quadratic(law, &tets)
 }
 
-/// Pulled by a third, a little thinner and bent: all of the modulus is positive, so that clipping changes nothing.
+/// Displacements that stretch by a third, contract sideways and bend. The modulus is positive definite, so that
+/// clipping changes nothing.
 fn pulled<T: Real>(mesh: &TetMesh) -> Vec<Node<T>> {
     let moved = |x: &Vec3| {
         let d = Vec3::new(0.3 * x.x, 0.05 * x.x * x.x - 0.08 * x.y, -0.08 * x.z);
@@ -78,7 +79,7 @@ fn off<T: Real>(a: &[Node<T>], b: &[Node<f64>]) -> f64 {
     a.iter().zip(b).map(entries).fold(0.0, f64::max) / largest
 }
 
-/// The product is the slope of the forces, and the sum of the blocks times the vector; in single precision, too.
+/// The product is the derivative of the forces, and the sum of the blocks times the vector, also in single precision.
 fn check<C: Cell<N, Q>, const N: usize, const Q: usize>(
     mesh: &TetMesh,
     mut double: PrincipalTets<f64, C, N, Q>,
@@ -110,7 +111,7 @@ fn check<C: Cell<N, Q>, const N: usize, const Q: usize>(
     let slope: Vec<Node<f64>> = pairs
         .map(|(b, a)| core::array::from_fn(|i| (b[i] - a[i]) / (2.0 * step)))
         .collect();
-    // The third derivative times a strain of 1e-5 squared, and rounding: 1e-15 over 1e-6.
+    // The error is the third derivative times the square of a strain of 1e-5, and rounding: 1e-15 over 1e-6.
     assert!(off(&ku, &slope) < 1e-7, "{:e}", off(&ku, &slope));
     let work: f64 = now
         .iter()
@@ -132,10 +133,10 @@ fn check<C: Cell<N, Q>, const N: usize, const Q: usize>(
             }
         }
     }
-    // Sums of a thousand terms in two orders.
+    // The rounding of sums of a thousand terms in two orders.
     assert!(off(&ku, &sum) < 1e-13, "{:e}", off(&ku, &sum));
 
-    // Stresses are found in double precision; displacements have 24 bits, strains are of their size.
+    // Stresses are in double precision. Displacements have 24 bits, and strains are of their size.
     let mut found = vec![[0.0_f32; 4]; count];
     let less = single.linearize(&pulled(mesh), &mut found);
     assert!(off(&found, &now) < 2e-6, "{:e}", off(&found, &now));
@@ -186,7 +187,7 @@ fn bad_numbers_are_forgotten_and_crushed_cells_are_finite() {
         let mut worse = d.clone();
         worse[0][0] = bad;
         forces(&worse);
-        // The axes start from elsewhere; forces are not made of them.
+        // The iteration for the axes has another start. The forces do not depend on it.
         assert!(off(&forces(&d).0, &expected) < 1e-13);
     }
     for keep in [0.0, 1.0] {
