@@ -23,7 +23,7 @@ macro_rules! ranges {
         ///
         /// # Errors
         ///
-        /// Says what was found and what is allowed.
+        /// Names the value found and the allowed values.
         pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
             from.deserialize_f64(Number { allowed: $allowed, test: $test })
         }
@@ -63,7 +63,7 @@ macro_rules! optional {
         ///
         /// # Errors
         ///
-        /// Says what was found and what is allowed.
+        /// Names the value found and the allowed values.
         pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<Option<$kind>, D::Error> {
             $of(from).map(Some)
         }
@@ -91,7 +91,7 @@ macro_rules! wholes {
         ///
         /// # Errors
         ///
-        /// Says what was found and what is allowed.
+        /// Names the value found and the allowed values.
         pub fn $name<'de, D: Deserializer<'de>>(from: D) -> Result<usize, D::Error> {
             let whole = Whole { allowed: $allowed, low: $low, high: $high };
             from.deserialize_u64(whole).map(|n| n as usize)
@@ -112,7 +112,7 @@ wholes! {
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::Error> {
     List::<Cells, 2>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
@@ -121,7 +121,7 @@ pub fn cells<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 2], D::Error> {
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::Error> {
     List::<Cells, 3>::deserialize(from).map(|list| list.0.map(|n| n.0))
 }
@@ -130,7 +130,7 @@ pub fn cells3<'de, D: Deserializer<'de>>(from: D) -> Result<[u32; 3], D::Error> 
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn axes<'de, D: Deserializer<'de>>(from: D) -> Result<[bool; 3], D::Error> {
     from.deserialize_seq(AxesVisitor)
 }
@@ -139,7 +139,7 @@ pub fn axes<'de, D: Deserializer<'de>>(from: D) -> Result<[bool; 3], D::Error> {
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     List::<Positive, 3>::deserialize(from).map(|list| list.0.map(|number| number.0))
 }
@@ -148,7 +148,7 @@ pub fn positive3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Erro
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error> {
     List::<Finite, 3>::deserialize(from).map(numbers)
 }
@@ -157,7 +157,7 @@ pub fn finite3<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; 3], D::Error>
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>, D::Error> {
     let rows = Vec::<List<Finite, 4>>::deserialize(from)?;
     Ok(rows.into_iter().map(numbers).collect())
@@ -167,7 +167,7 @@ pub fn rows4<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<[f64; 4]>, D::Err
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn optional_box<'de, D>(from: D) -> Result<Option<[[f64; 3]; 2]>, D::Error>
 where
     D: Deserializer<'de>,
@@ -179,7 +179,7 @@ where
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_map(TableVisitor(PhantomData))
 }
@@ -188,7 +188,7 @@ pub fn table<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn optional_table<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
@@ -201,7 +201,7 @@ where
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<Vec<T>, D::Error> {
     from.deserialize_seq(TablesVisitor(PhantomData))
 }
@@ -210,7 +210,7 @@ pub fn tables<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T, D::Error> {
     from.deserialize_str(WordVisitor(PhantomData))
 }
@@ -219,7 +219,7 @@ pub fn word<'de, D: Deserializer<'de>, T: Deserialize<'de>>(from: D) -> Result<T
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Error> {
     from.deserialize_str(ModelVisitor)
 }
@@ -228,7 +228,7 @@ pub fn model_name<'de, D: Deserializer<'de>>(from: D) -> Result<ModelName, D::Er
 ///
 /// # Errors
 ///
-/// Says what was found and what is allowed.
+/// Names the value found and the allowed values.
 pub fn optional_word<'de, D, T>(from: D) -> Result<Option<T>, D::Error>
 where
     D: Deserializer<'de>,
