@@ -17,57 +17,55 @@ use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use std::fmt;
 use thiserror::Error;
 
-/// The most named groups that a file may have.
+/// Largest number of named groups in a file.
 pub const MAX_GROUPS: usize = 256;
-/// The most named fields that a file may have, those that are passed over not counted.
+/// Largest number of named fields in a file, without the fields that are skipped.
 pub const MAX_FIELDS: usize = 256;
 
-/// Which meshes a reader takes.
+/// The kinds of mesh that a reader accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
-    /// Sheets alone; a tetrahedron is an error.
+    /// Sheets only; a tetrahedron is an error.
     Sheet,
     /// Sheets, solids where the file has a tetrahedron, and threads where it has lines alone.
     Any,
 }
 
-/// Why a file is no mesh. Every message is one line of text.
+/// The reason why a file holds no valid mesh. Every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MeshFileError {
-    /// Neither the file's name nor how it begins says which format it is in.
+    /// Neither the name nor the beginning of the file identifies a format.
     #[error(
         "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and {found}"
     )]
     Format {
-        /// How the file begins.
+        /// The beginning of the file.
         found: String,
     },
-    /// Something else stands in the file than should.
+    /// The file has a syntax error.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
-        /// Where.
+        /// Place of the error.
         place: Place,
-        /// What should stand there, and where it helps, what to do.
+        /// The expected text, in some cases with advice.
         expected: String,
-        /// What stands there, shortened.
+        /// The text found, shortened.
         found: String,
     },
-    /// The triangles make no usable mesh. Vertices and triangles are counted from zero here, as they
-    /// would be in the mesh.
+    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
     #[error("{place}: {source}")]
     Mesh {
-        /// Where the triangle or vertex at fault stands.
+        /// Place of the faulty triangle or vertex.
         place: Place,
-        /// What is wrong with it.
+        /// The fault.
         source: MeshError,
     },
-    /// The tetrahedra make no usable mesh. Vertices and cells are counted from zero here, as they would be
-    /// in the mesh.
+    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
     #[error("{place}: {source}")]
     Solid {
-        /// Where the cell or vertex at fault stands.
+        /// Place of the faulty cell or vertex.
         place: Place,
-        /// What is wrong with it.
+        /// The fault.
         source: SolidError,
     },
     /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
@@ -95,7 +93,7 @@ pub enum Place {
     Item {
         /// The line, counted from one.
         line: usize,
-        /// The number's place in the array, counted from zero.
+        /// Index of the number in the array, from zero.
         item: usize,
     },
 }
@@ -134,7 +132,7 @@ impl MeshFileError {
     }
 }
 
-/// The sheet. Readers that are asked for one refuse tetrahedra by themselves, with their place.
+/// The mesh as a sheet. A reader that accepts only sheets has already refused any tetrahedron, with its place.
 pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
     match mesh {
         Mesh::Sheet(mesh) => Ok(mesh),
@@ -154,7 +152,7 @@ pub(crate) fn into_sheet(mesh: Mesh) -> Result<TriMesh, MeshFileError> {
 /// Reads a sheet from the bytes of a file called `name`. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found; a tetrahedron is one.
+/// The first [`MeshFileError`] found. A tetrahedron is an error.
 pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     Ok(match Format::of(name, bytes)? {
         Format::Obj => obj::parse(bytes)?,
@@ -168,8 +166,8 @@ pub fn read(name: &str, bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 /// triangle, a thread if there are lines. Coordinates are taken as metres. (Lines of OBJ files, and those in the sections
 /// for lines of VTK's polygon files, make no thread.)
 ///
-/// Of a solid's file, triangles, lines and points only name vertices: where the format has named groups,
-/// theirs become groups of vertices, otherwise they are passed over.
+/// In the file of a solid, triangles, lines and points only name vertices. If the format has named groups, the
+/// groups of such elements become vertex groups. Otherwise such elements are skipped.
 ///
 /// # Errors
 /// The first [`MeshFileError`] found.

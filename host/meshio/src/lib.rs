@@ -1,4 +1,4 @@
-//! Mesh files: from a file's bytes to a mesh, and from a mesh to a file's text.
+//! Mesh files: reads meshes from the bytes of a file, and writes meshes as the text of a file.
 //!
 //! [`read`] and [`read_mesh`] take the bytes of a file in any of the formats [`gmsh`], [`obj`], [`vtk_legacy`]
 //! and [`vtk_xml`]. What they read ends in [`LineMesh::new`](physics::mesh::LineMesh::new),
@@ -6,7 +6,19 @@
 //! mesh holds for all. A mesh goes back
 //! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
 //!
-//! Nothing here opens a file: bytes come in and text goes out.
+//! This crate opens no files: it takes bytes and returns text.
+//!
+//! ```
+//! use physics::mesh::Mesh;
+//!
+//! let text = b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n";
+//! let mesh = meshio::read("triangle.obj", text)?;
+//! assert_eq!((mesh.positions.len(), mesh.triangles.len()), (3, 1));
+//!
+//! let written = meshio::write_gmsh::write(&Mesh::Sheet(mesh.clone()));
+//! assert_eq!(meshio::read("triangle.msh", written.as_bytes())?, mesh);
+//! # Ok::<(), meshio::MeshFileError>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod file;

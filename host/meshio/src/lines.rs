@@ -3,7 +3,7 @@
 use crate::text::quoted;
 use std::str::FromStr;
 
-/// Something else stands in a line than should.
+/// A line does not hold the expected text.
 #[derive(Debug)]
 pub(crate) struct Unexpected {
     /// The line's number, from one.
@@ -15,11 +15,11 @@ pub(crate) struct Unexpected {
 /// The lines of a text that are not blank, each with its number.
 pub(crate) struct Lines<'a> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
-    /// The number of the last line given out, from one; zero before the first.
+    /// The number of the last line returned, from one; zero before the first.
     last: usize,
 }
 
-/// What is left of one line.
+/// The rest of one line.
 #[derive(Clone, Copy)]
 pub(crate) struct Fields<'a> {
     /// The line's number, from one.
@@ -35,7 +35,7 @@ impl<'a> Lines<'a> {
         }
     }
 
-    /// The number of the last line given out.
+    /// The number of the last line returned.
     pub(crate) fn last(&self) -> usize {
         self.last
     }
@@ -55,7 +55,7 @@ impl<'a> Lines<'a> {
         None
     }
 
-    /// The next line that is not blank, which should hold `expected`.
+    /// The next line that is not blank. Without one, the error names `expected`.
     pub(crate) fn expect(&mut self, expected: &str) -> Result<Fields<'a>, Unexpected> {
         self.next().ok_or_else(|| Unexpected {
             line: self.last.max(1),
@@ -64,7 +64,7 @@ impl<'a> Lines<'a> {
         })
     }
 
-    /// The next line, which should be `marker` alone.
+    /// Checks that the next line is `marker` alone.
     pub(crate) fn marker(&mut self, marker: &str) -> Result<(), Unexpected> {
         let fields = self.expect(marker)?;
         if fields.rest == marker {
@@ -76,12 +76,12 @@ impl<'a> Lines<'a> {
 }
 
 impl<'a> Fields<'a> {
-    /// What is left of the line, without blanks at either end.
+    /// The rest of the line, without blanks at either end.
     pub(crate) fn rest(&self) -> &'a str {
         self.rest
     }
 
-    /// The error that `expected` should stand here instead of what does.
+    /// The error that the rest of the line is not `expected`.
     pub(crate) fn unexpected(&self, expected: &str) -> Unexpected {
         let found = if self.rest.is_empty() {
             "the end of the line".to_owned()
@@ -133,7 +133,7 @@ impl<'a> Fields<'a> {
         })
     }
 
-    /// Checks that nothing is left of the line.
+    /// Checks that the line has ended.
     pub(crate) fn end(&self) -> Result<(), Unexpected> {
         if self.rest.is_empty() {
             Ok(())

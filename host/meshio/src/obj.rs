@@ -1,15 +1,15 @@
-//! Meshes in Wavefront's OBJ format, from a file's bytes.
+//! Reads meshes in Wavefront's OBJ format from the bytes of a file.
 //!
 //! Source: Wavefront Technologies, "Advanced Visualizer Manual", appendix B1, "Object files (.obj)". The
-//! format knows no units: coordinates are taken as metres.
+//! format has no units: coordinates are taken as metres.
 //!
-//! - `v` gives a vertex; a weight or a colour after its three coordinates is passed over.
+//! - `v` gives a vertex; a weight or a colour after its three coordinates is skipped.
 //! - `f` gives a triangle, as `1 2 3`, `1/4 2/5 3/6`, `1//7 2//8 3//9` or `1/4/7 2/5/8 3/6/9`, where
-//!   numbers below zero count back from the last vertex. A face of more than three vertices is an error:
-//!   how it is cut changes how the sheet stretches, so that is left to the person.
+//!   negative numbers count back from the last vertex. A face of more than three vertices is an error: the
+//!   stiffness of the sheet depends on the diagonals by which the face is cut, so the user has to choose them.
 //! - The names after `g`, `o` and `usemtl` become groups of the triangles that follow, and of their
-//!   vertices. Groups of one name are one group; one without triangles is dropped.
-//! - Texture coordinates, normals, lines, points and materials are passed over. Curved surfaces are an
+//!   vertices. Groups of the same name are one group. A group without triangles is dropped.
+//! - Texture coordinates, normals, lines, points and materials are skipped. Curved surfaces are an
 //!   error.
 
 use crate::file::{MAX_GROUPS, MeshFileError, Place};
@@ -21,10 +21,10 @@ use physics::mesh::check::Culprit;
 use physics::mesh::{Group, TriMesh};
 use std::collections::BTreeMap;
 
-/// The most names that one `g` may have. With it the room for groups is bounded by that for triangles.
+/// Largest number of names after one `g`. This limit bounds the memory for groups by the memory for triangles.
 pub const MAX_NAMES: usize = 8;
 
-/// Statements that say nothing about triangles.
+/// Statements that do not concern triangles.
 const PASSED_OVER: [&str; 15] = [
     "vt",
     "vn",
@@ -43,15 +43,15 @@ const PASSED_OVER: [&str; 15] = [
     "usemap",
 ];
 
-/// What was read so far.
+/// The part of the file that has been read so far.
 #[derive(Default)]
 struct Reader {
     soup: Soup,
     vertex_lines: Vec<u32>,
     triangle_lines: Vec<u32>,
-    /// Where each name stands in the soup's groups.
+    /// The index of each name among the groups of the soup.
     names: BTreeMap<String, usize>,
-    /// The groups to which triangles belong at present: those of `g`, of `o`, of `usemtl`.
+    /// The groups of the next triangles: those of `g`, of `o`, of `usemtl`.
     current: [Vec<usize>; 3],
 }
 
@@ -90,7 +90,7 @@ impl Reader {
     fn vertex(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
         let mut position = Vec3::zeros();
         for coordinate in position.iter_mut() {
-            *coordinate = fields.finite("a coordinate, finite")?;
+            *coordinate = fields.finite("a finite coordinate")?;
         }
         self.soup.positions.push(position);
         self.vertex_lines.push(fields.line as u32);
@@ -128,7 +128,7 @@ impl Reader {
         Ok(())
     }
 
-    /// The vertex that a corner of a face names, counted from zero. It may stand further down.
+    /// The vertex that a corner of a face names, counted from zero. The vertex may follow later in the file.
     fn corner(&self, word: &str) -> Option<u32> {
         let mut parts = word.split('/');
         let number: i64 = parts.next()?.parse().ok()?;
@@ -148,7 +148,7 @@ impl Reader {
         u32::try_from(from_zero).ok()
     }
 
-    /// Triangles belong to the groups of these names from now on.
+    /// Puts the triangles that follow into the groups of these names.
     fn groups(&mut self, kind: usize, fields: Fields) -> Result<(), MeshFileError> {
         // The names of objects and materials may have blanks in them.
         let names: Vec<&str> = if kind == 0 {

@@ -1,4 +1,4 @@
-//! From what a file says to a mesh: unused vertices dropped, groups filled, faults traced back to the file.
+//! Builds a mesh from the triangles of a file: drops unused vertices, fills groups, and traces faults back to the file.
 
 use physics::Vec3;
 use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
@@ -7,25 +7,25 @@ use physics::mesh::{Group, MeshError, TriMesh};
 /// The number of a vertex that no triangle or cell uses.
 pub(crate) const UNUSED: u32 = u32::MAX;
 
-/// Vertices and triangles as a file lists them. Every corner of a triangle is one of the vertices.
+/// Vertices and triangles in the order of the file. Every corner of a triangle is the index of a vertex.
 #[derive(Default)]
 pub(crate) struct Soup {
     pub(crate) positions: Vec<Vec3>,
     pub(crate) triangles: Vec<[u32; 3]>,
-    /// Named sets of triangles, each ascending.
+    /// Named sets of triangles, each in ascending order.
     pub(crate) groups: Vec<Group>,
 }
 
-/// Why a soup is no mesh.
+/// The reason why a soup is no valid mesh.
 #[derive(Debug)]
 pub(crate) struct Fault {
     pub(crate) source: MeshError,
-    /// What is at fault, vertices numbered as in the file.
+    /// The faulty vertex or triangle. Vertices are numbered as in the file.
     pub(crate) culprit: Culprit,
 }
 
 impl Soup {
-    /// A mesh of these triangles. Each group becomes one of triangles and one of their vertices.
+    /// A mesh of these triangles. Each group becomes a group of triangles and a group of their vertices.
     pub(crate) fn into_mesh(self) -> Result<TriMesh, Fault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
@@ -65,7 +65,7 @@ impl Soup {
     }
 }
 
-/// Drops the vertices that no triangle or cell uses; gives the new number of each old one.
+/// Drops the vertices that no triangle or cell uses. Returns the new number of each old vertex.
 pub(crate) fn drop_unused<const N: usize>(
     positions: &mut Vec<Vec3>,
     cells: &mut [[u32; N]],
@@ -88,7 +88,7 @@ pub(crate) fn drop_unused<const N: usize>(
     numbers
 }
 
-/// The vertices of some triangles, ascending, each once.
+/// The vertices of some triangles, in ascending order, each once.
 fn vertices_of(triangles: &[[u32; 3]], members: &[u32]) -> Vec<u32> {
     let corners = members.iter().filter_map(|&t| triangles.get(t as usize));
     let mut vertices: Vec<u32> = corners.flatten().copied().collect();

@@ -1,5 +1,5 @@
-//! From the tetrahedra that a file lists to a mesh: negative ones turned around, unused vertices dropped,
-//! faults traced back to the file.
+//! Builds a mesh from the tetrahedra of a file: reorients those of negative volume, drops unused vertices, and traces
+//! faults back to the file.
 
 use crate::soup::drop_unused;
 use physics::Vec3;
@@ -7,23 +7,23 @@ use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
 use physics::mesh::check_solid::{SolidError, size};
 use physics::mesh::{Cells, MeshError, TetMesh};
 
-/// Vertices and cells as a file lists them. Every vertex of a cell is one of the vertices.
+/// Vertices and cells in the order of the file. Every corner of a cell is the index of a vertex.
 pub(crate) struct SolidSoup {
     pub(crate) positions: Vec<Vec3>,
     pub(crate) cells: Cells,
 }
 
-/// Why a soup is no mesh.
+/// The reason why a soup is no valid mesh.
 #[derive(Debug)]
 pub(crate) struct SolidFault {
     pub(crate) source: SolidError,
-    /// What is at fault, vertices numbered as in the file.
+    /// The faulty vertex or cell. Vertices are numbered as in the file.
     pub(crate) culprit: Culprit,
 }
 
 impl SolidSoup {
-    /// A mesh of these cells, without groups and fields, and the number in it of each vertex of the file;
-    /// that of one that was dropped is [`UNUSED`](crate::soup::UNUSED).
+    /// A mesh of these cells, without groups and fields, and the new number of each vertex of the file. The number of a
+    /// dropped vertex is [`UNUSED`](crate::soup::UNUSED).
     pub(crate) fn into_mesh(self) -> Result<(TetMesh, Vec<u32>), SolidFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
@@ -58,7 +58,7 @@ impl SolidSoup {
     }
 }
 
-/// Turns cells of negative volume around. Not all programs count corners the same way round.
+/// Reorients cells of negative volume. Programs differ in the orientation of the corners.
 fn turn_negative(positions: &[Vec3], cells: &mut Cells) {
     let is_negative = |cell: &[u32]| size(positions, cell).0 < 0.0;
     match cells {
@@ -70,7 +70,7 @@ fn turn_negative(positions: &[Vec3], cells: &mut Cells) {
         Cells::Quadratic(cells) => {
             for cell in cells.iter_mut().filter(|cell| is_negative(&cell[..])) {
                 cell.swap(1, 2);
-                // With the corners 1 and 2 go the middles of 01 and 02, and of 13 and 23.
+                // A swap of the corners 1 and 2 also swaps the middles of 01 and 02, and those of 13 and 23.
                 cell.swap(4, 6);
                 cell.swap(8, 9);
             }

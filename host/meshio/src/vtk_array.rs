@@ -1,7 +1,6 @@
-//! Arrays of numbers as VTK's files hold them: text, or bytes of a given type and order.
+//! Arrays of numbers in VTK files: text, or bytes of a given type and byte order.
 //!
-//! Numbers are parsed as they are asked for, so that an array takes no memory beside the file, unless it
-//! was encoded.
+//! Numbers are parsed on demand. An array that is not encoded therefore takes no memory in addition to the file.
 
 use crate::file::{MeshFileError, Place};
 use crate::text::{line_of, quoted_bytes};
@@ -39,17 +38,17 @@ enum Numbers<'a> {
     },
 }
 
-/// Where an array came from, for errors.
+/// The origin of an array, for the places in errors.
 #[derive(Clone, Copy)]
 pub(crate) enum Origin<'a> {
-    /// It stands in the file as it is, from this byte on.
+    /// The array is in the file without encoding, and begins at this byte.
     File { file: &'a [u8], offset: usize },
-    /// It was encoded, below this line.
+    /// The array was encoded in the lines after this one.
     Encoded { line: usize },
 }
 
 impl Scalar {
-    /// How many bytes a number takes.
+    /// The size of a number (bytes).
     pub(crate) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -65,7 +64,7 @@ impl Scalar {
 }
 
 impl<'a> Array<'a> {
-    /// The numbers of a text, separated by blanks. `origin` is where the text begins.
+    /// The numbers of a text, separated by blanks. `origin` is the beginning of the text.
     pub(crate) fn text(text: &'a [u8], origin: Origin<'a>) -> Self {
         Self {
             numbers: Numbers::Text(text),
@@ -74,7 +73,7 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// Numbers of one type; bytes at the end that make no whole number are left out.
+    /// Numbers of one type. An incomplete number at the end is omitted.
     pub(crate) fn bytes(
         bytes: Cow<'a, [u8]>,
         scalar: Scalar,
@@ -93,7 +92,7 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// No numbers at all.
+    /// An array without numbers.
     pub(crate) fn none(line: usize) -> Self {
         Self::text(b"", Origin::Encoded { line })
     }
@@ -102,7 +101,7 @@ impl<'a> Array<'a> {
         self.len
     }
 
-    /// Where a number stands; where there is none, the end of the array.
+    /// The place of a number, or the end of the array if the number does not exist.
     pub(crate) fn place(&self, item: usize) -> Place {
         match (self.origin, &self.numbers) {
             (Origin::Encoded { line }, _) => Place::Item { line, item },
@@ -118,7 +117,7 @@ impl<'a> Array<'a> {
         }
     }
 
-    /// The numbers as they are, all finite, which `expected` says what they are.
+    /// The numbers as reals, which must be finite. An error describes the expected number by `expected`.
     pub(crate) fn reals(
         &self,
         expected: &'static str,
@@ -197,7 +196,7 @@ pub(crate) fn words(text: &[u8]) -> impl Iterator<Item = &[u8]> {
         .filter(|word| !word.is_empty())
 }
 
-/// Where the word stands that `n` others precede.
+/// The place of word number `n`, from zero.
 pub(crate) fn nth_word(text: &[u8], n: usize) -> Option<Range<usize>> {
     let mut seen = 0;
     let mut start = None;
@@ -215,7 +214,7 @@ pub(crate) fn nth_word(text: &[u8], n: usize) -> Option<Range<usize>> {
     None
 }
 
-/// A whole number, if it is one and fits.
+/// The value as an integer, if the value is whole and in range.
 fn integer(bytes: &[u8], scalar: Scalar, big_endian: bool) -> Option<i64> {
     if !scalar.is_integer() {
         return None;
@@ -230,7 +229,7 @@ fn integer(bytes: &[u8], scalar: Scalar, big_endian: bool) -> Option<i64> {
     })
 }
 
-/// A number's bytes with the lowest first, filled up with zeros.
+/// The bytes of a number, lowest first, padded with zeros.
 fn little<const N: usize>(bytes: &[u8], big_endian: bool) -> [u8; N] {
     let mut number = [0; N];
     let fill = |number: &mut [u8; N], bytes: &mut dyn Iterator<Item = &u8>| {

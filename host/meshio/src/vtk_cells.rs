@@ -29,21 +29,21 @@ pub(crate) struct Cells<'a> {
     /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then passed over.
     lines: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
-    /// From the first tetrahedron on; triangles are then passed over.
+    /// `Some` from the first tetrahedron on. Triangles are skipped from then on.
     tetrahedra: Option<Tetrahedra>,
-    /// Where the first line or triangle of second order stands, and what it is: an error in a sheet.
+    /// Place and name of the first line or triangle of second order, which is an error in a sheet.
     second_order: Option<(Place, &'static str)>,
     /// Where the first line of other than two points stands, and how many it has: an error in a thread.
     odd_line: Option<(Place, usize)>,
     /// For each line, triangle or tetrahedron, where its first point stands in the array of points' numbers.
     starts: Vec<u32>,
-    /// Its number among all the file's cells.
+    /// For each triangle or tetrahedron, its number among all cells of the file.
     kept: Vec<u32>,
-    /// How many cells there were so far, those included that are passed over: in a hostile file any number.
+    /// The number of cells so far, with the skipped ones. A hostile file may give any number.
     count: usize,
 }
 
-/// What cells are kept.
+/// The kinds of cells that are kept.
 enum Kept {
     Line,
     Triangle,
@@ -53,7 +53,7 @@ enum Kept {
 }
 
 impl<'a> Cells<'a> {
-    /// No cells yet over these points, three coordinates each. `before` cells were passed over already.
+    /// An empty set of cells over these points, which have three coordinates each. `before` cells were skipped already.
     pub(crate) fn new(
         points: Array<'a>,
         before: usize,
@@ -80,8 +80,8 @@ impl<'a> Cells<'a> {
         })
     }
 
-    /// Adds cells of these types whose points' numbers stand one cell after the other; `ends` says where
-    /// each ends.
+    /// Adds cells of these types. `numbers` holds the points' numbers of one cell after the other, and `ends` holds the
+    /// end of each cell in that array.
     pub(crate) fn add(
         &mut self,
         types: impl Iterator<Item = Result<i64, MeshFileError>>,
@@ -106,7 +106,7 @@ impl<'a> Cells<'a> {
         nodes.finish()
     }
 
-    /// Adds as many cells as there are types; before the points' numbers of each stands how many they are.
+    /// Adds cells of these types. In `numbers`, the number of a cell's points precedes the points' numbers.
     pub(crate) fn add_counted(
         &mut self,
         types: impl Iterator<Item = Result<i64, MeshFileError>>,
@@ -278,8 +278,8 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// The mesh of the cells, and which of how many cells of the file those of the mesh are. `numbers` is the
-    /// array that held their points' numbers.
+    /// The mesh of the cells, the number of cells in the file, and the number of each of the mesh's cells among them.
+    /// `numbers` is the array of the points' numbers.
     pub(crate) fn finish(self, numbers: &Array) -> Result<(Mesh, usize, Vec<u32>), MeshFileError> {
         if let (None, Some((place, name))) = (&self.tetrahedra, self.second_order) {
             return Err(self.not_kept(place, name));
@@ -345,7 +345,7 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// An array of points' numbers, and how many of them are read.
+/// An array of points' numbers, and the count of the numbers already read.
 struct Nodes<'a, I> {
     numbers: &'a Array<'a>,
     rest: I,
@@ -373,7 +373,7 @@ impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
         Ok(number)
     }
 
-    /// Checks that none is left over.
+    /// Checks that all numbers were read.
     fn finish(&self) -> Result<(), MeshFileError> {
         let left = self.numbers.len() - self.at;
         if left == 0 {
@@ -388,10 +388,10 @@ impl<I: Iterator<Item = Result<i64, MeshFileError>>> Nodes<'_, I> {
 const LINE_2: &str = "a line of second order";
 const TRIANGLE_2: &str = "a triangle of second order";
 
-/// What a cell that is not kept is called, if it is not one that may be passed over.
+/// The name of a cell that is an error; `None` for a cell that is skipped.
 fn refused(code: i64, size: usize) -> Option<String> {
     let name = match code {
-        // Nothing, points and lines.
+        // Empty cells, points and lines.
         0..=4 => return None,
         TRIANGLE => return Some(format!("a triangle of {size} points")),
         6 => "a strip of triangles",

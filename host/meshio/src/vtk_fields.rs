@@ -1,14 +1,13 @@
-//! From VTK's arrays of cell data to the fields of a mesh, alike for its legacy and its XML files.
+//! Converts VTK's arrays of cell data to the fields of a mesh, for legacy and XML files alike.
 
 use crate::file::{MAX_FIELDS, MeshFileError, Place};
 use crate::text::quoted;
 use crate::vtk_array::Array;
 use physics::mesh::{Field, Mesh};
 
-/// Adds a field to a mesh: of the values of all the file's cells those of the cells that were kept. One
-/// without a name is passed over.
+/// Adds a field to a mesh, with the values of the cells that were kept. A field without a name is skipped.
 ///
-/// `cells` is how many cells the file has, and `kept` the number among them of each of the mesh.
+/// `cells` is the number of cells in the file, and `kept` holds the number of each of the mesh's cells among them.
 pub(crate) fn add(
     mesh: &mut Mesh,
     (cells, kept): (usize, &[u32]),
@@ -32,8 +31,8 @@ pub(crate) fn add(
     }
     let mut values = Vec::with_capacity(kept.len());
     let mut next = kept.iter().copied().peekable();
-    // What stands for a cell that was passed over does not matter.
-    for (cell, value) in (0_u32..).zip(array.reals("a value of the cell, finite")) {
+    // The values of skipped cells are not checked.
+    for (cell, value) in (0_u32..).zip(array.reals("a finite value of the cell")) {
         if next.next_if_eq(&cell).is_some() {
             values.push(value?);
         }
@@ -45,7 +44,7 @@ pub(crate) fn add(
     Ok(())
 }
 
-/// Checks that one more field may have this name.
+/// Checks that a further field may have this name.
 pub(crate) fn check_name<'a>(
     mut names: impl ExactSizeIterator<Item = &'a str>,
     place: Place,

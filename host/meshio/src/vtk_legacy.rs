@@ -1,7 +1,7 @@
-//! Meshes in VTK's legacy format, text or binary, from a file's bytes.
+//! Reads meshes in VTK's legacy format, text or binary, from the bytes of a file.
 //!
 //! Source: "VTK File Formats" in the VTK documentation, section "Simple Legacy Formats", versions 2.0 to
-//! 5.1. Read are the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format knows no units: coordinates
+//! 5.1. The reader supports the data sets `POLYDATA` and `UNSTRUCTURED_GRID`. The format has no units: coordinates
 //! are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
@@ -21,23 +21,23 @@ use attributes::CellArray;
 use cursor::{Cursor, Line};
 use physics::mesh::{Mesh, TriMesh};
 
-/// What a data set holds, as far as it was read.
+/// The part of a data set that has been read so far.
 #[derive(Default)]
 struct Sections<'a> {
     points: Option<Array<'a>>,
     cells: Option<Connectivity<'a>>,
     types: Option<Array<'a>>,
-    /// How many points and lines there are beside a `POLYDATA` file's polygons.
+    /// The number of points and lines of a `POLYDATA` file, in addition to its polygons.
     others: usize,
     cell_data: Vec<CellArray<'a>>,
 }
 
-/// Which points make which cell.
+/// The section that names the points of each cell.
 struct Connectivity<'a> {
-    /// Where the section begins.
+    /// The place where the section begins.
     place: Place,
     cells: usize,
-    /// From version 5 on: where each cell starts, and where the last one ends.
+    /// From version 5 on: the start of each cell, and the end of the last cell.
     offsets: Option<Array<'a>>,
     numbers: Array<'a>,
 }
@@ -45,7 +45,7 @@ struct Connectivity<'a> {
 /// Reads a sheet from the bytes of a legacy VTK file. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found; a tetrahedron is one.
+/// The first [`MeshFileError`] found. A tetrahedron is an error.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     into_sheet(read(bytes, Wanted::Sheet)?)
 }
@@ -54,7 +54,7 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 /// cells of two points (`VTK_LINE`).
 ///
 /// # Errors
-/// As [`parse`], but for tetrahedra.
+/// As [`parse`], except that tetrahedra are allowed.
 pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read(bytes, Wanted::Any)
 }
@@ -73,7 +73,7 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
     };
     let sections = sections(&mut cursor, is_grid, version_5)?;
     let end = cursor.place();
-    let missing = |what: &str| MeshFileError::syntax(end, what, "the end of the data set");
+    let missing = |section: &str| MeshFileError::syntax(end, section, "the end of the data set");
     let points = sections.points.ok_or_else(|| missing("POINTS"))?;
     let name = if is_grid { "CELLS" } else { "POLYGONS" };
     let connectivity = sections.cells.ok_or_else(|| missing(name))?;
@@ -99,7 +99,7 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
     Ok(mesh)
 }
 
-/// Reads the three lines before the data set; says whether cells are laid out as from version 5 on.
+/// Reads the three lines before the data set. Returns whether cells have the layout of version 5.
 fn header(cursor: &mut Cursor) -> Result<bool, MeshFileError> {
     const START: &str = "# vtk DataFile Version 2.0 to 5.1";
     let line = cursor.expect(START)?;
@@ -157,7 +157,7 @@ fn sections<'a>(
             }
             ("FIELD", _) => drop(attributes::field(cursor, line, |_| false)?),
             ("METADATA", _) => cursor.skip_paragraph(),
-            // Nothing but attributes follows.
+            // Only attributes follow.
             ("POINT_DATA" | "CELL_DATA", _) => {
                 found.cell_data = attributes::read(cursor, whole)?;
             }
@@ -173,7 +173,7 @@ fn sections<'a>(
     Ok(found)
 }
 
-/// A section that says which points make which cell, after its keyword.
+/// Reads a section that names the points of each cell, after its keyword.
 fn connectivity<'a>(
     cursor: &mut Cursor<'a>,
     mut line: Line<'a>,
@@ -228,7 +228,8 @@ fn scalar(line: &mut Line) -> Result<Scalar, MeshFileError> {
     })
 }
 
-/// The mesh of cells of these types, and which of how many cells of the file those of the mesh are.
+/// The mesh of cells of these types, the number of cells in the file, and the number of each of the mesh's cells among
+/// them.
 fn mesh(
     mut cells: Cells,
     connectivity: &Connectivity,

@@ -1,8 +1,8 @@
-//! Meshes in VTK's XML formats for unstructured grids (`.vtu`) and polygons (`.vtp`), from a file's bytes.
+//! Reads meshes in VTK's XML formats for unstructured grids (`.vtu`) and polygons (`.vtp`) from the bytes of a file.
 //!
-//! Source: "VTK File Formats" in the VTK documentation, section "XML Formats". Read are arrays as text
-//! (`ascii`), in base64 (`binary`) and appended, raw or in base64, uncompressed or compressed by zlib,
-//! in both byte orders. The format knows no units: coordinates are taken as metres.
+//! Source: "VTK File Formats" in the VTK documentation, section "XML Formats". The reader supports arrays as text
+//! (`ascii`), in base64 (`binary`) and appended (raw or in base64), uncompressed or compressed by zlib, in both byte
+//! orders. The format has no units: coordinates are taken as metres.
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
 //! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
@@ -10,7 +10,7 @@
 //! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are passed over. The
 //! file makes no groups.
 //!
-//! What unpacks to much more than the file's own size is refused: see [`MAX_RATIO`].
+//! A file whose arrays unpack to much more than its own size is refused: see [`MAX_RATIO`].
 
 mod data;
 mod document;
@@ -24,20 +24,20 @@ use data::Unpacker;
 use document::{Document, NamedArray, Piece, Role};
 use physics::mesh::{Mesh, TriMesh};
 
-/// The most bytes that a file's compressed arrays unpack to, over the file's own length.
+/// Largest ratio of the size of the unpacked arrays to the size of the file.
 ///
-/// zlib packs up to a thousand times. What VTK writes of a regular grid, whose coordinates and numbers
-/// repeat more than those of other meshes, is packed six times.
+/// zlib compresses by a factor of up to a thousand. VTK's file of a regular grid is compressed by a factor of six,
+/// although its coordinates and numbers repeat more than those of other meshes.
 pub const MAX_RATIO: usize = 16;
-/// What compressed arrays may unpack to in any case (bytes): a small file may be mostly repetition.
+/// Size to which compressed arrays may unpack in any case (bytes): a small file may consist mostly of repetitions.
 pub const MIN_UNPACKED: usize = 64 << 10;
-/// The most that they may unpack to, however long the file (bytes): a grid of three million vertices.
+/// Largest size to which compressed arrays may unpack (bytes): that of a grid of three million vertices.
 pub const MAX_UNPACKED: usize = 256 << 20;
 
 /// Reads a sheet from the bytes of a VTU or VTP file. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`MeshFileError`] found; a tetrahedron is one.
+/// The first [`MeshFileError`] found. A tetrahedron is an error.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
     into_sheet(read(bytes, Wanted::Sheet)?)
 }
@@ -46,7 +46,7 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 /// cells of two points (`VTK_LINE`).
 ///
 /// # Errors
-/// As [`parse`], but for tetrahedra.
+/// As [`parse`], except that tetrahedra are allowed.
 pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read(bytes, Wanted::Any)
 }
@@ -89,7 +89,7 @@ fn read(bytes: &[u8], wanted: Wanted) -> Result<Mesh, MeshFileError> {
     Ok(mesh)
 }
 
-/// The array of this role. A file without points or cells may leave it out.
+/// The array of this role. A file without points or cells may omit the array.
 fn array<'a>(
     document: &Document<'a>,
     unpacker: &mut Unpacker<'a>,
@@ -107,10 +107,10 @@ fn array<'a>(
     }
 }
 
-/// Checks that an array holds as many numbers as the piece says.
+/// Checks that an array has the number of items that the piece declares.
 fn count(
     piece: &Piece,
-    what: &str,
+    items: &str,
     claimed: Option<usize>,
     array: &Array,
 ) -> Result<(), MeshFileError> {
@@ -120,7 +120,7 @@ fn count(
     let claimed = claimed.map_or_else(|| "too many".to_owned(), |claimed| claimed.to_string());
     Err(MeshFileError::syntax(
         Place::Line(piece.line),
-        format!("{claimed} {what}, as this Piece says"),
+        format!("{claimed} {items}, as this Piece says"),
         format!("{} in the DataArray", array.len()),
     ))
 }

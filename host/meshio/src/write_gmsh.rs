@@ -1,9 +1,9 @@
-//! Meshes as text in Gmsh's MSH format, version 4.1, ASCII, with their groups and fields.
+//! Writes meshes as text in Gmsh's MSH format, version 4.1, ASCII, with their groups and fields.
 //!
-//! Source: the Gmsh reference manual, "MSH file format". [`read_mesh`](crate::read_mesh) gives the same mesh
-//! back, numbers bit for bit, but for what the format cannot say: groups without members and names that are
-//! blank are left out, in names control characters become blanks and double quotes single ones. A cell that
-//! is in more than [`MAX_TAGS`](crate::gmsh::MAX_TAGS) groups is not read again. The caller writes the file.
+//! Source: the Gmsh reference manual, "MSH file format". [`read_mesh`](crate::read_mesh) reads the same mesh
+//! back, with equal bits, within the limits of the format. Groups without members and blank names are omitted. In
+//! names, control characters become blanks and double quotes become single quotes. The reader refuses a cell in more
+//! than [`MAX_TAGS`](crate::gmsh::MAX_TAGS) groups. The caller writes the file.
 //!
 //! A physical group belongs to entities, so cells become as many entities as there are sets of groups that
 //! some cell is in. A group of vertices becomes an entity of points, one at each of them. Of a thread or
@@ -24,9 +24,9 @@ struct Contents<'a> {
     /// The dimension of the cells, and Gmsh's number for their kind.
     dim: u8,
     code: u8,
-    /// Groups of vertices that do not follow from those of cells.
+    /// Groups of vertices that do not follow from groups of cells.
     vertex_groups: Vec<&'a Group>,
-    /// Names in the order in which groups are to be found again.
+    /// Names of the groups, in the order in which the reader returns the groups.
     names: Vec<&'a str>,
     cell_groups: &'a [Group],
     fields: &'a [Field],
@@ -126,13 +126,13 @@ fn names<'a>(vertices: &'a [Group], cells: &'a [Group]) -> Vec<&'a str> {
     all.filter(|name| seen.insert(*name)).collect()
 }
 
-/// A name without what would end it or its line, or nothing if it is blank.
+/// The name without characters that would end the name or its line; `None` if the name is blank.
 fn legible(name: &str) -> Option<String> {
     let legible = name.replace(char::is_control, " ").replace('"', "'");
     Some(legible).filter(|name| !name.trim().is_empty())
 }
 
-/// Cells one after the other that are in the same groups.
+/// Consecutive cells in the same set of groups.
 struct Run {
     entity: usize,
     cells: core::ops::Range<usize>,
@@ -152,7 +152,7 @@ impl Contents<'_> {
         out
     }
 
-    /// The sets of groups that cells are in, from 1, and the runs of cells in the same set.
+    /// The sets of groups of the cells, numbered from 1, and the runs of cells in the same set.
     fn runs(&self) -> (BTreeMap<Vec<usize>, usize>, Vec<Run>) {
         let mut groups_of = vec![Vec::new(); self.cells.len()];
         for (number, group) in self.cell_groups.iter().enumerate() {
@@ -178,7 +178,7 @@ impl Contents<'_> {
         (sets, runs)
     }
 
-    /// Physical tags are the groups' places in their lists, from 1.
+    /// Physical tags are the indices of the groups in their lists, from 1.
     fn physical_names(&self, out: &mut String) {
         let mut lines = Vec::new();
         for name in &self.names {
@@ -288,7 +288,7 @@ impl Contents<'_> {
     }
 }
 
-/// A field: its name, no time, one component for each of the cells.
+/// Writes a field: its name, no time, one component for each cell.
 fn element_data(out: &mut String, field: &Field) {
     let Some(name) = legible(&field.name) else {
         return;

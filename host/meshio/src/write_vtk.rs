@@ -1,8 +1,8 @@
-//! Meshes as text in VTK's legacy format, with their fields.
+//! Writes meshes as text in VTK's legacy format, with their fields.
 //!
-//! Source: "VTK File Formats" in the VTK documentation, section "Simple Legacy Formats"; version 3.0, which
-//! every program that knows the format reads. [`read_mesh`](crate::read_mesh) gives the same mesh back,
-//! numbers bit for bit, but for groups, which the format does not have. The caller writes the file.
+//! Source: "VTK File Formats" in the VTK documentation, section "Simple Legacy Formats". The version is 3.0, which
+//! every program with support for the format reads. [`read_mesh`](crate::read_mesh) reads the same mesh back, with
+//! equal bits, but without groups, which the format does not have. The caller writes the file.
 
 use core::fmt::Write as _;
 use physics::Vec3;
@@ -39,7 +39,7 @@ pub fn write_solid(mesh: &TetMesh) -> String {
     text(&mesh.positions, cells, kind, &mesh.cell_fields)
 }
 
-/// The file of cells of one type, which have so many vertices each.
+/// The file of cells of one type, with a fixed number of vertices each.
 fn text<'a>(
     positions: &[Vec3],
     cells: impl Iterator<Item = &'a [u32]>,
@@ -68,7 +68,7 @@ fn text<'a>(
     for _ in 0..count {
         let _ = writeln!(out, "{kind}");
     }
-    // No name at all is no word.
+    // An empty name would not be a word.
     let named = || fields.iter().filter(|field| !field.name.is_empty());
     if named().next().is_some() {
         let _ = writeln!(out, "CELL_DATA {count}\nFIELD cells {}", named().count());
@@ -82,8 +82,8 @@ fn text<'a>(
     out
 }
 
-/// A name as one word: anything but letters, digits and common signs as `%` and two digits, as
-/// `vtkDataWriter::EncodeString` has it.
+/// A name as one word. Characters other than letters, digits and common signs become `%` and two digits, as in
+/// `vtkDataWriter::EncodeString`.
 fn encoded(name: &str) -> String {
     let mut word = String::new();
     for byte in name.bytes() {

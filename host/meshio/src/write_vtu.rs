@@ -1,6 +1,6 @@
-//! Results for ParaView: VTK XML, unstructured grid, as text.
+//! Writes results for ParaView: VTK XML, unstructured grid, as text.
 //!
-//! Text is larger than base64 and can be read by eye; numbers are written so that they read back exactly.
+//! Text is larger than base64, but people can read it. Numbers are written so that they are read back exactly.
 //! The caller writes the file.
 
 use core::fmt::Write as _;
@@ -10,15 +10,15 @@ use physics::{Mat3, Vec3};
 /// Values by name, one per vertex or cell.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Values {
-    /// One number.
+    /// One number each.
     Scalar(Vec<f64>),
-    /// Three.
+    /// Three components each.
     Vector(Vec<Vec3>),
-    /// Nine, by rows.
+    /// Nine components each, row by row.
     Tensor(Vec<Mat3>),
 }
 
-/// A mesh in some state, and what is known there.
+/// A mesh in one state, with values at its vertices and in its cells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
     /// Positions (m).
@@ -78,7 +78,7 @@ impl Snapshot {
         }
     }
 
-    /// The file.
+    /// The text of the file.
     pub fn vtu(&self) -> String {
         let mut out = String::from(
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" \

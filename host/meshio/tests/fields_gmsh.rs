@@ -116,17 +116,17 @@ fn wrong_data_is_refused_with_its_line() {
         (
             "7 2",
             "7 nan",
-            "line 36: expected an element's value, finite, found \"nan\"",
+            "line 36: expected a finite value of an element, found \"nan\"",
         ),
         (
             "7 2",
             "7 -inf",
-            "line 36: expected an element's value, finite, found \"-inf\"",
+            "line 36: expected a finite value of an element, found \"-inf\"",
         ),
         (
             "7 2",
             "7",
-            "line 36: expected an element's value, finite, found the end of the line",
+            "line 36: expected a finite value of an element, found the end of the line",
         ),
         (
             "7 2",

@@ -155,15 +155,15 @@ fn wrong_obj_files_are_refused_with_their_line() {
         ),
         (
             "v 0 0 nan".to_owned(),
-            "line 1: expected a coordinate, finite, found \"nan\"",
+            "line 1: expected a finite coordinate, found \"nan\"",
         ),
         (
             "v 0 0 inf".to_owned(),
-            "line 1: expected a coordinate, finite, found \"inf\"",
+            "line 1: expected a finite coordinate, found \"inf\"",
         ),
         (
             "v 0 0".to_owned(),
-            "line 1: expected a coordinate, finite, found the end of the line",
+            "line 1: expected a finite coordinate, found the end of the line",
         ),
         (
             "v 0 0 0\nv 2e9 0 0\nv 0 1 0\nf 1 2 3".to_owned(),

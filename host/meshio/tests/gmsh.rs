@@ -179,7 +179,7 @@ fn errors_name_the_line_and_what_stands_there() {
     ] {
         assert_eq!(
             fault(node, text),
-            format!("line {node}: expected a node's coordinate, finite, found {found}")
+            format!("line {node}: expected a finite coordinate of a node, found {found}")
         );
     }
     assert!(fault(node, "1 1 0 5").ends_with("expected the end of the line, found \"5\""));

@@ -163,8 +163,8 @@ fn wrong_grids_are_refused_with_their_place() {
                 .collect(),
         ),
         [
-            "line 142: expected a value of the cell, finite, found NaN",
-            "line 9: expected a value of the cell, finite, found NaN",
+            "line 142: expected a finite value of the cell, found NaN",
+            "line 9: expected a finite value of the cell, found NaN",
         ],
     );
     let mut grid = with_data(1, vec![1.0; 11]);

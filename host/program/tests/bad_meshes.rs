@@ -93,7 +93,7 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
         (
             "nan.obj",
             b"v 0 0 nan".to_vec(),
-            "line 1: expected a coordinate, finite, found \"nan\"",
+            "line 1: expected a finite coordinate, found \"nan\"",
         ),
         (
             "range.obj",

@@ -97,6 +97,17 @@ pub enum LogError {
 }
 
 /// Writes a log, tick by tick.
+///
+/// ```
+/// use host::log::{Log, LogError, LogHeader, LogWriter};
+/// use std::io::Cursor;
+///
+/// let mut writer = LogWriter::create(Cursor::new(Vec::new()), &LogHeader::default())?;
+/// writer.write(&rt_core::Telemetry::empty())?;
+/// let bytes = writer.finish()?.into_inner();
+/// assert_eq!(Log::parse(&bytes)?.rows.len(), 1);
+/// # Ok::<(), LogError>(())
+/// ```
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
     channels: Channels,

@@ -22,6 +22,18 @@ pub struct Series {
 /// Draws lines on linear or logarithmic axes, 720 by 460 pixels. Labels include the unit. A point that
 /// an axis cannot show (not a number, or not above zero on a logarithmic axis) is omitted. The legend states
 /// the number of omitted points.
+///
+/// ```
+/// use host::plot::{Marker, Series, line_chart_svg};
+///
+/// let series = Series {
+///     name: "linear".to_owned(),
+///     points: vec![(30.0, 1e-2), (60.0, 3e-3)],
+///     marker: Marker::Circle,
+/// };
+/// let svg = line_chart_svg("Error", "rate (Hz)", "error (N)", true, true, &[series]);
+/// assert!(svg.contains("rate (Hz)"));
+/// ```
 pub fn line_chart_svg(
     title: &str,
     x_label: &str,

@@ -71,6 +71,13 @@ impl Scene {
     /// # Errors
     ///
     /// [`SceneError`] with the line, the field, the value found and the allowed values.
+    ///
+    /// ```
+    /// use host::scene::Scene;
+    ///
+    /// let error = Scene::parse("name = 7", "my.toml").expect_err("a name is text");
+    /// assert!(error.to_string().starts_with("my.toml:1: name: found 7"));
+    /// ```
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
         parse(&Source {
             name: name.to_owned(),

@@ -49,6 +49,17 @@ pub enum SolveError<E> {
 ///
 /// # Errors
 /// [`SolveError`].
+///
+/// ```
+/// use host::scene::Scene;
+/// use host::solve::{SolveError, solve};
+/// use std::convert::Infallible;
+///
+/// let loaded = Scene::embedded_default()?;
+/// let solution = solve(&loaded, false, |_| {}, |_| Ok(()))?;
+/// assert!(solution.failures.is_empty());
+/// # Ok::<(), SolveError<Infallible>>(())
+/// ```
 pub fn solve<E>(
     loaded: &LoadedScene,
     wants_frames: bool,

@@ -1,4 +1,4 @@
-//! From a file's sections to a sheet: node tags to indices, unused nodes dropped, groups filled.
+//! Builds a sheet from the sections of a file: converts node tags to indices, drops unused nodes, fills groups.
 
 use super::elements::of_dimension;
 use super::groups::groups;
@@ -27,7 +27,7 @@ pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
     let mut positions = Vec::new();
     for (vertex, node) in vertices.iter_mut().zip(&sections.nodes) {
         if *vertex != UNUSED {
-            // Numbers run out only where the mesh is refused for its size below.
+            // The numbers overflow only for a mesh that is refused for its size below.
             *vertex = positions.len() as u32;
             positions.push(node.position);
         }
@@ -50,7 +50,7 @@ pub(super) fn sheet(sections: &Sections) -> Result<TriMesh, GmshError> {
     Ok(mesh)
 }
 
-/// Where each node tag stands in the list of nodes. Tags may be sparse: they are looked up, never used as
+/// The index of each node tag in the list of nodes. Tags may be sparse: they are looked up, never used as
 /// indices.
 pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
     let mut places = Places::new();
@@ -68,7 +68,7 @@ pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
     Ok(places)
 }
 
-/// The places of an element's nodes.
+/// The indices of an element's nodes.
 pub(super) fn nodes_of<const N: usize>(
     element: Element,
     places: &Places,
@@ -80,7 +80,7 @@ pub(super) fn nodes_of<const N: usize>(
     Ok(found)
 }
 
-/// The place of a node that is named in a line.
+/// The index of a node that a line names.
 pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, GmshError> {
     places.get(&tag).copied().ok_or_else(|| GmshError::Syntax {
         line,
@@ -89,7 +89,7 @@ pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, 
     })
 }
 
-/// The line of the vertex or triangle that an error is about.
+/// The line of the faulty vertex or triangle.
 fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
     let line = match error.culprit() {
         Culprit::Vertex(index) => {

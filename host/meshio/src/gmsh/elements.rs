@@ -1,4 +1,4 @@
-//! The section `$Elements` of an MSH 4.1 file: which kinds are read, and how the others are refused.
+//! The section `$Elements` of an MSH 4.1 file: the supported kinds of elements, and the errors for the others.
 
 use super::GmshError;
 use super::sections::{dimension, head, room, total};
@@ -17,7 +17,7 @@ pub(super) struct Kind {
     order: u8,
 }
 
-/// The kinds that are read, those of a sheet first.
+/// The supported kinds, those of a sheet first.
 static KINDS: [Kind; 7] = [
     kind(15, "points", 0, 1, 0),
     kind(1, "2-node lines", 1, 2, 1),
@@ -43,7 +43,7 @@ const fn kind(code: u32, name: &'static str, dim: u8, nodes: usize, order: u8) -
 pub(super) struct Block {
     pub(super) kind: &'static Kind,
     pub(super) entity: i32,
-    /// Where the block starts.
+    /// The line where the block starts.
     pub(super) line: usize,
     elements: Vec<(u64, usize)>,
     /// The tags of the nodes, one element after the other.
@@ -156,7 +156,7 @@ pub(super) fn highest_dimension(blocks: &[Block]) -> Result<u8, GmshError> {
     })
 }
 
-/// The error for elements of other types: the types that people are likely to have, and what to do.
+/// The error for elements of other types. It names the types that users are likely to have, with advice.
 fn unsupported(line: usize, code: u32, wanted: Wanted) -> GmshError {
     const FIRST_ORDER: &str = "set Mesh.ElementOrder = 1 and mesh again";
     const TRIANGLES: &str = "set Mesh.RecombineAll = 0 and mesh again";

@@ -1,4 +1,4 @@
-//! The sections `$ElementData` of an MSH 4.1 file, and from them to a value for each cell.
+//! The sections `$ElementData` of an MSH 4.1 file, and their conversion to a value for each cell.
 
 use super::GmshError;
 use super::elements::{Block, Element, of_dimension};
@@ -8,7 +8,7 @@ use crate::lines::{Fields, Lines};
 use crate::text::quoted;
 use physics::mesh::Field;
 
-/// One number for each of some elements.
+/// A field of the file: one number for each of some elements.
 pub(super) struct Data {
     name: String,
     line: usize,
@@ -28,7 +28,7 @@ const INTEGERS: &str =
 /// An element that is not a cell of the mesh.
 const NO_CELL: u32 = u32::MAX;
 
-/// Reads a section after its first line; gives nothing where it has no name or several components.
+/// Reads a section after its first line; `None` if the section has no name or several components.
 pub(super) fn read(
     lines: &mut Lines,
     text: &str,
@@ -37,7 +37,7 @@ pub(super) fn read(
     let (head, name) = name(lines)?;
     for _ in 0..count(lines, "a number of real tags")?.1 {
         let mut fields = lines.expect("a real tag")?;
-        fields.finite("a real tag, finite")?;
+        fields.finite("a finite real tag")?;
         fields.end()?;
     }
     let (fields, integers) = count(lines, INTEGERS)?;
@@ -86,7 +86,7 @@ pub(super) fn read(
         }
         values.push(Value {
             element: fields.number("an element's tag")?,
-            number: fields.finite("an element's value, finite")?,
+            number: fields.finite("a finite value of an element")?,
             line: fields.line,
         });
         fields.end()?;
@@ -106,7 +106,7 @@ pub(super) fn read(
     }))
 }
 
-/// The string tags, the first of which is the field's name: where it stands, and what it is.
+/// Reads the string tags. The first tag is the name of the field; returns its line and the name.
 fn name<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, Option<&'a str>), GmshError> {
     let (mut head, tags) = count(lines, "a number of string tags")?;
     let mut name = None;
@@ -123,7 +123,7 @@ fn name<'a>(lines: &mut Lines<'a>) -> Result<(Fields<'a>, Option<&'a str>), Gmsh
     Ok((head, name))
 }
 
-/// A line with one number on it.
+/// Reads a line with one number.
 fn count<'a>(lines: &mut Lines<'a>, expected: &str) -> Result<(Fields<'a>, usize), GmshError> {
     let mut fields = lines.expect(expected)?;
     let line = fields;
@@ -132,15 +132,15 @@ fn count<'a>(lines: &mut Lines<'a>, expected: &str) -> Result<(Fields<'a>, usize
     Ok((line, number))
 }
 
-/// A line with a number on it that says nothing here.
+/// Reads a line with a number that is not used.
 fn count_signed(lines: &mut Lines) -> Result<(), GmshError> {
     let mut fields = lines.expect("an integer tag")?;
     fields.number::<i64>("an integer tag")?;
     Ok(fields.end()?)
 }
 
-/// The fields over the cells of dimension `dim`, in the order of the blocks. One that names none of them is
-/// left out.
+/// The fields over the cells of dimension `dim`, in the order of the blocks. A field that names no such cell is
+/// omitted.
 pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshError> {
     let mut fields = Vec::new();
     if sections.data.is_empty() {
@@ -198,7 +198,7 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
     Ok(fields)
 }
 
-/// The tags of all elements, ascending, and the cell that each is. Tags may be sparse: they are looked up,
+/// The tags of all elements in ascending order, each with its cell. Tags may be sparse: they are looked up,
 /// never used as indices.
 fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
     let mut next = 0;

@@ -1,4 +1,4 @@
-//! Physical groups: from names and tags, over entities, to sets of vertices and of cells.
+//! Physical groups: converts names and tags of entities to sets of vertices and of cells.
 
 use super::GmshError;
 use super::assemble::{Places, place_of};
@@ -21,8 +21,8 @@ struct Members<'a> {
     blocks: Vec<usize>,
 }
 
-/// The groups by name, in the file's order, each with its blocks. Found in one pass over the blocks, so
-/// that many small blocks in many groups cost no more time than they take room in the file.
+/// The groups by name, in the order of the file, each with its blocks. One pass over the blocks finds all groups, so
+/// that the time is proportional to the size of the file, even for many small blocks in many groups.
 pub(super) fn groups(sections: &Sections, dims: RangeInclusive<u8>) -> Groups<'_> {
     let mut groups: Vec<Members> = Vec::new();
     let mut by_tag: BTreeMap<(u8, u32), usize> = BTreeMap::new();
@@ -59,7 +59,7 @@ impl Groups<'_> {
         vertices: &[u32],
     ) -> Result<Vec<Group>, GmshError> {
         let blocks = &self.sections.blocks;
-        // Elements have to name existing nodes whether or not they are in a group.
+        // Every element has to name existing nodes, whether or not the element is in a group.
         for element in blocks.iter().flat_map(Block::elements) {
             for &tag in element.nodes {
                 place_of(tag, element.line, places)?;
@@ -80,10 +80,10 @@ impl Groups<'_> {
         Ok(found)
     }
 
-    /// The cells of each group, the cells being the elements of dimension `dim`, in the file's order.
+    /// The cells of each group. The cells are the elements of dimension `dim`, in the order of the file.
     pub(super) fn of_cells(&self, dim: u8) -> Vec<Group> {
         let blocks = &self.sections.blocks;
-        // Where the cells of each block start.
+        // The number of the first cell of each block.
         let starts: Vec<u32> = blocks
             .iter()
             .scan(0, |next, block| {
@@ -112,7 +112,7 @@ impl Groups<'_> {
     }
 }
 
-/// Adds the group of these members, unless there are none.
+/// Adds the group of these members, unless the group is empty.
 fn push_group(groups: &mut Vec<Group>, name: &str, mut members: Vec<u32>) {
     members.sort_unstable();
     members.dedup();

@@ -1,14 +1,14 @@
-//! Meshes in Gmsh's MSH format, version 4.1, ASCII, from a file's text.
+//! Reads meshes in Gmsh's MSH format, version 4.1, ASCII, from the text of a file.
 //!
-//! Source: the Gmsh reference manual, "MSH file format". Read are `$MeshFormat`, `$PhysicalNames`,
+//! Source: the Gmsh reference manual, "MSH file format". The reader supports `$MeshFormat`, `$PhysicalNames`,
 //! `$Entities`, `$Nodes` and `$Elements`, each at most once and in any order after the first, and any number
-//! of `$ElementData`; other sections are skipped. The format knows no units: coordinates are taken as metres.
+//! of `$ElementData`. Other sections are skipped. The format has no units: coordinates are taken as metres.
 //!
-//! - A file without tetrahedra is a sheet. 3-node triangles become its triangles, in the file's order. 2-node
-//!   lines and points only name vertices. Any other element is an error, for a mesh without it would have
-//!   holes.
-//! - A file with tetrahedra, of 4 nodes or of 10, is a solid, if one is asked for. Triangles, lines and
-//!   points only name vertices; they have to be of the same order as the tetrahedra, or their groups would
+//! - A file without tetrahedra is a sheet. 3-node triangles become its triangles, in the order of the file. 2-node
+//!   lines and points only name vertices. Any other element is an error, because a mesh without the element would
+//!   have holes.
+//! - A file with tetrahedra of 4 or 10 nodes is a solid, if the caller accepts solids. Triangles, lines and
+//!   points only name vertices. They must have the order of the tetrahedra; otherwise their groups would
 //!   lack the vertices at the middles of edges.
 //! - A file whose lines are its cells of highest dimension is a thread, if one is asked for. Points only name vertices.
 //! - Vertices are the nodes that a line of a thread, a triangle of a sheet, or a cell of a solid, uses, in the file's
@@ -20,8 +20,8 @@
 //!   sheet or the cells of a solid. It has to name each of them once; what it says of other elements is passed over, and so is one
 //!   without a name or with more components.
 //!
-//! The file is hostile until checked: every number is parsed, every count compared with what follows, and
-//! memory is taken in proportion to the text, never to a number in it.
+//! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
+//! Memory is allocated in proportion to the size of the text, never to a number in the text.
 
 mod assemble;
 mod elements;
@@ -36,16 +36,16 @@ use crate::lines::Unexpected;
 use physics::mesh::{Mesh, MeshError, SolidError, ThreadError, TriMesh};
 use thiserror::Error;
 
-/// The most named physical groups that a file may have.
+/// Largest number of named physical groups in a file.
 pub const MAX_GROUPS: usize = crate::file::MAX_GROUPS;
-/// The most physical groups that one entity may be in. With it the room for groups is bounded by that for
+/// Largest number of physical groups of one entity. This limit bounds the memory for groups by the memory for
 /// elements.
 pub const MAX_TAGS: usize = 16;
 
-/// Why a text is no mesh. Lines are counted from one; every message is one line of text.
+/// The reason why a text holds no valid mesh. Lines are counted from one. Every message is one line of text.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum GmshError {
-    /// Something else stands where a number, a name or a section should.
+    /// A number, a name or a section is missing or malformed.
     #[error("line {line}: expected {expected}, found {found}")]
     Syntax {
         /// Where.
@@ -66,52 +66,52 @@ pub enum GmshError {
         /// The version and whether it is ASCII or binary.
         found: String,
     },
-    /// The bytes are no UTF-8 text.
+    /// The bytes are not UTF-8 text.
     #[error(
         "line {line}: found bytes that are no text, expected MSH 4.1 ASCII in UTF-8; convert the file \
          with `gmsh in.msh -save -o out.msh -format msh41`"
     )]
     NotText {
-        /// Where the first such byte stands.
+        /// The line of the first such byte.
         line: usize,
     },
-    /// The file has elements that make neither a sheet nor a solid.
+    /// The file has elements of an unsupported type.
     #[error("line {line}: found elements of type {code} ({name}), expected {expected}; {advice}")]
     Element {
-        /// Where the block of elements starts.
+        /// The line where the block of elements starts.
         line: usize,
         /// Gmsh's number for the type.
         code: u32,
         /// The type in words.
         name: &'static str,
-        /// The types that are read, in words.
+        /// The supported types, in words.
         expected: &'static str,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
-    /// Some elements are of first order, others of second.
+    /// Some elements are of first order, others of second order.
     #[error(
         "line {line}: found {name}, in line {first} {first_name}; mesh again with one Mesh.ElementOrder for \
          all"
     )]
     MixedOrder {
-        /// Where the block of elements of the other order starts.
+        /// The line where the block of elements of the other order starts.
         line: usize,
-        /// What they are.
+        /// The name of these elements.
         name: &'static str,
-        /// Where the first block of tetrahedra starts.
+        /// The line where the first block of tetrahedra starts.
         first: usize,
-        /// What they are.
+        /// The name of the elements of that block.
         first_name: &'static str,
     },
-    /// What may stand only once stands twice.
+    /// A section, a field or a tag that may occur only once occurs again.
     #[error("line {line}: expected {what} once, found it again, first in line {first}")]
     Repeated {
-        /// Where it stands again.
+        /// The line of the repetition.
         line: usize,
-        /// A section, a field, or a kind of tag with its number.
+        /// The section, the field, or the kind of tag with its number.
         what: String,
-        /// Where it stood first.
+        /// The line of the first occurrence.
         first: usize,
     },
     /// A section is missing.
@@ -122,22 +122,20 @@ pub enum GmshError {
         /// The section.
         section: &'static str,
     },
-    /// The triangles make no usable mesh. Vertices and triangles are counted from zero here, as they
-    /// would be in the mesh.
+    /// The triangles form no valid mesh. The message counts vertices and triangles from zero, as in the mesh.
     #[error("line {line}: {source}")]
     Mesh {
-        /// Where the triangle or vertex at fault stands.
+        /// The line of the faulty triangle or vertex.
         line: usize,
-        /// What is wrong with it.
+        /// The fault.
         source: MeshError,
     },
-    /// The tetrahedra make no usable mesh. Vertices and cells are counted from zero here, as they would be
-    /// in the mesh.
+    /// The tetrahedra form no valid mesh. The message counts vertices and cells from zero, as in the mesh.
     #[error("line {line}: {source}")]
     Solid {
-        /// Where the cell or vertex at fault stands.
+        /// The line of the faulty cell or vertex.
         line: usize,
-        /// What is wrong with it.
+        /// The fault.
         source: SolidError,
     },
     /// The lines make no usable mesh. Vertices and lines of the mesh are counted from zero here, as they would be in the
@@ -164,15 +162,15 @@ impl From<Unexpected> for GmshError {
 /// Reads a sheet from the text of an MSH 4.1 ASCII file. Coordinates are taken as metres.
 ///
 /// # Errors
-/// The first [`GmshError`] found; a tetrahedron is one.
+/// The first [`GmshError`] found. A tetrahedron is an error.
 pub fn parse(text: &str) -> Result<TriMesh, GmshError> {
     assemble::sheet(&sections::read(text, Wanted::Sheet)?)
 }
 
-/// As [`parse`], from the bytes of a file, so that a binary MSH file is called by its name.
+/// As [`parse`], from the bytes of a file. The error for a binary MSH file therefore says that the file is binary.
 ///
 /// # Errors
-/// As [`parse`]; [`GmshError::NotText`] if the bytes are no UTF-8.
+/// As [`parse`]; [`GmshError::NotText`] if the bytes are not UTF-8.
 pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
     parse(text(bytes)?)
 }
@@ -181,7 +179,7 @@ pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
 /// otherwise a sheet.
 ///
 /// # Errors
-/// As [`parse_bytes`], but for tetrahedra.
+/// As [`parse_bytes`], except that tetrahedra are allowed.
 pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
     let sections = sections::read(text(bytes)?, Wanted::Any)?;
     Ok(match elements::highest_dimension(&sections.blocks)? {

@@ -1,4 +1,4 @@
-//! The sections of an MSH 4.1 file as they stand, each checked for itself.
+//! Reads the sections of an MSH 4.1 file, each checked by itself.
 
 use super::elements::{self, Block};
 use super::fields::{self, Data};
@@ -9,7 +9,7 @@ use crate::text::shortened;
 use physics::Vec3;
 use std::collections::BTreeMap;
 
-/// What the file says, before one section is compared with another.
+/// The content of the file, before one section is compared with another.
 #[derive(Default)]
 pub(super) struct Sections {
     pub(super) names: Vec<PhysicalName>,
@@ -37,15 +37,15 @@ pub(super) struct Entity {
     line: usize,
 }
 
-/// A node and the line where its coordinates stand.
+/// A node, and the line of its coordinates.
 pub(super) struct Node {
     pub(super) tag: u64,
     pub(super) position: Vec3,
     pub(super) line: usize,
 }
 
-/// Room for as many items as a file claims to hold, but no more than its text can hold if each takes `least`
-/// bytes there.
+/// A vector with room for the number of items that a file claims to hold, but for no more than the text can hold if
+/// each item takes at least `least` bytes.
 pub(super) fn room<T>(claimed: usize, text: &str, least: usize) -> Vec<T> {
     Vec::with_capacity(claimed.min(text.len() / least))
 }
@@ -103,7 +103,7 @@ pub(super) fn read(text: &str, wanted: Wanted) -> Result<Sections, GmshError> {
     Ok(sections)
 }
 
-/// Checks only that the text starts as MSH 4.1 ASCII does.
+/// Checks only that the text begins as an MSH 4.1 ASCII file.
 pub(super) fn check_format(text: &str) -> Result<(), GmshError> {
     version(&mut Lines::new(text))
 }
@@ -204,7 +204,7 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
             let mut fields = lines.expect("a point, curve, surface or volume")?;
             let line = fields.line;
             let tag: i32 = fields.number("an entity's tag")?;
-            // A point has three coordinates, the others a bounding box; neither matters here.
+            // A point has three coordinates, other entities a bounding box. Neither is used.
             for _ in 0..if dim == 0 { 3 } else { 6 } {
                 fields.word("an entity's coordinate")?;
             }
@@ -218,7 +218,7 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
             for _ in 0..tags {
                 physical.push(fields.number::<i32>("a physical tag")?.unsigned_abs());
             }
-            // What bounds the entity follows and does not matter here.
+            // The boundary of the entity follows, which is not used.
             if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
                 let what = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
@@ -260,10 +260,10 @@ fn nodes(lines: &mut Lines, text: &str) -> Result<Vec<Node>, GmshError> {
             let mut fields = lines.expect("a node's coordinates")?;
             node.line = fields.line;
             for coordinate in node.position.iter_mut() {
-                *coordinate = fields.finite("a node's coordinate, finite")?;
+                *coordinate = fields.finite("a finite coordinate of a node")?;
             }
             for _ in 0..if parametric == 1 { dim } else { 0 } {
-                fields.finite("a parametric coordinate, finite")?;
+                fields.finite("a finite parametric coordinate")?;
             }
             fields.end()?;
         }
@@ -290,14 +290,14 @@ pub(super) fn total(
     head: &Fields,
     claimed: usize,
     found: usize,
-    what: &str,
+    items: &str,
 ) -> Result<(), GmshError> {
     if claimed == found {
         return Ok(());
     }
     Err(GmshError::Syntax {
         line: head.line,
-        expected: format!("{claimed} {what}, as this line says"),
+        expected: format!("{claimed} {items}, as this line says"),
         found: format!("{found} in the blocks below"),
     })
 }

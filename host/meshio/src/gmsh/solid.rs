@@ -1,4 +1,5 @@
-//! From a file's sections to a solid: Gmsh's order of nodes to VTK's, unused nodes dropped, groups filled.
+//! Builds a solid from the sections of a file: converts Gmsh's order of nodes to VTK's, drops unused nodes, fills
+//! groups.
 
 use super::assemble::{Places, nodes_of, places};
 use super::elements::of_dimension;
@@ -44,19 +45,19 @@ pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
     Ok(mesh)
 }
 
-/// The places of each tetrahedron's nodes.
+/// The indices of each tetrahedron's nodes.
 fn cells<const N: usize>(sections: &Sections, places: &Places) -> Result<Vec<[u32; N]>, GmshError> {
     of_dimension(&sections.blocks, 3)
         .map(|element| {
-            // Numbers run out only where the mesh is refused for its size.
+            // The numbers overflow only for a mesh that is refused for its size.
             let nodes = nodes_of::<N>(element, places)?;
             Ok(nodes.map(|node| node as u32))
         })
         .collect()
 }
 
-/// The nodes of a quadratic tetrahedron from Gmsh's order to VTK's, or back: the middles of the edges 13 and
-/// 23 stand the other way round ("Node ordering" in the Gmsh reference manual).
+/// Converts the nodes of a quadratic tetrahedron from Gmsh's order to VTK's, or back: the middles of the edges 13 and
+/// 23 are swapped ("Node ordering" in the Gmsh reference manual).
 pub(crate) fn to_or_from_vtk(mut nodes: [u32; 10]) -> [u32; 10] {
     nodes.swap(8, 9);
     nodes

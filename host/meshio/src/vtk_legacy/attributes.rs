@@ -1,7 +1,7 @@
-//! What a legacy file says of its points and cells, from `POINT_DATA` or `CELL_DATA` to its end.
+//! The attributes of points and cells in a legacy file, from `POINT_DATA` or `CELL_DATA` to the end of the file.
 //!
-//! All of it is read, for only so is it known where the next attribute begins; what is no field of cells is
-//! then let go.
+//! All attributes are read, because the place of an attribute depends on the size of those before it. Only fields of
+//! cells are kept.
 
 use super::cursor::{Cursor, Line};
 use super::scalar;
@@ -16,7 +16,7 @@ pub(super) struct CellArray<'a> {
     pub(super) array: Array<'a>,
 }
 
-/// Reads all attributes, the first line of which is `line`; gives those of cells with one component.
+/// Reads all attributes, from their first line `line`. Returns those of cells with one component.
 pub(super) fn read<'a>(
     cursor: &mut Cursor<'a>,
     line: Line<'a>,
@@ -55,7 +55,7 @@ pub(super) fn read<'a>(
     Ok(found)
 }
 
-/// `SCALARS name type [components]`, then the name of a table of colours, then the numbers.
+/// Reads `SCALARS name type [components]`, then the name of a table of colours, then the numbers.
 fn scalars<'a>(
     cursor: &mut Cursor<'a>,
     mut line: Line<'a>,
@@ -83,8 +83,8 @@ fn scalars<'a>(
     Ok((components == 1).then_some(CellArray { place, name, array }))
 }
 
-/// `FIELD name arrays`, then arrays with a name, a number of components, one of tuples and a type. Gives
-/// those that are wanted, asked by their number of components.
+/// Reads `FIELD name arrays`, then arrays with a name, a number of components, a number of tuples and a type. Returns
+/// the arrays that are wanted according to their number of components.
 pub(super) fn field<'a>(
     cursor: &mut Cursor<'a>,
     mut line: Line<'a>,
@@ -114,7 +114,7 @@ pub(super) fn field<'a>(
     Ok(found)
 }
 
-/// Any other attribute of `tuples` points or cells.
+/// Reads any other attribute of `tuples` points or cells.
 fn pass_over<'a>(
     cursor: &mut Cursor<'a>,
     mut line: Line<'a>,
@@ -122,7 +122,7 @@ fn pass_over<'a>(
 ) -> Result<(), MeshFileError> {
     let whole = line;
     let keyword = line.word("an attribute")?.to_ascii_uppercase();
-    // Components, or 0 where the line says how many.
+    // The number of components, or 0 where the line gives this number.
     let known = match keyword.as_str() {
         "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => Some(1),
         "VECTORS" | "NORMALS" => Some(3),
@@ -140,7 +140,7 @@ fn pass_over<'a>(
         0 => line.count("a number of components or colours")?,
         _ => components,
     };
-    // Colours are bytes, or numbers from 0 to 1 where the file is text.
+    // Colours are bytes; in a text file they are numbers from 0 to 1.
     let (count, scalar) = match keyword.as_str() {
         "LOOKUP_TABLE" => (components.checked_mul(4), Scalar::U8),
         "COLOR_SCALARS" => (components.checked_mul(tuples), Scalar::U8),
@@ -150,7 +150,7 @@ fn pass_over<'a>(
     Ok(())
 }
 
-/// A name as it was before blanks and the like in it were written as `%` and two digits (see
+/// The name that VTK encoded, with blanks and other characters written as `%` and two digits (see
 /// `vtkDataWriter::EncodeString`).
 fn decoded(name: &str) -> String {
     let mut bytes = Vec::with_capacity(name.len());

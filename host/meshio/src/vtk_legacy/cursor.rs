@@ -1,26 +1,26 @@
-//! A file that is lines of text in part and bytes in part.
+//! Reads a file that mixes lines of text and binary arrays.
 
 use crate::file::{MeshFileError, Place};
 use crate::text::{newlines, quoted, quoted_bytes};
 use crate::vtk_array::{Array, Origin, Scalar, nth_word, words};
 use std::borrow::Cow;
 
-/// Longest line of text that is looked at; a keyword's line is far shorter.
+/// Longest line of text that is read (bytes). The line of a keyword is far shorter.
 const LONGEST_LINE: usize = 1024;
 
-/// How far a file is read.
+/// The position in a file.
 pub(super) struct Cursor<'a> {
     file: &'a [u8],
     at: usize,
-    /// Whether arrays are bytes rather than text.
+    /// Whether arrays are binary rather than text.
     pub(super) binary: bool,
-    /// How many lines end before the byte `counted`. Lines are counted as reading goes on: counting from
-    /// the start each time would take time in the square of a file's length.
+    /// The number of line ends before the byte `counted`. Lines are counted incrementally: a count from the start of
+    /// the file for each place would take a time quadratic in the length of the file.
     lines: usize,
     counted: usize,
 }
 
-/// What is left of a line of text.
+/// The rest of a line of text.
 #[derive(Clone, Copy)]
 pub(super) struct Line<'a> {
     pub(super) place: Place,
@@ -42,7 +42,7 @@ impl<'a> Cursor<'a> {
         self.file.get(self.at..).unwrap_or_default()
     }
 
-    /// Where reading goes on: a line where the file is text.
+    /// The present place: a line if the file is text, otherwise a byte.
     pub(super) fn place(&mut self) -> Place {
         if self.binary {
             return Place::Byte(self.at);
@@ -74,13 +74,13 @@ impl<'a> Cursor<'a> {
         }))
     }
 
-    /// The next line that is not blank, which should hold `expected`.
+    /// The next line that is not blank. Without one, the error names `expected`.
     pub(super) fn expect(&mut self, expected: &str) -> Result<Line<'a>, MeshFileError> {
         let line = self.next()?;
         line.ok_or_else(|| MeshFileError::syntax(self.place(), expected, "the end of the file"))
     }
 
-    /// Passes over the rest of the present line; gives it.
+    /// Skips the rest of the present line and returns it.
     pub(super) fn skip_line(&mut self) -> &'a [u8] {
         let rest = self.rest();
         let end = rest.iter().position(|&byte| byte == b'\n');
@@ -88,12 +88,12 @@ impl<'a> Cursor<'a> {
         rest.get(..end.unwrap_or(rest.len())).unwrap_or_default()
     }
 
-    /// Passes over all lines up to a blank one.
+    /// Skips all lines up to a blank one.
     pub(super) fn skip_paragraph(&mut self) {
         while !self.skip_line().trim_ascii().is_empty() {}
     }
 
-    /// An array of `count` numbers that follows `line`, which must be at its end.
+    /// Reads an array of `count` numbers after `line`, which must have ended.
     pub(super) fn array(
         &mut self,
         line: &Line,
@@ -131,7 +131,7 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// How many bytes the first `count` words take, or how many words there are if they are fewer.
+/// The size of the first `count` words (bytes); if there are fewer words, their number as the error.
 fn text_length(text: &[u8], count: usize) -> Result<usize, usize> {
     let Some(last) = count.checked_sub(1) else {
         return Ok(0);
@@ -147,7 +147,7 @@ impl<'a> Line<'a> {
         self.rest
     }
 
-    /// The error that `expected` should stand here instead of what does.
+    /// The error that the rest of the line is not `expected`.
     pub(super) fn unexpected(&self, expected: &str) -> MeshFileError {
         let found = if self.rest.is_empty() {
             "the end of the line".to_owned()
@@ -177,7 +177,7 @@ impl<'a> Line<'a> {
         word.parse().map_err(|_| before.unexpected(expected))
     }
 
-    /// Checks that nothing is left of the line.
+    /// Checks that the line has ended.
     pub(super) fn end(&self) -> Result<(), MeshFileError> {
         if self.rest.is_empty() {
             Ok(())

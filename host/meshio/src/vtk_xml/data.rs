@@ -1,8 +1,8 @@
-//! The numbers of one array, from base64, compression and byte order to memory.
+//! Decodes the numbers of one array: base64, compression and byte order.
 //!
-//! An uncompressed array is its length in bytes and then the bytes. A compressed one is: the number of
-//! blocks, the length of a block unpacked, that of the last one if it is shorter (or zero), the length of
-//! each block packed; then the blocks. Lengths have four or eight bytes, as `header_type` says.
+//! An uncompressed array consists of its length in bytes and the bytes. A compressed array consists of the number of
+//! blocks, the unpacked length of a block, the unpacked length of the last block if that is shorter (or zero), the
+//! packed length of each block, and the blocks. `header_type` tells whether lengths have four or eight bytes.
 
 use super::document::{Data, DataArray, Encoding};
 use super::{MAX_RATIO, MAX_UNPACKED, MIN_UNPACKED};
@@ -12,22 +12,22 @@ use crate::vtk_array::{Array, Origin};
 use flate2::{Decompress, FlushDecompress, Status};
 use std::borrow::Cow;
 
-/// Reads the arrays of one file, and keeps account of what they unpack to.
+/// Reads the arrays of one file, and limits their total unpacked size.
 pub(super) struct Unpacker<'a> {
     file: &'a [u8],
     encoding: &'a Encoding<'a>,
-    /// How many more bytes may be unpacked.
+    /// The number of bytes that may still be unpacked.
     budget: usize,
 }
 
-/// Encoded bytes, as far as they are not read yet.
+/// The encoded bytes that have not been read yet.
 #[derive(Clone)]
 enum Source<'a> {
     Raw { bytes: &'a [u8], offset: usize },
     Base64(Base64<'a>),
 }
 
-/// Where an array begins, for errors.
+/// The place where an array begins, for errors.
 #[derive(Clone, Copy)]
 struct At {
     line: usize,
@@ -115,8 +115,8 @@ impl<'a> Unpacker<'a> {
         })
     }
 
-    /// All blocks of a compressed array, unpacked. Nothing is unpacked before the sum of the lengths is
-    /// known to be within the budget.
+    /// All blocks of a compressed array, unpacked. The sum of the lengths is compared with the budget before any block
+    /// is unpacked.
     fn unpack(&mut self, source: &mut Source<'a>, at: At) -> Result<Vec<u8>, MeshFileError> {
         let count = self.length(source, at)?;
         let block = self.length(source, at)?;
@@ -145,7 +145,7 @@ impl<'a> Unpacker<'a> {
             })?;
         self.budget -= total;
 
-        // A length takes at least four bytes, so a source that is too short for all of them ends here.
+        // A length has at least four bytes, so the loop ends early if the source is too short for all lengths.
         let mut lengths = source.clone();
         let skipped = count.checked_mul(if self.encoding.long_lengths { 8 } else { 4 });
         source.skip(skipped.unwrap_or(u64::MAX), at)?;
@@ -157,7 +157,7 @@ impl<'a> Unpacker<'a> {
             let wanted = if number == count { last } else { block };
             let end = unpacked.len() + wanted as usize;
             inflate.reset(true);
-            // The room that is left bounds what is written: a block that unpacks to more does not end.
+            // The remaining room bounds the output: a block that unpacks to more does not reach its end.
             let status = inflate_block(&mut inflate, &packed, &mut unpacked, wanted as usize);
             if status != Some(Status::StreamEnd) || unpacked.len() != end {
                 let expected = format!("block {number} to unpack to {wanted} bytes");
@@ -216,7 +216,7 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Passes over the next `count` bytes.
+    /// Skips the next `count` bytes.
     fn skip(&mut self, count: u64, at: At) -> Result<(), MeshFileError> {
         match self {
             Self::Raw { .. } => self.take(count, at).map(drop),
@@ -233,12 +233,12 @@ impl<'a> Source<'a> {
     }
 }
 
-/// The bytes that a text in base64 stands for (RFC 4648). Blanks are passed over; the text ends with the
-/// first tag. Padding may stand within it, for VTK writes lengths and data one after the other.
+/// Decodes a text in base64 (RFC 4648). Blanks are skipped. The text ends at the first tag. Padding may occur within
+/// the text, because VTK encodes lengths and data separately, one after the other.
 #[derive(Clone)]
 struct Base64<'a> {
     text: std::slice::Iter<'a, u8>,
-    /// Bytes that are decoded, the next one last.
+    /// The decoded bytes in reverse order: the next byte is the last.
     ready: [u8; 3],
     left: usize,
 }
@@ -252,18 +252,18 @@ impl<'a> Base64<'a> {
         }
     }
 
-    /// No more bytes than this are left.
+    /// An upper bound on the number of remaining bytes.
     fn most(&self) -> usize {
         self.left + self.text.len() / 4 * 3
     }
 
-    /// Decodes the next four characters. An error is the character that is none of base64.
+    /// Decodes the next four characters. The error is the character that does not belong to base64.
     fn group(&mut self) -> Option<Result<(), u8>> {
         let mut bits = 0_u32;
         let mut padding = 0;
         for k in 0..4 {
             let Some(&byte) = self.text.find(|byte| !byte.is_ascii_whitespace()) else {
-                // Text that ends within a group has lost something.
+                // A text that ends within a group is incomplete.
                 return (k > 0).then_some(Err(b' '));
             };
             let value = match byte {

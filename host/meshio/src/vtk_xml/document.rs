@@ -1,4 +1,4 @@
-//! The tags of a VTU or VTP file: which arrays there are, and where. No number of an array is read here.
+//! Reads the tags of a VTU or VTP file: the arrays and their places. The numbers of the arrays are not read here.
 
 use super::tag::Tag;
 use crate::file::{MeshFileError, Place};
@@ -8,31 +8,31 @@ use crate::vtk_fields::check_name;
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
-/// Deepest nesting of tags; VTK's own go to six.
+/// Deepest nesting of tags. VTK's own files nest six deep.
 const MAX_DEPTH: usize = 32;
-/// What a file's tags say.
+/// The content of a file's tags.
 pub(super) struct Document<'a> {
-    /// An unstructured grid, otherwise polygons.
+    /// Whether the file holds an unstructured grid; otherwise it holds polygons.
     pub(super) is_grid: bool,
     pub(super) encoding: Encoding<'a>,
     pub(super) piece: Piece<'a>,
 }
 
-/// How arrays are written.
+/// The encoding of the arrays.
 #[derive(Default)]
 pub(super) struct Encoding<'a> {
     pub(super) big_endian: bool,
-    /// Whether lengths take eight bytes rather than four.
+    /// Whether lengths have eight bytes rather than four.
     pub(super) long_lengths: bool,
     pub(super) compressed: bool,
-    /// What follows the underscore of `AppendedData`.
+    /// The data after the underscore of `AppendedData`.
     pub(super) appended: Option<Appended<'a>>,
 }
 
 /// Data after all tags.
 pub(super) struct Appended<'a> {
     pub(super) bytes: &'a [u8],
-    /// Where it begins in the file.
+    /// The byte of the file at which the data begin.
     pub(super) offset: usize,
     pub(super) base64: bool,
 }
@@ -44,10 +44,10 @@ pub(super) struct Piece<'a> {
     pub(super) points: usize,
     pub(super) cells: usize,
     pub(super) strips: usize,
-    /// How many points and lines there are beside polygons.
+    /// The number of points and lines, in addition to the polygons.
     pub(super) others: usize,
     pub(super) arrays: Vec<(Role, DataArray<'a>)>,
-    /// What there is of cells with one component.
+    /// The arrays of cell data with one component.
     pub(super) cell_data: Vec<NamedArray<'a>>,
 }
 
@@ -57,24 +57,24 @@ pub(super) struct NamedArray<'a> {
     pub(super) array: DataArray<'a>,
 }
 
-/// One array of use.
+/// An array that the mesh needs.
 pub(super) struct DataArray<'a> {
     pub(super) line: usize,
     pub(super) scalar: Scalar,
     pub(super) data: Data<'a>,
 }
 
-/// Where an array's numbers are.
+/// The place of an array's numbers.
 pub(super) enum Data<'a> {
-    /// In the file, as text, from this byte on.
+    /// In the file as text, from this byte on.
     Ascii { text: &'a [u8], offset: usize },
-    /// In the file, in base64.
+    /// In the file in base64.
     Base64(&'a [u8]),
-    /// That many bytes after the start of the appended data.
+    /// At this offset from the start of the appended data (bytes).
     Appended(u64),
 }
 
-/// What an array is for.
+/// The role of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Role {
     Points,
@@ -99,7 +99,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
     let mut reader = Reader::from_reader(file);
     let config = reader.config_mut();
     config.expand_empty_elements = true;
-    // Lines are counted as reading goes on.
+    // Lines are counted incrementally.
     let (mut line, mut counted) = (1, 0);
     let mut root: Option<(bool, Encoding)> = None;
     let mut piece: Option<Piece> = None;
@@ -171,7 +171,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
             }
             ("AppendedData", Some((_, encoding)), _) => {
                 encoding.appended = Some(tag.appended(file, at)?);
-                // What follows may be raw bytes, which are no XML.
+                // Raw bytes, which are no XML, may follow.
                 break;
             }
             (_, Some(_), _) => {}
@@ -181,7 +181,7 @@ pub(super) fn read(file: &[u8]) -> Result<Document<'_>, MeshFileError> {
         }
         path.push(start.local_name().as_ref().to_owned());
     }
-    let missing = |what| MeshFileError::syntax(Place::Line(line), what, "the end of the tags");
+    let missing = |name| MeshFileError::syntax(Place::Line(line), name, "the end of the tags");
     let (is_grid, encoding) = root.ok_or_else(|| missing("a VTKFile"))?;
     let piece = piece.ok_or_else(|| missing("a Piece"))?;
     Ok(Document {

@@ -1,4 +1,4 @@
-//! One tag of a VTU or VTP file: its attributes, each checked for itself.
+//! One tag of a VTU or VTP file: its attributes, each checked by itself.
 
 use super::document::{Appended, Data, DataArray, Encoding, Piece, Role};
 use crate::file::{MeshFileError, Place};
@@ -7,7 +7,7 @@ use crate::vtk_array::Scalar;
 use quick_xml::escape::unescape;
 use quick_xml::events::BytesStart;
 
-/// The types of numbers, as an array names them. Arrays of others are of no use here.
+/// The names of the supported types of numbers. A mesh needs no arrays of other types.
 const TYPES: [(&str, Scalar); 10] = [
     ("Int8", Scalar::I8),
     ("UInt8", Scalar::U8),
@@ -28,9 +28,9 @@ pub(super) struct Tag<'a, 'e> {
 }
 
 impl<'a> Tag<'a, '_> {
-    /// An attribute's value, if it is there.
+    /// The value of an attribute, if the tag has the attribute.
     fn attribute(&self, name: &str) -> Result<Option<String>, MeshFileError> {
-        // Without checks for repetition, which take time in the square of the number of attributes.
+        // Repetitions are not checked, because the check takes a time quadratic in the number of attributes.
         let mut attributes = self.start.attributes();
         for attribute in attributes.with_checks(false) {
             let attribute = attribute.map_err(|error| {
@@ -44,7 +44,7 @@ impl<'a> Tag<'a, '_> {
         Ok(None)
     }
 
-    /// An attribute as one of several words; the first if it is left out and `optional`.
+    /// An attribute as one of several words; the first word if the attribute is missing and `optional`.
     fn choice<T: Copy>(
         &self,
         name: &str,
@@ -75,7 +75,7 @@ impl<'a> Tag<'a, '_> {
         Ok(Some(number))
     }
 
-    /// An attribute as a count that has to be there.
+    /// A required attribute as a count.
     fn count(&self, name: &str) -> Result<usize, MeshFileError> {
         let number = self.number(name)?;
         let number = number.ok_or_else(|| self.wrong(name, "none".to_owned()))?;
@@ -86,7 +86,7 @@ impl<'a> Tag<'a, '_> {
         MeshFileError::syntax(Place::Line(self.line), expected, found)
     }
 
-    /// `VTKFile`: whether it is a grid, and how arrays are written.
+    /// `VTKFile`: whether the file holds a grid, and the encoding of its arrays.
     pub(super) fn root(&self) -> Result<(bool, Encoding<'a>), MeshFileError> {
         let kinds = [("UnstructuredGrid", true), ("PolyData", false)];
         let is_grid = self.choice("type", false, &kinds)?;
@@ -107,7 +107,7 @@ impl<'a> Tag<'a, '_> {
         Ok((is_grid, encoding))
     }
 
-    /// `Piece`: how many points and cells there are.
+    /// `Piece`: the numbers of points and cells.
     pub(super) fn piece(&self) -> Result<Piece<'a>, MeshFileError> {
         let cells = match self.number("NumberOfCells")? {
             Some(cells) => usize::try_from(cells).unwrap_or(usize::MAX),
@@ -124,7 +124,7 @@ impl<'a> Tag<'a, '_> {
         })
     }
 
-    /// How many points and lines a `Piece` of polygons has; cell data names these first.
+    /// The number of points and lines of a `Piece` of polygons. They come first in the cell data.
     fn others(&self) -> Result<usize, MeshFileError> {
         let mut others = 0_usize;
         for name in ["NumberOfVerts", "NumberOfLines"] {
@@ -134,7 +134,7 @@ impl<'a> Tag<'a, '_> {
         Ok(others)
     }
 
-    /// The name of a `DataArray` of numbers, one for each cell, if it is one and has a name.
+    /// The name of a `DataArray`, if the array has a name and holds one number for each cell.
     pub(super) fn name_of_scalars(&self) -> Result<Option<String>, MeshFileError> {
         let kind = self.attribute("type")?;
         let is_known = TYPES.iter().any(|(name, _)| kind.as_deref() == Some(name));
@@ -150,7 +150,7 @@ impl<'a> Tag<'a, '_> {
         Ok(Some(name.into_owned()))
     }
 
-    /// What a `DataArray` within `parent` is for, if a mesh needs it.
+    /// The role of a `DataArray` within `parent`, if the mesh needs the array.
     pub(super) fn role(&self, parent: &str, is_grid: bool) -> Result<Option<Role>, MeshFileError> {
         if parent == "Points" {
             return Ok(Some(Role::Points));

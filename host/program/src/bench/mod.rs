@@ -12,11 +12,11 @@ use super::{CommandError, progress_bar};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct BenchArguments {
     #[command(subcommand)]
-    what: What,
+    benchmark: Benchmark,
 }
 
 #[derive(Clone, Debug, clap::Subcommand)]
-enum What {
+enum Benchmark {
     /// Measure the error of sheets and solids against exact solutions and independent programs
     Accuracy(accuracy::AccuracyArguments),
     /// Measure the force error of each scheme against the publication rate of the host
@@ -30,11 +30,11 @@ enum What {
 }
 
 pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
-    match &arguments.what {
-        What::Accuracy(arguments) => accuracy::run(arguments),
-        What::Extrapolation(arguments) => extrapolation::run(arguments),
-        What::Speed(arguments) => speed::run(arguments),
-        What::Stability(arguments) => stability::run(arguments),
-        What::Velocity(arguments) => velocity::run(arguments),
+    match &arguments.benchmark {
+        Benchmark::Accuracy(arguments) => accuracy::run(arguments),
+        Benchmark::Extrapolation(arguments) => extrapolation::run(arguments),
+        Benchmark::Speed(arguments) => speed::run(arguments),
+        Benchmark::Stability(arguments) => stability::run(arguments),
+        Benchmark::Velocity(arguments) => velocity::run(arguments),
     }
 }

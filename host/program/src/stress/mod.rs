@@ -1,4 +1,5 @@
-//! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores, in shards.
+//! `palpate stress`: studies to run before a person touches a device. They run in virtual time, on all cores and in
+//! shards.
 
 mod faults;
 mod hold;
@@ -16,11 +17,11 @@ use study::stress::jobs::{Options, Progress, Shard};
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct StressArguments {
     #[command(subcommand)]
-    what: What,
+    study: Study,
 }
 
 #[derive(Clone, Debug, clap::Subcommand)]
-enum What {
+enum Study {
     /// Find the stiffest passive and stable wall of each device, under each scheme, and compare with theory
     Wall(wall::WallArguments),
     /// Run a hundred million ticks on invalid input of devices, host and clock
@@ -66,11 +67,11 @@ impl Common {
 }
 
 pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
-    match &arguments.what {
-        What::Wall(arguments) => wall::run(arguments),
-        What::Faults(arguments) => faults::run(arguments),
-        What::Hold(arguments) => hold::run(arguments),
-        What::Scene(arguments) => scene::run(arguments),
+    match &arguments.study {
+        Study::Wall(arguments) => wall::run(arguments),
+        Study::Faults(arguments) => faults::run(arguments),
+        Study::Hold(arguments) => hold::run(arguments),
+        Study::Scene(arguments) => scene::run(arguments),
     }
 }
 
