@@ -1,6 +1,6 @@
 //! Scenes: what a run is made of, read from a TOML file.
 //!
-//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: [`check`] refuses single values
+//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: `check` refuses single values
 //! out of their range while they are read, `consistency` what does not fit together. Every
 //! [`SceneError`] is one line with the file, the line, the field, what was found and what is allowed.
 
