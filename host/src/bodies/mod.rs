@@ -72,7 +72,7 @@ pub enum Carrier {
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
-pub(crate) fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, SceneError> {
+pub fn handle_origins(loaded: &LoadedScene, index: usize) -> Result<Vec<Vec3>, SceneError> {
     let mesh = mesh::build(loaded, index)?;
     Ok(handles(loaded, index, &mesh)?
         .into_iter()

@@ -1,6 +1,6 @@
 //! Faults of the host, made on purpose: to see what the hand feels when the physics fails.
 //!
-//! [`Failing`] wraps the engine, and the host's loop under either clock drives the wrapper. What the tick makes of
+//! `Failing` wraps the engine, and the host's loop under either clock drives the wrapper. What the tick makes of
 //! it (the force fades, bad models are refused and counted) is the product's own; nothing here reaches the tick
 //! but what a failing host could send.
 

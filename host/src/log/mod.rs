@@ -197,7 +197,7 @@ impl<W: Write + Seek> LogWriter<W> {
     ///
     /// # Errors
     /// If the writer fails.
-    pub(crate) fn flush(&mut self) -> Result<(), LogError> {
+    pub fn flush(&mut self) -> Result<(), LogError> {
         self.writer
             .flush()
             .map_err(|error| write_error(&self.name, error))
