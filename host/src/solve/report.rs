@@ -53,7 +53,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
     let residual = body.steps.iter().map(|row| row.residual);
     writeln!(
         to,
-        "    {:<10} {}, taken in {}, {} refused; {} iterations; residual at most {:.1e} of the forces",
+        "    {:<10} {}, {} substeps, {} refused; {} iterations; residual at most {:.1e} of the forces",
         "solve",
         match (analysis, steps) {
             (Analysis::Static, 1) => "1 load step".to_owned(),
@@ -71,7 +71,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
     if open > 0.0 {
         writeln!(
             to,
-            "    {:<10} limited by rounding: {open:.1e} m of the motion are left open",
+            "    {:<10} limited by rounding: {open:.1e} m of the motion are undetermined",
             "digits"
         )?;
     }
@@ -100,7 +100,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
     )?;
     writeln!(
         to,
-        "    {:<10} moved {} at most (vertex {}); von Mises stress {} at most (element {})",
+        "    {:<10} displacement at most {} (vertex {}); von Mises stress at most {} (element {})",
         "extremes",
         si(body.displacement.value, "m"),
         body.displacement.at,
@@ -119,7 +119,7 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
     writeln!(to)?;
     if body.inverted > 0 {
         let count = body.inverted;
-        writeln!(to, "    {:<10} {count} elements inside out", "inverted")?;
+        writeln!(to, "    {:<10} {count} elements", "inverted")?;
     }
     Ok(())
 }
