@@ -1,6 +1,7 @@
 //! Systems of linear equations: matrices, orderings, factors and iterations, each once.
 //!
 //! - [`block_matrix`]: symmetric matrices in 3 x 3 blocks on a fixed pattern.
+//! - `step_matrix`: the matrix of a step, as every solver reads it.
 //! - [`dense`]: the small dense matrices between handles.
 //! - [`pcg`]: conjugate gradients on an assembled matrix; [`vectors`]: the same on padded nodes, pass by pass.
 //! - [`order`], [`supernodes`]: in which order nodes are eliminated, and which columns of the factor go together.
@@ -19,6 +20,7 @@ pub mod panel;
 pub mod pcg;
 pub mod precondition;
 pub(crate) mod sparse_cholesky;
+pub(crate) mod step_matrix;
 pub mod supernodes;
 mod sweep;
 pub(crate) mod vectors;

@@ -3,35 +3,8 @@
 //! Textbook preconditioned conjugate gradients (Saad, "Iterative methods for sparse linear systems",
 //! algorithm 9.1). The matrix is never formed: mass and stiffness are combined as they are read.
 
-use super::block_matrix::BlockMatrix;
+use super::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
-
-/// `mass_factor M + stiffness_factor K` on the free nodes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StepMatrix<'a> {
-    pub(crate) stiffness: &'a BlockMatrix,
-    pub(crate) mass: &'a [f64],
-    pub(crate) stiffness_factor: f64,
-    pub(crate) mass_factor: f64,
-    /// By free node and axis: 1 where it is free, 0 where a support guides it.
-    pub(crate) mask: Option<&'a [Vec3]>,
-}
-
-impl StepMatrix<'_> {
-    /// `y = A_ff x`; returns `x . y`.
-    fn product(&self, x: &[Vec3], y: &mut [Vec3]) -> f64 {
-        let mut dot = 0.0;
-        for (row, y) in y.iter_mut().enumerate() {
-            *y = self.stiffness.free_product(row, x) * self.stiffness_factor
-                + x[row] * (self.mass_factor * self.mass[row]);
-            if let Some(mask) = self.mask {
-                y.component_mul_assign(&mask[row]);
-            }
-            dot += x[row].dot(y);
-        }
-        dot
-    }
-}
 
 /// What stops the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]

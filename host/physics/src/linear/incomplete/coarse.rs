@@ -6,7 +6,6 @@
 //! factor serves it as it is. `P` holds the motions where the body is: they leave corotational cells unstrained there.
 
 use super::aggregates::aggregates;
-use super::blocks::StepMatrix;
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::{Node, to_node};
@@ -15,6 +14,7 @@ use crate::linear::factor::Factor;
 use crate::linear::order;
 use crate::linear::panel::Panels;
 use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
 /// By this share diagonals are enlarged: a patch whose nodes lie in a line can turn about it at no cost.
@@ -244,7 +244,7 @@ impl CoarseMaker {
     /// Adds what the matrix's row of `node` has on patches.
     fn add_row(&mut self, node: usize, step: &StepMatrix<'_>) {
         self.row.clear();
-        for (other, block) in step.matrix.free_blocks(node) {
+        for (other, block) in step.stiffness.free_blocks(node) {
             let block = step.block(node, other, block, 0.0);
             let turned = block * -self.arm[other].cross_matrix();
             let patch = self.patch[other];
