@@ -1,6 +1,6 @@
 //! Products with the tangent of isotropic laws, on blocks of tetrahedra, once for each width of vector instructions.
 //!
-//! Loops over lanes must stay loops until the compiler makes vectors of them: see `tet_kernels`.
+//! Loops over lanes must stay loops until the compiler makes vectors of them: see `tet4::kernels`.
 
 use crate::element::tet4::kernels::{at, node, put, vectors_at};
 use crate::element::tet10::kernels::{self, FACTOR, SHARE};
@@ -95,7 +95,7 @@ impl Cell<4, 1> for Four {
     }
 }
 
-/// Quadratic tetrahedra: see `quadratic_kernels`.
+/// Quadratic tetrahedra: see `tet10::kernels`.
 #[derive(Clone, Debug)]
 pub(crate) struct Ten;
 

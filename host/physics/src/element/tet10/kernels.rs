@@ -208,7 +208,7 @@ fn respond<T: Real>(
 pub(crate) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
     let (share, quarter) = (T::of(SHARE), T::of(0.25));
     for lane in 0..LANES {
-        // The fill, zero, is read too: see `tet_kernels`.
+        // The fill, zero, is read too: see `tet4::kernels`.
         let vector = |a: usize| {
             let node = &others[a - 1][lane];
             [node[0] + node[3], node[1], node[2]]

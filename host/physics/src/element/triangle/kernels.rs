@@ -1,6 +1,6 @@
 //! What is computed on blocks of triangles, once for each width of vector instructions.
 //!
-//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet_kernels`), so nothing branches:
+//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet4::kernels`), so nothing branches:
 //! both sides of a choice are computed and one is selected.
 
 use crate::lanes::block::{LANES, Lanes, less, plus};
