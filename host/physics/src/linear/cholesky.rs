@@ -6,6 +6,7 @@
 use super::block_matrix::BlockMatrix;
 pub use super::sparse_cholesky::Kernels;
 use super::sparse_cholesky::{Elimination, SparseCholesky};
+use super::step_matrix::StepMatrix;
 use crate::Vec3;
 use crate::error::CondenseError;
 
@@ -77,7 +78,13 @@ impl Cholesky {
         if 3 * matrix.free() != self.unknowns() {
             return Err(CondenseError::Topology);
         }
-        let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
+        let step = StepMatrix {
+            stiffness: matrix,
+            mass,
+            mass_factor,
+            stiffness_factor,
+            mask,
+        };
         let mut next = 0;
         for node in 0..matrix.free() {
             for axis in 0..3 {
@@ -88,24 +95,8 @@ impl Cholesky {
                         let Some(value) = self.sparse.values.get_mut(next) else {
                             return Err(CondenseError::Topology);
                         };
-                        let coupled = !is_guided(node, axis) && !is_guided(row, i);
-                        *value = if coupled {
-                            stiffness_factor * block[(axis, i)]
-                        } else {
-                            0.0
-                        };
+                        *value = step.entry((node, axis), (row, i), block[(axis, i)]);
                         next += 1;
-                    }
-                }
-                // The diagonal entry is the last of each column.
-                if let Some(value) = next
-                    .checked_sub(1)
-                    .and_then(|last| self.sparse.values.get_mut(last))
-                {
-                    if is_guided(node, axis) {
-                        *value = 1.0;
-                    } else {
-                        *value += mass_factor * mass[node];
                     }
                 }
             }

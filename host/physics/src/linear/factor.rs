@@ -6,6 +6,7 @@
 use super::block_matrix::BlockMatrix;
 use super::order::places;
 use super::sparse_cholesky::{Elimination, Kernels, SparseCholesky};
+use super::step_matrix::StepMatrix;
 use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::cost::Cost;
@@ -169,26 +170,23 @@ impl Factor {
         stiffness_factor: f64,
         mask: Option<&[Vec3]>,
     ) -> Result<(), CondenseError> {
-        self.gather(matrix, mass, mass_factor, stiffness_factor, mask)
-            .ok_or(CondenseError::Topology)?;
+        let step = StepMatrix {
+            stiffness: matrix,
+            mass,
+            mass_factor,
+            stiffness_factor,
+            mask,
+        };
+        self.gather(&step).ok_or(CondenseError::Topology)?;
         self.sparse.factorize()
     }
 
-    /// Writes the upper triangle by columns. Returns `None` if the pattern differs from that given to `new`.
-    fn gather(
-        &mut self,
-        matrix: &BlockMatrix,
-        mass: &[f64],
-        mass_factor: f64,
-        stiffness_factor: f64,
-        mask: Option<&[Vec3]>,
-    ) -> Option<()> {
-        let free = matrix.free();
-        let short = mass.len() < free || mask.is_some_and(|mask| mask.len() < free);
-        if free != self.order.len() || short {
+    /// Writes the upper triangle by columns; `None` where the pattern is another.
+    fn gather(&mut self, step: &StepMatrix<'_>) -> Option<()> {
+        let matrix = step.stiffness;
+        if matrix.free() != self.order.len() || !step.is_whole() {
             return None;
         }
-        let is_guided = |node: usize, axis: usize| mask.is_some_and(|mask| mask[node][axis] == 0.0);
         let mut ranks = self.rank.iter();
         for node in 0..matrix.free() {
             let place = self.places[node] as usize;
@@ -204,19 +202,7 @@ impl Factor {
                     let end = if row == node { axis + 1 } else { 3 };
                     let column = self.sparse.values.get_mut(start..start + end)?;
                     for (i, value) in column.iter_mut().enumerate() {
-                        let coupled = !is_guided(node, axis) && !is_guided(row, i);
-                        *value = if coupled {
-                            stiffness_factor * block[(axis, i)]
-                        } else {
-                            0.0
-                        };
-                    }
-                    if row == node {
-                        if is_guided(node, axis) {
-                            column[axis] = 1.0;
-                        } else {
-                            column[axis] += mass_factor * mass[node];
-                        }
+                        *value = step.entry((node, axis), (row, i), block[(axis, i)]);
                     }
                 }
             }

@@ -1,10 +1,11 @@
 //! Systems of linear equations: matrices, orderings, factors and iterations.
 //!
 //! - [`block_matrix`]: symmetric matrices in 3 x 3 blocks on a fixed pattern.
+//! - `step_matrix`: the matrix of a step, as every solver reads it.
 //! - [`dense`]: the small dense matrices between handles.
-//! - [`pcg`]: conjugate gradients on an assembled matrix; `vectors`: their vector operations on padded nodes.
-//! - [`order`], [`supernodes`]: the order in which nodes are eliminated, and the grouping of the factor's columns.
-//! - `sparse_cholesky`: a sparse factorization; [`cholesky`]: the factorization of a body's matrix.
+//! - [`pcg`]: conjugate gradients on an assembled matrix; `vectors`: the same on padded nodes, pass by pass.
+//! - [`order`], [`supernodes`]: in which order nodes are eliminated, and which columns of the factor go together.
+//! - `sparse_cholesky`: a sparse factorization; [`cholesky`]: that of a body's matrix, for dense right-hand sides.
 //! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner.
 //! - [`incomplete`]: an incomplete factor with a coarse space, for bodies whose complete factor is too large.
 //! - [`precondition`]: the choice between the two preconditioners of a step.
@@ -19,6 +20,7 @@ pub mod panel;
 pub mod pcg;
 pub mod precondition;
 pub(crate) mod sparse_cholesky;
+pub(crate) mod step_matrix;
 pub mod supernodes;
 mod sweep;
 pub(crate) mod vectors;

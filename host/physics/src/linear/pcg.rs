@@ -3,37 +3,10 @@
 //! Preconditioned conjugate gradients (Saad, "Iterative methods for sparse linear systems", algorithm 9.1). The step
 //! matrix is never formed: a product combines mass and stiffness while it reads them.
 
-use super::block_matrix::BlockMatrix;
+use super::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
-/// `mass_factor M + stiffness_factor K` on the free nodes.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StepMatrix<'a> {
-    pub(crate) stiffness: &'a BlockMatrix,
-    pub(crate) mass: &'a [f64],
-    pub(crate) stiffness_factor: f64,
-    pub(crate) mass_factor: f64,
-    /// For each free node and axis: 1 if the axis is free, 0 if a support guides it.
-    pub(crate) mask: Option<&'a [Vec3]>,
-}
-
-impl StepMatrix<'_> {
-    /// `y = A_ff x`; returns `x . y`.
-    fn product(&self, x: &[Vec3], y: &mut [Vec3]) -> f64 {
-        let mut dot = 0.0;
-        for (row, y) in y.iter_mut().enumerate() {
-            *y = self.stiffness.free_product(row, x) * self.stiffness_factor
-                + x[row] * (self.mass_factor * self.mass[row]);
-            if let Some(mask) = self.mask {
-                y.component_mul_assign(&mask[row]);
-            }
-            dot += x[row].dot(y);
-        }
-        dot
-    }
-}
-
-/// The conditions that stop the iteration.
+/// What stops the iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
     /// Stop when the residual is below this fraction of the initial residual.

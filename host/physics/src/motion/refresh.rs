@@ -1,7 +1,7 @@
 //! A new factor beside the steps: all that it takes, in one piece that may go to another thread.
 //!
 //! A factorization takes many times as long as a step. So a [`Refresher`] is told where the body is
-//! ([`Stepper::lend`](crate::lanes::Stepper::lend)), works on its own copies for as long as it takes, and is given back.
+//! ([`Stepper::lend`](crate::Stepper::lend)), works on its own copies for as long as it takes, and is given back.
 //! Between the two the stepper goes on with the factor that it has: a somewhat older factor costs an iteration or
 //! two, never correctness.
 

@@ -15,7 +15,8 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::{Handle, HandlePose, HandleReport, Wrench};
 use crate::error::StepError;
-use crate::linear::pcg::{SolveReport, StepMatrix};
+use crate::linear::pcg::SolveReport;
+use crate::linear::step_matrix::StepMatrix;
 
 impl Body {
     /// Assembles and solves: one whole step of `h` seconds.

@@ -1,6 +1,6 @@
 //! Polar decomposition of a triangle's deformation gradient, strain and the part of its tangent out of the plane.
 //!
-//! The closed forms are arithmetic without branches, for loops over lanes (see `element/triangle/kernels.rs`).
+//! Closed forms of straight arithmetic, for loops over lanes (see `triangle::kernels`).
 
 use super::surface::STRETCH_FLOOR;
 use crate::lanes::Real;

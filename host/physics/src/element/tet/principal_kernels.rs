@@ -1,8 +1,7 @@
 //! Products with the tangent of isotropic laws on blocks of tetrahedra, compiled once for each width of vector
 //! instructions.
 //!
-//! The bodies of loops over lanes have no branches, so that the compiler vectorizes them: see
-//! `element/tet4/kernels.rs`.
+//! Loops over lanes must stay loops until the compiler makes vectors of them: see `tet4::kernels`.
 
 use crate::element::tet4::kernels::{at, node, put, vectors_at};
 use crate::element::tet10::kernels::{self, FACTOR, WEIGHT};
@@ -97,7 +96,7 @@ impl Cell<4, 1> for Four {
     }
 }
 
-/// Quadratic tetrahedra: see `element/tet10/kernels.rs`.
+/// Quadratic tetrahedra: see `tet10::kernels`.
 #[derive(Clone, Debug)]
 pub(crate) struct Ten;
 

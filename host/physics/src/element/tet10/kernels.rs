@@ -208,7 +208,7 @@ fn respond<T: Real>(
 pub(crate) fn spread<T: Real>(others: &Others<T>, points: &mut Points<T>) {
     let (weight, quarter) = (T::of(WEIGHT), T::of(0.25));
     for lane in 0..LANES {
-        // The padding, which is zero, is read as well: see `element/tet4/kernels.rs`.
+        // The fill, zero, is read too: see `tet4::kernels`.
         let vector = |a: usize| {
             let node = &others[a - 1][lane];
             [node[0] + node[3], node[1], node[2]]

@@ -209,7 +209,7 @@ impl<T: Real> QuadraticTets<T> {
                 b[c + 1] = Vec3::from_fn(|i, _| rows[3 * c + i][lane].to_f64());
             }
             b[0] = -(b[1] + b[2] + b[3]);
-            // The gradient of each node's shape function: see `kernels`.
+            // The gradient that each node's displacement is multiplied by: see `tet10::kernels`.
             let near = |corner: usize| if corner == q { 1.0 } else { 0.0 };
             let mut gradients = [Vec3::zeros(); 10];
             for c in 0..4 {

@@ -1,7 +1,7 @@
 //! The computations on blocks of triangles, compiled once for each width of vector instructions.
 //!
-//! The bodies of loops over lanes have no branches, so that the compiler vectorizes them (see
-//! `element/tet4/kernels.rs`): both sides of a choice are computed, and one is selected.
+//! Loops over lanes stay loops until the compiler makes vectors of them (see `tet4::kernels`), so nothing branches:
+//! both sides of a choice are computed and one is selected.
 
 use crate::lanes::block::{LANES, Lanes, less, plus};
 use crate::lanes::{Node, Real};

@@ -12,6 +12,7 @@ use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
 use crate::linear::block_matrix::BlockMatrix;
+use crate::linear::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
 /// Numbers of a block.
@@ -31,42 +32,7 @@ const FIRST_SHIFT: f64 = 1e-3;
 /// a positive definite matrix with some tens of neighbours to a node.
 const LAST_SHIFT: f64 = 1e3;
 
-/// `mass_factor M + stiffness_factor K` on free nodes; see [`Blocks::factorize`].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct StepMatrix<'a> {
-    pub(crate) matrix: &'a BlockMatrix,
-    pub(crate) mass: &'a [f64],
-    pub(crate) mass_factor: f64,
-    pub(crate) stiffness_factor: f64,
-    pub(crate) mask: Option<&'a [Vec3]>,
-}
-
-impl StepMatrix<'_> {
-    /// The block of the step matrix at (`row`, `column`), where the stiffness has `block`. Guided axes get `alone` on
-    /// the diagonal.
-    #[inline(always)]
-    pub(crate) fn block(&self, row: usize, column: usize, block: &Mat3, alone: f64) -> Mat3 {
-        let mut block = block * self.stiffness_factor;
-        if row == column {
-            let inertia = self.mass_factor * self.mass[row];
-            for i in 0..3 {
-                block[(i, i)] += inertia;
-            }
-        }
-        if let Some(mask) = self.mask {
-            let (left, right) = (mask[row], mask[column]);
-            block = Mat3::from_fn(|i, j| block[(i, j)] * left[i] * right[j]);
-            if row == column {
-                for i in 0..3 {
-                    block[(i, i)] += alone * (1.0 - left[i]);
-                }
-            }
-        }
-        block
-    }
-}
-
-/// The incomplete factor, by rows of blocks. The last block of each row is the inverse of its diagonal block.
+/// The factor: rows of blocks, each row's last the inverse of its diagonal block.
 #[derive(Clone, Debug)]
 pub struct Blocks {
     /// One past the last index into `columns` of each row.
@@ -170,18 +136,16 @@ impl Blocks {
         stiffness_factor: f64,
         mask: Option<&[Vec3]>,
     ) -> Result<(), CondenseError> {
-        let free = matrix.free();
-        let short = mass.len() < free || mask.is_some_and(|mask| mask.len() < free);
-        if free != self.row_end.len() || short {
-            return Err(CondenseError::Topology);
-        }
         let step = StepMatrix {
-            matrix,
+            stiffness: matrix,
             mass,
             mass_factor,
             stiffness_factor,
             mask,
         };
+        if matrix.free() != self.row_end.len() || !step.is_whole() {
+            return Err(CondenseError::Topology);
+        }
         self.shift = 0.0;
         loop {
             match self.attempt(&step) {
@@ -207,7 +171,7 @@ impl Blocks {
             let mut at = start;
             let mut diagonal = Mat3::zeros();
             let mut alone = Vec3::zeros();
-            for (column, block) in step.matrix.free_blocks(row) {
+            for (column, block) in step.stiffness.free_blocks(row) {
                 if column > row {
                     break;
                 }

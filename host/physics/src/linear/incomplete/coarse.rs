@@ -7,7 +7,6 @@
 //! which do not strain corotational cells.
 
 use super::aggregates::aggregates;
-use super::blocks::StepMatrix;
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::{Node, to_node};
@@ -16,6 +15,7 @@ use crate::linear::factor::Factor;
 use crate::linear::order;
 use crate::linear::panel::Panels;
 use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
 /// The fraction by which diagonals are enlarged. A patch whose nodes lie on a line has no stiffness against turns about
@@ -249,7 +249,7 @@ impl CoarseMaker {
     /// Adds the part of the coarse matrix that comes from the row of `node`.
     fn add_row(&mut self, node: usize, step: &StepMatrix<'_>) {
         self.row.clear();
-        for (other, block) in step.matrix.free_blocks(node) {
+        for (other, block) in step.stiffness.free_blocks(node) {
             let block = step.block(node, other, block, 0.0);
             let turned = block * -self.arm[other].cross_matrix();
             let patch = self.patch[other];

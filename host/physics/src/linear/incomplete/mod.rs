@@ -31,11 +31,11 @@ pub use blocks::Blocks;
 
 use super::block_matrix::BlockMatrix;
 use super::sparse_cholesky::Kernels;
+use super::step_matrix::StepMatrix;
 use crate::Vec3;
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
-use blocks::StepMatrix;
 use coarse::{Coarse, CoarseMaker};
 
 /// The incomplete factor and the coarse space.
@@ -106,7 +106,7 @@ impl Maker {
         made.blocks
             .factorize(matrix, mass, mass_factor, stiffness_factor, mask)?;
         let step = StepMatrix {
-            matrix,
+            stiffness: matrix,
             mass,
             mass_factor,
             stiffness_factor,

@@ -79,7 +79,7 @@ impl<T: Real> Stepper<T> {
     ///
     /// # Errors
     ///
-    /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::lanes::Refresher::work).
+    /// [`CondenseError::NotAssembled`] before the first step, and those of [`Refresher::work`](crate::Refresher::work).
     pub fn repeat(&mut self, part: Part) -> Result<(), CondenseError> {
         let factors = self.factors.ok_or(CondenseError::NotAssembled)?;
         match part {

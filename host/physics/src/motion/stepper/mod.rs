@@ -117,7 +117,7 @@ pub struct Stepper<T> {
 }
 
 /// Memory that the complete factor of `body`'s step matrix would take (bytes), as
-/// [`precondition::complete_bytes`](crate::linear::precondition::complete_bytes) counts it.
+/// [`precondition::complete_bytes`] counts it.
 pub fn complete_bytes(body: &Body) -> usize {
     precondition::complete_bytes(&body.assembly.stiffness, &body.model.rest)
 }
