@@ -10,7 +10,7 @@ use physics::fem::Body;
 pub const LARGEST_FACTOR: usize = 1 << 30;
 
 /// What steps a body.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Choice {
     /// The solver: never `auto`.
     pub solver: SolverName,

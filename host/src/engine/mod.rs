@@ -85,9 +85,8 @@ impl Engine {
         for (index, body) in self.bodies.iter_mut().enumerate() {
             match body.step(due.publishes, watch, &mut self.stats) {
                 Ok(Some(model)) => {
-                    let mut model = *model;
-                    self.faults.spoil(due.time_ns, &mut model);
-                    publish(index, &model);
+                    let spoilt = self.faults.spoilt(due.time_ns, model);
+                    publish(index, spoilt.as_ref().unwrap_or(model));
                 }
                 Ok(None) => {}
                 Err(fault) => self.stats.fault(index, &fault),

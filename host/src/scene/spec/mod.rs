@@ -10,7 +10,7 @@ pub mod mesh;
 pub mod solve;
 
 use super::check;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, MeshSource, PatternName, Support};
 pub use device::{Device, ModelName, SIMULATED};
@@ -188,7 +188,7 @@ pub struct Host {
 }
 
 /// `host.solver`: what solves a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SolverName {
     /// By the body.
