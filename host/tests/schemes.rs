@@ -1,8 +1,8 @@
 //! Scenes name force schemes: each runs under its name, and `proxy` publishes what its springs make
 //! of the body.
 
-use host::engine::build::links;
 use host::engine::pacer::Due;
+use host::engine::plan::links;
 use host::engine::stats::WallStopwatch;
 use host::engine::virtual_coupling::VirtualCoupling;
 use host::run::setup::setup;

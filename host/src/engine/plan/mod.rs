@@ -85,7 +85,7 @@ pub fn tells_energy(scene: &Scene) -> bool {
 }
 
 /// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
-fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
+pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
     let scene = &loaded.scene;
     let each = body.handles.iter().map(|handle| {
         let index = scene.device_of(handle);
