@@ -322,7 +322,7 @@ name = "base"
   x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
 hand = {}
   ->
-  x.toml:36: device[0]: missing field `hand`
+  x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` will do)
 hand = {}
   -> hand.weight = 2
   x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `recording`

@@ -1,7 +1,7 @@
 //! Scenes name schemes: each scheme runs under its name, and `proxy` publishes the body in series with its springs.
 
-use host::engine::build::links;
 use host::engine::pacer::Due;
+use host::engine::plan::links;
 use host::engine::stats::WallStopwatch;
 use host::engine::virtual_coupling::VirtualCoupling;
 use host::run::setup::setup;

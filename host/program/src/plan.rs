@@ -4,8 +4,8 @@ use super::{CommandError, SceneArgument, load};
 use host::atomic_file::write_atomically;
 use host::bodies;
 use host::engine::build;
-use host::engine::choice::choose;
-use host::engine::plan::{Stage, plan};
+use host::engine::plan::{BodyPlan, Stage, stages};
+use host::scene::SceneError;
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -25,19 +25,20 @@ struct PlanJson<'a> {
     schema: &'static str,
     scene: &'a str,
     stages: &'a [Stage],
+    /// The data from which the engine is built, by body.
+    bodies: &'a [BodyPlan],
 }
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     let loaded = load(arguments.scene.scene.as_deref())?;
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;
-    let (mut kinds, mut choices) = (Vec::new(), Vec::new());
-    for index in 0..loaded.scene.bodies.len() {
+    let plans = (0..loaded.scene.bodies.len()).map(|index| {
         let built = bodies::build(&loaded, index)?;
-        kinds.push(built.kind);
-        choices.push(choose(&loaded.scene, &built.body));
-    }
-    let stages = plan(&loaded, &kinds, &choices);
+        Ok(BodyPlan::new(&loaded, index, &built))
+    });
+    let plans = plans.collect::<Result<Vec<_>, SceneError>>()?;
+    let stages = stages(&loaded.scene, &plans);
     println!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };
@@ -45,9 +46,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     }
     if let Some(path) = &arguments.json {
         let json = PlanJson {
-            schema: "palpate.plan/1",
+            schema: "palpate.plan/2",
             scene: &loaded.scene.name,
             stages: &stages,
+            bodies: &plans,
         };
         let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
         write_atomically(path, text.as_bytes())?;

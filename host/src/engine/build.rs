@@ -2,14 +2,13 @@
 
 use super::beside::Beside;
 use super::body::{HostBody, HostBodyParts};
-use super::choice::{Choice, choose};
 use super::path::HandlePath;
-use super::plan;
+use super::plan::{BodyPlan, in_words};
 use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
-use super::virtual_coupling::{Link, VirtualCoupling};
-use crate::bodies::{self, Built};
-use crate::scene::spec::{self, Scene, SchemeName, SolverName};
+use super::virtual_coupling::VirtualCoupling;
+use crate::bodies;
+use crate::scene::spec::{Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::{
     Body, Condenser, Kernels, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions,
@@ -81,9 +80,9 @@ pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
 fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    let Built { body, handles, .. } = bodies::build_settled(loaded, index)?;
-    let choice = choose(scene, &body);
-    let solver = solver(scene, &body, &choice, how).map_err(|e| {
+    let built = bodies::build_settled(loaded, index)?;
+    let plan = BodyPlan::new(loaded, index, &built);
+    let solver = solver(scene, &built.body, &plan, how).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
@@ -93,7 +92,8 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         .iter()
         .map(|handle| scene.device_of(handle) as u8)
         .collect();
-    let paths = handles
+    let paths = built
+        .handles
         .iter()
         .zip(&devices)
         .map(|(handle, device)| {
@@ -105,65 +105,43 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         })
         .collect();
     Ok(HostBody::new(HostBodyParts {
-        name: spec.name.clone(),
+        name: plan.name,
         solved: format!(
             "{} ({})",
-            plan::in_words(choice.solver, scene.host.tolerance),
-            choice.why
+            in_words(plan.choice.solver, scene.host.tolerance),
+            plan.choice.why
         ),
-        body,
+        body: built.body,
         solver,
         paths,
         devices,
-        step: 1.0 / scene.host.step_rate,
-        period: 1.0 / scene.host.publish_rate,
-        horizon: 1.0 / scene.host.publish_rate + scene.host.latency,
-        tells_energy: plan::tells_energy(scene),
-        coupling: (scene.realtime.scheme == SchemeName::Proxy)
-            .then(|| VirtualCoupling::new(links(loaded, spec))),
+        step: plan.step,
+        period: plan.period,
+        horizon: plan.horizon,
+        tells_energy: plan.tells_energy,
+        coupling: plan.links.map(VirtualCoupling::new),
     }))
-}
-
-/// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
-pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
-    let scene = &loaded.scene;
-    let each = body.handles.iter().map(|handle| {
-        let index = scene.device_of(handle);
-        let device = &scene.devices[index];
-        let recommended = Link::recommended(&loaded.models[index]);
-        // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
-        let scale = device.motion_scale * device.motion_scale;
-        let realtime = &scene.realtime;
-        Link {
-            stiffness: realtime
-                .proxy_stiffness
-                .unwrap_or(recommended.stiffness / scale),
-            damping: realtime
-                .proxy_damping
-                .unwrap_or(recommended.damping / scale),
-        }
-    });
-    each.collect()
 }
 
 /// What steps a body.
 fn solver(
     scene: &Scene,
     body: &Body,
-    choice: &Choice,
+    plan: &BodyPlan,
     how: How,
 ) -> Result<Box<dyn Solver>, StepFault> {
-    let condenses = plan::condenses(scene);
     let complete = Preconditioner::Complete;
     let incomplete = Preconditioner::Incomplete;
-    Ok(match choice.solver {
+    Ok(match plan.choice.solver {
         SolverName::Auto | SolverName::Frozen => {
-            Box::new(frozen::<f64>(scene, body, complete, how)?)
+            Box::new(frozen::<f64>(scene, body, plan, complete, how)?)
         }
-        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, complete, how)?),
-        SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, incomplete, how)?),
+        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, plan, complete, how)?),
+        SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, plan, incomplete, how)?),
         SolverName::Assembled => {
-            let condenser = condenses.then(|| Condenser::with_kernels(body, how.kernels));
+            let condenser = plan
+                .condenses
+                .then(|| Condenser::with_kernels(body, how.kernels));
             Box::new(Assembled::new(condenser.transpose()?))
         }
     })
@@ -172,10 +150,11 @@ fn solver(
 fn frozen<T: Real>(
     scene: &Scene,
     body: &Body,
+    plan: &BodyPlan,
     preconditioner: Preconditioner,
     how: How,
 ) -> Result<Frozen<T>, StepFault> {
-    let h = 1.0 / scene.host.step_rate;
+    let h = plan.step;
     let options = StepperOptions {
         tolerance: scene.host.tolerance,
         max_iterations: scene.host.max_iterations,
@@ -192,7 +171,7 @@ fn frozen<T: Real>(
     } else {
         Beside::at_a_step(h)
     };
-    let shapes = plan::condenses(scene).then(|| ShapeOptions {
+    let shapes = plan.condenses.then(|| ShapeOptions {
         max_iterations: match preconditioner {
             Preconditioner::Complete => ShapeOptions::default().max_iterations,
             Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,

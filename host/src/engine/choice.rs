@@ -9,7 +9,7 @@ use physics::{Body, complete_bytes};
 pub(crate) const LARGEST_FACTOR: usize = 1 << 30;
 
 /// What steps a body.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Choice {
     /// The solver: never `auto`.
     pub solver: SolverName,

@@ -33,7 +33,7 @@ use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
 use sim::DeviceModel;
 
 /// The spring and the damper between one device and its proxy, in the scene's metres and newtons.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Link {
     /// Stiffness (N/m), above zero.
     pub stiffness: f64,

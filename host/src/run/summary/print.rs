@@ -1,6 +1,6 @@
 //! The summary for people, a line for each thing.
 
-use super::{Distribution, PlaceSummary, RunSummary};
+use super::{DeviceSummary, Distribution, EnergySummary, PlaceSummary, RunSummary};
 use std::fmt;
 
 /// Events that are printed; `--json` has them all.
@@ -8,12 +8,28 @@ const SHOWN_EVENTS: usize = 8;
 
 impl fmt::Display for RunSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let t = &self.tick;
         writeln!(
             f,
             "{}: {} clock, scheme {}, seed {}",
             self.scene, self.clock, self.scheme, self.seed
         )?;
+        self.print_tick(f)?;
+        self.print_host(f)?;
+        for device in &self.devices {
+            device.print(f)?;
+        }
+        for energy in &self.energy {
+            energy.print(f)?;
+        }
+        self.print_dropped(f)?;
+        self.print_events(f)
+    }
+}
+
+impl RunSummary {
+    /// How often the loop ticked, where, how late and how long.
+    fn print_tick(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let t = &self.tick;
         writeln!(
             f,
             "  ticks      {} at {} Hz, {} missed deadlines (longest run {})",
@@ -34,6 +50,11 @@ impl fmt::Display for RunSummary {
         for age in &t.model_age {
             writeln!(f, "  model age  {}", Times(age))?;
         }
+        Ok(())
+    }
+
+    /// What the host stepped and what its stages took.
+    fn print_host(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let h = &self.host;
         writeln!(
             f,
@@ -75,63 +96,11 @@ impl fmt::Display for RunSummary {
                 h.clipped, h.worst_clip
             )?;
         }
-        for d in &self.devices {
-            write!(
-                f,
-                "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ, reach {:.1} mm",
-                d.name,
-                d.peak_force,
-                d.peak_time,
-                d.work * 1e3,
-                d.reach * 1e3
-            )?;
-            if d.limited_ticks > 0 {
-                write!(f, ", limited in {} ticks", d.limited_ticks)?;
-            }
-            if d.missed_reads > 0 {
-                write!(f, ", {} reads missed", d.missed_reads)?;
-            }
-            if d.not_a_number_ticks > 0 {
-                write!(f, ", not a number in {} ticks", d.not_a_number_ticks)?;
-            }
-            for (count, what) in [(d.too_fast, "too fast"), (d.out_of_reach, "out of reach")] {
-                if count > 0 {
-                    write!(f, ", {what} {count} times")?;
-                }
-            }
-            if d.slewed_ticks > 0 {
-                write!(f, ", slewed in {} ticks", d.slewed_ticks)?;
-            }
-            writeln!(f)?;
-            if let Some(trip) = &d.first_trip {
-                let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
-                writeln!(
-                    f,
-                    "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
-                    trip.time, trip.what
-                )?;
-            }
-        }
-        for e in &self.energy {
-            write!(
-                f,
-                "  energy     {}: {:+.1} mJ put in by the hands",
-                e.body,
-                e.supplied * 1e3
-            )?;
-            if let (Some(stored), Some(dissipated)) = (e.stored, e.dissipated) {
-                let [raised, stored, dissipated] = [e.raised, stored, dissipated].map(|j| j * 1e3);
-                write!(
-                    f,
-                    " ({raised:+.1} raised, {stored:.1} stored, {dissipated:.1} dissipated)"
-                )?;
-            }
-            write!(f, ", at most {:.1} mJ out beyond that", e.most_out * 1e3)?;
-            if e.capped_ticks > 0 {
-                write!(f, "; capped in {} ticks", e.capped_ticks)?;
-            }
-            writeln!(f)?;
-        }
+        Ok(())
+    }
+
+    /// What was refused or passed over.
+    fn print_dropped(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.dropped;
         writeln!(
             f,
@@ -141,8 +110,12 @@ impl fmt::Display for RunSummary {
             d.models,
             d.wrenches,
             d.superseded_models,
-            t.refused_models
-        )?;
+            self.tick.refused_models
+        )
+    }
+
+    /// What happened, what was refused or done without, and what failed.
+    fn print_events(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for event in self.events.iter().take(SHOWN_EVENTS) {
             writeln!(
                 f,
@@ -166,6 +139,74 @@ impl fmt::Display for RunSummary {
         for what in &self.failures {
             writeln!(f, "  FAILED     {what}")?;
         }
+        Ok(())
+    }
+}
+
+impl DeviceSummary {
+    fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ, reach {:.1} mm",
+            self.name,
+            self.peak_force,
+            self.peak_time,
+            self.work * 1e3,
+            self.reach * 1e3
+        )?;
+        if self.limited_ticks > 0 {
+            write!(f, ", limited in {} ticks", self.limited_ticks)?;
+        }
+        if self.missed_reads > 0 {
+            write!(f, ", {} reads missed", self.missed_reads)?;
+        }
+        if self.not_a_number_ticks > 0 {
+            write!(f, ", not a number in {} ticks", self.not_a_number_ticks)?;
+        }
+        for (count, what) in [
+            (self.too_fast, "too fast"),
+            (self.out_of_reach, "out of reach"),
+        ] {
+            if count > 0 {
+                write!(f, ", {what} {count} times")?;
+            }
+        }
+        if self.slewed_ticks > 0 {
+            write!(f, ", slewed in {} ticks", self.slewed_ticks)?;
+        }
+        writeln!(f)?;
+        if let Some(trip) = &self.first_trip {
+            let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
+            writeln!(
+                f,
+                "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
+                trip.time, trip.what
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl EnergySummary {
+    fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "  energy     {}: {:+.1} mJ put in by the hands",
+            self.body,
+            self.supplied * 1e3
+        )?;
+        if let (Some(stored), Some(dissipated)) = (self.stored, self.dissipated) {
+            let [raised, stored, dissipated] = [self.raised, stored, dissipated].map(|j| j * 1e3);
+            write!(
+                f,
+                " ({raised:+.1} raised, {stored:.1} stored, {dissipated:.1} dissipated)"
+            )?;
+        }
+        write!(f, ", at most {:.1} mJ out beyond that", self.most_out * 1e3)?;
+        if self.capped_ticks > 0 {
+            write!(f, "; capped in {} ticks", self.capped_ticks)?;
+        }
+        writeln!(f)?;
         Ok(())
     }
 }

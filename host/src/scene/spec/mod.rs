@@ -10,7 +10,7 @@ mod mesh;
 pub(crate) mod solve;
 
 use super::check;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
 pub use device::{Device, ModelName, SIMULATED};
@@ -190,7 +190,7 @@ pub struct Host {
 }
 
 /// `host.solver`: the solver of a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SolverName {
     /// The host chooses the solver for each body.

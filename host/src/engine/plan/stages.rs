@@ -1,0 +1,220 @@
+//! The stages of a host step, in their order: which of them a scene's bodies need, and why, for people.
+
+use super::BodyPlan;
+use crate::bodies::Kind;
+use crate::run::setup;
+use crate::scene::spec::{Scene, SolverName};
+
+/// One stage of the host step.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Stage {
+    /// Its name.
+    pub name: &'static str,
+    /// Whether the scene needs it.
+    pub needed: bool,
+    /// Why, or why not.
+    pub why: String,
+}
+
+impl Stage {
+    fn new(name: &'static str, needed: bool, why: impl Into<String>) -> Self {
+        let why = why.into();
+        Self { name, needed, why }
+    }
+
+    /// With the reason for which it is needed, or for which it is not.
+    fn either(name: &'static str, needed: bool, why: String, why_not: &str) -> Self {
+        let why = if needed { why } else { why_not.to_owned() };
+        Self { name, needed, why }
+    }
+}
+
+/// The stages of a host step for a scene whose bodies have these plans, in the scene's order.
+pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
+    let assembles = bodies
+        .iter()
+        .any(|body| body.choice.solver == SolverName::Assembled);
+    vec![
+        handles(scene, bodies),
+        Stage::new("collision", false, "no tools or obstacles in the scene"),
+        Stage::new("elements", true, elements(bodies)),
+        Stage::either(
+            "assemble",
+            assembles,
+            "one matrix a step".into(),
+            "a frozen solver multiplies by elements (those without a kernel keep their own blocks)",
+        ),
+        bending(bodies),
+        supports(scene),
+        loads(scene),
+        Stage::either(
+            "gravity",
+            scene.gravity.iter().any(|g| *g != 0.0),
+            "gravity is not zero".into(),
+            "gravity = [0, 0, 0]",
+        ),
+        damping(scene),
+        Stage::new("solve", true, solve(scene, bodies)),
+        Stage::either(
+            "sleep",
+            !assembles,
+            "a body that nothing has moved faster than 0.1 um/s for 20 steps is left alone".into(),
+            "only frozen solvers let bodies sleep",
+        ),
+        Stage::new("stress", false, "no tear threshold"),
+        Stage::new("tear", false, "no tear threshold"),
+        condense(scene, bodies, assembles),
+        publish(scene, bodies),
+    ]
+}
+
+fn handles(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
+    let held = bodies.iter().map(|body| body.handles).sum();
+    let why = format!(
+        "{} held; paths smoothed at {} Hz",
+        count(held, "handle"),
+        scene.host.smoothing
+    );
+    Stage::new("handles", held > 0, why)
+}
+
+/// What is assembled, of each kind of body.
+fn elements(bodies: &[BodyPlan]) -> String {
+    let of = |kind: Kind| bodies.iter().filter(|body| body.kind == kind).count();
+    let parts = [
+        (Kind::Sheet, "isotropic membranes"),
+        (Kind::Woven, "woven membranes"),
+        (Kind::Solid, "tetrahedra"),
+        (Kind::Thread, "bars"),
+    ];
+    let parts: Vec<_> = parts
+        .iter()
+        .filter(|(kind, _)| of(*kind) > 0)
+        .map(|(kind, what)| format!("{what} of {}", count(of(*kind), "body")))
+        .collect();
+    format!("forces and tangent: {}", parts.join(", "))
+}
+
+fn bending(bodies: &[BodyPlan]) -> Stage {
+    let bent = bodies.iter().filter(|body| body.bends).count();
+    let why = format!(
+        "bending > 0 in {}; its matrix is constant",
+        count(bent, "body")
+    );
+    let why_not = if bodies.iter().any(|body| body.kind == Kind::Sheet) {
+        "bending = 0 in every body"
+    } else {
+        "no isotropic sheet"
+    };
+    Stage::either("bending", bent > 0, why, why_not)
+}
+
+fn supports(scene: &Scene) -> Stage {
+    let found = scene.bodies.iter().map(|body| body.supports.len()).sum();
+    let why = format!("{}, left out of the solve", count(found, "support"));
+    Stage::either("supports", found > 0, why, "no supports")
+}
+
+fn loads(scene: &Scene) -> Stage {
+    let found = scene.bodies.iter().map(|body| body.loads.len()).sum();
+    let why = count(found, "constant load");
+    Stage::either("loads", found > 0, why, "no loads beside weight")
+}
+
+fn damping(scene: &Scene) -> Stage {
+    let mut bodies = scene.bodies.iter();
+    let damped = bodies.any(|body| body.damping.mass > 0.0 || body.damping.stiffness > 0.0);
+    let why = "Rayleigh damping is not zero; it shares the stiffness matrix".into();
+    Stage::either("damping", damped, why, "no Rayleigh damping")
+}
+
+/// A solver in a few words, with what it solves to.
+pub fn in_words(solver: SolverName, tolerance: f64) -> String {
+    let on = |factor: &str| {
+        format!(
+            "conjugate gradients on {factor} to {tolerance:e} of the forces, a new factor made beside the steps"
+        )
+    };
+    match solver {
+        SolverName::Assembled => {
+            format!("conjugate gradients on diagonal blocks to {tolerance:e}")
+        }
+        SolverName::FrozenSingle => on("a frozen factor") + ", in single precision",
+        SolverName::Incomplete => on("a frozen incomplete factor and the motions of patches"),
+        SolverName::Auto | SolverName::Frozen => on("a frozen factor"),
+    }
+}
+
+fn solve(scene: &Scene, bodies: &[BodyPlan]) -> String {
+    let host = &scene.host;
+    let alone = bodies.len() == 1;
+    let each = bodies.iter().map(|body| {
+        let how = in_words(body.choice.solver, host.tolerance);
+        let name = if alone {
+            String::new()
+        } else {
+            format!("{}: ", body.name)
+        };
+        format!("{name}{how} ({})", body.choice.why)
+    });
+    format!(
+        "implicit Euler at {} Hz, at most {} iterations: {}",
+        host.step_rate,
+        host.max_iterations,
+        each.collect::<Vec<_>>().join("; ")
+    )
+}
+
+fn condense(scene: &Scene, bodies: &[BodyPlan], assembles: bool) -> Stage {
+    let why = format!(
+        "scheme \"{}\" extrapolates with stiffness, damping and drift, {}, at {} Hz{}",
+        setup::scheme(scene).name(),
+        motions(bodies),
+        scene.host.publish_rate,
+        if assembles {
+            ""
+        } else {
+            "; shapes are kept up with the frozen factor"
+        }
+    );
+    let needed = bodies.iter().any(|body| body.condenses);
+    let why_not = "the scheme renders no published stiffness";
+    Stage::either("condense", needed, why, why_not)
+}
+
+/// Which motions of the handles are condensed.
+fn motions(bodies: &[BodyPlan]) -> String {
+    let all: usize = bodies.iter().map(|body| body.handles).sum();
+    match bodies.iter().map(|body| body.turned).sum() {
+        0 => "translations only (the devices drive no rotation)".into(),
+        turned if turned == all => "translations and rotations".into(),
+        turned => format!(
+            "translations, and rotations of {} whose devices drive them",
+            count(turned, "handle")
+        ),
+    }
+}
+
+fn publish(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
+    let links = bodies.iter().flat_map(|body| &body.links);
+    let links: Vec<_> = links
+        .flatten()
+        .map(|link| format!("{} N/m and {} N s/m", link.stiffness, link.damping))
+        .collect();
+    let through = if links.is_empty() {
+        String::new()
+    } else {
+        format!(", felt through {} to a proxy", links.join(", "))
+    };
+    let rate = scene.host.publish_rate;
+    let why = format!("one local model a body at {rate} Hz{through}");
+    Stage::new("publish", true, why)
+}
+
+fn count(n: usize, what: &str) -> String {
+    match (n, what) {
+        (1, _) => format!("1 {what}"),
+        (_, "body") => format!("{n} bodies"),
+        _ => format!("{n} {what}s"),
+    }
+}
