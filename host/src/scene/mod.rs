@@ -1,6 +1,6 @@
 //! Scenes: the bodies, devices and settings of a run, read from a TOML file.
 //!
-//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: [`check`] refuses each value that is
+//! [`spec`] is the format, field by field. [`Scene::load`] reads a file: `check` refuses each value that is
 //! out of its range while the file is read, `consistency` refuses values that contradict each other. Every
 //! [`SceneError`] is one line with the file, the line, the field, the value found and the allowed values.
 
