@@ -3,11 +3,11 @@
 use host::log::Log;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
-use physics::Kernels;
+use physics::FactorCode;
 use std::error::Error;
 use std::fs;
 
-fn logged(instructions: Kernels) -> Result<Vec<u8>, Box<dyn Error>> {
+fn logged(instructions: FactorCode) -> Result<Vec<u8>, Box<dyn Error>> {
     let folder = tempfile::tempdir()?;
     let path = folder.path().join("run.mcap");
     let options = RunOptions {
@@ -22,10 +22,10 @@ fn logged(instructions: Kernels) -> Result<Vec<u8>, Box<dyn Error>> {
 
 #[test]
 fn each_choice_reproduces_its_bytes_and_the_two_differ_by_rounding() -> Result<(), Box<dyn Error>> {
-    let (fastest, portable) = (logged(Kernels::Fastest)?, logged(Kernels::Portable)?);
-    assert!(fastest == logged(Kernels::Fastest)?, "two runs differ");
+    let (fastest, portable) = (logged(FactorCode::Fastest)?, logged(FactorCode::Portable)?);
+    assert!(fastest == logged(FactorCode::Fastest)?, "two runs differ");
     assert!(
-        portable == logged(Kernels::Portable)?,
+        portable == logged(FactorCode::Portable)?,
         "two portable runs differ"
     );
 

@@ -4,7 +4,7 @@
 //! to its start. A controller of the user's own can take its place. The hand is perfectly stiff and imposes the motion.
 //! Between two ticks, a straight line costs the least energy. The work done on the hand over a step `D` under the held
 //! force `F` is therefore exactly `F D - b D^2 / T - f_c |D|`. The device's mass has no effect: a hand that stops has
-//! given back the kinetic energy that it took. This is the account of the **port** ([`Port::play`]); the controller's
+//! given back the kinetic energy that it took. This is the account of the **port** ([`Mechanism::play`]); the controller's
 //! own account is not used.
 //!
 //! The search ([`Adversary::search`]) has a budget in ticks and goes from coarse to fine. It sweeps frequencies, draws
@@ -14,7 +14,7 @@
 //! that motion.
 //!
 //! ```
-//! use sim::adversary::{Adversary, Goal, Limits, Port, Rendering};
+//! use sim::adversary::{Adversary, Goal, Limits, Mechanism, Rendering};
 //!
 //! /// A sampled spring that pushes out of negative positions: replace it by your controller.
 //! struct Spring(f64);
@@ -27,7 +27,7 @@
 //! }
 //!
 //! let adversary = Adversary {
-//!     port: Port { period: 1e-3, damping: 0.5, friction: 0.0, delay: 0 },
+//!     port: Mechanism { period: 1e-3, damping: 0.5, friction: 0.0, delay: 0 },
 //!     limits: Limits {
 //!         period: 1e-3,
 //!         deepest: 5e-3,
@@ -46,14 +46,14 @@
 //! assert!(stiff.outcome.energy > 0.0);
 //! ```
 
+mod mechanism;
 mod places;
-mod port;
 mod search;
 mod shapes;
 #[cfg(test)]
 mod tests;
 
+pub use mechanism::{Mechanism, Outcome, Rendering};
 pub use places::best_among;
-pub use port::{Outcome, Port, Rendering};
 pub use search::{Adversary, Found, Goal, Start};
 pub use shapes::{Family, Limits};

@@ -13,7 +13,7 @@
 use crate::arm::{Arm, Wrist};
 use crate::dynamics::{Dynamics, Turning};
 use crate::encoder::{Encoder, TurnEncoder};
-use crate::energy::EnergyAccount;
+use crate::energy::MechanicalEnergy;
 use crate::hand::{Aim, Hand};
 use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
@@ -106,7 +106,7 @@ struct Rotation {
     /// The moment that the motors hold (N m).
     moment: Vec3,
     /// Of translation and rotation together.
-    energy: EnergyAccount,
+    energy: MechanicalEnergy,
 }
 
 impl SimDevice {
@@ -146,7 +146,7 @@ impl SimDevice {
                 encoder: TurnEncoder::new(rotation.step, period_s, LONGEST_MOVE_NS),
                 max_moment: rotation.max_moment,
                 moment: Vec3::zeros(),
-                energy: EnergyAccount::default(),
+                energy: MechanicalEnergy::default(),
             }),
         })
     }
@@ -222,7 +222,7 @@ impl SimDevice {
     }
 
     /// Where the energy came from and went, in translation and rotation together.
-    pub fn energy(&self) -> &EnergyAccount {
+    pub fn energy(&self) -> &MechanicalEnergy {
         match &self.rotation {
             None => self.dynamics.energy(),
             Some(rotation) => &rotation.energy,

@@ -11,7 +11,7 @@
 //! ```
 //!
 //! The rule is of second order and stable for any step. Every exchange of energy is a mean force times the displacement
-//! of the same step. The [`EnergyAccount`] is therefore an identity of the discrete motion: it closes up to rounding at
+//! of the same step. The [`MechanicalEnergy`] is therefore an identity of the discrete motion: it closes up to rounding at
 //! any step length, and no loss can be negative. Only the motion errs with the step length, not its account.
 //!
 //! Stick and slip are events, and a step is split at an event ([`friction`]). A handle that would reverse within a step
@@ -24,7 +24,7 @@ mod friction;
 mod turning;
 
 use crate::arm::Arm;
-use crate::energy::EnergyAccount;
+use crate::energy::MechanicalEnergy;
 use friction::{PIECES, ROUNDING, SMALL, Slide, holds_for};
 use rt_core::Vec3;
 pub(crate) use turning::Turning;
@@ -43,7 +43,7 @@ pub(crate) struct Dynamics {
     velocity: Vec3,
     /// The aim of the hand.
     aim: Vec3,
-    energy: EnergyAccount,
+    energy: MechanicalEnergy,
 }
 
 impl Dynamics {
@@ -58,7 +58,7 @@ impl Dynamics {
             position,
             velocity: Vec3::zeros(),
             aim: position,
-            energy: EnergyAccount::default(),
+            energy: MechanicalEnergy::default(),
         }
     }
 
@@ -70,7 +70,7 @@ impl Dynamics {
         self.velocity
     }
 
-    pub(crate) fn energy(&self) -> &EnergyAccount {
+    pub(crate) fn energy(&self) -> &MechanicalEnergy {
         &self.energy
     }
 

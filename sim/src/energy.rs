@@ -2,13 +2,13 @@
 //!
 //! A coupling is judged by its effect on the person, and so by the energy at the port between device and hand. That
 //! energy is the work of the motors, minus the losses of the mechanism, minus the energy of the mechanism's own mass
-//! ([`EnergyAccount::on_hand`]). It is integrated between ticks from the true motion. The controller's own account,
+//! ([`MechanicalEnergy::on_hand`]). It is integrated between ticks from the true motion. The controller's own account,
 //! which relies on encoder counts, has no part in it. [`NetEnergy`] keeps the maximum of the energy over time, summed
 //! over all devices on one body. Above zero, the body gave back energy that nobody had supplied.
 
 /// Sources and sinks of the energy since the start (J). Works and losses are sums over all steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct EnergyAccount {
+pub struct MechanicalEnergy {
     /// Work of the motors on device and hand, at the motors' port. Negative where the hand does work on the motors.
     pub motor_work: f64,
     /// Work of the muscles, which move the aim against the arm's spring and damper.
@@ -31,7 +31,7 @@ pub struct EnergyAccount {
     pub device_initial: f64,
 }
 
-impl EnergyAccount {
+impl MechanicalEnergy {
     /// All energy supplied so far (J): works and initial energy.
     pub fn supplied(&self) -> f64 {
         self.motor_work + self.hand_work + self.initial
@@ -62,7 +62,7 @@ impl EnergyAccount {
     }
 }
 
-impl core::ops::Add for EnergyAccount {
+impl core::ops::Add for MechanicalEnergy {
     type Output = Self;
 
     /// The account of two motions together, such as a handle's translation and its rotation.
@@ -111,7 +111,7 @@ impl NetEnergy {
         }
     }
 
-    /// Takes the work on the hand of each device so far (J), as [`EnergyAccount::on_hand`] gives it. Call this once a
+    /// Takes the work on the hand of each device so far (J), as [`MechanicalEnergy::on_hand`] gives it. Call this once a
     /// tick. A sum that is NaN counts as infinite, since such a run deserves no trust.
     pub fn observe(&mut self, on_hands: impl IntoIterator<Item = f64>) {
         let sum: f64 = on_hands.into_iter().sum();

@@ -32,7 +32,7 @@ pub use arm::{Arm, Wrist};
 pub use curve::minimum_jerk;
 pub use device::{SimDevice, SimError};
 pub use driver::{Held, Simulated};
-pub use energy::{EnergyAccount, NetEnergy};
+pub use energy::{MechanicalEnergy, NetEnergy};
 pub use faulty::{Fault, Faulty};
 pub use firmware::Wired;
 pub use hand::Hand;

@@ -6,11 +6,11 @@
 
 use rt_core::{Device, Vec3, Wrench};
 use sim::{
-    Arm, DeviceModel, EnergyAccount, Hand, SimDevice, Task, TaskKind, Tremor, Wrist, device,
+    Arm, DeviceModel, Hand, MechanicalEnergy, SimDevice, Task, TaskKind, Tremor, Wrist, device,
 };
 
 /// Runs for four seconds. Returns the true position at each tick and the account at the end.
-fn run(model: DeviceModel, hand: &Hand, substep_ns: u64) -> (Vec<Vec3>, EnergyAccount) {
+fn run(model: DeviceModel, hand: &Hand, substep_ns: u64) -> (Vec<Vec3>, MechanicalEnergy) {
     let mut device = SimDevice::new(model, Some(hand.clone()), 1e-3)
         .unwrap()
         .with_substep_ns(substep_ns)
@@ -32,7 +32,7 @@ fn run(model: DeviceModel, hand: &Hand, substep_ns: u64) -> (Vec<Vec3>, EnergyAc
     (places, *device.energy())
 }
 
-fn energies(account: &EnergyAccount) -> [(&'static str, f64); 7] {
+fn energies(account: &MechanicalEnergy) -> [(&'static str, f64); 7] {
     [
         ("motor work", account.motor_work),
         ("hand work", account.hand_work),

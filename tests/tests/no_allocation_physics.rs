@@ -6,8 +6,8 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
-    Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, Scheme, ShapeOptions,
-    Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
+    Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions, Shapes,
+    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3, Weave,
 };
 
 #[global_allocator]
@@ -174,7 +174,7 @@ fn fast_steps_of_either_precision_allocate_nothing() {
 
 #[test]
 fn steps_to_a_tolerance_allocate_nothing() {
-    for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+    for scheme in [TimeScheme::ImplicitEuler, TimeScheme::TrBdf2] {
         for (name, mut body, ends) in bodies() {
             let options = IntegratorOptions {
                 scheme,

@@ -10,7 +10,7 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Freedom, HandleSpec, Kernels, Material, SolidLaw, SolidMaterial, Vec3,
+    Body, BodyConfig, FactorCode, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial, Vec3,
 };
 use std::time::Instant;
 
@@ -88,9 +88,9 @@ fn show(name: &str, body: &mut Body) {
     // Implicit Euler, 10 ms, Rayleigh damping 0.1 and 0.1.
     let (by_mass, by_stiffness) = (1e4 + 10.0, 11.0);
     // Column by column: no zeros among the entries.
-    let degree = Cholesky::new(matrix, 1, Kernels::Portable).unwrap();
+    let degree = Cholesky::new(matrix, 1, FactorCode::Portable).unwrap();
     let order = order(matrix, body.node_positions());
-    let exact_entries = Factor::with_kernels(matrix, &order, Kernels::Portable).unwrap();
+    let exact_entries = Factor::with_code(matrix, &order, FactorCode::Portable).unwrap();
     let mut factor = Factor::new(matrix, &order).unwrap();
     let repeat = 4_000_000 / degree.factor_entries() + 3;
     let factorize = time(repeat, || {

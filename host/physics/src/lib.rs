@@ -41,12 +41,12 @@ pub use lanes::{Node, Real};
 pub use linear::block_matrix::BlockMatrix;
 pub use linear::pcg::{Budget, SolveReport};
 pub use linear::precondition::Preconditioner;
-pub use linear::sparse_cholesky::Kernels;
+pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
-    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, Scheme, StepReport, Stepper,
-    StepperOptions, StepperReport, complete_bytes,
+    IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, StepReport, Stepper,
+    StepperOptions, StepperReport, TimeScheme, complete_bytes,
 };
 
 /// A vector in three dimensions (m, m/s or N, as its name says).

@@ -12,7 +12,7 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    BlockMatrix, Body, BodyConfig, CondenseError, Freedom, HandleSpec, Kernels, Node, SolidLaw,
+    BlockMatrix, Body, BodyConfig, CondenseError, FactorCode, Freedom, HandleSpec, Node, SolidLaw,
     SolidMaterial, Vec3,
 };
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -129,7 +129,7 @@ fn right_side(unknowns: usize) -> Vec<f64> {
 /// The solution of `faer` with its own order, by nodes.
 fn reference(body: &Body, mask: Option<&[Vec3]>, b: &[f64]) -> Vec<f64> {
     let (matrix, mass) = (body.stiffness(), body.node_masses());
-    let mut cholesky = Cholesky::new(matrix, 1, Kernels::Fastest).unwrap();
+    let mut cholesky = Cholesky::new(matrix, 1, FactorCode::Fastest).unwrap();
     cholesky
         .factorize(matrix, mass, BY_MASS, BY_STIFFNESS, mask)
         .unwrap();
@@ -214,9 +214,9 @@ fn the_order_names_every_free_node_once() {
 #[test]
 fn the_order_fills_less_than_minimum_degree_on_solids() {
     let body = solid([10; 3]);
-    let cholesky = Cholesky::new(body.stiffness(), 1, Kernels::Portable).unwrap();
+    let cholesky = Cholesky::new(body.stiffness(), 1, FactorCode::Portable).unwrap();
     let order = order(body.stiffness(), body.node_positions());
-    let factor = Factor::with_kernels(body.stiffness(), &order, Kernels::Portable).unwrap();
+    let factor = Factor::with_code(body.stiffness(), &order, FactorCode::Portable).unwrap();
     // Column by column neither stores zeros. Measured: 537,426 against 631,224 entries, 15 % fewer.
     let fraction = factor.factor_entries() as f64 / cholesky.factor_entries() as f64;
     assert!(fraction < 0.9, "{fraction}");
@@ -391,14 +391,17 @@ fn either_kernels_give_the_same_panels_up_to_rounding() {
     let (matrix, mass) = (body.stiffness(), body.node_masses());
     let order = order(matrix, body.node_positions());
     let b = right_side(3 * order.len());
-    let solution = |kernels| {
-        let mut factor = Factor::with_kernels(matrix, &order, kernels).unwrap();
+    let solution = |code| {
+        let mut factor = Factor::with_code(matrix, &order, code).unwrap();
         factor
             .factorize(matrix, mass, BY_MASS, BY_STIFFNESS, None)
             .unwrap();
         by_panels(&mut Panels::new(&factor), &b)
     };
-    let error = difference(&solution(Kernels::Portable), &solution(Kernels::Fastest));
+    let error = difference(
+        &solution(FactorCode::Portable),
+        &solution(FactorCode::Fastest),
+    );
     // The factors differ in f64: a number in 1e8 may round to the other neighbour in f32.
     assert!(error < 1e-6, "{error:e}");
 }

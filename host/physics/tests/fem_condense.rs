@@ -7,7 +7,7 @@ use nalgebra::UnitQuaternion;
 use physics::linear::dense::{Clipper, Square};
 use physics::{
     Body, BodyConfig, CondenseError, Condensed, Condenser, Equilibrium, EquilibriumOptions,
-    Freedom, HandlePose, HandleSpec, Kernels, SolidLaw, SolidMaterial, Tangent, Vec3,
+    FactorCode, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Tangent, Vec3,
 };
 
 const LX: f64 = 0.1;
@@ -131,8 +131,8 @@ fn portable_kernels_repeat_to_the_bit_and_differ_from_the_fastest_by_rounding() 
     let (mut sheet, poses) = loaded(config(), freedom);
     settle(&mut sheet, &poses, 1.0, 60).unwrap();
     sheet.assemble();
-    let condensed = |kernels, period| {
-        let mut condenser = Condenser::with_kernels(&sheet, kernels).unwrap();
+    let condensed = |code, period| {
+        let mut condenser = Condenser::with_code(&sheet, code).unwrap();
         condenser.condense(&sheet, period).unwrap().clone()
     };
     let entries = |m: &Square, other: &Square| {
@@ -146,10 +146,10 @@ fn portable_kernels_repeat_to_the_bit_and_differ_from_the_fastest_by_rounding() 
         })
     };
     for period in [1e-3, 1.0 / 60.0, 1.0] {
-        let portable = condensed(Kernels::Portable, period);
-        let fastest = condensed(Kernels::Fastest, period);
-        assert_eq!(portable, condensed(Kernels::Portable, period));
-        assert_eq!(fastest, condensed(Kernels::Fastest, period));
+        let portable = condensed(FactorCode::Portable, period);
+        let fastest = condensed(FactorCode::Fastest, period);
+        assert_eq!(portable, condensed(FactorCode::Portable, period));
+        assert_eq!(fastest, condensed(FactorCode::Fastest, period));
         for (a, b) in [
             (&portable.stiffness, &fastest.stiffness),
             (&portable.damping, &fastest.damping),

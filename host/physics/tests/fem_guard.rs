@@ -4,8 +4,8 @@ mod fem_support;
 
 use fem_support::{Random, Split, block, cube, grid, handle, rest_poses};
 use physics::{
-    Body, BodyConfig, Freedom, Integrator, IntegratorOptions, Material, Scheme, SolidLaw,
-    SolidMaterial, Vec3,
+    Body, BodyConfig, Freedom, Integrator, IntegratorOptions, Material, SolidLaw, SolidMaterial,
+    TimeScheme, Vec3,
 };
 
 const BENT: [SolidLaw; 3] = [
@@ -40,7 +40,7 @@ fn membrane(young: f64) -> Material {
 
 fn tr_bdf2(body: &Body) -> Integrator {
     let options = IntegratorOptions {
-        scheme: Scheme::TrBdf2,
+        scheme: TimeScheme::TrBdf2,
         ..IntegratorOptions::default()
     };
     Integrator::new(body, options).unwrap()

@@ -6,7 +6,7 @@ use fem_support::{Random, cube};
 use nalgebra::Rotation3;
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError, Vec3,
+    NewtonOptions, SolidLaw, SolidMaterial, StepError, TimeScheme, Vec3,
 };
 
 const RUBBER: SolidMaterial = SolidMaterial {
@@ -24,7 +24,7 @@ fn config(mass_damping: f64, stiffness_damping: f64) -> BodyConfig {
     }
 }
 
-fn options(scheme: Scheme) -> IntegratorOptions {
+fn options(scheme: TimeScheme) -> IntegratorOptions {
     IntegratorOptions {
         scheme,
         newton: NewtonOptions {
@@ -37,7 +37,7 @@ fn options(scheme: Scheme) -> IntegratorOptions {
 }
 
 /// A cube that hangs by one face, struck; stepped for a tenth of a second.
-fn swing(law: SolidLaw, scheme: Scheme, steps: u32, config: BodyConfig) -> Vec<Vec3> {
+fn swing(law: SolidLaw, scheme: TimeScheme, steps: u32, config: BodyConfig) -> Vec<Vec3> {
     let mesh = cube(1, 0.0, true);
     let mut body = Body::solid(&mesh, &[RUBBER], law, config, &[]).unwrap();
     let held: Vec<u32> = (0_u32..)
@@ -73,10 +73,10 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
 fn schemes_have_the_order_they_state() {
     for law in [SolidLaw::Linear, SolidLaw::StableNeoHookean] {
         for config in [config(0.0, 0.0), config(0.5, 0.005)] {
-            let exact = swing(law, Scheme::TrBdf2, 3200, config);
+            let exact = swing(law, TimeScheme::TrBdf2, 3200, config);
             for (scheme, order, steps) in [
-                (Scheme::ImplicitEuler, 1.0, 800),
-                (Scheme::TrBdf2, 2.0, 100),
+                (TimeScheme::ImplicitEuler, 1.0, 800),
+                (TimeScheme::TrBdf2, 2.0, 100),
             ] {
                 let error = |steps| distance(&swing(law, scheme, steps, config), &exact);
                 let found = (error(steps) / error(2 * steps)).log2();
@@ -93,7 +93,7 @@ fn schemes_have_the_order_they_state() {
 
 #[test]
 fn the_energy_of_a_linear_body_never_grows() {
-    for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+    for scheme in [TimeScheme::ImplicitEuler, TimeScheme::TrBdf2] {
         for damping in [0.0, 0.01] {
             for h in [1e-3, 1e-2, 1e-1] {
                 let mesh = cube(2, 0.2, false);
@@ -123,7 +123,7 @@ fn the_energy_of_a_linear_body_never_grows() {
 
 #[test]
 fn a_free_body_keeps_its_momentum() {
-    for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+    for scheme in [TimeScheme::ImplicitEuler, TimeScheme::TrBdf2] {
         for law in [SolidLaw::Corotational, SolidLaw::StableNeoHookean] {
             let mesh = cube(2, 0.2, false);
             let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.01), &[]).unwrap();
@@ -171,7 +171,7 @@ fn angular_momentum_drifts_with_the_order_of_the_scheme() {
         }
         (angular(&body) - start).norm() / start.norm()
     };
-    for (scheme, order) in [(Scheme::ImplicitEuler, 1.0), (Scheme::TrBdf2, 2.0)] {
+    for (scheme, order) in [(TimeScheme::ImplicitEuler, 1.0), (TimeScheme::TrBdf2, 2.0)] {
         let found = (drift(scheme, 200) / drift(scheme, 400)).log2();
         println!("{scheme:?}: drift of order {found:.3}");
         // At least the scheme's.
@@ -219,7 +219,7 @@ fn a_turned_cube_stays_at_rest() {
     let turn = Rotation3::from_euler_angles(1.0, 2.0, -0.5);
     let x: Vec<Vec3> = mesh.positions.iter().map(|x| turn * x).collect();
     body.set_positions(&x).unwrap();
-    let mut integrator = Integrator::new(&body, options(Scheme::TrBdf2)).unwrap();
+    let mut integrator = Integrator::new(&body, options(TimeScheme::TrBdf2)).unwrap();
     for _ in 0..100 {
         integrator.step(&mut body, 0.01, &[]).unwrap();
     }
@@ -245,7 +245,7 @@ fn a_step_that_fails_leaves_the_body_as_it_was() {
             tolerance: 1e-12,
             max_iterations: 1,
         },
-        ..options(Scheme::TrBdf2)
+        ..options(TimeScheme::TrBdf2)
     };
     let result = Integrator::new(&body, none)
         .unwrap()
@@ -295,7 +295,7 @@ fn a_refused_attempt_leaves_no_trace_at_the_handles() {
     let law = SolidLaw::StableNeoHookean;
     let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &handles).unwrap();
     let careful = IntegratorOptions {
-        scheme: Scheme::TrBdf2,
+        scheme: TimeScheme::TrBdf2,
         max_halvings: 4,
         refuse_inversion: true,
         ..IntegratorOptions::default()
@@ -323,7 +323,7 @@ fn a_refused_attempt_leaves_no_trace_at_the_handles() {
 
 /// A cube held below, from rest under forces on its upper face that grow as the square of time, in a tenth of a
 /// second; `jumps` sets the forces of each step's end before it instead.
-fn loaded(law: SolidLaw, scheme: Scheme, steps: u32, jumps: bool) -> Vec<Vec3> {
+fn loaded(law: SolidLaw, scheme: TimeScheme, steps: u32, jumps: bool) -> Vec<Vec3> {
     let mesh = cube(1, 0.0, true);
     let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.5, 0.005), &[]).unwrap();
     let held: Vec<u32> = (0_u32..)
@@ -351,12 +351,12 @@ fn loaded(law: SolidLaw, scheme: Scheme, steps: u32, jumps: bool) -> Vec<Vec3> {
 #[test]
 fn schemes_keep_their_order_under_growing_loads() {
     for law in [SolidLaw::Linear, SolidLaw::StableNeoHookean] {
-        let exact = loaded(law, Scheme::TrBdf2, 1600, false);
+        let exact = loaded(law, TimeScheme::TrBdf2, 1600, false);
         for (scheme, jumps, order) in [
-            (Scheme::TrBdf2, false, 2.0),
-            (Scheme::ImplicitEuler, false, 1.0),
+            (TimeScheme::TrBdf2, false, 2.0),
+            (TimeScheme::ImplicitEuler, false, 1.0),
             // The purpose of loads at the time of each stage.
-            (Scheme::TrBdf2, true, 1.0),
+            (TimeScheme::TrBdf2, true, 1.0),
         ] {
             let error = |steps| distance(&loaded(law, scheme, steps, jumps), &exact);
             let (coarse, fine) = (error(50), error(100));
@@ -377,7 +377,7 @@ fn schemes_keep_their_order_under_growing_loads() {
 fn a_step_that_fails_keeps_the_forces_too() {
     let mesh = cube(1, 0.0, false);
     let mut body = Body::solid(&mesh, &[RUBBER], SolidLaw::Linear, config(0.0, 0.0), &[]).unwrap();
-    let mut integrator = Integrator::new(&body, options(Scheme::TrBdf2)).unwrap();
+    let mut integrator = Integrator::new(&body, options(TimeScheme::TrBdf2)).unwrap();
     let mut forces = vec![Vec3::x(); mesh.positions.len()];
     body.set_external_forces(&forces).unwrap();
     let before = body.total_external_force();

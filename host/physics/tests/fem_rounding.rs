@@ -6,7 +6,8 @@ mod fem_support;
 use fem_support::{Split, cube, grid, handle, rest_poses};
 use physics::{
     Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, Integrator,
-    IntegratorOptions, Material, NewtonOptions, Scheme, SolidLaw, SolidMaterial, StepError, Vec3,
+    IntegratorOptions, Material, NewtonOptions, SolidLaw, SolidMaterial, StepError, TimeScheme,
+    Vec3,
 };
 
 /// Edge of the block (m).
@@ -148,7 +149,7 @@ fn a_motion_without_digits_is_distinguished_from_a_gentle_start() {
             .collect();
         body.add_support(&below, [true; 3]).unwrap();
         let options = IntegratorOptions {
-            scheme: Scheme::TrBdf2,
+            scheme: TimeScheme::TrBdf2,
             ..IntegratorOptions::default()
         };
         let mut integrator = Integrator::new(&body, options).unwrap();
@@ -170,7 +171,7 @@ fn a_motion_without_digits_is_distinguished_from_a_gentle_start() {
 }
 
 /// A strip of 0.2 m by 0.05 m whose end is pulled by a tenth and turned aside; positions less `off`.
-fn strip(off: f64, scheme: Option<Scheme>) -> Vec<Vec3> {
+fn strip(off: f64, scheme: Option<TimeScheme>) -> Vec<Vec3> {
     let mut mesh = grid(8, 2, 0.2, 0.05, Split::Right);
     let ends = [
         handle(&mesh, Freedom::Rigid, |x| x.x < 1e-9),
@@ -217,7 +218,11 @@ fn strip(off: f64, scheme: Option<Scheme>) -> Vec<Vec3> {
 
 #[test]
 fn a_strip_a_kilometre_away_deforms_as_at_the_origin() {
-    for scheme in [None, Some(Scheme::ImplicitEuler), Some(Scheme::TrBdf2)] {
+    for scheme in [
+        None,
+        Some(TimeScheme::ImplicitEuler),
+        Some(TimeScheme::TrBdf2),
+    ] {
         let (near, far) = (strip(0.0, scheme), strip(FAR, scheme));
         let rest = grid(8, 2, 0.2, 0.05, Split::Right).positions;
         let error = distance(&near, &far) / distance(&near, &rest);
@@ -231,7 +236,7 @@ fn a_strip_a_kilometre_away_deforms_as_at_the_origin() {
 #[test]
 fn tiny_steps_are_not_halved_for_rounding() {
     for beta in [0.0, 0.01] {
-        for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+        for scheme in [TimeScheme::ImplicitEuler, TimeScheme::TrBdf2] {
             let config = BodyConfig {
                 stiffness_damping: beta,
                 ..BodyConfig::default()

@@ -7,7 +7,7 @@ use fem_support::{Random, block, cube};
 use physics::mesh::TetMesh;
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, SolidLaw, SolidMaterial, Vec3,
+    NewtonOptions, SolidLaw, SolidMaterial, TimeScheme, Vec3,
 };
 
 const LAWS: [SolidLaw; 4] = [
@@ -38,7 +38,7 @@ fn material(young: f64, poisson: f64) -> SolidMaterial {
 /// energy to the initial energy.
 fn run(
     body: &mut Body,
-    scheme: Scheme,
+    scheme: TimeScheme,
     h: f64,
     steps: usize,
     targets: impl Fn(usize) -> Vec<HandlePose>,
@@ -83,7 +83,7 @@ fn kick(mesh: &TetMesh, speed: f64) -> Vec<Vec3> {
 fn free_bodies_of_any_stiffness_and_step_gain_no_energy() {
     let mesh = cube(2, 0.2, false);
     for law in LAWS {
-        for scheme in [Scheme::ImplicitEuler, Scheme::TrBdf2] {
+        for scheme in [TimeScheme::ImplicitEuler, TimeScheme::TrBdf2] {
             for young in [1.0, 1e4, 1e9] {
                 for poisson in [0.0, 0.45, 0.499] {
                     for h in [1e-4, 1e-2, 1e-1] {
@@ -125,7 +125,9 @@ fn contrasts_and_mass_ratios_of_a_million_are_solved() {
                 .collect();
             let mut body = Body::solid(&mesh, &materials, law, config(0.001), &[]).unwrap();
             body.set_velocities(&kick(&mesh, 0.01)).unwrap();
-            let (good, worst) = run(&mut body, Scheme::ImplicitEuler, 1e-3, 20, |_| Vec::new());
+            let (good, worst) = run(&mut body, TimeScheme::ImplicitEuler, 1e-3, 20, |_| {
+                Vec::new()
+            });
             assert!(
                 good == 20 && worst <= 1.01,
                 "{law:?} {contrast} {ratio}: {good} {worst}"
@@ -147,7 +149,9 @@ fn slivers_are_solved() {
             .map(|v| Vec3::new(v.x, v.y, 1e-4 * v.z))
             .collect();
         body.set_velocities(&v).unwrap();
-        let (good, worst) = run(&mut body, Scheme::ImplicitEuler, 1e-3, 20, |_| Vec::new());
+        let (good, worst) = run(&mut body, TimeScheme::ImplicitEuler, 1e-3, 20, |_| {
+            Vec::new()
+        });
         assert!(good == 20 && worst <= 1.01, "{law:?}: {good} {worst}");
     }
 }

@@ -8,7 +8,7 @@ use physics::mesh::LineMesh;
 use physics::mesh::generate_thread::straight_thread;
 use physics::{
     Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Integrator, IntegratorOptions,
-    NewtonOptions, Scheme, Stepper, StepperOptions, Tangent, ThreadMaterial,
+    NewtonOptions, Stepper, StepperOptions, Tangent, ThreadMaterial, TimeScheme,
 };
 use physics::{Mat3, Vec3};
 use std::f64::consts::PI;
@@ -370,7 +370,7 @@ fn a_taut_string_sounds_at_its_first_frequency() {
     let frequency = (tension / linear_density).sqrt() / (2.0 * length);
 
     let options = IntegratorOptions {
-        scheme: Scheme::TrBdf2,
+        scheme: TimeScheme::TrBdf2,
         newton: NewtonOptions {
             tolerance: 1e-10,
             max_iterations: 50,

@@ -5,7 +5,7 @@ use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
 use host::scene::Scene;
 use host::scene::spec::SIMULATED;
-use physics::Kernels;
+use physics::FactorCode;
 use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;
@@ -169,8 +169,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
-            InstructionsName::Auto => Kernels::Fastest,
-            InstructionsName::Portable => Kernels::Portable,
+            InstructionsName::Auto => FactorCode::Fastest,
+            InstructionsName::Portable => FactorCode::Portable,
         },
         ..RunOptions::new(match arguments.clock {
             ClockName::Virtual => Clock::Virtual,

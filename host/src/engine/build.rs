@@ -11,7 +11,7 @@ use crate::bodies;
 use crate::scene::spec::{Scene, SolverName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::{
-    Body, Condenser, Kernels, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions,
+    Body, Condenser, FactorCode, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions,
 };
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
@@ -23,7 +23,7 @@ const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct How {
     /// The code that factorizes.
-    pub kernels: Kernels,
+    pub code: FactorCode,
     /// Whether time is real: factors are made on threads, and a step's budget counts.
     pub real: bool,
 }
@@ -139,9 +139,7 @@ fn solver(
         SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, plan, complete, how)?),
         SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, plan, incomplete, how)?),
         SolverName::Assembled => {
-            let condenser = plan
-                .condenses
-                .then(|| Condenser::with_kernels(body, how.kernels));
+            let condenser = plan.condenses.then(|| Condenser::with_code(body, how.code));
             Box::new(Assembled::new(condenser.transpose()?))
         }
     })
@@ -159,7 +157,7 @@ fn frozen<T: Real>(
         tolerance: scene.host.tolerance,
         max_iterations: scene.host.max_iterations,
         preconditioner,
-        kernels: how.kernels,
+        code: how.code,
         refresh: false,
         ..StepperOptions::default()
     };

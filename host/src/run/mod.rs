@@ -25,7 +25,7 @@ use crate::scene::{LoadedScene, SceneError};
 use collect::{Collected, Collector};
 use log_observer::LogObserver;
 use observer::Observers;
-use physics::{Body, Kernels};
+use physics::{Body, FactorCode};
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
@@ -64,7 +64,7 @@ pub struct RunOptions {
     /// Where to write the summary as JSON, if anywhere.
     pub json: Option<PathBuf>,
     /// Which instructions the linear algebra uses: the machine's fastest, or those of every machine.
-    pub instructions: Kernels,
+    pub instructions: FactorCode,
     /// How the tick's thread runs, under the real clock.
     pub runner: RunnerConfig,
     /// What the host does wrong on purpose.
@@ -83,7 +83,7 @@ impl RunOptions {
             log: None,
             plot: None,
             json: None,
-            instructions: Kernels::default(),
+            instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
             faults: Vec::new(),
             stop: Arc::default(),
@@ -164,7 +164,7 @@ pub fn run_watched(
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
     let how = How {
-        kernels: options.instructions,
+        code: options.instructions,
         real: options.clock == Clock::Real,
     };
     let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
@@ -278,9 +278,9 @@ fn clock_name(clock: Clock) -> &'static str {
 }
 
 /// The instructions that the linear algebra uses: with the same program, bytes are equal where these are.
-fn instructions(kernels: Kernels) -> String {
+fn instructions(code: FactorCode) -> String {
     let mut path = std::env::consts::ARCH.to_owned();
-    if kernels == Kernels::Portable {
+    if code == FactorCode::Portable {
         path.push_str(" portable");
         return path;
     }

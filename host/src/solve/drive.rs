@@ -9,7 +9,7 @@ use nalgebra::UnitQuaternion;
 use physics::mesh::{Cells, Mesh};
 use physics::{
     BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
-    IntegratorOptions, Mat3, NewtonOptions, Scheme, StepError, Vec3,
+    IntegratorOptions, Mat3, NewtonOptions, StepError, Vec3,
 };
 
 /// The progress of a body after a step.
@@ -81,8 +81,8 @@ impl<'a> Drive<'a> {
             Analysis::Dynamic => {
                 let options = IntegratorOptions {
                     scheme: match solve.scheme {
-                        TimeScheme::ImplicitEuler => Scheme::ImplicitEuler,
-                        TimeScheme::TrBdf2 => Scheme::TrBdf2,
+                        TimeScheme::ImplicitEuler => physics::TimeScheme::ImplicitEuler,
+                        TimeScheme::TrBdf2 => physics::TimeScheme::TrBdf2,
                     },
                     newton,
                     refuse_inversion: solve.refuse_inversion,

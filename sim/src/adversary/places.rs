@@ -1,13 +1,13 @@
 //! The best motion among given positions, where the held force depends only on the last position.
 
-use super::port::Port;
+use super::mechanism::Mechanism;
 
 /// Returns the largest energy (J) of a motion over `places` (m), and that motion. The motion starts at the first place,
 /// has at most `ticks` steps, and no step is longer than `step` (m). `forces` (N) are the forces held from the tick at
 /// each place to the next tick. The method is dynamic programming (R. Bellman, 1957), backwards in time. It holds
 /// without delay only, because a delayed force depends on earlier places.
 pub fn best_among(
-    port: &Port,
+    port: &Mechanism,
     places: &[f64],
     forces: &[f64],
     step: f64,

@@ -1,6 +1,6 @@
 //! The search: sweep frequencies, draw, evolve and refine, within a budget of ticks.
 
-use super::port::{Outcome, Port, Rendering};
+use super::mechanism::{Mechanism, Outcome, Rendering};
 use super::shapes::{Family, GENES, Limits, Shape};
 use rand_core::Rng;
 use rand_pcg::Pcg64;
@@ -25,7 +25,7 @@ pub enum Goal {
 #[derive(Clone, Debug)]
 pub struct Adversary {
     /// The device between controller and hand.
-    pub port: Port,
+    pub port: Mechanism,
     /// Limits of the motions.
     pub limits: Limits,
     /// Number of the controller's ticks that the search may spend.

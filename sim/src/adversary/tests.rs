@@ -44,7 +44,7 @@ impl Rendering for Wall {
 
 fn adversary(delay: usize) -> Adversary {
     Adversary {
-        port: Port {
+        port: Mechanism {
             period: PERIOD,
             damping: DAMPING,
             friction: 0.0,
@@ -128,7 +128,7 @@ fn the_account_is_the_work_less_the_losses_and_knows_the_delay() {
     }
     let motion: Vec<f64> = (1..=10).map(|k| 1e-4 * f64::from(k)).collect();
     for delay in [0, 1, 3] {
-        let port = Port {
+        let port = Mechanism {
             friction: 0.2,
             ..adversary(delay).port
         };
@@ -179,7 +179,7 @@ fn a_search_is_a_function_of_its_seed() {
 #[test]
 fn dynamic_programming_finds_the_boundary_of_a_quantized_wall() {
     let (count, friction, step) = (4e-5, 0.2, 0.5e-3);
-    let port = Port {
+    let port = Mechanism {
         friction,
         ..adversary(0).port
     };

@@ -188,7 +188,7 @@ fn a_device_starts_where_it_is_put_with_the_arm_relaxed() {
         device.read(k * MS).unwrap();
     }
     assert_eq!(device.position(), start);
-    assert_eq!(*device.energy(), EnergyAccount::default());
+    assert_eq!(*device.energy(), MechanicalEnergy::default());
 }
 
 #[test]

@@ -179,7 +179,7 @@ fn friction_acts_against_the_motion_whatever_its_direction() {
 }
 
 /// Two busy seconds: friction, both dampings, a moving aim and a force that switches.
-fn busy(steps_per_ms: u32, friction: f64) -> (Vec3, EnergyAccount, f64) {
+fn busy(steps_per_ms: u32, friction: f64) -> (Vec3, MechanicalEnergy, f64) {
     let mut body = Dynamics::new(0.045, 0.05, friction, Arm::TYPICAL, along(0.01));
     let h = 1e-3 / f64::from(steps_per_ms);
     let mut throughput = 0.0;

@@ -11,14 +11,14 @@
 //! `4 k (1 - q_0)` is `k a^2 / 2` for small angles `a`. Its moment is `2 k sin(a / 2)`: 1 % below `k a` at 28 degrees,
 //! 5 % The potential needs no angle, and the implicit midpoint rule on `q` conserves it. Let `q_1 - q_0 = h u q_m / 2`
 //! with `q_m = (q_0 + q_1) / 2`. Then `q` keeps its length, and the potential changes by exactly `2 k q_m,v . u h`, the
-//! work of the mean moment. This [`EnergyAccount`] therefore closes up to rounding at any step, as that of the
+//! work of the mean moment. This [`MechanicalEnergy`] therefore closes up to rounding at any step, as that of the
 //! translation does.
 //!
 //! Stops and starts are events, as in the translation.
 
 use super::friction::{PIECES, ROUNDING, SMALL, Slide};
 use crate::arm::Wrist;
-use crate::energy::EnergyAccount;
+use crate::energy::MechanicalEnergy;
 use crate::models::RotationModel;
 use nalgebra::{Quaternion, Unit, UnitQuaternion};
 use rt_core::Vec3;
@@ -41,7 +41,7 @@ pub(crate) struct Turning {
     wrist: Wrist,
     orientation: Quaternion<f64>,
     velocity: Vec3,
-    energy: EnergyAccount,
+    energy: MechanicalEnergy,
 }
 
 /// The result of a step: its mean angular velocity (rad/s) and mean orientation.
@@ -62,7 +62,7 @@ impl Turning {
             wrist,
             orientation: Quaternion::identity(),
             velocity: Vec3::zeros(),
-            energy: EnergyAccount::default(),
+            energy: MechanicalEnergy::default(),
         }
     }
 
@@ -74,7 +74,7 @@ impl Turning {
         self.velocity
     }
 
-    pub(crate) fn energy(&self) -> &EnergyAccount {
+    pub(crate) fn energy(&self) -> &MechanicalEnergy {
         &self.energy
     }
 

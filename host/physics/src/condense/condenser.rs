@@ -20,14 +20,14 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::error::CondenseError;
 use crate::linear::cholesky::Cholesky;
-use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::sparse_cholesky::FactorCode;
 
 /// Condenses one body repeatedly without allocation.
 #[derive(Debug)]
 pub struct Condenser {
     /// The epoch of the body for which everything here is made.
     epoch: u64,
-    kernels: Kernels,
+    code: FactorCode,
     cholesky: Cholesky,
     reduction: Reduction,
 }
@@ -39,20 +39,20 @@ impl Condenser {
     ///
     /// [`CondenseError::Symbolic`].
     pub fn new(body: &Body) -> Result<Self, CondenseError> {
-        Self::with_kernels(body, Kernels::default())
+        Self::with_code(body, FactorCode::default())
     }
 
-    /// [`new`](Self::new) with a choice of the kernels of the factorization.
+    /// [`new`](Self::new) with a choice of the code of the factorization.
     ///
     /// # Errors
     ///
     /// As [`Condenser::new`].
-    pub fn with_kernels(body: &Body, kernels: Kernels) -> Result<Self, CondenseError> {
+    pub fn with_code(body: &Body, code: FactorCode) -> Result<Self, CondenseError> {
         let reduction = Reduction::new(body);
         Ok(Self {
             epoch: body.epoch(),
-            kernels,
-            cholesky: Cholesky::new(&body.assembly.stiffness, reduction.columns.len(), kernels)?,
+            code,
+            cholesky: Cholesky::new(&body.assembly.stiffness, reduction.columns.len(), code)?,
             reduction,
         })
     }
@@ -103,7 +103,7 @@ impl Condenser {
             return Err(CondenseError::NotAssembled);
         }
         if self.epoch != body.epoch() {
-            *self = Self::with_kernels(body, self.kernels)?;
+            *self = Self::with_code(body, self.code)?;
         }
         if !self.reduction.fits(body) {
             return Err(CondenseError::Topology);

@@ -4,7 +4,7 @@
 //! Each factorization then only computes numbers, in memory that was allocated before.
 
 use super::block_matrix::BlockMatrix;
-pub use super::sparse_cholesky::Kernels;
+pub use super::sparse_cholesky::FactorCode;
 use super::sparse_cholesky::{Elimination, SparseCholesky};
 use super::step_matrix::StepMatrix;
 use crate::Vec3;
@@ -27,7 +27,7 @@ impl Cholesky {
     pub fn new(
         matrix: &BlockMatrix,
         columns: usize,
-        kernels: Kernels,
+        code: FactorCode,
     ) -> Result<Self, CondenseError> {
         let unknowns = 3 * matrix.free();
         let mut column_start = Vec::with_capacity(unknowns + 1);
@@ -43,7 +43,7 @@ impl Cholesky {
             }
         }
         let elimination = Elimination::MinimumDegree;
-        let sparse = SparseCholesky::new(column_start, row_index, elimination, kernels, columns)?;
+        let sparse = SparseCholesky::new(column_start, row_index, elimination, code, columns)?;
         Ok(Self { sparse })
     }
 

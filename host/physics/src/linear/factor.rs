@@ -5,7 +5,7 @@
 
 use super::block_matrix::BlockMatrix;
 use super::order::places;
-use super::sparse_cholesky::{Elimination, Kernels, SparseCholesky};
+use super::sparse_cholesky::{Elimination, FactorCode, SparseCholesky};
 use super::step_matrix::StepMatrix;
 use super::supernodes::Supernodes;
 use crate::Vec3;
@@ -42,18 +42,18 @@ impl Factor {
     /// [`CondenseError::Topology`] if `order` is no order of the free nodes, and
     /// [`CondenseError::Symbolic`] if the matrix is too large for memory or 32-bit indices.
     pub fn new(matrix: &BlockMatrix, order: &[u32]) -> Result<Self, CondenseError> {
-        Self::with_kernels(matrix, order, Kernels::Fastest)
+        Self::with_code(matrix, order, FactorCode::Fastest)
     }
 
-    /// [`new`](Self::new) with a choice of the kernels of the factorization.
+    /// [`new`](Self::new) with a choice of the code of the factorization.
     ///
     /// # Errors
     ///
     /// As `new`.
-    pub fn with_kernels(
+    pub fn with_code(
         matrix: &BlockMatrix,
         order: &[u32],
-        kernels: Kernels,
+        code: FactorCode,
     ) -> Result<Self, CondenseError> {
         let unknowns = 3 * matrix.free();
         let mut sorted = order.to_vec();
@@ -98,7 +98,7 @@ impl Factor {
             supernodes: Supernodes::new(matrix, order),
             places,
             rank,
-            sparse: SparseCholesky::new(column_start, row_index, elimination, kernels, COLUMNS)?,
+            sparse: SparseCholesky::new(column_start, row_index, elimination, code, COLUMNS)?,
         })
     }
 

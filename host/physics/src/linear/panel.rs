@@ -10,7 +10,7 @@
 //! size, with an error of 2e-3 instead of 1e-7.
 //!
 //! No product and sum are contracted into one rounding, and lanes are summed in a fixed order. The same factor (see
-//! [`Kernels`](crate::linear::sparse_cholesky::Kernels)) therefore gives the same result on every machine.
+//! [`FactorCode`](crate::linear::sparse_cholesky::FactorCode)) therefore gives the same result on every machine.
 
 use super::factor::{Factor, Rows};
 use super::supernodes::{Supernode, Supernodes};

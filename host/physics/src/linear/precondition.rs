@@ -5,7 +5,7 @@ use super::factor::Factor;
 use super::incomplete::{self, Incomplete};
 use super::order;
 use super::panel::{self, Panels};
-use super::sparse_cholesky::Kernels;
+use super::sparse_cholesky::FactorCode;
 use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::cost::Cost;
@@ -104,17 +104,17 @@ impl Makes {
         kind: Preconditioner,
         matrix: &BlockMatrix,
         rest: &[Vec3],
-        kernels: Kernels,
+        code: FactorCode,
     ) -> Result<(Self, Solves), CondenseError> {
         Ok(match kind {
             Preconditioner::Complete => {
                 let identity: Vec<u32> = (0..matrix.free() as u32).collect();
-                let factor = Factor::with_kernels(matrix, &identity, kernels)?;
+                let factor = Factor::with_code(matrix, &identity, code)?;
                 let panels = Panels::new(&factor);
                 (Self::Complete(Box::new(factor)), Solves::Complete(panels))
             }
             Preconditioner::Incomplete => {
-                let maker = incomplete::Maker::new(matrix, rest, kernels)?;
+                let maker = incomplete::Maker::new(matrix, rest, code)?;
                 let empty = maker.empty(matrix);
                 (Self::Incomplete(Box::new(maker)), Solves::Incomplete(empty))
             }

@@ -5,7 +5,7 @@
 //!
 //! `faer` groups columns into dense blocks (supernodes). It selects the widest vector instructions of the machine at
 //! run time, so machines round differently. Its factorization column by column (simplicial) is plain scalar code. The
-//! same program then gives the same bytes on every machine ([`Kernels`]).
+//! same program then gives the same bytes on every machine ([`FactorCode`]).
 
 use crate::error::CondenseError;
 use core::fmt;
@@ -21,7 +21,7 @@ use faer::{Conj, MatMut, Par, Side, Spec};
 
 /// The code of the sparse factorization.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Kernels {
+pub enum FactorCode {
     /// The fastest code on this machine. Its rounding depends on the machine.
     #[default]
     Fastest,
@@ -72,7 +72,7 @@ impl SparseCholesky {
         column_start: Vec<u32>,
         row_index: Vec<u32>,
         elimination: Elimination,
-        kernels: Kernels,
+        code: FactorCode,
         columns: usize,
     ) -> Result<Self, CondenseError> {
         let unknowns = column_start.len() - 1;
@@ -81,9 +81,9 @@ impl SparseCholesky {
             reason: format!("{reason:?}"),
         };
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: match kernels {
-                Kernels::Fastest => SupernodalThreshold::FORCE_SUPERNODAL,
-                Kernels::Portable => SupernodalThreshold::FORCE_SIMPLICIAL,
+            supernodal_flop_ratio_threshold: match code {
+                FactorCode::Fastest => SupernodalThreshold::FORCE_SUPERNODAL,
+                FactorCode::Portable => SupernodalThreshold::FORCE_SIMPLICIAL,
             },
             ..CholeskySymbolicParams::default()
         };

@@ -15,7 +15,7 @@ use crate::error::{CondenseError, StepError};
 
 /// How time is discretized.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Scheme {
+pub enum TimeScheme {
     /// First order, strongly damped.
     #[default]
     ImplicitEuler,
@@ -27,7 +27,7 @@ pub enum Scheme {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntegratorOptions {
     /// The scheme.
-    pub scheme: Scheme,
+    pub scheme: TimeScheme,
     /// When a solve stops.
     pub newton: NewtonOptions,
     /// How often a step may be halved.
@@ -39,7 +39,7 @@ pub struct IntegratorOptions {
 impl Default for IntegratorOptions {
     fn default() -> Self {
         Self {
-            scheme: Scheme::default(),
+            scheme: TimeScheme::default(),
             newton: NewtonOptions::default(),
             max_halvings: 8,
             refuse_inversion: false,

@@ -17,7 +17,7 @@ pub mod stepper;
 
 pub use assembled::AssembledStepper;
 pub use equilibrium::{Equilibrium, EquilibriumOptions, EquilibriumReport};
-pub use integrator::{Integrator, IntegratorOptions, Scheme, StepReport};
+pub use integrator::{Integrator, IntegratorOptions, StepReport, TimeScheme};
 pub use newton::{NewtonOptions, NewtonReport};
 pub use refresh::Refresher;
 pub use stepper::{Guess, Part, Stepper, StepperOptions, StepperReport, complete_bytes};

@@ -23,7 +23,7 @@ use crate::body::Body;
 use crate::body::rounding::{Lost, Rounding};
 use crate::error::{CondenseError, StepError};
 use crate::linear::cholesky::Cholesky;
-use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::sparse_cholesky::FactorCode;
 use crate::material::Tangent;
 
 /// Share of the promised decrease that a step must bring (Armijo).
@@ -116,7 +116,7 @@ impl Newton {
         let count = body.state.x.len();
         Ok(Self {
             options,
-            cholesky: Cholesky::new(&body.assembly.stiffness, 1, Kernels::default())?,
+            cholesky: Cholesky::new(&body.assembly.stiffness, 1, FactorCode::default())?,
             residual: vec![Vec3::zeros(); count],
             velocity: vec![Vec3::zeros(); count],
             step: vec![Vec3::zeros(); count],

@@ -12,7 +12,7 @@ use crate::error::CondenseError;
 use crate::lanes::{Node, Real, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{Makes, Preconditioner, Solves, Step};
-use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::sparse_cholesky::FactorCode;
 
 /// What makes a factor.
 #[derive(Debug)]
@@ -41,7 +41,7 @@ impl<T: Real> Refresher<T> {
         rest: &[Vec3],
         mass: Vec<f64>,
         guided: Vec<Vec3>,
-        (kind, code): (Preconditioner, Kernels),
+        (kind, code): (Preconditioner, FactorCode),
         epoch: u64,
     ) -> Result<Self, CondenseError> {
         let (makes, made) = Makes::new(kind, &matrix, rest, code)?;

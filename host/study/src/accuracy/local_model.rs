@@ -22,7 +22,7 @@ use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, Scheme, SolidLaw, SolidMaterial, Tangent, Vec3,
+    HandleSpec, Integrator, IntegratorOptions, SolidLaw, SolidMaterial, Tangent, TimeScheme, Vec3,
 };
 use serde::Serialize;
 
@@ -133,7 +133,7 @@ impl Scene {
         let poses = [-0.5, 0.45].map(|side| HandlePose::at(Vec3::z() * (side * EDGE)));
         Equilibrium::new(&body, EquilibriumOptions::default())?.solve(&mut body, &poses, 1.0)?;
         let options = IntegratorOptions {
-            scheme: Scheme::TrBdf2,
+            scheme: TimeScheme::TrBdf2,
             ..IntegratorOptions::default()
         };
         let integrator = Integrator::new(&body, options)?;

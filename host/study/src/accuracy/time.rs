@@ -6,8 +6,8 @@ use super::solve::{vertices, weightless};
 use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, Scheme, SolidLaw,
-    SolidMaterial, Vec3,
+    Body, BodyConfig, Integrator, IntegratorOptions, NewtonOptions, SolidLaw, SolidMaterial,
+    TimeScheme, Vec3,
 };
 
 const DURATION: f64 = 0.1;
@@ -22,19 +22,19 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
         Level::Quick => 800,
         Level::Full => 6400,
     };
-    let exact = swing(Scheme::TrBdf2, fine)?;
+    let exact = swing(TimeScheme::TrBdf2, fine)?;
     let mut all = Vec::new();
     for (name, title, scheme, steps) in [
         (
             "time_implicit_euler",
             "swinging cube, implicit Euler: error of its vertices (m)",
-            Scheme::ImplicitEuler,
+            TimeScheme::ImplicitEuler,
             &[50, 100, 200, 400, 800],
         ),
         (
             "time_tr_bdf2",
             "swinging cube, TR-BDF2: error of its vertices (m)",
-            Scheme::TrBdf2,
+            TimeScheme::TrBdf2,
             &[25, 50, 100, 200, 400],
         ),
     ] {
@@ -61,7 +61,7 @@ pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
 }
 
 /// The positions of the vertices after the swing, in `steps` steps.
-fn swing(scheme: Scheme, steps: u32) -> Result<Vec<Vec3>, StudyError> {
+fn swing(scheme: TimeScheme, steps: u32) -> Result<Vec<Vec3>, StudyError> {
     let mesh = solid_box([1.0; 3], [1; 3])?.quadratic();
     let config = BodyConfig {
         mass_damping: 0.5,

@@ -5,7 +5,7 @@
 use crate::StudyError;
 use physics::{
     Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Preconditioner, Real,
-    Refresher, Scheme, StepperOptions,
+    Refresher, StepperOptions, TimeScheme,
 };
 use std::thread;
 
@@ -28,7 +28,7 @@ pub(super) enum Method {
     /// [`Integrator`]: Newton's method, every matrix factorized.
     Newton {
         /// The discretization of time.
-        scheme: Scheme,
+        scheme: TimeScheme,
         /// The solver stops when the residual is below this fraction of the balanced forces.
         tolerance: f64,
     },
@@ -98,7 +98,7 @@ pub(super) const fn single(tolerance: f64, max_iterations: usize) -> Method {
 /// Newton's method on implicit Euler, to nine digits of the balanced forces. Rounding allows no more digits for thin
 /// sheets.
 pub(super) const NEWTON: Method = Method::Newton {
-    scheme: Scheme::ImplicitEuler,
+    scheme: TimeScheme::ImplicitEuler,
     tolerance: 1e-9,
 };
 

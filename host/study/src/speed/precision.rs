@@ -6,7 +6,7 @@ use super::path::{self, Method};
 use super::trial::{Course, drive};
 use crate::elsewhere::ACCURACY;
 use crate::{Level, StudyError};
-use physics::{Scheme, Vec3};
+use physics::{TimeScheme, Vec3};
 use serde::Serialize;
 
 /// The quantity that varies.
@@ -164,7 +164,7 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
         Level::Full => 160,
     };
     let second = Method::Newton {
-        scheme: Scheme::TrBdf2,
+        scheme: TimeScheme::TrBdf2,
         tolerance: 1e-9,
     };
     let exact = swing(n, finest, second)?;

@@ -3,7 +3,7 @@
 use super::Kind;
 use crate::StudyError;
 use physics::{
-    Body, HandlePose, Integrator, IntegratorOptions, Scheme, Stepper, StepperOptions, Vec3,
+    Body, HandlePose, Integrator, IntegratorOptions, Stepper, StepperOptions, TimeScheme, Vec3,
 };
 use serde::Serialize;
 use std::fmt::Display;
@@ -69,9 +69,9 @@ impl Method {
 
     pub(super) fn options(self) -> IntegratorOptions {
         let scheme = if self == Self::TrBdf2 {
-            Scheme::TrBdf2
+            TimeScheme::TrBdf2
         } else {
-            Scheme::ImplicitEuler
+            TimeScheme::ImplicitEuler
         };
         IntegratorOptions {
             scheme,

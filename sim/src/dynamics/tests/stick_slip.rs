@@ -103,7 +103,7 @@ fn it_breaks_loose_at_the_analytic_time() {
 }
 
 /// A task along a line: a hand that moves to and fro, with rests, under a force that switches.
-fn to_and_fro(steps_per_ms: u32) -> (Vec<Vec3>, EnergyAccount) {
+fn to_and_fro(steps_per_ms: u32) -> (Vec<Vec3>, MechanicalEnergy) {
     let mut body = Dynamics::new(0.15, 0.5, 0.4, Arm::TYPICAL, Vec3::zeros());
     let h = 1e-3 / f64::from(steps_per_ms);
     let mut places = Vec::new();
@@ -145,7 +145,7 @@ fn a_line_with_stops_and_starts_converges_to_second_order() {
 }
 
 /// As [`to_and_fro`], in the plane, where a direction turns before it stops.
-fn round_and_round(steps_per_ms: u32) -> (Vec<Vec3>, EnergyAccount, u32) {
+fn round_and_round(steps_per_ms: u32) -> (Vec<Vec3>, MechanicalEnergy, u32) {
     let mut body = Dynamics::new(0.15, 0.5, 0.4, Arm::TYPICAL, Vec3::zeros());
     let h = 1e-3 / f64::from(steps_per_ms);
     let mut places = Vec::new();

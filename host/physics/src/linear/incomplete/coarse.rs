@@ -14,7 +14,7 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::factor::Factor;
 use crate::linear::order;
 use crate::linear::panel::Panels;
-use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::sparse_cholesky::FactorCode;
 use crate::linear::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
@@ -121,7 +121,7 @@ impl CoarseMaker {
     pub(crate) fn new(
         matrix: &BlockMatrix,
         rest: &[Vec3],
-        kernels: Kernels,
+        code: FactorCode,
     ) -> Result<Self, CondenseError> {
         let (patch, patches) = aggregates(matrix);
         let pairs = |patch: &[u32]| -> Vec<[u32; 2]> {
@@ -142,11 +142,7 @@ impl CoarseMaker {
             row: Vec::new(),
             matrix: BlockMatrix::new(0, 0, core::iter::empty()),
             mass: vec![0.0; 2 * patches],
-            factor: Factor::with_kernels(
-                &BlockMatrix::new(0, 0, core::iter::empty()),
-                &[],
-                kernels,
-            )?,
+            factor: Factor::with_code(&BlockMatrix::new(0, 0, core::iter::empty()), &[], code)?,
             patch,
         };
         maker.place(|node| rest[node]);
@@ -167,7 +163,7 @@ impl CoarseMaker {
             coupled.iter().map(<[u32; 4]>::as_slice),
         );
         let identity: Vec<u32> = (0..2 * patches as u32).collect();
-        maker.factor = Factor::with_kernels(&maker.matrix, &identity, kernels)?;
+        maker.factor = Factor::with_code(&maker.matrix, &identity, code)?;
         let most = (0..matrix.free()).map(|node| matrix.free_blocks(node).count());
         maker.row = Vec::with_capacity(most.max().unwrap_or(0));
         Ok(maker)

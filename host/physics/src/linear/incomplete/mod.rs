@@ -30,7 +30,7 @@ mod sweep;
 pub use blocks::Blocks;
 
 use super::block_matrix::BlockMatrix;
-use super::sparse_cholesky::Kernels;
+use super::sparse_cholesky::FactorCode;
 use super::step_matrix::StepMatrix;
 use crate::Vec3;
 use crate::cost::Cost;
@@ -76,10 +76,10 @@ impl Maker {
     pub(crate) fn new(
         matrix: &BlockMatrix,
         rest: &[Vec3],
-        kernels: Kernels,
+        code: FactorCode,
     ) -> Result<Self, CondenseError> {
         Ok(Self {
-            coarse: CoarseMaker::new(matrix, rest, kernels)?,
+            coarse: CoarseMaker::new(matrix, rest, code)?,
             rest: rest[..matrix.free()].to_vec(),
         })
     }

@@ -10,7 +10,7 @@
 //! A substep of TR-BDF2 that would make energy in a body that is not linear is taken by implicit Euler instead
 //! (`guard`).
 
-use super::{Integrator, Scheme, between};
+use super::{Integrator, TimeScheme, between};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
@@ -33,7 +33,7 @@ impl Integrator {
         let scheme = self.options.scheme;
         // Energies are compared under the loads of the substep's end.
         self.load(body, 1.0);
-        if scheme == Scheme::ImplicitEuler {
+        if scheme == TimeScheme::ImplicitEuler {
             return Ok((self.attempt(body, scheme, h, share)?, false));
         }
         self.guard.begin(Energy::now(body));
@@ -48,7 +48,7 @@ impl Integrator {
         }
         body.state.x.copy_from_slice(&self.x);
         body.state.v.copy_from_slice(&self.v);
-        let mut safer = self.attempt(body, Scheme::ImplicitEuler, h, share)?;
+        let mut safer = self.attempt(body, TimeScheme::ImplicitEuler, h, share)?;
         safer.iterations += found.iterations;
         self.guard.end(Energy::now(body), self.work);
         Ok((safer, true))
@@ -58,12 +58,12 @@ impl Integrator {
     fn attempt(
         &mut self,
         body: &mut Body,
-        scheme: Scheme,
+        scheme: TimeScheme,
         h: f64,
         share: f64,
     ) -> Result<NewtonReport, StepError> {
         let mut report = match scheme {
-            Scheme::ImplicitEuler => {
+            TimeScheme::ImplicitEuler => {
                 for node in 0..self.x.len() {
                     self.anchor[node] = self.x[node];
                     self.predicted[node] = self.x[node] + self.v[node] * h;
@@ -72,7 +72,7 @@ impl Integrator {
                 self.work = self.hands(body, &self.x);
                 report
             }
-            Scheme::TrBdf2 => {
+            TimeScheme::TrBdf2 => {
                 let g = D * h;
                 body.assemble();
                 self.load(body, 0.0);
@@ -108,7 +108,11 @@ impl Integrator {
                 second
             }
         };
-        let g = if scheme == Scheme::TrBdf2 { D * h } else { h };
+        let g = if scheme == TimeScheme::TrBdf2 {
+            D * h
+        } else {
+            h
+        };
         for (node, v) in body.state.v.iter_mut().enumerate() {
             *v = (body.state.x[node] - self.anchor[node]) / g;
         }

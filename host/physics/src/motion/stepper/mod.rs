@@ -212,7 +212,7 @@ impl<T: Real> Stepper<T> {
             &rest,
             mass.clone(),
             guided,
-            (options.preconditioner, options.kernels),
+            (options.preconditioner, options.code),
             body.epoch(),
         )?;
         let zeros = vec![[T::ZERO; 4]; count];

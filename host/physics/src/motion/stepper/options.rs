@@ -1,7 +1,7 @@
 //! What a stepper is asked, and what it answers.
 
 use crate::linear::precondition::Preconditioner;
-use crate::linear::sparse_cholesky::Kernels;
+use crate::linear::sparse_cholesky::FactorCode;
 
 /// Where conjugate gradients start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,7 +35,7 @@ pub struct StepperOptions {
     /// see [`Stepper::lend`](crate::motion::stepper::Stepper::lend).
     pub refresh: bool,
     /// The code that factorizes.
-    pub kernels: Kernels,
+    pub code: FactorCode,
     /// A body of which no vertex has been faster than this for some steps sleeps (m/s); 0 for none that does. See
     /// `sleep` for what that leaves out.
     pub sleep_speed: f64,
@@ -50,7 +50,7 @@ impl Default for StepperOptions {
             preconditioner: Preconditioner::default(),
             patience: 3,
             refresh: true,
-            kernels: Kernels::default(),
+            code: FactorCode::default(),
             sleep_speed: 1e-7,
         }
     }

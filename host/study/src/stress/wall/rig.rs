@@ -11,7 +11,7 @@ use rt_core::{
     PassivityConfig, Pose, Scheme, Twist, Vec3,
 };
 use sim::DeviceModel;
-use sim::adversary::{Port, Rendering};
+use sim::adversary::{Mechanism, Rendering};
 
 /// Ticks until the wall is complete: the model blends in over a few ticks.
 const WARM_UP: u32 = 20;
@@ -43,8 +43,8 @@ impl Wall {
     }
 
     /// The port between the controller and the hand.
-    pub fn port(&self) -> Port {
-        Port {
+    pub fn port(&self) -> Mechanism {
+        Mechanism {
             period: self.period(),
             damping: self.model.damping,
             friction: if self.whole { self.model.friction } else { 0.0 },

@@ -12,7 +12,7 @@ pub trait Rendering {
 
 /// The device between the commands and the hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Port {
+pub struct Mechanism {
     /// The tick's period (s).
     pub period: f64,
     /// Viscous damping of the mechanism (N s/m).
@@ -37,7 +37,7 @@ pub struct Outcome {
     pub fraction: f64,
 }
 
-impl Port {
+impl Mechanism {
     /// Work done on the hand over a step `by` (m) under a held `force` (N): the motor's work, minus the energy that the
     /// mechanism dissipates along the cheapest path, the straight one.
     pub fn work(&self, force: f64, by: f64) -> f64 {
