@@ -329,7 +329,7 @@ fn clipping_gives_the_nearest_semidefinite_matrix() {
     let clip = clipper.clip(&mut matrix, &[1.0, 1.0]);
     assert_eq!(clip.count, 1);
     // Rounding of a rotation.
-    assert!((clip.share - 1.0 / 3.0).abs() < 1e-15);
+    assert!((clip.fraction - 1.0 / 3.0).abs() < 1e-15);
     assert!(
         matrix.as_slice().iter().all(|k| (k - 1.5).abs() < 1e-15),
         "{matrix:?}"

@@ -189,7 +189,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     };
     let bar = progress_bar();
     let result = host::run::run(&loaded, &options, |progress| {
-        bar.set_position((1000.0 * progress.share()) as u64);
+        bar.set_position((1000.0 * progress.fraction()) as u64);
         if arguments.report_progress {
             let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
             // One write call, so that a reader never sees half a line. Without a reader the error does not matter.

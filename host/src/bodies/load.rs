@@ -17,7 +17,7 @@ pub(super) fn build(
         let field = format!("body[{index}].load[{number}]");
         let group = load.group.as_deref();
         let vertices = places::vertices(loaded, &field, group, load.in_box, mesh)?;
-        let Spread { shares, area } = match mesh {
+        let Spread { fractions, area } = match mesh {
             Mesh::Thread(mesh) => spread_on_thread(mesh, &vertices),
             Mesh::Sheet(mesh) => spread_on_sheet(mesh, &vertices),
             Mesh::Solid(mesh) => spread_on_solid(mesh, &vertices),
@@ -35,7 +35,7 @@ pub(super) fn build(
             }
             None => Vec3::from(load.force.unwrap_or_default()),
         };
-        for (force, fraction) in forces.iter_mut().zip(&shares) {
+        for (force, fraction) in forces.iter_mut().zip(&fractions) {
             *force += total * *fraction;
         }
     }

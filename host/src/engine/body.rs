@@ -250,16 +250,16 @@ impl HostBody {
                 let from = &report.pose;
                 let speed = path.velocity().norm() + CATCH_UP;
                 let way = target.position - from.position;
-                if let Some(share) = shortened(way.norm(), speed * self.step) {
-                    target.position = from.position + way * share;
+                if let Some(fraction) = shortened(way.norm(), speed * self.step) {
+                    target.position = from.position + way * fraction;
                     behind = true;
                 }
                 // A device that senses no rotation hands on the same quaternion for ever.
                 if target.rotation != from.rotation {
                     let speed = path.turning().norm() + TURN_AFTER;
                     let turn = (target.rotation * from.rotation.inverse()).scaled_axis();
-                    if let Some(share) = shortened(turn.norm(), speed * self.step) {
-                        let part = UnitQuaternion::from_scaled_axis(turn * share);
+                    if let Some(fraction) = shortened(turn.norm(), speed * self.step) {
+                        let part = UnitQuaternion::from_scaled_axis(turn * fraction);
                         target.rotation = part * from.rotation;
                         behind = true;
                     }
@@ -286,13 +286,13 @@ impl HostBody {
             stats.clipped += 1;
             stats.worst_clip = clips
                 .iter()
-                .fold(stats.worst_clip, |worst, c| worst.max(c.share));
+                .fold(stats.worst_clip, |worst, c| worst.max(c.fraction));
         }
         Ok(())
     }
 }
 
-/// Which share of a way leads as far as `most`, if the whole is longer.
+/// Which fraction of a way leads as far as `most`, if the whole is longer.
 fn shortened(length: f64, most: f64) -> Option<f64> {
     (length > most).then(|| most / length)
 }

@@ -64,7 +64,7 @@ pub struct VirtualCoupling {
     /// The factor of `M`, then `Y` and `S`.
     factor: Square,
     follow: Square,
-    share: Square,
+    fraction: Square,
     speed: Vec<f64>,
     wrench: Vec<f64>,
     drift: Vec<f64>,
@@ -85,7 +85,7 @@ impl VirtualCoupling {
             coupled: [zeros(), zeros()],
             factor: zeros(),
             follow: zeros(),
-            share: zeros(),
+            fraction: zeros(),
             speed: vec![0.0; size],
             wrench: vec![0.0; size],
             drift: vec![0.0; size],
@@ -170,7 +170,7 @@ impl VirtualCoupling {
         for j in 0..size {
             for i in 0..size {
                 let whole = if i == j { 1.0 } else { 0.0 };
-                self.share[(i, j)] = whole - self.follow[(j, i)] * root[j];
+                self.fraction[(i, j)] = whole - self.follow[(j, i)] * root[j];
             }
         }
     }
@@ -183,12 +183,14 @@ impl VirtualCoupling {
         for (which, (coupled, body)) in each {
             for j in 0..size {
                 for i in 0..size {
-                    half[(i, j)] = (0..size).map(|k| self.share[(i, k)] * body[(k, j)]).sum();
+                    half[(i, j)] = (0..size)
+                        .map(|k| self.fraction[(i, k)] * body[(k, j)])
+                        .sum();
                 }
             }
             for j in 0..size {
                 for i in 0..size {
-                    let through = (0..size).map(|k| half[(i, k)] * self.share[(j, k)]);
+                    let through = (0..size).map(|k| half[(i, k)] * self.fraction[(j, k)]);
                     let spring = (0..size).map(|k| {
                         let weight = if which == 0 { 1.0 } else { self.ratio[k] };
                         weight * self.follow[(k, i)] * self.follow[(k, j)]
@@ -221,10 +223,10 @@ impl VirtualCoupling {
         for (h, handle) in self.model.handles.iter_mut().enumerate().take(size / 6) {
             let wrench = Vec6::from_fn(|r, _| {
                 let slot = 6 * h + r;
-                times(&self.share, &self.wrench, slot) - times(damping, &self.speed, slot)
+                times(&self.fraction, &self.wrench, slot) - times(damping, &self.speed, slot)
             });
             handle.wrench = Wrench::from_stacked(&wrench);
-            let drift = Vec6::from_fn(|r, _| times(&self.share, &self.drift, 6 * h + r));
+            let drift = Vec6::from_fn(|r, _| times(&self.fraction, &self.drift, 6 * h + r));
             handle.drift = Wrench::from_stacked(&drift);
         }
         for j in 0..size {

@@ -126,8 +126,8 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// The share done.
-    pub fn share(&self) -> f64 {
+    /// The fraction done.
+    pub fn fraction(&self) -> f64 {
         self.ticks as f64 / self.of.max(1) as f64
     }
 }

@@ -258,7 +258,7 @@ fn race(
             }
             published[index] = due;
             let condensed = condensers[index].condense(&sheet, 1.0 / rate)?;
-            race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.share);
+            race.worst_clip = race.worst_clip.max(condensed.stiffness_clip.fraction);
             let row = (0..handles.len()).map(|j| condensed.stiffness[(0, 6 * j)]);
             race.rigid_stiffness[index] = row.sum::<f64>().abs();
             fill_blocks(&mut model, condensed);

@@ -40,7 +40,13 @@ impl Assembly {
     /// of handles. Tells the elements where their blocks are, and lays out the bending.
     pub(crate) fn new(model: &mut Model, topology: &Topology, free: usize) -> Self {
         let count = topology.node_of_vertex.len();
-        let mut patches = model.patches.clone();
+        let rest: Vec<Vec3> = topology
+            .node_of_vertex
+            .iter()
+            .map(|&node| model.rest[node as usize])
+            .collect();
+        let bent = model.bent.as_ref();
+        let mut patches = bent.map_or_else(Vec::new, |sheet| sheet.patches(&rest));
         for vertex in patches.iter_mut().flat_map(|patch| &mut patch.vertices) {
             *vertex = topology.node_of_vertex[*vertex as usize];
         }

@@ -9,7 +9,7 @@ use super::support::Supports;
 use super::topology::Topology;
 use super::{Body, BodyConfig};
 use crate::Vec3;
-use crate::element::bending::{self, Patch};
+use crate::element::bending::BentSheet;
 use crate::element::elements::Elements;
 use crate::element::tet::shape::{Tet4, Tet10};
 use crate::element::tet::solid::Solid;
@@ -94,16 +94,13 @@ impl Body {
         config.check()?;
         check_positions(&mesh.positions)?;
         let membrane = Membrane::new(mesh, materials)?;
-        let material = |triangle: usize| materials[if materials.len() == 1 { 0 } else { triangle }];
-        let patches = if config.bending > 0.0 {
-            bending::patches(&mesh.positions, &mesh.triangles, material, config.bending)?
-        } else {
-            Vec::new()
-        };
+        let bends = config.bending > 0.0;
+        let bent = bends
+            .then(|| BentSheet::new(&mesh.positions, &mesh.triangles, materials, config.bending));
         Self::build(
             &mesh.positions,
             vec![Box::new(membrane)],
-            patches,
+            bent.transpose()?,
             config,
             handles,
         )
@@ -162,13 +159,13 @@ impl Body {
         config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<Self, BodyError> {
-        Self::build(positions, elements, Vec::new(), config, handles)
+        Self::build(positions, elements, None, config, handles)
     }
 
     fn build(
         positions: &[Vec3],
         mut elements: Vec<Box<dyn Elements>>,
-        patches: Vec<Patch>,
+        bent: Option<BentSheet>,
         config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<Self, BodyError> {
@@ -216,7 +213,7 @@ impl Body {
         let mut model = Model {
             config,
             elements,
-            patches,
+            bent,
             bending: None,
             rest: x.clone(),
             external: load.iter().map(|&load| config.gravity * load).collect(),

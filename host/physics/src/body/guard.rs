@@ -9,10 +9,10 @@
 use super::{Body, rounding};
 use crate::Vec3;
 
-/// Share of kinetic and elastic energy that a step may regain. A scheme of second order swings about the right
+/// Fraction of kinetic and elastic energy that a step may regain. A scheme of second order swings about the right
 /// energy, and must be let: half of the hundredth that is promised.
 const SLACK: f64 = 0.005;
-/// Energies are known to this share of stiffness times the length of edges squared, and of the loads' work.
+/// Energies are known to this fraction of stiffness times the length of edges squared, and of the loads' work.
 const ROUNDING: f64 = 1e-14;
 /// A kick of a thousand cells in a step, in cells that resist with the fourth power.
 const MOST_HALVINGS: usize = 30;
@@ -34,7 +34,7 @@ pub(crate) struct Guard {
 pub(crate) struct HeldBack {
     /// Energy where it leads (J).
     pub(crate) energy: Energy,
-    /// The share of it that is left; 1 is the rule.
+    /// The fraction of it that is left; 1 is the rule.
     pub(crate) kept: f64,
     /// Whether shorter ones were looked at after this one, so that what came of the last look is of another.
     pub(crate) returned: bool,
@@ -108,7 +108,7 @@ impl Guard {
     /// most `work` (J); where no half will do, the one with the least energy is left. `ahead` gives the energy after
     /// the displacement as it is.
     ///
-    /// A body that stays where it is gains nothing, so some share will do unless hands tear it along. One that
+    /// A body that stays where it is gains nothing, so some fraction will do unless hands tear it along. One that
     /// nothing holds keeps its momentum: the motion of its centre of mass is not touched.
     pub(crate) fn hold_back(
         &self,
@@ -125,13 +125,13 @@ impl Guard {
             return found;
         }
         let drift = body.free_drift();
-        let (mut share, mut misses) = (1.0, 0);
+        let (mut fraction, mut misses) = (1.0, 0);
         for _ in 0..MOST_HALVINGS {
             body.scale_motion(0.5, &drift);
-            share *= 0.5;
+            fraction *= 0.5;
             let shorter = ahead(body);
             if shorter.is_below(&found.energy) {
-                (found.energy, found.kept) = (shorter, share);
+                (found.energy, found.kept) = (shorter, fraction);
                 if self.allows(body, found.energy, work) {
                     break;
                 }
@@ -143,8 +143,8 @@ impl Guard {
                 }
             }
         }
-        if share < found.kept {
-            body.scale_motion(found.kept / share, &drift);
+        if fraction < found.kept {
+            body.scale_motion(found.kept / fraction, &drift);
             found.returned = true;
         }
         found
@@ -159,7 +159,7 @@ impl Guard {
 
 impl Body {
     /// Holds back so much of the displacement over a step of `h` that the body ends with no more energy than it
-    /// had and hands have put in, at most `work` (J). Returns the share held back; 0 is the rule.
+    /// had and hands have put in, at most `work` (J). Returns the fraction held back; 0 is the rule.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
         let mut guard = self.assembly.guard;
         guard.begin(Energy::now(self));

@@ -15,8 +15,8 @@ const FACES: [([usize; 3], [usize; 3]); 4] = [
 /// How a force on a part of a mesh is spread over vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
-    /// The share of each vertex of the mesh; together 1.
-    pub shares: Vec<f64>,
+    /// The fraction of each vertex of the mesh; together 1.
+    pub fractions: Vec<f64>,
     /// The area at rest over which it is spread (m^2); 0 where it is spread over edges or vertices.
     pub area: f64,
 }
@@ -24,15 +24,18 @@ pub struct Spread {
 /// Forces (N), one per vertex, of a uniform dead traction (Pa at rest, world axes) on those faces of the
 /// mesh's surface whose corners all lie in `vertices`; and the area that they have (m^2).
 pub fn traction(mesh: &TetMesh, vertices: &[u32], traction: Vec3) -> (Vec<Vec3>, f64) {
-    let Spread { shares, area } = spread_on_solid(mesh, vertices);
+    let Spread { fractions, area } = spread_on_solid(mesh, vertices);
     let force = traction * area;
-    (shares.iter().map(|share| force * *share).collect(), area)
+    (
+        fractions.iter().map(|fraction| force * *fraction).collect(),
+        area,
+    )
 }
 
 /// Spreads a force over those faces of a solid's surface whose corners all lie in `vertices`; evenly over
 /// the vertices if there is no such face.
 ///
-/// Faces are taken as flat, and shares are consistent with the shape functions: a third of the face's at each
+/// Faces are taken as flat, and fractions are consistent with the shape functions: a third of the face's at each
 /// corner of a linear one, a third at each middle of a quadratic one.
 pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
     let chosen = chosen(mesh.positions.len(), vertices);
@@ -58,9 +61,9 @@ pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
         let [a, b, c] = corners.map(|vertex| mesh.positions[vertex as usize]);
         (carriers, 0.5 * (b - a).cross(&(c - a)).norm())
     });
-    let (shares, area) = weigh(mesh.positions.len(), parts);
+    let (fractions, area) = weigh(mesh.positions.len(), parts);
     if area > 0.0 {
-        return Spread { shares, area };
+        return Spread { fractions, area };
     }
     evenly(&chosen)
 }
@@ -73,9 +76,12 @@ pub fn spread_on_thread(mesh: &LineMesh, vertices: &[u32]) -> Spread {
     let inside = |ends: &&[u32; 2]| ends.iter().all(|&vertex| chosen[vertex as usize]);
     let lines = mesh.lines.iter().filter(inside);
     let parts = lines.map(|&ends| (ends, (at(ends[1]) - at(ends[0])).norm()));
-    let (shares, length) = weigh(mesh.positions.len(), parts);
+    let (fractions, length) = weigh(mesh.positions.len(), parts);
     if length > 0.0 {
-        return Spread { shares, area: 0.0 };
+        return Spread {
+            fractions,
+            area: 0.0,
+        };
     }
     evenly(&chosen)
 }
@@ -91,9 +97,9 @@ pub fn spread_on_sheet(mesh: &TriMesh, vertices: &[u32]) -> Spread {
         let [a, b, c] = corners.map(at);
         (corners, 0.5 * (b - a).cross(&(c - a)).norm())
     });
-    let (shares, area) = weigh(mesh.positions.len(), parts);
+    let (fractions, area) = weigh(mesh.positions.len(), parts);
     if area > 0.0 {
-        return Spread { shares, area };
+        return Spread { fractions, area };
     }
     let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for &[a, b, c] in &mesh.triangles {
@@ -104,9 +110,12 @@ pub fn spread_on_sheet(mesh: &TriMesh, vertices: &[u32]) -> Spread {
     let boundary = edges.into_iter().filter(|(_, triangles)| *triangles == 1);
     let within = boundary.filter(|(ends, _)| inside(ends));
     let parts = within.map(|(ends, _)| (ends, (at(ends[1]) - at(ends[0])).norm()));
-    let (shares, length) = weigh(mesh.positions.len(), parts);
+    let (fractions, length) = weigh(mesh.positions.len(), parts);
     if length > 0.0 {
-        return Spread { shares, area: 0.0 };
+        return Spread {
+            fractions,
+            area: 0.0,
+        };
     }
     evenly(&chosen)
 }
@@ -121,32 +130,32 @@ fn chosen(count: usize, vertices: &[u32]) -> Vec<bool> {
     chosen
 }
 
-/// Shares of vertices that parts carry evenly by their size, and the sum of the sizes.
+/// Fractions of vertices that parts carry evenly by their size, and the sum of the sizes.
 fn weigh<const N: usize>(
     count: usize,
     parts: impl Iterator<Item = ([u32; N], f64)>,
 ) -> (Vec<f64>, f64) {
-    let mut shares = vec![0.0; count];
+    let mut fractions = vec![0.0; count];
     let mut whole = 0.0;
     for (carriers, size) in parts {
         whole += size;
         for vertex in carriers {
-            shares[vertex as usize] += size / N as f64;
+            fractions[vertex as usize] += size / N as f64;
         }
     }
     if whole > 0.0 {
-        for share in &mut shares {
-            *share /= whole;
+        for fraction in &mut fractions {
+            *fraction /= whole;
         }
     }
-    (shares, whole)
+    (fractions, whole)
 }
 
 fn evenly(chosen: &[bool]) -> Spread {
     let count = chosen.iter().filter(|chosen| **chosen).count().max(1);
-    let share = |&chosen: &bool| f64::from(u8::from(chosen)) / count as f64;
+    let fraction = |&chosen: &bool| f64::from(u8::from(chosen)) / count as f64;
     Spread {
-        shares: chosen.iter().map(share).collect(),
+        fractions: chosen.iter().map(fraction).collect(),
         area: 0.0,
     }
 }
@@ -170,7 +179,7 @@ pub fn edge_traction(
     let chosen = chosen(count, vertices);
     let mut forces = vec![Vec3::zeros(); count];
     let mut whole = 0.0;
-    // Half the distance between the Gauss points, as a share of the edge.
+    // Half the distance between the Gauss points, as a fraction of the edge.
     let offset = 0.5 / libm::sqrt(3.0);
     for edge in Adjacency::new(&mesh.triangles)?.boundary {
         if !edge.vertices.iter().all(|&vertex| chosen[vertex as usize]) {
@@ -182,10 +191,10 @@ pub fn edge_traction(
         let inward = mesh.positions[edge.opposite as usize] - a;
         let outward = along * (inward.dot(&along) / (length * length)) - inward;
         let normal = outward / outward.norm();
-        for share in [0.5 - offset, 0.5 + offset] {
-            let force = per_length(&(a + along * share), &normal) * (0.5 * length);
-            forces[edge.vertices[0] as usize] += force * (1.0 - share);
-            forces[edge.vertices[1] as usize] += force * share;
+        for fraction in [0.5 - offset, 0.5 + offset] {
+            let force = per_length(&(a + along * fraction), &normal) * (0.5 * length);
+            forces[edge.vertices[0] as usize] += force * (1.0 - fraction);
+            forces[edge.vertices[1] as usize] += force * fraction;
         }
         whole += length;
     }

@@ -2,7 +2,7 @@
 
 use super::Body;
 use super::handle::Handle;
-use crate::element::bending::{Bending, Patch};
+use crate::element::bending::{Bending, BentSheet};
 
 impl Body {
     /// Memory that it holds (bytes).
@@ -30,7 +30,7 @@ impl Body {
         size_of::<Self>()
             + elements
             + bending.map_or(0, size_of_val)
-            + self.model.patches.iter().map(Patch::bytes).sum::<usize>()
+            + self.model.bent.as_ref().map_or(0, BentSheet::bytes)
             + self.assembly.stiffness.bytes()
             + self.constraints.handles.iter().map(handle).sum::<usize>()
             + self.constraints.supports.bytes()

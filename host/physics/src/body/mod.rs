@@ -57,7 +57,7 @@ pub struct BodyConfig {
     /// Sheets: factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`; 0 leaves bending out and costs
     /// nothing.
     pub bending: f64,
-    /// The solver stops at this share of the residual of its guess.
+    /// The solver stops at this fraction of the residual of its guess.
     pub tolerance: f64,
     /// The solver stops below this residual (N).
     pub absolute_tolerance: f64,
@@ -319,7 +319,7 @@ impl Body {
         Ok(())
     }
 
-    /// Sets which share of gravity and the host's forces acts; 1 at first. Load steps raise it from 0.
+    /// Sets which fraction of gravity and the host's forces acts; 1 at first. Load steps raise it from 0.
     ///
     /// # Errors
     ///

@@ -3,7 +3,7 @@
 use super::BodyConfig;
 use crate::Vec3;
 use crate::element::Elements;
-use crate::element::bending::{Bending, Patch};
+use crate::element::bending::{Bending, BentSheet};
 
 /// Elements, mass and loads.
 #[derive(Clone, Debug)]
@@ -11,8 +11,8 @@ pub(crate) struct Model {
     pub(crate) config: BodyConfig,
     /// One set a kind, over nodes.
     pub(crate) elements: Vec<Box<dyn Elements>>,
-    /// What each triangle adds to the bending, over vertices.
-    pub(crate) patches: Vec<Patch>,
+    /// The sheet whose bending resists, where there is one.
+    pub(crate) bent: Option<BentSheet>,
     pub(crate) bending: Option<Bending>,
     /// Positions at rest, by node (m).
     pub(crate) rest: Vec<Vec3>,

@@ -18,7 +18,7 @@ const SUMS: f64 = 1e-13;
 /// The lengths on which a body's rounding depends, for one topology.
 #[derive(Clone, Debug)]
 pub(crate) struct Rounding {
-    /// By free node, the longest way at rest to a node that it shares an element with (m).
+    /// By free node, the largest distance at rest to a node of the same element (m).
     reach: Vec<f64>,
 }
 
@@ -34,7 +34,7 @@ pub(crate) struct Lost {
     pub(crate) work: f64,
 }
 
-/// The longest way at rest from a node to one that it shares an element with (m).
+/// The largest distance at rest from a node to a node of the same element (m).
 pub(crate) fn reach(body: &Body, node: usize) -> f64 {
     let (columns, _) = body.assembly.stiffness.row(node);
     let way = |column: &u32| (body.model.rest[*column as usize] - body.model.rest[node]).amax();

@@ -129,17 +129,17 @@ impl Supports {
         (!self.mask.is_empty()).then_some(&self.mask)
     }
 
-    /// Sets the guided parts of `u` to what takes the nodes at `x` to where they are guided, `share` of the
-    /// way.
-    pub(crate) fn prescribe(&self, x: &[Vec3], share: f64, u: &mut [Vec3]) {
+    /// Sets the guided parts of `u` to what takes the nodes at `x` to where they are guided, `fraction` of the
+    /// displacement.
+    pub(crate) fn prescribe(&self, x: &[Vec3], fraction: f64, u: &mut [Vec3]) {
         for (&node, rest) in self.guided.iter().zip(&self.rest) {
             let node = node as usize;
             for axis in 0..3 {
                 let owner = self.owner[node][axis];
                 if owner > 0 {
                     let support = &self.list[usize::from(owner) - 1];
-                    let way = rest[axis] + support.displacement[axis] - x[node][axis];
-                    u[node][axis] = way * share;
+                    let displacement = rest[axis] + support.displacement[axis] - x[node][axis];
+                    u[node][axis] = displacement * fraction;
                 }
             }
         }

@@ -1,9 +1,9 @@
 //! Which part of a body's weight each of its handles bears.
 //!
-//! At rest handles and supports bear the whole weight together; how they share it depends on how the body hangs, and
+//! At rest handles and supports bear the whole weight together; the distribution depends on how the body hangs, and
 //! changes as it moves. What a handle bears of the settled body, before a hand has moved it, is right at the start,
 //! whatever supports bear, and is kept from then on, which is the point: a force that is constant is the gradient of a
-//! potential, and gives back exactly the energy that it took. How the shares change later is the elastic part's
+//! potential, and gives back exactly the energy that it took. How the fractions change later is the elastic part's
 //! business.
 
 use super::Body;

@@ -87,7 +87,7 @@ pub struct Clip {
     /// Number of eigenvalues raised to zero (beyond rounding).
     pub count: usize,
     /// Magnitude of the most negative eigenvalue as a fraction of the largest magnitude, or 0 if none is negative.
-    pub share: f64,
+    pub fraction: f64,
 }
 
 /// Workspace of [`clip`](Clipper::clip), for one size of matrix.
@@ -131,7 +131,7 @@ impl Clipper {
             let fraction = -eigenvalue(k) / magnitude;
             if fraction > ROUNDING {
                 clip.count += 1;
-                clip.share = clip.share.max(fraction);
+                clip.fraction = clip.fraction.max(fraction);
             }
         }
         if clip.count > 0 {

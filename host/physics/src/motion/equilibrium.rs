@@ -149,12 +149,12 @@ impl Equilibrium {
             } else {
                 load + (goal - load) * next
             };
-            let share = if next == 1.0 {
+            let fraction = if next == 1.0 {
                 1.0
             } else {
                 (next - done) / (1.0 - done)
             };
-            let outcome = self.newton.solve(body, None, &self.held, share);
+            let outcome = self.newton.solve(body, None, &self.held, fraction);
             let good = |newton: &NewtonReport| {
                 newton.converged
                     && !(self.options.refuse_inversion && body.inverted_count() > inverted)

@@ -58,7 +58,7 @@ pub struct StepReport {
     pub damped: usize,
     /// Newton iterations, all together.
     pub iterations: usize,
-    /// The worst residual of any solve kept, as a share of the forces that balance.
+    /// The worst residual of any solve kept, as a fraction of the forces that balance.
     pub relative_residual: f64,
     /// The last solve.
     pub last: NewtonReport,
@@ -91,7 +91,7 @@ pub struct Integrator {
     /// Loads (N) by node at the start of the step and at its end; where they differ, `ramped`.
     loads: (Vec<Vec3>, Vec<Vec3>),
     ramped: bool,
-    /// Shares of the step at which the substep starts and ends.
+    /// Fractions of the step at which the substep starts and ends.
     span: (f64, f64),
     /// The most that rounding left open of the motion in any step, and the farthest from rest that the body was then
     /// (m).
@@ -99,14 +99,14 @@ pub struct Integrator {
     moved: f64,
 }
 
-/// `share` of the way between two poses.
-pub(crate) fn between(from: &HandlePose, to: &HandlePose, share: f64) -> HandlePose {
-    if share == 1.0 {
+/// `fraction` of the way between two poses.
+pub(crate) fn between(from: &HandlePose, to: &HandlePose, fraction: f64) -> HandlePose {
+    if fraction == 1.0 {
         return *to;
     }
-    let turn = (to.rotation * from.rotation.inverse()).scaled_axis() * share;
+    let turn = (to.rotation * from.rotation.inverse()).scaled_axis() * fraction;
     HandlePose {
-        position: from.position + (to.position - from.position) * share,
+        position: from.position + (to.position - from.position) * fraction,
         rotation: nalgebra::UnitQuaternion::from_scaled_axis(turn) * from.rotation,
     }
 }
@@ -266,17 +266,17 @@ impl Integrator {
                 0
             };
             for i in 0..self.aims.len() {
-                let share = (done + size) as f64 / whole as f64;
-                self.aims[i] = between(&self.reports[i].pose, &targets[i], share);
+                let fraction = (done + size) as f64 / whole as f64;
+                self.aims[i] = between(&self.reports[i].pose, &targets[i], fraction);
             }
             self.span = (
                 done as f64 / whole as f64,
                 (done + size) as f64 / whole as f64,
             );
-            let share = size as f64 / (whole - done) as f64;
+            let fraction = size as f64 / (whole - done) as f64;
             let dt = h * size as f64 / whole as f64;
             let guard = self.guard;
-            let outcome = self.substep(body, dt, share);
+            let outcome = self.substep(body, dt, fraction);
             let good = |newton: &NewtonReport| {
                 newton.converged
                     && !(self.options.refuse_inversion && body.inverted_count() > inverted)

@@ -26,20 +26,20 @@ use crate::linear::cholesky::Cholesky;
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::material::Tangent;
 
-/// Share of the promised decrease that a step must bring (Armijo).
+/// Fraction of the promised decrease that a step must bring (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// A residual that is rounding and no larger a share of the forces that balance is not worth another step.
+/// A residual that is rounding and no larger a fraction of the forces that balance is not worth another step.
 const FINE: f64 = 1e-6;
-/// Share of the motion that rounding may leave open: two digits of it must be right.
+/// Fraction of the motion that rounding may leave open: two digits of it must be right.
 const MOST_OPEN: f64 = 0.01;
-/// Mass added to a static matrix, as a share of the mean diagonal: what no support holds stays where it is
+/// Mass added to a static matrix, as a fraction of the mean diagonal: what no support holds stays where it is
 /// instead of making the matrix singular. The residual does not know of it.
 const STATIC_SHIFT: f64 = 1e-11;
 
 /// When Newton's method stops.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonOptions {
-    /// Residual as a share of the forces that balance.
+    /// Residual as a fraction of the forces that balance.
     pub tolerance: f64,
     /// Most iterations.
     pub max_iterations: usize,
@@ -128,7 +128,7 @@ impl Newton {
     }
 
     /// Moves the free nodes of `body` to where the stage is solved, and those that handles hold to `held`.
-    /// Guided axes go `share` of the way that is left. Assembled at the end.
+    /// Guided axes go `fraction` of the way that is left. Assembled at the end.
     ///
     /// # Errors
     ///
@@ -138,7 +138,7 @@ impl Newton {
         body: &mut Body,
         stage: Option<Stage<'_>>,
         held: &[Vec3],
-        share: f64,
+        fraction: f64,
     ) -> Result<NewtonReport, StepError> {
         let free = body.assembly.stiffness.free();
         let exact = stage.is_none() || body.model.config.stiffness_damping == 0.0;
@@ -155,7 +155,7 @@ impl Newton {
         self.step.fill(Vec3::zeros());
         body.constraints
             .supports
-            .prescribe(&body.state.x, share, &mut self.step);
+            .prescribe(&body.state.x, fraction, &mut self.step);
         for (node, goal) in (free..).zip(held) {
             self.step[node] = goal - body.state.x[node];
         }
@@ -440,17 +440,18 @@ impl Newton {
             }
         }
         let slack = lost.of_energy(elastic);
-        let mut share = 1.0;
+        let mut fraction = 1.0;
         for _ in 0..40 {
             for (node, x) in body.state.x.iter_mut().enumerate().take(free) {
-                *x = self.start[node] + self.step[node] * share;
+                *x = self.start[node] + self.step[node] * fraction;
             }
-            let change =
-                body.elastic_energy() - elastic + share * linear + 0.5 * share * share * quadratic;
-            if change <= ARMIJO * share * slope.min(0.0) + slack {
+            let change = body.elastic_energy() - elastic
+                + fraction * linear
+                + 0.5 * fraction * fraction * quadratic;
+            if change <= ARMIJO * fraction * slope.min(0.0) + slack {
                 return true;
             }
-            share *= 0.5;
+            fraction *= 0.5;
             report.halvings += 1;
         }
         false

@@ -58,14 +58,17 @@ pub(crate) struct Patch {
     weights: Vec<Vec<f64>>,
 }
 
-impl Patch {
-    /// Memory that it holds (bytes).
-    pub(crate) fn bytes(&self) -> usize {
-        let row = |row: &Vec<f64>| size_of_val(row) + size_of_val(row.as_slice());
-        size_of_val(self)
-            + size_of_val(self.vertices.as_slice())
-            + self.weights.iter().map(row).sum::<usize>()
-    }
+/// A sheet that resists bending: the facts from which the patches follow, over vertices. A body keeps these facts rather
+/// than the patches, which take ten times the memory and are needed only when its nodes are numbered.
+#[derive(Clone, Debug)]
+pub(crate) struct BentSheet {
+    triangles: Vec<[u32; 3]>,
+    /// By triangle, the vertex beyond each side.
+    beyond: Vec<[Option<u32>; 3]>,
+    /// One for all triangles or one for each.
+    materials: Vec<Material>,
+    /// Factor of the rigidity.
+    scale: f64,
 }
 
 /// A side of a triangle: its vertices in ascending order, the triangle, and the vertex across.
@@ -195,14 +198,47 @@ fn coupling(t: &Mat3, count: usize, material: &Material) -> Mat3 {
         .map_or_else(Mat3::zeros, |inverse| inverse * rigidity)
 }
 
-/// One patch for every triangle with a neighbour, from the rest shape; `scale` multiplies the rigidity.
-pub(crate) fn patches(
-    x: &[Vec3],
-    triangles: &[[u32; 3]],
-    material: impl Fn(usize) -> Material,
-    scale: f64,
-) -> Result<Vec<Patch>, BodyError> {
-    let beyond = neighbours(x, triangles)?;
+impl BentSheet {
+    /// A sheet of `triangles`, at rest with its vertices at `x` (m). `scale` multiplies the rigidity.
+    ///
+    /// # Errors
+    /// [`BodyError::Folded`] and [`BodyError::NonManifold`].
+    pub(crate) fn new(
+        x: &[Vec3],
+        triangles: &[[u32; 3]],
+        materials: &[Material],
+        scale: f64,
+    ) -> Result<Self, BodyError> {
+        Ok(Self {
+            triangles: triangles.to_vec(),
+            beyond: neighbours(x, triangles)?,
+            materials: materials.to_vec(),
+            scale,
+        })
+    }
+
+    fn material(&self, triangle: usize) -> &Material {
+        let one = self.materials.len() == 1;
+        &self.materials[if one { 0 } else { triangle }]
+    }
+
+    /// One patch for every triangle with a neighbour, over vertices, which are at `x` (m) at rest.
+    pub(crate) fn patches(&self, x: &[Vec3]) -> Vec<Patch> {
+        patches(x, self)
+    }
+
+    /// Memory that it holds beside itself (bytes).
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.triangles.as_slice())
+            + size_of_val(self.beyond.as_slice())
+            + size_of_val(self.materials.as_slice())
+    }
+}
+
+fn patches(x: &[Vec3], sheet: &BentSheet) -> Vec<Patch> {
+    let BentSheet {
+        triangles, beyond, ..
+    } = sheet;
     let mut patches = Vec::with_capacity(triangles.len());
     for (triangle, vertices) in triangles.iter().enumerate() {
         let corners = vertices.map(|vertex| &x[vertex as usize]);
@@ -236,7 +272,7 @@ pub(crate) fn patches(
             t.set_row(folds.len(), &fold.transpose());
             folds.push(row);
         }
-        let coupling = coupling(&t, folds.len(), &material(triangle)) * (scale * area);
+        let coupling = coupling(&t, folds.len(), sheet.material(triangle)) * (sheet.scale * area);
         let mut weights = vec![vec![0.0; count]; count];
         for (e, row) in folds.iter().enumerate() {
             for (f, column) in folds.iter().enumerate() {
@@ -254,7 +290,7 @@ pub(crate) fn patches(
             });
         }
     }
-    Ok(patches)
+    patches
 }
 
 /// The bending matrix `W`, scalar weights over the blocks of a [`BlockMatrix`]: each block is its weight

@@ -17,27 +17,27 @@ use crate::body::guard::Energy;
 use crate::error::StepError;
 use crate::motion::newton::{NewtonReport, Stage};
 
-/// 1 - 1 / sqrt 2: half of `gamma`, and the share of the step in both stages' matrix.
+/// 1 - 1 / sqrt 2: half of `gamma`, and the fraction of the step in both stages' matrix.
 const D: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 const GAMMA: f64 = 2.0 * D;
 
 impl Integrator {
-    /// One substep of `h`, guided axes going `share` of what is left; whether it had to be taken by implicit
+    /// One substep of `h`, guided axes going `fraction` of what is left; whether it had to be taken by implicit
     /// Euler instead of the scheme.
     pub(super) fn substep(
         &mut self,
         body: &mut Body,
         h: f64,
-        share: f64,
+        fraction: f64,
     ) -> Result<(NewtonReport, bool), StepError> {
         let scheme = self.options.scheme;
         // Energies are compared under the loads of the substep's end.
         self.load(body, 1.0);
         if scheme == TimeScheme::ImplicitEuler {
-            return Ok((self.attempt(body, scheme, h, share)?, false));
+            return Ok((self.attempt(body, scheme, h, fraction)?, false));
         }
         self.guard.begin(Energy::now(body));
-        let found = self.attempt(body, scheme, h, share)?;
+        let found = self.attempt(body, scheme, h, fraction)?;
         if !found.converged {
             return Ok((found, false));
         }
@@ -48,19 +48,19 @@ impl Integrator {
         }
         body.state.x.copy_from_slice(&self.x);
         body.state.v.copy_from_slice(&self.v);
-        let mut safer = self.attempt(body, TimeScheme::ImplicitEuler, h, share)?;
+        let mut safer = self.attempt(body, TimeScheme::ImplicitEuler, h, fraction)?;
         safer.iterations += found.iterations;
         self.guard.end(Energy::now(body), self.work);
         Ok((safer, true))
     }
 
-    /// One substep of `h` by `scheme`, guided axes going `share` of what is left.
+    /// One substep of `h` by `scheme`, guided axes going `fraction` of what is left.
     fn attempt(
         &mut self,
         body: &mut Body,
         scheme: TimeScheme,
         h: f64,
-        share: f64,
+        fraction: f64,
     ) -> Result<NewtonReport, StepError> {
         let mut report = match scheme {
             TimeScheme::ImplicitEuler => {
@@ -68,7 +68,7 @@ impl Integrator {
                     self.anchor[node] = self.x[node];
                     self.predicted[node] = self.x[node] + self.v[node] * h;
                 }
-                let report = self.solve(body, h, 1.0, share, h)?;
+                let report = self.solve(body, h, 1.0, fraction, h)?;
                 self.work = self.hands(body, &self.x);
                 report
             }
@@ -83,7 +83,7 @@ impl Integrator {
                         self.anchor[node] + (self.v[node] + acceleration * g) * g;
                 }
                 self.load(body, GAMMA);
-                let first = self.solve(body, g, GAMMA, share * GAMMA, h)?;
+                let first = self.solve(body, g, GAMMA, fraction * GAMMA, h)?;
                 if !first.converged {
                     return Ok(first);
                 }
@@ -98,7 +98,7 @@ impl Integrator {
                     self.predicted[node] = self.anchor[node] + v * g;
                 }
                 // What is left of the way after the first stage.
-                let left = share * (1.0 - GAMMA) / (1.0 - share * GAMMA);
+                let left = fraction * (1.0 - GAMMA) / (1.0 - fraction * GAMMA);
                 self.load(body, 1.0);
                 let mut second = self.solve(body, g, 1.0, left, h)?;
                 self.work += self.hands(body, &self.middle);
@@ -158,14 +158,14 @@ impl Integrator {
         if !self.ramped {
             return;
         }
-        let share = self.span.0 + (self.span.1 - self.span.0) * part;
-        if share == 1.0 {
+        let fraction = self.span.0 + (self.span.1 - self.span.0) * part;
+        if fraction == 1.0 {
             body.model.external.copy_from_slice(&self.loads.1);
             return;
         }
         let loads = self.loads.0.iter().zip(&self.loads.1);
         for (external, (from, to)) in body.model.external.iter_mut().zip(loads) {
-            *external = from + (to - from) * share;
+            *external = from + (to - from) * fraction;
         }
     }
 
@@ -192,7 +192,7 @@ impl Integrator {
         body: &mut Body,
         g: f64,
         part: f64,
-        share: f64,
+        fraction: f64,
         h: f64,
     ) -> Result<NewtonReport, StepError> {
         let free = body.assembly.stiffness.free();
@@ -211,7 +211,7 @@ impl Integrator {
             body.assembly.displacement[..free].fill(Vec3::zeros());
             body.constraints.supports.prescribe(
                 &body.state.x,
-                share,
+                fraction,
                 &mut body.assembly.displacement,
             );
             for node in 0..free {
@@ -231,7 +231,7 @@ impl Integrator {
             predicted: &self.predicted,
             g,
         };
-        self.newton.solve(body, Some(stage), &self.held, share)
+        self.newton.solve(body, Some(stage), &self.held, fraction)
     }
 }
 

@@ -12,12 +12,12 @@ use crate::body::guard::Energy;
 use crate::error::StepError;
 use crate::lanes::{Real, to_vec};
 
-/// Share of the motion by which the equation at the step's end would lengthen or shorten the motion. From 0 to 0.03
+/// Fraction of the motion by which the equation at the step's end would lengthen or shorten the motion. From 0 to 0.03
 /// mirrored bodies come back right; half of that.
 const STRAY: f64 = 0.015;
 /// Linearizations after the first: each leaves about the square of that share.
 const MOST_CORRECTIONS: usize = 2;
-/// Cells that are inside out hold energy. Below this share of what pressing the whole body flat takes, a step is not
+/// Cells that are inside out hold energy. Below this fraction of what pressing the whole body flat takes, a step is not
 /// looked at.
 const TURNED: f64 = 0.05;
 

@@ -31,7 +31,7 @@ const BLOCK: usize = 64;
 /// Free nodes of a block that are fitted to: the others, beside them, move alike.
 const SAMPLE: usize = 16;
 
-/// A difference of which no more than this share of its square is new is left out: it says what lower ones do.
+/// A difference of which no more than this fraction of its square is new is left out: it says what lower ones do.
 const CUT: f64 = 1e-5;
 
 /// Of them are fitted after a step that ran out of iterations: what it left over is most of the higher ones.
@@ -89,7 +89,7 @@ impl Sums {
     }
 
     /// How much of each of the first `count` differences fits best; nothing where there is nothing to fit.
-    fn shares(self, count: usize) -> [f64; KEPT] {
+    fn weights(self, count: usize) -> [f64; KEPT] {
         // Gaussian elimination in the order of the differences.
         let (mut matrix, mut wanted) = ([[0.0; KEPT]; KEPT], self.wanted);
         let mut pairs = self.pairs.into_iter();
@@ -107,24 +107,24 @@ impl Sums {
                 continue;
             }
             for row in i + 1..KEPT {
-                let share = matrix[row][i] / matrix[i][i];
+                let factor = matrix[row][i] / matrix[i][i];
                 for column in i..KEPT {
-                    matrix[row][column] -= share * matrix[i][column];
+                    matrix[row][column] -= factor * matrix[i][column];
                 }
-                wanted[row] -= share * wanted[i];
+                wanted[row] -= factor * wanted[i];
             }
         }
-        let mut shares = [0.0; KEPT];
+        let mut weights = [0.0; KEPT];
         for i in (0..KEPT).rev() {
             if new(&matrix, i) {
                 let others = i + 1..KEPT;
-                let made: f64 = others.map(|j| matrix[i][j] * shares[j]).sum();
-                shares[i] = (wanted[i] - made) / matrix[i][i];
+                let made: f64 = others.map(|j| matrix[i][j] * weights[j]).sum();
+                weights[i] = (wanted[i] - made) / matrix[i][i];
             }
         }
         // Numbers too large to be squared fit nothing.
-        if shares.iter().all(|share| share.is_finite()) {
-            shares
+        if weights.iter().all(|weight| weight.is_finite()) {
+            weights
         } else {
             [0.0; KEPT]
         }
@@ -190,19 +190,19 @@ fn lead<T: Real>(
     }
 }
 
-/// `u := h (v + shares . differences)`.
+/// `u := h (v + weights . differences)`.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 fn extrapolate<T: Real>(
     differences: &[Differences<T>],
     h: T,
-    shares: &[T; KEPT],
+    weights: &[T; KEPT],
     u: &mut [Node<T>],
 ) {
     for (u, kept) in u.iter_mut().zip(differences) {
         let mut v = kept[0];
         for order in 0..KEPT {
             for i in 0..4 {
-                v[i] += shares[order] * kept[order][i];
+                v[i] += weights[order] * kept[order][i];
             }
         }
         *u = v.map(|v| h * v);
@@ -237,18 +237,18 @@ impl<T: Real> Stepper<T> {
             T::of(1.0 / h),
             &mut sums,
         );
-        let shares = match self.options.guess {
+        let weights = match self.options.guess {
             Guess::Velocity => [0.0; KEPT],
             Guess::Acceleration => [0.0, 1.0, 0.0, 0.0],
-            Guess::Fitted if self.unfinished => sums.shares(AFTER_UNFINISHED),
-            Guess::Fitted => sums.shares(KEPT),
+            Guess::Fitted if self.unfinished => sums.weights(AFTER_UNFINISHED),
+            Guess::Fitted => sums.weights(KEPT),
         };
         let guided = self.mask.len();
         self.q[..guided].copy_from_slice(&self.u[..guided]);
         extrapolate(
             &self.history[..free],
             T::of(h),
-            &shares.map(T::of),
+            &weights.map(T::of),
             &mut self.u[..free],
         );
         // What supports guide is prescribed, too.
@@ -266,10 +266,10 @@ impl<T: Real> Stepper<T> {
 mod tests {
     use super::*;
 
-    fn sums(nodes: &[Differences<f64>], shares: [f64; KEPT]) -> Sums {
+    fn sums(nodes: &[Differences<f64>], weights: [f64; KEPT]) -> Sums {
         let (mut lanes, mut sums) = (Lanes::ZERO, Sums::default());
         for node in nodes {
-            let wanted = core::array::from_fn(|i| (0..KEPT).map(|k| shares[k] * node[k][i]).sum());
+            let wanted = core::array::from_fn(|i| (0..KEPT).map(|k| weights[k] * node[k][i]).sum());
             lanes.add(node, &wanted);
         }
         sums.add(&lanes);
@@ -294,9 +294,9 @@ mod tests {
     }
 
     #[test]
-    fn shares_that_made_the_motion_are_found() {
+    fn weights_that_made_the_motion_are_found() {
         let made = [0.3, -1.2, 0.7, 2.0];
-        let found = sums(&nodes(), made).shares(KEPT);
+        let found = sums(&nodes(), made).weights(KEPT);
         assert!(near(found, made), "{found:?}");
     }
 
@@ -307,7 +307,7 @@ mod tests {
             node[1] = node[0].map(|v| 2.0 * v);
             node[3] = [0.0; 4];
         }
-        let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).shares(KEPT);
+        let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).weights(KEPT);
         // The first does what the second would, and the last does nothing.
         assert!(near(found, [1.0, 0.0, 0.5, 0.0]), "{found:?}");
     }
@@ -316,7 +316,7 @@ mod tests {
     fn nothing_is_made_of_rest_and_of_numbers_too_large() {
         for size in [0.0, 1e-200, 1e200, f64::INFINITY, f64::NAN] {
             let node = [[size; 4]; KEPT];
-            let found = sums(&[node], [1.0; KEPT]).shares(KEPT);
+            let found = sums(&[node], [1.0; KEPT]).weights(KEPT);
             assert_eq!(found, [0.0; KEPT], "{size}");
         }
     }

@@ -10,7 +10,7 @@ pub enum Guess {
     Velocity,
     /// The velocity changes as in the last step: closer in a smooth motion, twice too far where one begins.
     Acceleration,
-    /// The velocity changes by those shares of its last changes that would have fitted best: closest in a smooth
+    /// The velocity changes by those fractions of its last changes that would have fitted best: closest in a smooth
     /// motion, and no further off where one begins or ends.
     #[default]
     Fitted,
@@ -19,7 +19,7 @@ pub enum Guess {
 /// How a step is solved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepperOptions {
-    /// The residual to reach, as a share of the forces that act on the free nodes and of what moves them.
+    /// The residual to reach, as a fraction of the forces that act on the free nodes and of what moves them.
     pub tolerance: f64,
     /// Most iterations; the step is taken with what they have found.
     pub max_iterations: usize,
@@ -69,7 +69,7 @@ pub struct StepperReport {
     pub reference: f64,
     /// Whether the tolerance was met.
     pub converged: bool,
-    /// Share of the motion that was held back, for with all of it the body would have made energy.
+    /// Fraction of the motion that was held back, for with all of it the body would have made energy.
     pub held_back: f64,
     /// Whether the body sleeps and nothing was done.
     pub asleep: bool,
