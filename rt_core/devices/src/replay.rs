@@ -41,7 +41,7 @@ impl Driver for Replay {
 ///
 /// ```
 /// use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom};
-/// use sim::ReplayDevice;
+/// use devices::ReplayDevice;
 ///
 /// let capabilities = Capabilities {
 ///     sensed: Freedom::Three,
