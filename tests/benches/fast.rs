@@ -4,6 +4,7 @@
 //! `palpate bench speed` measures the whole step, with its error and the times of other programs.
 
 use divan::{Bencher, black_box};
+use physics::element::VectorForm;
 use physics::element::tet4::Tets;
 use physics::element::triangle::triangles::Triangles;
 use physics::linear::factor::Factor;
@@ -77,14 +78,17 @@ fn waves<T: Real>(count: usize) -> Vec<Node<T>> {
 }
 
 fn tets<T: Real>(body: &Body) -> Tets<T> {
-    let (_, tets) = body.elements()[0].hookean_tets().expect("tetrahedra");
+    let Some(VectorForm::HookeanTets(_, tets)) = body.elements()[0].vector_form() else {
+        panic!("no tetrahedra");
+    };
     Tets::new(tets.into_iter())
 }
 
 fn triangles<T: Real>(body: &Body) -> Triangles<T> {
-    let triangles = body.elements()[0]
-        .corotational_triangles()
-        .expect("triangles");
+    let form = body.elements()[0].vector_form();
+    let Some(VectorForm::CorotationalTriangles(triangles)) = form else {
+        panic!("no triangles");
+    };
     Triangles::new(&triangles)
 }
 

@@ -5,6 +5,7 @@ mod fem_support;
 
 use fast_support::{difference, dot, hash, materials, nodes, vectors, zeros};
 use fem_support::{Random, block, cube};
+use physics::element::VectorForm;
 use physics::element::tet::shape::Tet10;
 use physics::element::tet::solid::Solid;
 use physics::element::tet10::{QuadraticTet, QuadraticTets};
@@ -28,7 +29,10 @@ fn law(mesh: &TetMesh) -> Quadratic {
 }
 
 fn list(mesh: &TetMesh) -> Vec<QuadraticTet> {
-    law(mesh).hookean_quadratic_tets().unwrap().1
+    match law(mesh).vector_form() {
+        Some(VectorForm::HookeanQuadraticTets(_, tets)) => tets,
+        other => panic!("no quadratic tetrahedra: {other:?}"),
+    }
 }
 
 fn body(mesh: &TetMesh, law: SolidLaw) -> Body {

@@ -4,13 +4,9 @@
 //! elements. The body calls functions of whole sets only, so there is no dispatch element by element. Constructors use
 //! the vertex numbers of the mesh. The body then renumbers vertices to nodes.
 
-use super::tet4::Tet;
-use super::tet10::QuadraticTet;
-use super::triangle::triangles::Triangle;
+use super::VectorForm;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
 use crate::material::Tangent;
-use crate::material::law::Frame;
-use crate::material::law::isotropic::PointLaw;
 use crate::{Mat3, Vec3};
 use core::fmt;
 
@@ -53,28 +49,9 @@ pub trait Elements: fmt::Debug + Send + Sync {
     /// Cauchy stress (Pa) of an element at `x`, averaged over it, in world axes.
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3;
 
-    /// The elements as linear tetrahedra under Hooke's law in a frame, or `None` if they are of another kind.
-    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
-        None
-    }
-
-    /// The elements as quadratic tetrahedra under Hooke's law in a frame, or `None` if they are of another kind.
-    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
-        None
-    }
-
-    /// The elements as linear tetrahedra of a law in principal axes, or `None` if they are of another kind.
-    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
-        None
-    }
-
-    /// The elements as quadratic tetrahedra of a law in principal axes, or `None` if they are of another kind.
-    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
-        None
-    }
-
-    /// The elements as corotational membrane triangles, or `None` if they are of another kind.
-    fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
+    /// The elements as a kernel for vector instructions takes them, or `None` if they have no such kernel. The realtime
+    /// step then multiplies by their assembled matrix.
+    fn vector_form(&self) -> Option<VectorForm> {
         None
     }
 

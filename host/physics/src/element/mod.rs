@@ -2,17 +2,22 @@
 //! stand side by side.
 //!
 //! - [`Elements`]: what any set of elements gives a body, exactly.
-//! - `kernel`: what the realtime step needs of a set, on padded nodes.
+//! - `kernel`: what the realtime step needs of a set, on padded nodes; `placed` and `assembled` are its two kinds.
 //! - [`tet`]: what linear and quadratic tetrahedra have in common: shape functions, any law exactly, any isotropic law in
 //!   vectors.
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
 //! - [`triangle`]: membranes, with a grain or without.
 //! - [`truss`]: bars of a thread, a suture or a net.
 //! - [`bending`]: what a sheet that is flat at rest resists bending with.
+//!
+//! Elements are registered here alone: each by the line that names its folder, and elements with a kernel for vector
+//! instructions by a variant of [`VectorForm`] and the arm that makes the kernel.
 
+mod assembled;
 pub mod bending;
 pub mod elements;
 pub(crate) mod kernel;
+pub(crate) mod placed;
 pub mod tet;
 pub mod tet10;
 pub mod tet4;
@@ -20,3 +25,60 @@ pub mod triangle;
 pub mod truss;
 
 pub use elements::Elements;
+
+use crate::Vec3;
+use crate::lanes::Real;
+use crate::linear::block_matrix::BlockMatrix;
+use crate::material::law::Frame;
+use crate::material::law::isotropic::PointLaw;
+use assembled::Assembled;
+use kernel::Kernel;
+use tet::principal;
+use tet4::Tet;
+use tet10::QuadraticTet;
+use triangle::triangles::{self, Triangle};
+
+/// A set of elements as the list that a kernel for vector instructions is made from, nodes in the set's numbering.
+#[derive(Clone, Debug)]
+pub enum VectorForm {
+    /// Linear tetrahedra under Hooke's law in a frame.
+    HookeanTets(Frame, Vec<Tet>),
+    /// Quadratic tetrahedra under Hooke's law in a frame.
+    HookeanQuadraticTets(Frame, Vec<QuadraticTet>),
+    /// Linear tetrahedra of a law in principal axes.
+    IsotropicTets(PointLaw, Vec<Tet>),
+    /// Quadratic tetrahedra of a law in principal axes.
+    IsotropicQuadraticTets(PointLaw, Vec<QuadraticTet>),
+    /// Corotational membrane triangles.
+    CorotationalTriangles(Vec<Triangle>),
+}
+
+impl VectorForm {
+    /// The kernel of the elements, with the slots of their blocks in `matrix`.
+    fn kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
+        match self {
+            Self::HookeanTets(frame, tets) => tet4::kernel(frame, tets, matrix),
+            Self::HookeanQuadraticTets(frame, tets) => tet10::kernel(frame, &tets, matrix),
+            Self::IsotropicTets(law, tets) => principal::linear_kernel(law, &tets, matrix),
+            Self::IsotropicQuadraticTets(law, tets) => {
+                principal::quadratic_kernel(law, &tets, matrix)
+            }
+            Self::CorotationalTriangles(triangles) => triangles::kernel(&triangles, matrix),
+        }
+    }
+}
+
+/// The kernel of `elements`, whose nodes are in the solver's order: that of their vector form where they have one,
+/// otherwise their assembled matrix. `matrix` has the pattern of the body's stiffness, and `rest` contains the rest
+/// positions of the nodes (m).
+pub(crate) fn kernel<T: Real>(
+    mut elements: Box<dyn Elements>,
+    matrix: &BlockMatrix,
+    rest: &[Vec3],
+) -> Box<dyn Kernel<T>> {
+    if let Some(form) = elements.vector_form() {
+        return form.kernel(matrix);
+    }
+    elements.bind(matrix);
+    Box::new(Assembled::new(elements, matrix, rest))
+}

@@ -33,13 +33,17 @@
 //! little energy, and such a sheet bends by one and a half times too much or more, however fine the mesh
 //! (`palpate bench accuracy`).
 
+mod cost;
 pub(crate) mod scalar;
 
+use super::kernel::Kernel;
 use super::triangle::frame::rest_frame;
 use crate::error::BodyError;
+use crate::lanes::Real;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::Material;
 use crate::{Mat3, Vec3};
+use scalar::ScalarMatrix;
 
 /// The largest fold (rad) of a sheet that counts as flat at rest. The rounding of a file in single precision stays
 /// below it.
@@ -333,6 +337,18 @@ impl Bending {
     /// The weight of every block (N/m).
     pub fn weights(&self) -> &[f64] {
         &self.weights
+    }
+
+    /// The kernel of the bending in the order of `place`. The weights are by slot of `stiffness`, and `matrix` is
+    /// `stiffness` in that order.
+    pub(crate) fn kernel<T: Real>(
+        &self,
+        stiffness: &BlockMatrix,
+        place: &[u32],
+        matrix: &BlockMatrix,
+    ) -> Box<dyn Kernel<T>> {
+        let weights = stiffness.renumbered_weights(&self.weights, place, matrix);
+        Box::new(ScalarMatrix::new(matrix, &weights))
     }
 
     /// Adds the bending force (N) at node positions `x` to `force`.

@@ -1,6 +1,5 @@
 //! Bending on padded nodes: a constant sparse matrix of scalars.
 
-use crate::cost::Cost;
 use crate::element::kernel::Kernel;
 use crate::lanes::block::{less, plus};
 use crate::lanes::{self, Node, Real};
@@ -11,9 +10,9 @@ use multiversion::multiversion;
 /// A constant matrix of scalars: the bending of a sheet that is flat at rest.
 #[derive(Debug)]
 pub(crate) struct ScalarMatrix<T> {
-    row_start: Vec<u32>,
-    columns: Vec<u32>,
-    weights: Vec<T>,
+    pub(super) row_start: Vec<u32>,
+    pub(super) columns: Vec<u32>,
+    pub(super) weights: Vec<T>,
     exact: Vec<f64>,
 }
 
@@ -38,14 +37,6 @@ impl<T: Real> ScalarMatrix<T> {
             weights: kept,
             exact: weights.to_vec(),
         }
-    }
-
-    /// The cost of the products of all rows and a vector.
-    fn read_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.row_start.as_slice()))
-            + Cost::read(size_of_val(self.columns.as_slice()))
-            + Cost::read(size_of_val(self.weights.as_slice()))
-            + Cost::flops(6 * self.weights.len())
     }
 
     /// Calls `sum(row, product)` with the product of each row and `u`.
@@ -110,15 +101,6 @@ impl<T: Real> Kernel<T> for ScalarMatrix<T> {
 
     fn add_to(&self, matrix: &mut BlockMatrix) {
         matrix.add_scalar(&self.exact);
-    }
-
-    fn linearize_cost(&self) -> Option<Cost> {
-        // Three sums of the force and six operations of the energy for each row.
-        Some(self.read_cost() + Cost::flops(9 * (self.row_start.len() - 1)))
-    }
-
-    fn product_cost(&self) -> Option<Cost> {
-        Some(self.read_cost() + Cost::flops(6 * (self.row_start.len() - 1)))
     }
 
     fn bytes(&self) -> usize {

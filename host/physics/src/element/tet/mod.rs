@@ -2,9 +2,10 @@
 //!
 //! - [`shape`]: shape functions and quadrature.
 //! - [`solid`]: any law, in the exact form.
-//! - `principal` and `principal_kernels`: any isotropic law, in the vector form.
+//! - `principal` and `principal_kernels`: any isotropic law, in the vector form; `principal_cost`: its operations.
 
 pub(crate) mod principal;
+mod principal_cost;
 pub(crate) mod principal_kernels;
 pub mod shape;
 pub mod solid;

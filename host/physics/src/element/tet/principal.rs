@@ -10,15 +10,15 @@
 //! so that it needs thirty numbers. The law computes them point by point, in double precision whatever the precision of
 //! the step, since stresses of large strains are differences of large numbers. Products run in blocks.
 
-use super::principal_kernels::{
-    CROSSED, Cell, Four, MODULI, SAME, Tangents, Ten, product, product_flops,
-};
-use crate::cost::Cost;
+use super::principal_kernels::{CROSSED, Cell, Four, MODULI, SAME, Tangents, Ten, product};
+use crate::element::kernel::Kernel;
+use crate::element::placed::{InBlocks, Placed};
 use crate::element::tet4::Tet;
 use crate::element::tet4::kernels::{at, put};
 use crate::element::tet10::QuadraticTet;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
+use crate::linear::block_matrix::BlockMatrix;
 use crate::material::law::Lame;
 use crate::material::law::isotropic::{PAIRS, PointLaw};
 use crate::{Mat3, Vec3};
@@ -38,14 +38,14 @@ struct Rest<const Q: usize> {
 #[derive(Clone, Debug)]
 pub(crate) struct PrincipalTets<T, C, const N: usize, const Q: usize> {
     law: PointLaw,
-    nodes: Vec<[[u32; N]; LANES]>,
+    pub(super) nodes: Vec<[[u32; N]; LANES]>,
     /// By block and lane, without the padding of the last block.
     rest: Vec<Rest<Q>>,
     /// The latest right axes of each point, by block and lane.
     right: Vec<[Mat3; Q]>,
-    tangents: Vec<Tangents<T, Q>>,
+    pub(super) tangents: Vec<Tangents<T, Q>>,
     /// Block and lane of each element.
-    places: Vec<(u32, u32)>,
+    pub(super) places: Vec<(u32, u32)>,
     cell: PhantomData<C>,
 }
 
@@ -118,26 +118,12 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         }
         all
     }
+}
 
-    /// Memory of the elements (bytes).
-    pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.places.as_slice())
-            + size_of_val(self.nodes.as_slice())
-            + size_of_val(self.rest.as_slice())
-            + size_of_val(self.right.as_slice())
-            + size_of_val(self.tangents.as_slice())
-    }
-
-    /// The cost of a product, without the vectors.
-    pub(crate) fn product_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.nodes.as_slice()))
-            + Cost::read(size_of_val(self.tangents.as_slice()))
-            + Cost::flops(product_flops::<C, N, Q>() * self.places.len())
-    }
-
-    /// Adds the elastic forces (N) at displacements `d` (m) to `force` and stores the tangent at `d`. Returns the
-    /// elastic energy (J).
-    pub(crate) fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlocks<T, N>
+    for PrincipalTets<T, C, N, Q>
+{
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
         let mut energy = 0.0;
         let mut points = [[[T::ZERO; LANES]; 9]; Q];
         let blocks = self.rest.chunks(LANES).zip(&self.nodes);
@@ -177,13 +163,11 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         energy
     }
 
-    /// Adds `factor` times the latest stiffness times `u` to `y`.
-    pub(crate) fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         product::<T, C, N, Q>((&self.nodes, &self.tangents), factor, u, y);
     }
 
-    /// The 3 x 3 blocks of an element's latest stiffness (N/m), by its nodes.
-    pub(crate) fn stiffness(&self, element: usize) -> [[Mat3; N]; N] {
+    fn stiffness(&self, element: usize) -> [[Mat3; N]; N] {
         let (block, lane) = self.places[element];
         let (tangents, lane) = (&self.tangents[block as usize], lane as usize);
         let mut blocks = [[Mat3::zeros(); N]; N];
@@ -213,6 +197,42 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
         }
         blocks
     }
+
+    fn bytes(&self) -> usize {
+        size_of_val(self.places.as_slice())
+            + size_of_val(self.nodes.as_slice())
+            + size_of_val(self.rest.as_slice())
+            + size_of_val(self.right.as_slice())
+            + size_of_val(self.tangents.as_slice())
+    }
+}
+
+/// The kernel of linear `tets` of `law`, whose blocks are in `matrix`.
+pub(in crate::element) fn linear_kernel<T: Real>(
+    law: PointLaw,
+    tets: &[Tet],
+    matrix: &BlockMatrix,
+) -> Box<dyn Kernel<T>> {
+    let elements = PrincipalTets::<T, _, _, _>::linear(law, tets);
+    Box::new(Placed::new(
+        elements,
+        tets.iter().map(|tet| tet.nodes),
+        matrix,
+    ))
+}
+
+/// The kernel of quadratic `tets` of `law`, whose blocks are in `matrix`.
+pub(in crate::element) fn quadratic_kernel<T: Real>(
+    law: PointLaw,
+    tets: &[QuadraticTet],
+    matrix: &BlockMatrix,
+) -> Box<dyn Kernel<T>> {
+    let elements = PrincipalTets::<T, _, _, _>::quadratic(law, tets);
+    Box::new(Placed::new(
+        elements,
+        tets.iter().map(|tet| tet.nodes),
+        matrix,
+    ))
 }
 
 /// The modulus between two gradients, in principal axes.

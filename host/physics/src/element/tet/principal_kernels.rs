@@ -18,10 +18,6 @@ pub(crate) const MODULI: usize = 12;
 pub(crate) const SAME: usize = 6;
 pub(crate) const CROSSED: usize = 9;
 
-/// Operations of a product at each point: change to principal axes 45, the gradient 45, the modulus 33 and its factor
-/// 9, forces 45, change back 45.
-const POINT_FLOPS: usize = 45 + 45 + 33 + 9 + 45 + 45;
-
 /// The tangent at the points of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Tangents<T, const Q: usize> {
@@ -41,9 +37,6 @@ pub(crate) trait Cell<const N: usize, const Q: usize>:
     /// A factor that the derivatives lack and the gradients contain.
     const FACTOR: f64;
 
-    /// Operations of `spread`, `collect` and of the sums on both sides.
-    const ENDS_FLOPS: usize;
-
     /// Derivatives by coordinates 1, 2 and 3, minus the derivative by coordinate 0.
     fn spread<T: Real>(nodes: &[[u32; N]; LANES], of: &[Node<T>], points: &mut [[Lanes<T>; 9]; Q]);
 
@@ -60,7 +53,6 @@ pub(crate) struct Four;
 
 impl Cell<4, 1> for Four {
     const FACTOR: f64 = 1.0;
-    const ENDS_FLOPS: usize = 9 + 18;
 
     #[inline(always)]
     fn spread<T: Real>(nodes: &[[u32; 4]; LANES], of: &[Node<T>], points: &mut [[Lanes<T>; 9]; 1]) {
@@ -102,7 +94,6 @@ pub(crate) struct Ten;
 
 impl Cell<10, 4> for Ten {
     const FACTOR: f64 = FACTOR;
-    const ENDS_FLOPS: usize = 27 + 117 + 117 + 54;
 
     #[inline(always)]
     fn spread<T: Real>(
@@ -138,11 +129,6 @@ impl Cell<10, 4> for Ten {
         }
         weights
     }
-}
-
-/// Operations of a product for each element.
-pub(crate) const fn product_flops<C: Cell<N, Q>, const N: usize, const Q: usize>() -> usize {
-    C::ENDS_FLOPS + Q * POINT_FLOPS
 }
 
 /// See [`PrincipalTets::product`](crate::element::tet::principal::PrincipalTets::product).

@@ -8,6 +8,7 @@
 //! (Müller and Gross, "Interactive virtual materials", 2004, with the exact tangent).
 
 use super::shape::Shape;
+use crate::element::VectorForm;
 use crate::element::elements::{Elements, renumber, slots};
 use crate::element::tet4::Tet;
 use crate::element::tet10::QuadraticTet;
@@ -15,8 +16,7 @@ use crate::error::BodyError;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::SolidMaterial;
 use crate::material::Tangent;
-use crate::material::law::isotropic::PointLaw;
-use crate::material::law::{Frame, Lame, Law, Modulus};
+use crate::material::law::{Lame, Law, Modulus};
 use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
@@ -337,20 +337,19 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         }
     }
 
-    fn hookean_tets(&self) -> Option<(Frame, Vec<Tet>)> {
-        Some((L::FRAME?, self.tets()?))
-    }
-
-    fn hookean_quadratic_tets(&self) -> Option<(Frame, Vec<QuadraticTet>)> {
-        Some((L::FRAME?, self.quadratic_tets()?))
-    }
-
-    fn isotropic_tets(&self) -> Option<(PointLaw, Vec<Tet>)> {
-        Some((L::POINT?, self.tets()?))
-    }
-
-    fn isotropic_quadratic_tets(&self) -> Option<(PointLaw, Vec<QuadraticTet>)> {
-        Some((L::POINT?, self.quadratic_tets()?))
+    fn vector_form(&self) -> Option<VectorForm> {
+        let (frame, law) = (L::FRAME, L::POINT);
+        if let Some(tets) = self.tets() {
+            return match frame {
+                Some(frame) => Some(VectorForm::HookeanTets(frame, tets)),
+                None => Some(VectorForm::IsotropicTets(law?, tets)),
+            };
+        }
+        let tets = self.quadratic_tets()?;
+        match frame {
+            Some(frame) => Some(VectorForm::HookeanQuadraticTets(frame, tets)),
+            None => Some(VectorForm::IsotropicQuadraticTets(law?, tets)),
+        }
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

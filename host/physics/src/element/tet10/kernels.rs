@@ -12,7 +12,7 @@
 //! computes forces on nodes. Between the two each point is treated as a linear tetrahedron with the gradients of the
 //! barycentric coordinates at the point. These gradients contain the factor `4 / sqrt 5`.
 
-use crate::element::tet4::kernels::{TURN_FLOPS, at, node, put, quaternion_at, rotate, sum};
+use crate::element::tet4::kernels::{at, node, put, quaternion_at, rotate, sum};
 use crate::lanes::block::{LANES, Lanes, less, plus};
 use crate::lanes::{Node, Real};
 use crate::polar::lanes::{rotation_less_identity, strain};
@@ -28,18 +28,6 @@ pub(crate) const FACTOR: f64 = 1.788_854_381_999_831_8;
 
 /// `(sqrt 5 - 1) / 4`.
 pub(crate) const WEIGHT: f64 = 0.309_016_994_374_947_45;
-
-/// Operations of a linearization for each element: differences 27, `spread` 117, at each point `F - I` 45, one Newton
-/// iteration, rotated gradients and energy 215 and forces 45, then `collect` 117, and sums of forces 54.
-pub(crate) const LINEARIZE_FLOPS: usize =
-    27 + 117 + POINTS * (45 + TURN_FLOPS + 215 + 45) + 117 + 54;
-
-/// Operations of a product: differences 27, `spread` 117, at each point the gradient 45, its symmetric part 10, the
-/// stress 6 and forces 45, then `collect` 117, and sums of forces 54.
-pub(crate) const PRODUCT_FLOPS: usize = 27 + 117 + POINTS * (45 + 10 + 6 + 45) + 117 + 54;
-
-/// Operations of the energy, at each point those of a linear tetrahedron.
-pub(crate) const ENERGY_FLOPS: usize = POINTS * 13;
 
 /// The constant data of a block.
 #[derive(Clone, Debug)]

@@ -7,23 +7,14 @@
 //!
 //! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
 
-use super::kernels::{self, Blocks, FACTOR, POINTS, Rest, Turned, WEIGHT, linearize, product};
-use crate::cost::Cost;
-use crate::lanes::block::{LANES, Lanes, apart};
+use super::kernels::{Blocks, FACTOR, POINTS, Rest, Turned, WEIGHT, linearize, product};
+use crate::element::placed::InBlocks;
+use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::material::law::Frame;
 use crate::mesh::tet::MIDSIDE_ENDS;
 use crate::polar::lanes::matrix;
 use crate::{Mat3, Vec3};
-
-/// Operations of [`QuadraticTets::linearize`] for each element, with one Newton iteration for its rotations.
-pub const LINEARIZE_FLOPS: usize = kernels::LINEARIZE_FLOPS;
-
-/// Operations of the energy in a fixed frame, where the forces are a product.
-pub const ENERGY_FLOPS: usize = kernels::ENERGY_FLOPS;
-
-/// Operations of [`QuadraticTets::product`] for each element.
-pub const PRODUCT_FLOPS: usize = kernels::PRODUCT_FLOPS;
 
 /// One tetrahedron, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,10 +35,10 @@ pub struct QuadraticTet {
 /// Corotational quadratic tetrahedra in blocks.
 #[derive(Clone, Debug)]
 pub struct QuadraticTets<T> {
-    blocks: Blocks<T>,
+    pub(super) blocks: Blocks<T>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
-    frame: Frame,
+    pub(super) frame: Frame,
 }
 
 impl<T: Real> QuadraticTets<T> {
@@ -124,27 +115,6 @@ impl<T: Real> QuadraticTets<T> {
             + size_of_val(self.blocks.rest.as_slice())
             + size_of_val(self.blocks.turned.as_slice())
             + size_of_val(self.blocks.rotations.as_slice())
-    }
-
-    /// The cost of a linearization with one Newton iteration, without displacements and forces.
-    pub(crate) fn linearize_cost(&self) -> Cost {
-        if self.frame == Frame::Fixed {
-            return self.product_cost() + Cost::flops(ENERGY_FLOPS * self.len());
-        }
-        let ratios = self.blocks.turned.len() * size_of::<Lanes<T>>();
-        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
-            + Cost::read(size_of_val(self.blocks.rest.as_slice()))
-            + Cost::update(size_of_val(self.blocks.rotations.as_slice()))
-            + Cost::write(size_of_val(self.blocks.turned.as_slice()) - ratios)
-            + Cost::read(ratios)
-            + Cost::flops(LINEARIZE_FLOPS * self.len())
-    }
-
-    /// The cost of a product, without the vectors.
-    pub(crate) fn product_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
-            + Cost::read(size_of_val(self.blocks.turned.as_slice()))
-            + Cost::flops(PRODUCT_FLOPS * self.len())
     }
 
     /// Computes the rotations at displacements `d` (m), starting from the previous rotations, and adds the elastic
@@ -229,5 +199,23 @@ impl<T: Real> QuadraticTets<T> {
             }
         }
         blocks
+    }
+}
+
+impl<T: Real> InBlocks<T, 10> for QuadraticTets<T> {
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        Self::linearize(self, d, force).to_f64()
+    }
+
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        Self::product(self, factor, u, y);
+    }
+
+    fn stiffness(&self, element: usize) -> [[Mat3; 10]; 10] {
+        Self::stiffness(self, element)
+    }
+
+    fn bytes(&self) -> usize {
+        Self::bytes(self)
     }
 }

@@ -16,22 +16,6 @@ use multiversion::multiversion;
 /// The largest number of Newton iterations for a rotation in a call. After these the singular values are used.
 const MAX_TURNS: usize = 8;
 
-/// Operations of a linearization for each element: differences 9, `F - I` 45, one Newton iteration, rotated gradients
-/// and energy 215, forces 45, and their sums 18.
-pub(crate) const LINEARIZE_FLOPS: usize = 9 + 45 + TURN_FLOPS + 215 + 45 + 18;
-
-/// Operations of one Newton iteration for a rotation: rotation and strain 84, `tr S I - S`, its adjugate and
-/// determinant 40, the turn 24, the product of quaternions 35 and its normalization 13.
-pub(crate) const TURN_FLOPS: usize = 84 + 40 + 24 + 35 + 13;
-
-/// Operations of a product: differences 9, their gradient 45, its symmetric part 10, the stress 6, forces 45, their
-/// sums 18.
-pub(crate) const PRODUCT_FLOPS: usize = 9 + 45 + 10 + 6 + 45 + 18;
-
-/// Operations of the energy: three products of normal and three of shear components, their sums and a half, and the sum
-/// over elements.
-pub(crate) const ENERGY_FLOPS: usize = 13;
-
 /// The constant data of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Rest<T> {

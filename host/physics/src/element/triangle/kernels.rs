@@ -19,14 +19,6 @@ pub(crate) const BLOCK_11: usize = 0;
 pub(crate) const BLOCK_12: usize = 6;
 pub(crate) const BLOCK_22: usize = 15;
 
-/// Operations of a linearization for each element: differences 6, `F - I` 18, the polar decomposition 147, stress,
-/// energy and forces 45, the tangent in the plane and out of it 216, and the sums of forces 12.
-pub(crate) const LINEARIZE_FLOPS: usize = 6 + 18 + 147 + 45 + 216 + 12;
-
-/// Operations of a product: differences 6, their scaling 6, the product with a symmetric 6 x 6 matrix 66, and the sums
-/// of forces 12.
-pub(crate) const PRODUCT_FLOPS: usize = 6 + 6 + 66 + 12;
-
 /// The constant data of a block.
 #[derive(Clone, Debug)]
 pub(crate) struct Rest<T> {

@@ -26,6 +26,7 @@
 
 use super::frame::{degenerate, rest_axes, rest_frame};
 use super::triangles::Triangle;
+use crate::element::VectorForm;
 use crate::element::elements::{Elements, renumber, slots};
 use crate::error::BodyError;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
@@ -318,7 +319,7 @@ impl Elements for Membrane {
             * scale
     }
 
-    fn corotational_triangles(&self) -> Option<Vec<Triangle>> {
+    fn vector_form(&self) -> Option<VectorForm> {
         let triangle = |e: usize| Triangle {
             nodes: self.nodes[e],
             gradients: self.gradients[e],
@@ -326,7 +327,8 @@ impl Elements for Membrane {
             mu: self.mu[e],
             lambda: self.lambda[e],
         };
-        Some((0..self.len()).map(triangle).collect())
+        let triangles = (0..self.len()).map(triangle).collect();
+        Some(VectorForm::CorotationalTriangles(triangles))
     }
 
     fn boxed(&self) -> Box<dyn Elements> {

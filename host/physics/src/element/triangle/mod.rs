@@ -3,7 +3,9 @@
 //! - [`membrane`]: isotropic sheets in the exact form; [`triangles`] and `kernels`: the same in the vector form.
 //! - [`woven`]: woven sheets.
 //! - `frame`: the rest frame of a triangle.
+//! - `cost`: the operations and bytes of `kernels`.
 
+mod cost;
 pub(crate) mod frame;
 mod kernels;
 pub mod membrane;

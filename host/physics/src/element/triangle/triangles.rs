@@ -8,19 +8,15 @@
 //!
 //! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
 
-use super::kernels::{
-    self, BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product,
-};
-use crate::cost::Cost;
+use super::kernels::{BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product};
+use crate::element::kernel::Kernel;
+use crate::element::placed::{InBlocks, Placed};
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
+use crate::linear::block_matrix::BlockMatrix;
 use crate::{Mat3, Vec3};
 
-/// Operations of [`Triangles::linearize`] for each element.
-pub const LINEARIZE_FLOPS: usize = kernels::LINEARIZE_FLOPS;
-
-/// Operations of [`Triangles::product`] for each element.
-pub const PRODUCT_FLOPS: usize = kernels::PRODUCT_FLOPS;
+pub use super::cost::{LINEARIZE_FLOPS, PRODUCT_FLOPS};
 
 /// One triangle, nodes in the solver's numbering.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,7 +37,7 @@ pub struct Triangle {
 /// Corotational triangles in blocks.
 #[derive(Clone, Debug)]
 pub struct Triangles<T> {
-    blocks: Blocks<T>,
+    pub(super) blocks: Blocks<T>,
     /// Block and lane of each element.
     places: Vec<(u32, u32)>,
 }
@@ -107,21 +103,6 @@ impl<T: Real> Triangles<T> {
             + size_of_val(self.blocks.stiffness.as_slice())
     }
 
-    /// The cost of a linearization, without displacements and forces.
-    pub(crate) fn linearize_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
-            + Cost::read(size_of_val(self.blocks.rest.as_slice()))
-            + Cost::write(size_of_val(self.blocks.stiffness.as_slice()))
-            + Cost::flops(LINEARIZE_FLOPS * self.len())
-    }
-
-    /// The cost of a product, without the vectors.
-    pub(crate) fn product_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.blocks.nodes.as_slice()))
-            + Cost::read(size_of_val(self.blocks.stiffness.as_slice()))
-            + Cost::flops(PRODUCT_FLOPS * self.len())
-    }
-
     /// Adds the elastic forces (N) at displacements `d` (m) to `force` and stores the stiffness at `d`. Returns the
     /// elastic energy (J).
     ///
@@ -175,4 +156,31 @@ impl<T: Real> Triangles<T> {
             [k02.transpose(), k21, k22],
         ]
     }
+}
+
+impl<T: Real> InBlocks<T, 3> for Triangles<T> {
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        Self::linearize(self, d, force).to_f64()
+    }
+
+    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        Self::product(self, factor, u, y);
+    }
+
+    fn stiffness(&self, element: usize) -> [[Mat3; 3]; 3] {
+        Self::stiffness(self, element)
+    }
+
+    fn bytes(&self) -> usize {
+        Self::bytes(self)
+    }
+}
+
+/// The kernel of `triangles`, whose blocks are in `matrix`.
+pub(in crate::element) fn kernel<T: Real>(
+    triangles: &[Triangle],
+    matrix: &BlockMatrix,
+) -> Box<dyn Kernel<T>> {
+    let nodes = triangles.iter().map(|triangle| triangle.nodes);
+    Box::new(Placed::new(Triangles::<T>::new(triangles), nodes, matrix))
 }

@@ -34,8 +34,7 @@ use super::sleep::Sleep;
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
-use crate::element::bending::scalar::ScalarMatrix;
-use crate::element::kernel::{Assembled, Kernel, Placed};
+use crate::element::{self, kernel::Kernel};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, Real, to_node, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
@@ -130,7 +129,7 @@ fn factors(body: &Body, h: f64) -> (f64, f64) {
     )
 }
 
-/// The elements of `body` in the order of places, each set by the best kernel that there is.
+/// The kernels of the element sets of `body` and of its bending, in the order of places.
 fn kernels<T: Real>(
     body: &Body,
     place: &[u32],
@@ -141,29 +140,10 @@ fn kernels<T: Real>(
     for set in &body.model.elements {
         let mut set = set.boxed();
         set.renumber(place);
-        if let Some((frame, tets)) = set.hookean_tets() {
-            kernels.push(Box::new(Placed::tets(frame, tets, matrix)));
-        } else if let Some((frame, tets)) = set.hookean_quadratic_tets() {
-            kernels.push(Box::new(Placed::quadratic_tets(frame, &tets, matrix)));
-        } else if let Some((law, tets)) = set.isotropic_tets() {
-            kernels.push(Box::new(Placed::principal_tets(law, &tets, matrix)));
-        } else if let Some((law, tets)) = set.isotropic_quadratic_tets() {
-            kernels.push(Box::new(Placed::principal_quadratic_tets(
-                law, &tets, matrix,
-            )));
-        } else if let Some(triangles) = set.corotational_triangles() {
-            kernels.push(Box::new(Placed::triangles(&triangles, matrix)));
-        } else {
-            set.bind(matrix);
-            kernels.push(Box::new(Assembled::new(set, matrix, rest)));
-        }
+        kernels.push(element::kernel(set, matrix, rest));
     }
     if let Some(bending) = &body.model.bending {
-        let weights = body
-            .assembly
-            .stiffness
-            .renumbered_weights(bending.weights(), place, matrix);
-        kernels.push(Box::new(ScalarMatrix::new(matrix, &weights)));
+        kernels.push(bending.kernel(&body.assembly.stiffness, place, matrix));
     }
     kernels
 }

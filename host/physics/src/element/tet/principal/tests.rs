@@ -1,6 +1,7 @@
 //! The tangent against the forces, against the blocks and in single precision; invalid states.
 
 use super::*;
+use crate::element::VectorForm;
 use crate::element::elements::Elements;
 use crate::element::tet::shape::{Shape, Tet4, Tet10};
 use crate::element::tet::solid::Solid;
@@ -34,9 +35,10 @@ fn linear<T: Real, L: Law>(mesh: &TetMesh) -> Linear<T> {
     let Cells::Linear(cells) = &mesh.cells else {
         unreachable!("linear");
     };
-    let (law, tets) = solid::<4, 1, Tet4, L>(mesh, cells)
-        .isotropic_tets()
-        .unwrap();
+    let solid = solid::<4, 1, Tet4, L>(mesh, cells);
+    let Some(VectorForm::IsotropicTets(law, tets)) = solid.vector_form() else {
+        unreachable!("linear tetrahedra of an isotropic law");
+    };
     Linear::linear(law, &tets)
 }
 
@@ -45,7 +47,9 @@ fn quadratic<T: Real, L: Law>(mesh: &TetMesh) -> Quadratic<T> {
         unreachable!("quadratic");
     };
     let solid = solid::<10, 4, Tet10, L>(mesh, cells);
-    let (law, tets) = solid.isotropic_quadratic_tets().unwrap();
+    let Some(VectorForm::IsotropicQuadraticTets(law, tets)) = solid.vector_form() else {
+        unreachable!("quadratic tetrahedra of an isotropic law");
+    };
     Quadratic::quadratic(law, &tets)
 }
 
