@@ -32,7 +32,7 @@ pub struct LinkConfig {
     pub tick_rate: f64,
     /// Rate at which the host publishes local models of one body (Hz).
     pub publish_rate: f64,
-    /// Number of connected bodies. A number above [`MAX_BODIES`] counts as [`MAX_BODIES`].
+    /// Number of connected bodies, of which at most [`MAX_BODIES`] get a ring.
     pub bodies: usize,
     /// Duration of a stall of either side before a record is refused (s).
     pub stall: f64,
