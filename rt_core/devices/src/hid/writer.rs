@@ -115,7 +115,7 @@ mod tests {
         let (free, stuck) = sync_channel::<()>(0);
         let write = move |command: &u32| {
             written.send(*command).map_err(|_| 1)?;
-            // The device is stuck until it is freed, and never again once the other side is gone.
+            // The device is stuck until it is freed. It is never stuck again once the other side is gone.
             let _ = stuck.recv();
             Ok(())
         };
