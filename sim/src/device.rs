@@ -21,8 +21,8 @@ use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist
 
 /// Default length of a substep (ns): 20 substeps in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
-/// Longest motion in one call (ns). It bounds the work of a call. In a longer gap the device stands still for the rest
-/// of the gap, and the rest is counted.
+/// Longest time for which the device moves in one call (ns). It bounds the work of a call. In a longer gap the device
+/// stands still for the rest of the gap, and the rest is counted.
 pub const LONGEST_MOVE_NS: u64 = 100_000_000;
 
 /// Why a simulated device could not be made.

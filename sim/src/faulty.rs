@@ -27,7 +27,7 @@ pub struct Faulty {
     faults: Vec<(Range<u64>, Fault)>,
 }
 
-/// Error number of a device that is gone (ENODEV).
+/// Error number of a disconnected device (ENODEV).
 const NO_DEVICE: i32 = 19;
 
 impl Faulty {

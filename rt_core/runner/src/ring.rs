@@ -87,7 +87,7 @@ pub fn take_newest<T: Copy, R>(
     Some(result)
 }
 
-/// Counts the gaps in a sequence of numbers that should increase by one.
+/// Counts the numbers that are missing from a sequence, which should increase by one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sequence {
     /// The number expected next.

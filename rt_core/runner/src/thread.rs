@@ -159,7 +159,7 @@ pub struct TickReport {
     pub link: TickCounters,
     /// Number of wrenches that a device did not accept.
     pub refused_wrenches: u64,
-    /// What the system did not grant to the run.
+    /// The requests that the system did not grant to the run.
     pub degradations: Vec<Degradation>,
     /// The core to which the tick was pinned.
     pub core: Option<usize>,
@@ -258,7 +258,7 @@ impl TickThread {
         self.ticks.load(Ordering::Relaxed)
     }
 
-    /// What the system did not grant to the run.
+    /// The requests that the system did not grant to the run.
     pub fn degradations(&self) -> &[Degradation] {
         &self.setup.degradations
     }

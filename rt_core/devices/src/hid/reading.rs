@@ -52,7 +52,7 @@ impl Reports {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
                 Ok(length) => length,
-                // A report that came before the device disappeared is still good. The next read returns the error.
+                // A report that arrived before the device disappeared is still good. The next read returns the error.
                 Err(_) if newest.is_some() => break,
                 Err(error) => return Err(error),
             };
