@@ -1,25 +1,26 @@
-//! What a haptic device is to the loop: a state to read, a wrench to write, and what it can do.
+//! The interface of a haptic device to the loop: the loop reads a state, writes a wrench, and asks for the
+//! capabilities.
 //!
-//! Everything that stands in for a device (a simulation, a recording) and everything that wraps one (a
-//! fault injector, a tracer) implements the same [`Device`], so no part of the loop special-cases them.
+//! A simulation, a recording and a wrapper (a fault injector, a tracer) all implement the same [`Device`]. The loop
+//! treats them alike.
 
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 
-/// What one read of a device gives, in the device's own axes, SI units.
+/// The result of one read of a device, in the device's own axes, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceState {
-    /// Where the end effector is. A device that senses no rotation reports the identity.
+    /// Pose of the end effector (m). A device that senses no rotation reports the identity.
     pub pose: Pose,
-    /// How fast it moves, as the driver estimates it.
+    /// Twist of the end effector (m/s, rad/s), as the driver estimates it.
     pub twist: Twist,
-    /// One bit a button, lowest first.
+    /// One bit per button, lowest first.
     pub buttons: u32,
-    /// The device's own clock (ns), counted on from its wrapping counter.
+    /// Time of the device's own clock (ns). The driver extends the device's wrapping counter.
     pub device_time_ns: u64,
 }
 
 impl DeviceState {
-    /// Centred, at rest, no button pressed.
+    /// A state at the origin, at rest, with no button pressed.
     pub fn resting() -> Self {
         Self {
             pose: Pose::identity(),
@@ -29,13 +30,13 @@ impl DeviceState {
         }
     }
 
-    /// Whether every number in it is finite.
+    /// Whether every number in the state is finite.
     pub fn is_finite(&self) -> bool {
         self.pose.is_finite() && self.twist.is_finite()
     }
 }
 
-/// Which degrees of freedom a device senses or actuates.
+/// The degrees of freedom that a device senses or actuates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freedom {
     /// Translation only.
@@ -44,99 +45,101 @@ pub enum Freedom {
     Six,
 }
 
-/// What a device can do.
+/// The capabilities of a device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Capabilities {
-    /// Degrees of freedom that it senses.
+    /// Degrees of freedom that the device senses.
     pub sensed: Freedom,
-    /// Degrees of freedom that it actuates.
+    /// Degrees of freedom that the device actuates.
     pub actuated: Freedom,
     /// Largest force (N).
     pub max_force: f64,
-    /// Largest moment (N m); zero where it actuates none.
+    /// Largest moment (N m); zero where the device actuates no rotation.
     pub max_moment: f64,
-    /// Radius of the largest ball inside its workspace (m), about the device's origin.
+    /// Radius of the largest ball about the device's origin that lies inside the workspace (m).
     pub workspace_radius: f64,
-    /// Position change of one encoder count (m).
+    /// Displacement of one encoder count (m).
     pub position_step: f64,
 }
 
-/// What only a simulation knows of its device. For summaries and certificates: the law never asks.
+/// The quantities of a device that only a simulation knows. They serve summaries and certificates; the control law
+/// never reads them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Probe {
-    /// Where the end effector truly is (device axes), as no encoder sees it.
+    /// True pose of the end effector (m, device axes), before the encoders.
     pub pose: Pose,
-    /// How fast it truly moves.
+    /// True twist of the end effector (m/s, rad/s).
     pub twist: Twist,
-    /// The wrench that the motors hold (device axes): the last one written, shortened to the device's largest.
+    /// The wrench that the motors hold (N, N m, device axes): the last command, shortened to the largest wrench of the
+    /// device.
     pub held: Wrench,
-    /// Work of the motors so far (J), integrated between ticks.
+    /// Work of the motors since the start (J), integrated between ticks.
     pub motor_work: f64,
-    /// Work that the device did on the hand so far (J), at the port between the two, integrated between ticks.
+    /// Work of the device on the hand since the start (J), at the port, integrated between ticks.
     pub on_hand: f64,
 }
 
-/// Why a report cannot be used, whatever the protocol that it is of.
+/// Why a report cannot be used, in any protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Corruption {
-    /// It is too short or too long.
+    /// The report is too short or too long.
     #[error("its length is wrong")]
     Length,
-    /// Its bytes were changed on their path.
+    /// The bytes of the report were changed in transit.
     #[error("its check sum is wrong")]
     CheckSum,
-    /// It is of another version of the protocol.
+    /// The report is of another version of the protocol.
     #[error("it is of another version of the protocol")]
     Version,
-    /// It is of another kind than was due.
+    /// The report is of another kind than expected.
     #[error("it is of another kind")]
     Kind,
-    /// One of its fields holds what no sender should send.
+    /// A field of the report has a value that no sender should send.
     #[error("one of its fields is out of range")]
     Range,
 }
 
 /// Why a device gave no state or took no wrench.
 ///
-/// `Copy` and without text, so that it may be made inside the tick; its `Display` is for afterwards.
+/// The type is `Copy` and holds no text, so the tick may construct it. `Display` is for use outside the tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DeviceError {
-    /// Nothing new since the last read.
+    /// No report has arrived since the last read.
     #[error("the device sent no report since the last tick")]
     NoReport,
-    /// The device is gone.
+    /// The device is no longer connected; the field is the error number of the system.
     #[error("the device is no longer connected (system error {0})")]
     Disconnected(i32),
-    /// A report came that cannot be trusted.
+    /// A report arrived that cannot be trusted.
     #[error("the device sent a report that cannot be used: {0}")]
     Corrupt(Corruption),
-    /// The wrench could not be handed on, because earlier ones still wait.
+    /// The wrench was not sent, because earlier commands still wait.
     #[error("the device did not take the last wrench yet")]
     Busy,
 }
 
 /// A haptic device as the loop sees it.
 ///
-/// Inside the tick neither method may allocate, lock, format or wait.
+/// Inside the tick, neither `read` nor `write` may allocate, lock, format or wait.
 pub trait Device {
-    /// What it can do; constant while it is connected.
+    /// The capabilities of the device. They are constant while the device is connected.
     fn capabilities(&self) -> Capabilities;
 
-    /// Its newest state. `now_ns` is the tick's nominal time.
+    /// Reads the newest state of the device. `now_ns` is the nominal time of the tick.
     ///
     /// # Errors
-    /// [`DeviceError`] where there is nothing new or nothing that can be trusted; the loop then keeps the
-    /// last state and counts.
+    /// [`DeviceError`] where no report is new or none can be trusted. The loop then keeps the last state and counts the
+    /// error.
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError>;
 
-    /// Commands a wrench (on the hand, device axes), held until the next.
+    /// Commands a wrench on the hand (N, N m, device axes). The device holds the wrench until the next command.
     ///
     /// # Errors
-    /// [`DeviceError`] where the device cannot take it.
+    /// [`DeviceError`] where the device cannot take the command.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError>;
 
-    /// What only a simulation knows of it; `None` for a real device and for a recorded one. A wrapper hands on what
-    /// the device inside tells.
+    /// The quantities that only a simulation knows; `None` for a real or recorded device. A wrapper returns the probe
+    /// of the device inside.
     fn probe(&self) -> Option<Probe> {
         None
     }

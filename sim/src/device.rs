@@ -1,14 +1,14 @@
 //! A simulated haptic device, with the hand that holds it.
 //!
-//! [`SimDevice`] is a [`Device`] like any other: between two calls it moves on under the last wrench written
-//! (held, as a real device holds it), and a read gives what its encoders would show. It moves exactly up to
-//! the time of the call in substeps of a fixed length, the last one shorter where the two do not divide;
-//! times are whole nanoseconds and never drift.
+//! [`SimDevice`] is a [`Device`] like any other. Between two calls it moves under the last command, which it holds as a
+//! real device does. A read returns what its encoders report. The device moves exactly up to the time of the call in
+//! substeps of a fixed length; the last substep is shorter where the length does not divide the time. Times are integer
+//! nanoseconds and do not drift.
 //!
-//! What is modelled: moving mass, viscous damping, Coulomb friction, encoder counts, the motors' largest
-//! force, the arm of [`crate::hand`]; where the model has a rotation, the same of the handle's rotation and
-//! the wrist. What is not: end stops, motor dynamics, backlash, inertia that changes with the pose or
-//! couples translation and rotation, gravity (devices compensate it).
+//! The model has the moving mass, viscous damping, Coulomb friction, encoder counts, the largest force of the motors,
+//! and the arm of [`crate::hand`]. Where the device model has a rotation, the same holds for the rotation of the
+//! handle, with the wrist. The model has no end stops, no motor dynamics, no backlash, no inertia that depends on the
+//! pose or couples translation and rotation, and no gravity (devices compensate gravity).
 
 use crate::arm::{Arm, Wrist};
 use crate::dynamics::{Dynamics, Turning};
@@ -19,29 +19,29 @@ use devices::DeviceModel;
 use nalgebra::UnitQuaternion;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist, Vec3, Wrench};
 
-/// Length of a substep unless told otherwise (ns): 20 in a millisecond.
+/// Default length of a substep (ns): 20 substeps in a millisecond.
 pub const SUBSTEP_NS: u64 = 50_000;
-/// The longest time that one call moves on by (ns). Work in a call is bounded; of a longer gap the excess
-/// is stood still through, and counted.
+/// Longest time for which the device moves in one call (ns). It bounds the work of a call. In a longer gap the device
+/// stands still for the rest of the gap, and the rest is counted.
 pub const LONGEST_MOVE_NS: u64 = 100_000_000;
 
-/// Why there is no such simulated device.
+/// Why a simulated device could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SimError {
     /// A number of the model must be finite and above zero.
     #[error("the device model's {field} must be finite and above zero, not {found}")]
     NotPositive {
-        /// Which.
+        /// Name of the number.
         field: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
     },
     /// A number of the model must be finite and at least zero.
     #[error("the device model's {field} must be finite and at least zero, not {found}")]
     Negative {
-        /// Which.
+        /// Name of the number.
         field: &'static str,
-        /// What was given.
+        /// The value that was given.
         found: f64,
     },
     /// The arm has a number that is negative or not finite.
@@ -58,25 +58,24 @@ pub enum SimError {
         /// The wrist.
         found: Wrist,
     },
-    /// The tick's period makes no sense.
+    /// The period of the tick is out of range.
     #[error("the tick's period must be from 1e-5 to 0.1 s, not {found} s")]
     Period {
-        /// What was given (s).
+        /// The value that was given (s).
         found: f64,
     },
-    /// The substep is too short to bound the work in a call, or longer than a tick may be.
+    /// The substep is too short to bound the work of a call, or too long for a tick.
     #[error("a substep must be from 100 to 100000000 ns, not {found} ns")]
     Substep {
-        /// What was given (ns).
+        /// The value that was given (ns).
         found: u64,
     },
-    /// The start is not finite.
+    /// The start position is not finite.
     #[error("the device's start position must be finite")]
     Start,
 }
 
-/// A simulated device, held by a hand or by nobody. It has three degrees of freedom, or six where its model
-/// has a rotation.
+/// A simulated device, held by a hand or free. It has three degrees of freedom, or six where its model has a rotation.
 #[derive(Clone, Debug)]
 pub struct SimDevice {
     model: DeviceModel,
@@ -86,14 +85,14 @@ pub struct SimDevice {
     substep_ns: u64,
     /// The force that the motors hold (N).
     force: Vec3,
-    /// Time of the first call and of the last (ns); none before the first.
+    /// Times of the first call and of the latest call (ns); `None` before the first call.
     clock: Option<(u64, u64)>,
-    /// How long it has moved (ns).
+    /// Time for which the device has moved (ns).
     moved_ns: u64,
     frozen_ns: u64,
     refused_wrenches: u64,
     encoder: Encoder,
-    /// Of a device of six degrees of freedom.
+    /// The rotation; `None` for a device of three degrees of freedom.
     rotation: Option<Rotation>,
 }
 
@@ -105,16 +104,16 @@ struct Rotation {
     max_moment: f64,
     /// The moment that the motors hold (N m).
     moment: Vec3,
-    /// Of translation and rotation together.
+    /// Energy of translation and rotation together.
     energy: MechanicalEnergy,
 }
 
 impl SimDevice {
-    /// A device at rest at its origin, in a hand or free, for a tick of `period_s` (which the velocity
-    /// estimate needs).
+    /// A device at rest at its origin, held by a hand or free. The estimate of the velocity needs the period `period_s`
+    /// of the tick (s).
     ///
     /// # Errors
-    /// [`SimError`] where a number of the model, the arm or the period makes no sense.
+    /// [`SimError`] where a number of the model, a number of the arm or the wrist, or the period is out of range.
     pub fn new(model: DeviceModel, hand: Option<Hand>, period_s: f64) -> Result<Self, SimError> {
         check(&model)?;
         if !(1e-5..=0.1).contains(&period_s) {
@@ -151,7 +150,7 @@ impl SimDevice {
         })
     }
 
-    /// The same, starting at rest at `position` (m, device axes). To be called before the first read.
+    /// The same device, at rest at `position` (m, device axes). To be called before the first read.
     ///
     /// # Errors
     /// [`SimError::Start`] where the position is not finite.
@@ -171,10 +170,10 @@ impl SimDevice {
         Ok(self)
     }
 
-    /// The same, with substeps of another length (ns).
+    /// The same device with substeps of another length (ns).
     ///
     /// # Errors
-    /// [`SimError::Substep`] where it is outside 100 ns to 0.1 s.
+    /// [`SimError::Substep`] where the length is outside 100 ns to 0.1 s.
     pub fn with_substep_ns(self, substep_ns: u64) -> Result<Self, SimError> {
         if !(100..=LONGEST_MOVE_NS).contains(&substep_ns) {
             return Err(SimError::Substep { found: substep_ns });
@@ -182,46 +181,46 @@ impl SimDevice {
         Ok(Self { substep_ns, ..self })
     }
 
-    /// The model that it was made from.
+    /// The model of the device.
     pub fn model(&self) -> &DeviceModel {
         &self.model
     }
 
-    /// Where the end effector truly is (m), as no encoder sees it.
+    /// True position of the end effector (m), before the encoder.
     pub fn position(&self) -> Vec3 {
         self.dynamics.position()
     }
 
-    /// How fast it truly moves (m/s).
+    /// True velocity of the end effector (m/s).
     pub fn velocity(&self) -> Vec3 {
         self.dynamics.velocity()
     }
 
-    /// The force that the motors hold (N): the last one written, shortened to the device's largest.
+    /// The force that the motors hold (N): the last command, shortened to the largest force of the device.
     pub fn force(&self) -> Vec3 {
         self.force
     }
 
-    /// How the end effector is truly turned; the identity where its rotation is not modelled.
+    /// True orientation of the end effector; the identity where the model has no rotation.
     pub fn orientation(&self) -> UnitQuaternion<f64> {
         let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
         turning.map_or_else(UnitQuaternion::identity, Turning::orientation)
     }
 
-    /// How fast it truly turns (rad/s).
+    /// True angular velocity of the end effector (rad/s); zero where the model has no rotation.
     pub fn angular_velocity(&self) -> Vec3 {
         let turning = self.rotation.as_ref().map(|rotation| &rotation.turning);
         turning.map_or_else(Vec3::zeros, Turning::velocity)
     }
 
-    /// The moment that the motors hold (N m): the last one written, shortened to the device's largest; zero
-    /// where its rotation is not modelled.
+    /// The moment that the motors hold (N m): the last command, shortened to the largest moment of the device; zero
+    /// where the model has no rotation.
     pub fn moment(&self) -> Vec3 {
         let rotation = self.rotation.as_ref();
         rotation.map_or_else(Vec3::zeros, |rotation| rotation.moment)
     }
 
-    /// Where the energy came from and went, in translation and rotation together.
+    /// The energy balance of the device (J), of translation and rotation together.
     pub fn energy(&self) -> &MechanicalEnergy {
         match &self.rotation {
             None => self.dynamics.energy(),
@@ -229,17 +228,17 @@ impl SimDevice {
         }
     }
 
-    /// How long it stood still because calls came too far apart (ns).
+    /// Time for which the device stood still because two calls were too far apart (ns).
     pub fn frozen_ns(&self) -> u64 {
         self.frozen_ns
     }
 
-    /// How many wrenches it replaced by zero because they were not finite.
+    /// Number of wrenches with a part that was not finite. The device replaced that part by zero.
     pub fn refused_wrenches(&self) -> u64 {
         self.refused_wrenches
     }
 
-    /// Moves on to `now_ns`. A time that lies before the last one changes nothing.
+    /// Moves the device to the time `now_ns`. A time before the latest call changes nothing.
     fn advance(&mut self, now_ns: u64) {
         let (first, last) = self.clock.unwrap_or((now_ns, now_ns));
         let gap = now_ns.saturating_sub(last);
@@ -266,7 +265,7 @@ impl SimDevice {
     }
 }
 
-/// Whether every number of a model makes sense.
+/// Checks that every number of a model is in its range.
 fn check(model: &DeviceModel) -> Result<(), SimError> {
     let mut positive = vec![
         ("mass", model.mass),
@@ -299,7 +298,7 @@ fn check(model: &DeviceModel) -> Result<(), SimError> {
     Ok(())
 }
 
-/// A vector shortened to `most`; nothing where it is not finite.
+/// The vector, shortened to the length `most` where it is longer; `None` where its length is not finite.
 fn shortened(vector: Vec3, most: f64) -> Option<Vec3> {
     let length = vector.norm();
     if !length.is_finite() {
@@ -316,7 +315,7 @@ impl Device for SimDevice {
         self.model.capabilities()
     }
 
-    /// Never fails. The device's clock starts at the first call.
+    /// Never fails. The clock of the device starts at the first call.
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
         self.advance(now_ns);
         self.encoder
@@ -342,8 +341,8 @@ impl Device for SimDevice {
         })
     }
 
-    /// Never fails. A force or a moment beyond the largest keeps its direction; one that is not finite
-    /// becomes zero. Without a rotation the moment is no part of it.
+    /// Never fails. A force or a moment beyond the largest keeps its direction. A force or a moment that is not finite
+    /// becomes zero. A device without a rotation ignores the moment.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         self.advance(now_ns);
         let force = shortened(wrench.force, self.model.max_force);

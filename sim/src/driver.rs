@@ -1,27 +1,28 @@
-//! The driver `simulated`: opens simulated devices in the hands that hold them.
+//! The driver `simulated` opens simulated devices, each with the hand that holds it.
 
 use crate::device::SimDevice;
 use crate::firmware::Wired;
 use crate::hand::Hand;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
 
-/// How a simulated device is held and reached.
+/// The hand and the wire of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Held {
-    /// The hand that holds it; nobody does where there is none.
+    /// The hand that holds the device; the device is free where there is none.
     pub hand: Option<Hand>,
-    /// Whether its states and wrenches pass through the reports of the firmware protocol.
+    /// Whether the states and wrenches of the device pass through the reports of the firmware protocol.
     pub wired: bool,
 }
 
-/// Simulated devices. It has no settings: hands and wires are given with the driver.
+/// The driver of simulated devices. It has no settings, because hands and wires are given to `Simulated::new`.
 #[derive(Clone, Debug)]
 pub struct Simulated {
     held: Vec<Held>,
 }
 
 impl Simulated {
-    /// For devices that are held so, by their places in the scene; a device beyond them is free and without a wire.
+    /// A driver for devices with these hands and wires, by index in the scene. A device beyond the list is free and has
+    /// no wire.
     pub fn new(held: Vec<Held>) -> Self {
         Self { held }
     }

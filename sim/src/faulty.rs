@@ -1,37 +1,37 @@
-//! A device that fails on time: a wrapper around any other, with a list of faults.
+//! A device with scheduled faults: a wrapper around any other device, with a list of faults.
 
 use devices::AnyDevice;
 use rt_core::{Capabilities, Corruption, Device, DeviceError, DeviceState, Probe, Wrench};
 use std::ops::Range;
 
-/// What goes wrong with a device.
+/// A fault of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fault {
-    /// It says nothing.
+    /// The device sends no report.
     Silent,
-    /// It is gone: it says nothing, and its motors let go.
+    /// The device is disconnected: reads and writes fail, and its motors hold no force.
     Gone,
-    /// Its reports and its commands are lost on their way: no report arrives, and its motors let go.
+    /// Reports and commands are lost in transit: no report arrives, and the motors hold no force. Writes succeed.
     Vanished,
-    /// What it sends is damaged.
+    /// The reports of the device are damaged.
     Corrupt(Corruption),
-    /// It sends a position that is not a number.
+    /// The device sends a position with a NaN.
     NotANumber,
-    /// It takes no wrench, and holds the last.
+    /// The device accepts no wrench, and holds the last wrench.
     Deaf,
 }
 
-/// A device with faults, each in a span of time (ns). The device inside moves on all the same.
+/// A device with faults, each in a span of time (ns). The device inside moves during a fault, too.
 pub struct Faulty {
     device: AnyDevice,
     faults: Vec<(Range<u64>, Fault)>,
 }
 
-/// Error number of a device that is gone (ENODEV).
+/// Error number of a disconnected device (ENODEV).
 const NO_DEVICE: i32 = 19;
 
 impl Faulty {
-    /// `device`, with faults. Of two at the same time the first counts.
+    /// Wraps `device` with faults. Where two faults overlap, the first in the list acts.
     pub fn new(device: AnyDevice, faults: Vec<(Range<u64>, Fault)>) -> Self {
         Self { device, faults }
     }

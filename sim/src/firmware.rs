@@ -147,7 +147,7 @@ mod tests {
         let turn_ns = (1_u64 << 32) * 1000;
         for now in (0..20).map(|k| k * turn_ns / 3 + 123_456) {
             let time = device.read(now).unwrap().device_time_ns;
-            // Whole microseconds, rounded down.
+            // The time is in whole microseconds, rounded down.
             assert_eq!(time, now / 1000 * 1000);
         }
         // The clock of a restarted device continues from its last time, and never goes back.
@@ -171,7 +171,7 @@ mod tests {
         for tick in 0..1000 {
             let now = tick * 1_000_000;
             let (a, b) = (bare.read(now).unwrap(), wired.read(now).unwrap());
-            // Half of 0.1 µm and of 1 µm/s; rounding of numbers far below one.
+            // The tolerances are half of 0.1 µm and half of 1 µm/s, plus a relative margin for rounding.
             assert!((a.pose.position - b.pose.position).amax() <= 0.5e-7 * (1.0 + 1e-9));
             assert!((a.twist.linear - b.twist.linear).amax() <= 0.5e-6 * (1.0 + 1e-9));
             assert_eq!(a.device_time_ns, b.device_time_ns);

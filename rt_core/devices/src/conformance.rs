@@ -1,31 +1,33 @@
-//! What every [`Device`] keeps to, drivers and wrappers alike, as one suite.
+//! The properties of every [`Device`], drivers and wrappers alike, as one suite.
 //!
-//! [`Suite::check`] puts devices from one maker through the same ticks and panics with what was broken:
+//! [`Suite::check`] runs devices from one maker through the same ticks. It panics with the property that a device
+//! violates:
 //!
-//! 1. what it can do is constant, finite and without contradiction;
-//! 2. a state is sound: finite, its rotation one, the identity where none is sensed;
-//! 3. its clock never goes back;
-//! 4. any time may come: the same twice, one far ahead, one that lies behind;
-//! 5. any wrench may come: one beyond the largest, one that is not a number. The states stay sound, and the motors hold
-//!    no more than they can;
-//! 6. no tick's call allocates, as far as the caller's counter tells ([`Suite::watched`]);
-//! 7. it may leave at any time, after a wrench as well as before its first reading.
+//! 1. The capabilities are constant, finite and consistent.
+//! 2. A state is valid: it is finite, its rotation has unit length, and its rotation is the identity where none is
+//!    sensed.
+//! 3. The clock of the device never decreases.
+//! 4. Any time is accepted: the same time twice, a time far ahead, an earlier time.
+//! 5. Any wrench is accepted: a wrench beyond the largest, a wrench with a NaN. The states stay valid, and the motors
+//!    hold no more than their largest wrench.
+//! 6. No call inside a tick allocates, as far as the caller's counter can detect ([`Suite::watched`]).
+//! 7. The device may be dropped at any time, after a wrench as well as before its first reading.
 //!
-//! An error is an answer like any other: a suite says how many states it expects at least ([`Suite::states`]).
+//! An error is a valid result of a call. The suite requires a minimal number of states ([`Suite::states`]).
 
 use rt_core::{Capabilities, Device, DeviceState, Freedom, Vec3, Wrench};
 use std::ops::DerefMut;
 
-/// Ticks of the long part.
+/// Number of ticks of the long part.
 const TICKS: u64 = 500;
-/// The tick's period (ns).
+/// Period of the tick (ns).
 const PERIOD_NS: u64 = 1_000_000;
-/// By how much the length of a rotation's quaternion may differ from one: what the loop believes.
+/// Tolerance on the unit length of a rotation's quaternion: the tolerance of the loop itself.
 const SKEW: f64 = 0.01;
-/// By how much a wrench that is held may be beyond the largest, relative: rounding, and a report's half unit.
+/// Relative tolerance on the largest wrench: rounding, and half a unit of a report.
 const ROUNDING: f64 = 1e-6;
 
-/// The suite, with what is known of the devices that it is about.
+/// The suite, with the expected behaviour of the devices.
 pub struct Suite<'a> {
     name: &'a str,
     states: u64,
@@ -33,7 +35,7 @@ pub struct Suite<'a> {
 }
 
 impl<'a> Suite<'a> {
-    /// For devices that messages call `name`, each of which has a state in every tick.
+    /// A suite for devices that messages call `name`, each of which has a state in every tick.
     pub fn new(name: &'a str) -> Self {
         Self {
             name,
@@ -42,29 +44,29 @@ impl<'a> Suite<'a> {
         }
     }
 
-    /// The same for devices that have at least so many states in five hundred ticks.
+    /// The same suite for devices that have at least `states` states in five hundred ticks.
     pub fn states(self, states: u64) -> Self {
         Self { states, ..self }
     }
 
-    /// The same with every call of a device run by `watch`, which may count what the call does.
+    /// The same suite, with every call of a device run inside `watch`, which may count the effects of the call.
     pub fn watched(self, watch: &'a dyn Fn(&mut dyn FnMut())) -> Self {
         Self { watch, ..self }
     }
 
-    /// Puts devices of `make`, each in a box of its own, through the suite.
+    /// Runs devices of `make`, each a new one, through the suite.
     ///
     /// # Panics
-    /// Where a device breaks one of the promises, with the promise and what was found.
+    /// Where a device violates a property. The message has the property and the values found.
     pub fn check<D: Device + ?Sized, B: DerefMut<Target = D>>(&self, mut make: impl FnMut() -> B) {
         self.steady_ticks(&mut *make());
         self.odd_times(&mut *make());
         self.odd_wrenches(&mut *make());
-        // A device may leave before its first reading.
+        // A device may be dropped before its first reading.
         drop(make());
     }
 
-    /// What it says of itself, once and again.
+    /// Checks the capabilities of a device and returns them.
     fn capabilities<D: Device + ?Sized>(&self, device: &D) -> Capabilities {
         let found = device.capabilities();
         let name = self.name;
@@ -88,7 +90,7 @@ impl<'a> Suite<'a> {
         found
     }
 
-    /// One read. Its state, if it has one, is sound and of no earlier time than `clock_ns`.
+    /// Runs one read. Its state, if there is one, must be valid, and its time must not be earlier than `clock_ns`.
     fn read<D: Device + ?Sized>(
         &self,
         device: &mut D,
@@ -118,10 +120,10 @@ impl<'a> Suite<'a> {
         Some(state)
     }
 
-    /// One write; then the motors hold what they can at most.
+    /// Runs one write. The motors must then hold at most the largest wrench.
     fn write<D: Device + ?Sized>(&self, device: &mut D, now_ns: u64, wrench: &Wrench) {
         (self.watch)(&mut || {
-            // A device that refuses says so, and that is all there is to it.
+            // An error is allowed here.
             let _ = device.write(now_ns, wrench);
         });
         let Some(probe) = device.probe() else { return };
@@ -140,7 +142,7 @@ impl<'a> Suite<'a> {
         );
     }
 
-    /// Five hundred ticks as any run has them, under a spring to the origin.
+    /// Five hundred ordinary ticks under a spring to the origin.
     fn steady_ticks<D: Device + ?Sized>(&self, device: &mut D) {
         let capabilities = self.capabilities(device);
         let (mut clock, mut states) = (0, 0);
@@ -162,7 +164,7 @@ impl<'a> Suite<'a> {
         assert_eq!(capabilities, self.capabilities(device), "{}", self.name);
     }
 
-    /// Times that no run has, and a run goes on after them.
+    /// Times that do not occur in a run, then ordinary times again.
     fn odd_times<D: Device + ?Sized>(&self, device: &mut D) {
         let mut clock = 0;
         let second = 1_000_000_000;
@@ -185,7 +187,7 @@ impl<'a> Suite<'a> {
         }
     }
 
-    /// Wrenches that the last stage never lets through, each held for a few ticks.
+    /// Wrenches that the last stage never passes, each held for a few ticks.
     fn odd_wrenches<D: Device + ?Sized>(&self, device: &mut D) {
         let most = self.capabilities(device);
         let along = |force: f64, moment: f64| Wrench {

@@ -2,15 +2,15 @@
 //!
 //! - **Reading** drains the kernel's queue to its newest report in each tick. The queue holds 64 reports and drops the
 //!   newest when it is full, so a report left in the queue would make the force lag.
-//! - **Writing** is the task of a thread of the device's own (`writer`): the kernel makes a writer wait for the device,
-//!   for up to five seconds.
-//! - Reader and writer use a file each, since one handle cannot be in two threads. The kernel also queues up to 64
-//!   reports for the writer's file; nobody reads them.
+//! - **Writing** is the task of a separate thread for each device (`writer`), because the kernel makes a writer wait
+//!   for the device, for up to five seconds.
+//! - Reader and writer each open a file of their own, because two threads cannot use the same handle. The kernel also
+//!   queues up to 64 reports for the writer's file; they are never read.
 //!
 //! The bytes pass through two functions ([`HidDevice::over`]), so that a test can take the place of hidraw.
 //!
-//! On the hot path are `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot path
-//! does not allocate, except once in the tick in which the device disappears (hidapi's errors are text).
+//! The hot path consists of `poll` and `read` until the queue is empty, one copy into a ring, and one wake-up. The hot
+//! path does not allocate, except once in the tick in which the device disappears (hidapi's errors are text).
 
 mod driver;
 mod reading;
@@ -105,12 +105,12 @@ pub enum HidError {
     },
 }
 
-/// Fills a buffer with the next report that waits and returns the length of the report, or zero where none waits; or
-/// returns the error number of the system. Never waits.
+/// Fills a buffer with the next report that waits. Returns the length of the report, zero where no report waits, or the
+/// error number of the system. Never waits.
 pub type ReadReport = dyn FnMut(&mut [u8]) -> Result<usize, i32> + Send;
 
-/// An open device. Dropping it tells the device to let go, and waits until that command is written, for five seconds at
-/// worst.
+/// An open device. Dropping it sends a last command of zero force, and waits until that command is written, at most
+/// five seconds.
 pub struct HidDevice {
     read: Box<ReadReport>,
     writer: Writer<Command>,
@@ -122,10 +122,10 @@ pub struct HidDevice {
 }
 
 impl HidDevice {
-    /// Opens the one device that `selector` names. `capabilities` tells what the device can do.
+    /// Opens the one device that `selector` names. `capabilities` are the capabilities of the device.
     ///
     /// # Errors
-    /// [`HidError`], which names the device and what the user can check.
+    /// [`HidError`], which names the device and the checks that the user can make.
     pub fn open(selector: &HidSelector, capabilities: Capabilities) -> Result<Self, HidError> {
         let api = HidApi::new().map_err(HidError::System)?;
         let path = find(&api, selector)?;
@@ -151,11 +151,11 @@ impl HidDevice {
         })
     }
 
-    /// A device whose reports come from `read` and whose commands `write` sends, from a thread of its own and as slowly
-    /// as it likes. Either gives the system's error number where the device is gone.
+    /// A device whose reports come from `read`, and whose commands go to `write` in a separate thread. `write` may
+    /// block. Either function returns the error number of the system where the device is disconnected.
     ///
     /// # Errors
-    /// The system's, where it gave no thread to write from.
+    /// The error of the system, where it gave no thread for writing.
     pub fn over(
         read: impl FnMut(&mut [u8]) -> Result<usize, i32> + Send + 'static,
         write: impl FnMut(&Command) -> Result<(), i32> + Send + 'static,

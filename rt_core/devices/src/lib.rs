@@ -1,14 +1,14 @@
-//! Haptic devices behind one door.
+//! Haptic devices behind one interface.
 //!
-//! - [`models`]: devices as data, one file each, with the source of every number. A device's model is its profile,
-//!   whichever driver moves it.
-//! - [`registry`]: drivers by name. Whoever runs a scene opens its devices through a [`Registry`] and knows of no driver
-//!   more than that.
-//! - Drivers: [`hid`] (real devices that speak Palpate's firmware protocol), [`replay`] (recorded readings). The driver of
-//!   simulated devices is `sim::driver`, beside what it simulates.
-//! - [`wire`]: the host's side of the firmware protocol. Device units end there.
-//! - [`scripted`]: a device made of two functions, and [`conformance`]: what every [`Device`](rt_core::Device) keeps to,
-//!   as one suite that every driver and every wrapper has to pass.
+//! - [`models`]: devices as data, one file each, with the source of every number. A device has the same model under
+//!   every driver.
+//! - [`registry`]: drivers by name. The program that runs a scene opens its devices through a [`Registry`] and needs no
+//!   other knowledge of a driver.
+//! - Drivers: [`hid`] (real devices that use Palpate's firmware protocol), [`replay`] (recorded readings). The driver
+//!   of simulated devices is `sim::driver`, beside the simulation.
+//! - [`wire`]: the host's side of the firmware protocol. The units of the device are converted to SI there.
+//! - [`scripted`]: a device made of two functions. [`conformance`]: the properties of every
+//!   [`Device`](rt_core::Device), as one suite that every driver and every wrapper has to pass.
 #![forbid(unsafe_code)]
 
 pub mod conformance;

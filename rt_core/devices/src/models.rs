@@ -1,11 +1,11 @@
-//! Haptic devices as data: one file a device, with the source of every number.
+//! Haptic devices as data: one file per device, with the source of every number.
 //!
-//! The devices that are carried along stand in `rt_core/devices/models`; a file of one's own has the same fields and is
-//! read by the same [`DeviceFile::parse`]. Force, workspace, rate and the drivers' limits are the makers'
-//! figures or what drivers report, unless marked. **Moving mass, friction and damping at the handle are
-//! published for few devices**: `estimated` names the numbers that are estimates of ours or figures at
-//! second hand. They are of the right order, no more: a conclusion that depends on one needs a measurement of
-//! the device at hand.
+//! The files of the built-in devices are in `rt_core/devices/models`. A user's file has the same fields, and
+//! [`DeviceFile::parse`] reads it, too. Force, workspace, rate and the limits of the drivers are the makers' figures or
+//! values that drivers report, unless marked. **Moving mass, friction and damping at the handle are published for few
+//! devices.** The field `estimated` names the numbers that are our own estimates or second-hand figures. They are
+//! correct only in their order of magnitude. A conclusion that depends on such a number needs a measurement of the
+//! device.
 
 mod file;
 
@@ -20,21 +20,21 @@ pub struct DeviceModel {
     pub mass: f64,
     /// Viscous damping of the mechanism (N s/m).
     pub damping: f64,
-    /// Coulomb friction of the mechanism (N), at rest as in motion.
+    /// Coulomb friction of the mechanism (N), equal at rest and in motion.
     pub friction: f64,
-    /// Position change of one encoder count (m), above zero.
+    /// Displacement of one encoder count (m), above zero.
     pub position_step: f64,
     /// Length of the largest force vector (N).
     pub max_force: f64,
-    /// Radius of the largest ball inside the workspace (m). There are no end stops: it is only reported.
+    /// Radius of the largest ball inside the workspace (m). The model has no end stops, so the radius is only reported.
     pub workspace_radius: f64,
-    /// Stiffness up to which its drivers recommend to render (N/m), with `driver_damping`.
+    /// Largest stiffness that the drivers recommend (N/m), together with `driver_damping`.
     pub driver_stiffness: f64,
-    /// Damping up to which its drivers recommend to render (N s/m).
+    /// Largest damping that the drivers recommend (N s/m).
     pub driver_damping: f64,
-    /// Rate at which the device is usually driven (Hz).
+    /// Usual rate of the device (Hz).
     pub rate_hz: u32,
-    /// The handle's rotation, where it is sensed and actuated.
+    /// The rotation of the handle, where the device senses and actuates it.
     pub rotation: Option<RotationModel>,
 }
 
@@ -51,13 +51,13 @@ pub struct RotationModel {
     pub step: f64,
     /// Length of the largest moment vector (N m).
     pub max_moment: f64,
-    /// Stiffness up to which its drivers recommend to render (N m/rad).
+    /// Largest rotational stiffness that the drivers recommend (N m/rad).
     pub driver_stiffness: f64,
-    /// Damping up to which its drivers recommend to render (N m s/rad).
+    /// Largest rotational damping that the drivers recommend (N m s/rad).
     pub driver_damping: f64,
 }
 
-/// The files that are carried along, under the names by which scenes call the devices.
+/// The files of the built-in devices, with the names that scenes use.
 pub const FILES: [(&str, &str); 6] = [
     ("falcon", include_str!("../models/falcon.toml")),
     ("touch", include_str!("../models/touch.toml")),
@@ -71,14 +71,14 @@ pub const FILES: [(&str, &str); 6] = [
 ];
 
 impl DeviceModel {
-    /// The device of that name among [`FILES`].
+    /// The model of that name among [`FILES`].
     pub fn named(name: &str) -> Option<Self> {
         let (_, text) = FILES.iter().find(|(known, _)| *known == name)?;
-        // That each of them parses is tested.
+        // A test parses every file.
         DeviceFile::parse(text).ok().map(|file| file.model)
     }
 
-    /// What a device of this model can do.
+    /// The capabilities of a device of this model.
     pub fn capabilities(&self) -> Capabilities {
         let rotation = self.rotation.as_ref();
         let freedom = rotation.map_or(Freedom::Three, |_| Freedom::Six);
@@ -92,7 +92,7 @@ impl DeviceModel {
         }
     }
 
-    /// All devices among [`FILES`], by name.
+    /// All models among [`FILES`], with their names.
     pub fn all() -> impl Iterator<Item = (&'static str, Self)> {
         FILES
             .iter()
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn files_say_what_the_makers_say() {
-        // Spot checks against figures that stand elsewhere: the sources named in the files.
+        // Spot checks against the sources that the files name.
         let model = |name| DeviceModel::named(name).unwrap();
         assert_eq!(model("falcon").max_force, 8.0);
         assert_eq!(model("touch").mass, 0.045);

@@ -1,8 +1,8 @@
-//! The door: drivers by name, and what is asked of a driver.
+//! Drivers by name, and the interface of a driver.
 //!
-//! A scene names a driver and a model and holds settings that only the driver reads. Whoever runs the scene registers the
-//! drivers that it has, each with what that driver needs beside (a simulated device its hand, a replay its readings), and
-//! opens every device by its driver's name.
+//! A scene names a driver and a model, and has settings that only the driver reads. The program that runs the scene
+//! registers its drivers. It gives each driver the further data that the driver needs: the hands of simulated devices,
+//! the readings of a replay. It then opens every device by the name of its driver.
 
 use crate::models::DeviceModel;
 use runner::AnyDevice;
@@ -10,42 +10,42 @@ use std::error::Error;
 use std::fmt;
 use toml::{Table, Value};
 
-/// What stands behind a device.
+/// The kind of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// A simulation: a simulated hand holds it, and any clock will do.
+    /// A simulation. A simulated hand holds the device, and any clock serves.
     Simulated,
-    /// A device on a desk: a person holds it, its time is the machine's, and its driver makes system calls.
+    /// A real device. A person holds it, it needs the real clock, and its driver makes system calls.
     Real,
     /// A recording.
     Recorded,
 }
 
-/// What a driver is asked for.
+/// A request to a driver to open a device.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
-    /// The device's place among the devices of its scene.
+    /// Index of the device in its scene.
     pub index: usize,
-    /// What the device is and can do.
+    /// The model of the device.
     pub model: &'a DeviceModel,
-    /// The tick's period (s).
+    /// Period of the tick (s).
     pub period: f64,
-    /// What the scene says for this driver alone.
+    /// The settings in the scene for this driver.
     pub settings: Settings<'a>,
 }
 
-/// A kind of device, and how to open one.
+/// A driver: the code that opens devices of one kind.
 pub trait Driver {
-    /// By which scenes call it.
+    /// The name of the driver in scenes.
     fn name(&self) -> &'static str;
 
-    /// What stands behind its devices.
+    /// The kind of its devices.
     fn kind(&self) -> Kind;
 
     /// Opens a device.
     ///
     /// # Errors
-    /// [`OpenError`], which names the setting or says what the device is lacking.
+    /// [`OpenError`], which names the setting, or states what the device lacks.
     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError>;
 }
 
@@ -55,27 +55,27 @@ pub enum OpenError {
     /// No driver of that name is registered.
     #[error("found the driver {found:?}, allowed: {known}")]
     UnknownDriver {
-        /// The name.
+        /// The name that was given.
         found: String,
-        /// The names that are known.
+        /// The names of the registered drivers.
         known: String,
     },
     /// A setting is missing, unknown or wrong.
     #[error("settings.{field}: found {found}, allowed: {allowed}")]
     Setting {
-        /// Its name.
+        /// Name of the setting.
         field: String,
-        /// What the scene says.
+        /// The value in the scene.
         found: String,
-        /// What it may say.
+        /// The allowed values.
         allowed: String,
     },
     /// The driver cannot open such a device.
     #[error("found {source}, allowed: {allowed}")]
     Refused {
-        /// Why.
+        /// The cause.
         source: Box<dyn Error + Send + Sync>,
-        /// What it could open.
+        /// The devices that the driver can open.
         allowed: &'static str,
     },
 }
@@ -87,12 +87,12 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// Without any driver.
+    /// A registry without drivers.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The same with one more driver, in place of one of the same name.
+    /// The same registry with one more driver, which replaces a driver of the same name.
     pub fn with(mut self, driver: impl Driver + 'static) -> Self {
         self.drivers.retain(|known| known.name() != driver.name());
         self.drivers.push(Box::new(driver));
@@ -131,7 +131,7 @@ impl fmt::Debug for Registry {
     }
 }
 
-/// What a scene says for a driver alone, read field by field.
+/// The settings in a scene for a driver, read field by field.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a>(Option<&'a Table>);
 
@@ -150,10 +150,10 @@ impl<'a> Settings<'a> {
         self.0.and_then(|table| table.get(field))
     }
 
-    /// Refuses settings that are not among `known`.
+    /// Refuses a setting whose name is not in `known`.
     ///
     /// # Errors
-    /// [`OpenError::Setting`] with the first that is not.
+    /// [`OpenError::Setting`] with the first unknown setting.
     pub fn only(self, known: &[&str]) -> Result<(), OpenError> {
         let mut keys = self.0.into_iter().flat_map(Table::keys);
         let Some(field) = keys.find(|key| !known.contains(&key.as_str())) else {
@@ -166,10 +166,10 @@ impl<'a> Settings<'a> {
         Err(refused(field, "an unknown setting".into(), &allowed))
     }
 
-    /// A whole number of 16 bits that has to be there.
+    /// A required setting: an integer of 16 bits.
     ///
     /// # Errors
-    /// [`OpenError::Setting`] where it is missing or something else.
+    /// [`OpenError::Setting`] where the setting is missing, of another type or out of range.
     pub fn number_u16(self, field: &str) -> Result<u16, OpenError> {
         let value = self.get(field);
         let number = value
@@ -181,10 +181,10 @@ impl<'a> Settings<'a> {
         })
     }
 
-    /// A text that may be left out.
+    /// An optional setting: a text.
     ///
     /// # Errors
-    /// [`OpenError::Setting`] where it is something else.
+    /// [`OpenError::Setting`] where the setting is of another type.
     pub fn text(self, field: &str) -> Result<Option<String>, OpenError> {
         match self.get(field) {
             None => Ok(None),
@@ -194,7 +194,7 @@ impl<'a> Settings<'a> {
     }
 }
 
-/// A value in a message: what is short as it is, the rest by its kind.
+/// A value as a message quotes it: a scalar in full, any other value by its type.
 fn said(value: &Value) -> String {
     match value {
         Value::Integer(number) => number.to_string(),
@@ -271,7 +271,7 @@ mod tests {
         ] {
             assert_eq!(open("hid", settings), expected);
         }
-        // Vendor 0 is nobody's; a system without sysfs lists nothing at all.
+        // Vendor 0 is not assigned. A system without sysfs lists no devices at all.
         let nobody = open("hid", "vendor = 0\nproduct = 0x0bad");
         assert!(nobody.contains("HID device"), "{nobody}");
     }

@@ -1,18 +1,18 @@
-//! A device that repeats the readings of a recorded run, one a tick, and its driver, `replay`.
+//! A device that returns the readings of a recorded run, one per tick, and its driver, `replay`.
 
 use crate::registry::{Driver, Kind, OpenError, Request};
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Wrench};
 use runner::AnyDevice;
 
-/// Recorded devices: each gives its readings again. It has no settings.
+/// The driver of recorded devices, which return their readings again. It has no settings.
 #[derive(Clone, Debug)]
 pub struct Replay {
     readings: Vec<Vec<Reading>>,
 }
 
 impl Replay {
-    /// For devices with these readings, by device; a device beyond them has none.
+    /// A driver for devices with these readings, by index in the scene. A device beyond the list has no readings.
     pub fn new(readings: Vec<Vec<Reading>>) -> Self {
         Self { readings }
     }
@@ -63,7 +63,7 @@ pub struct ReplayDevice {
 }
 
 impl ReplayDevice {
-    /// A device that returns `readings` in order, one a call, and then no more reports.
+    /// A device that returns `readings` in order, one per call, and then no more reports.
     pub fn new(capabilities: Capabilities, readings: Vec<Reading>) -> Self {
         Self {
             capabilities,

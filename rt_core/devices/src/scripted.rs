@@ -1,9 +1,10 @@
-//! A device made of two functions: one reads, one writes. Tests tell it what to do, and benchmarks keep what passed.
+//! A device made of two functions: one reads, and the other writes. Tests script the device, and benchmarks record the
+//! calls.
 
 use rt_core::controller::Reading;
 use rt_core::{Capabilities, Device, DeviceError, DeviceState, Freedom, Wrench};
 
-/// A device that does what its functions do. What the functions share with whoever watches is theirs.
+/// A device whose calls run two functions. The functions themselves hold any data that an observer also reads.
 pub struct Scripted<R, W> {
     capabilities: Capabilities,
     read: R,
@@ -15,7 +16,7 @@ where
     R: FnMut(u64) -> Reading,
     W: FnMut(u64, &Wrench) -> Result<(), DeviceError>,
 {
-    /// A device whose reads are `read` and whose writes are `write`; both are given the tick's time (ns).
+    /// A device whose reads call `read` and whose writes call `write`. Both receive the time of the tick (ns).
     pub fn new(capabilities: Capabilities, read: R, write: W) -> Self {
         Self {
             capabilities,
@@ -43,8 +44,8 @@ where
     }
 }
 
-/// What a small desktop device of so many degrees of freedom can do: 8 N within 0.1 m, counts of 10 um; 1 N m where it
-/// turns.
+/// The capabilities of a small desktop device: 8 N within 0.1 m, counts of 10 um, and 1 N m where it has six degrees of
+/// freedom.
 pub fn small(freedom: Freedom) -> Capabilities {
     Capabilities {
         sensed: freedom,

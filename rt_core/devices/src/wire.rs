@@ -1,7 +1,6 @@
 //! The host's side of the firmware protocol: from a device's report to a state, from a wrench to a report.
 //!
-//! A device's own units end here. The HID backend and the simulated wire both use this module, so that a simulated
-//! report passes through the code that a real report passes through.
+//! The units of a device are converted to SI here.
 #![cfg_attr(
     not(test),
     deny(
@@ -82,7 +81,7 @@ pub fn report_of(wrench: &Wrench, sequence: u16) -> WrenchReport {
     WrenchReport::from_si(sequence, &si, flags::ENABLE)
 }
 
-/// What a device's caller is told of a report that could not be decoded.
+/// The error of the device for a report that could not be decoded.
 pub fn corrupt(error: ReportError) -> DeviceError {
     DeviceError::Corrupt(match error {
         ReportError::Length { .. } => Corruption::Length,

@@ -1,4 +1,4 @@
-//! The link between the tick and everything else: wait-free rings of fixed-size records.
+//! The link between the tick and the host and log: wait-free rings of records of fixed size.
 //!
 //! ```text
 //!              TickRecord            Telemetry
@@ -9,40 +9,40 @@
 //!              LocalModel, copies for the log
 //! ```
 //!
-//! The log needs every model that the tick used, to replay it. It gets them from the host, so that they
-//! cost the tick nothing: a record of a tick names by its sequence number the model in use.
+//! The log needs every model that the tick used, for a replay. The host sends these models to the log, so they cost the
+//! tick nothing. A tick's record names the model in use by its sequence number.
 //!
-//! Neither side ever waits for the other. What finds its ring full is refused and counted by the writer;
-//! the reader sees the gap in the sequence and counts it too. Capacities cover a stall (five seconds by
-//! default) at the rate of each ring, and every slot is mapped before use. Where the reader is gone,
-//! nothing is written and nothing counted: there is nobody to miss it.
+//! Neither side ever waits for the other. The writer refuses and counts a record that finds the ring full. The reader
+//! finds the gap in the sequence and counts the gap, too. The capacity of each ring covers a stall (five seconds by
+//! default) at the rate of that ring, and every slot is mapped before use. Where the reader is gone, the writer neither
+//! writes nor counts, because no reader misses the record.
 //!
-//! On the hot path ([`TickEnd`]): no allocation, no lock, no waiting; the newest model of a body is taken
-//! in constant time however many wait.
+//! On the hot path ([`TickEnd`]) there is no allocation, no lock and no waiting. The tick takes the newest model of a
+//! body in constant time, however many models wait.
 
 use crate::memory::MemoryRange;
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::{LocalModel, MAX_BODIES, Telemetry, TickRecord};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// How large the rings of a link are.
+/// Sizes of the rings of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkConfig {
-    /// Ticks a second (Hz).
+    /// Rate of the tick (Hz).
     pub tick_rate: f64,
-    /// Local models that the host publishes a second, for each body (Hz).
+    /// Rate at which the host publishes local models of one body (Hz).
     pub publish_rate: f64,
-    /// Connected bodies; beyond [`MAX_BODIES`] there are none.
+    /// Number of connected bodies, of which at most [`MAX_BODIES`] get a ring.
     pub bodies: usize,
-    /// How long either side may stall before a record is refused (s).
+    /// Duration of a stall of either side before a record is refused (s).
     pub stall: f64,
 }
 
 impl LinkConfig {
-    /// What the rings cover by default (s).
+    /// Stall that the rings cover by default (s).
     pub const STALL: f64 = 5.0;
 
-    /// One body, with the default stall. Rates in Hz.
+    /// The configuration for one body, with the default stall. Rates in Hz.
     pub fn new(tick_rate: f64, publish_rate: f64) -> Self {
         Self {
             tick_rate,
@@ -53,8 +53,8 @@ impl LinkConfig {
     }
 }
 
-/// Makes the rings. Allocates and maps all their memory (at 1 kHz about 10 MB, and for each body 1 MB for
-/// every 10 models a second).
+/// Makes the rings. Allocates and maps all their memory: at 1 kHz about 10 MB, and for each body 1 MB per 10 Hz of
+/// publication rate.
 ///
 /// ```
 /// use rt_core::{LocalModel, Telemetry};
@@ -95,7 +95,7 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
             sequence: Sequence::from(1),
         });
     }
-    // Between threads that may wait for a page: not mapped ahead.
+    // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
     let (copies, to_replay) = RingBuffer::new(models * bodies);
     let tick = TickEnd {
         to_host,
@@ -120,16 +120,16 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     (tick, host, log)
 }
 
-/// What the tick's end met. Counts only grow.
+/// Counts at the tick's end. They only grow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct TickCounters {
     /// Records for the host that found the ring full.
     pub refused_records: u64,
     /// Records for the log that found the ring full.
     pub refused_telemetry: u64,
-    /// Models that were published but never arrived (gaps in their sequence), over all bodies.
+    /// Published models that never arrived (gaps in their sequence), over all bodies.
     pub lost_models: u64,
-    /// Models that arrived together with a newer one of the same body and were passed over.
+    /// Models that arrived together with a newer model of the same body, and were skipped.
     pub superseded_models: u64,
 }
 
@@ -143,7 +143,7 @@ pub struct TickEnd {
     memory: Vec<MemoryRange>,
 }
 
-/// Where the models of one body come in.
+/// The tick's end of the ring of models of one body.
 #[derive(Debug)]
 struct Inlet {
     ring: Consumer<LocalModel>,
@@ -151,7 +151,7 @@ struct Inlet {
 }
 
 impl TickEnd {
-    /// Hands on what a tick left: the short record to the host, the full one to the log.
+    /// Sends the record of a tick: the short record to the host, the full telemetry to the log.
     pub fn push(&mut self, telemetry: &Telemetry) {
         if !self.to_host.is_abandoned() && self.to_host.push(telemetry.tick_record()).is_err() {
             self.counters.refused_records += 1;
@@ -161,8 +161,8 @@ impl TickEnd {
         }
     }
 
-    /// Gives `accept` the newest model of each body that has a new one, and lets the older ones go. Takes
-    /// the same time whether one model waits or hundreds.
+    /// Calls `accept` with the newest model of each body that has a new model, and discards the older models. The time
+    /// does not depend on the number of models that wait.
     pub fn take_models(&mut self, mut accept: impl FnMut(usize, &LocalModel)) {
         for (body, inlet) in self.inlets.iter_mut().enumerate() {
             let sequence = &mut inlet.sequence;
@@ -177,17 +177,17 @@ impl TickEnd {
         }
     }
 
-    /// What it met so far.
+    /// The counts since the start.
     pub fn counters(&self) -> TickCounters {
         self.counters
     }
 
-    /// Bodies that have a ring.
+    /// Number of bodies that have a ring.
     pub fn bodies(&self) -> usize {
         self.inlets.len()
     }
 
-    /// Whether the host's end is gone: no model will come any more.
+    /// Whether the host's end is gone. No more models will then arrive.
     pub fn host_is_gone(&self) -> bool {
         self.to_host.is_abandoned()
     }
@@ -203,7 +203,7 @@ impl TickEnd {
     }
 }
 
-/// A model that could not be published. The tick goes on with the one before; so should the host.
+/// The error for a model that could not be published. The tick continues with the previous model; so should the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "the local model of body {body} was not published: its ring holds {capacity} models and none is \
@@ -212,7 +212,7 @@ impl TickEnd {
 pub struct RingFull {
     /// Index of the body.
     pub body: usize,
-    /// Models that its ring can hold; zero where the link has no such body.
+    /// Capacity of the ring in models; zero where the link has no such body.
     pub capacity: usize,
 }
 
@@ -228,7 +228,7 @@ pub struct HostEnd {
 }
 
 impl HostEnd {
-    /// Gives `see` every record that has come, oldest first; returns how many.
+    /// Calls `see` with every record that has arrived, oldest first; returns their number.
     pub fn drain(&mut self, mut see: impl FnMut(&TickRecord)) -> usize {
         let sequence = &mut self.sequence;
         drain(&mut self.records, |record| {
@@ -237,8 +237,8 @@ impl HostEnd {
         })
     }
 
-    /// The newest record that has come since the last look, the older ones let go; `None` where there is
-    /// no new one.
+    /// The newest record that has arrived since the last call; `None` where there is no new record. Older records are
+    /// discarded.
     pub fn newest(&mut self) -> Option<TickRecord> {
         let sequence = &mut self.sequence;
         take_newest(&mut self.records, |record, waiting| {
@@ -247,16 +247,17 @@ impl HostEnd {
         })
     }
 
-    /// Publishes a local model of a body. Its sequence number should follow the last one's, from one on.
+    /// Publishes a local model of a body. The sequence numbers of a body should start at one and increase by one.
     ///
     /// # Errors
-    /// [`RingFull`] where the tick has not taken any for a whole stall, or the body has no ring; counted.
+    /// [`RingFull`] where the ring is full (the tick has taken no model for the time of a stall), or where the body has
+    /// no ring. The refused model is counted.
     pub fn publish(&mut self, body: usize, model: &LocalModel) -> Result<(), RingFull> {
         let Some(ring) = self.to_tick.get_mut(body) else {
             self.refused += 1;
             return Err(RingFull { body, capacity: 0 });
         };
-        // To the log first: a tick that uses the model then finds it there, whenever the log looks.
+        // The copy for the log is pushed first. The log then finds the model before any tick that used the model.
         if !self.copies.is_abandoned() && self.copies.push((body as u8, *model)).is_err() {
             self.refused_copies += 1;
         }
@@ -270,33 +271,33 @@ impl HostEnd {
         Ok(())
     }
 
-    /// Ticks whose record never came.
+    /// Number of ticks whose record never arrived.
     pub fn lost_records(&self) -> u64 {
         self.sequence.lost()
     }
 
-    /// Models that were refused.
+    /// Number of models that were refused.
     pub fn refused_models(&self) -> u64 {
         self.refused
     }
 
-    /// Models whose copy for the log found the ring full.
+    /// Number of models whose copy for the log found the ring full.
     pub fn refused_copies(&self) -> u64 {
         self.refused_copies
     }
 
-    /// Whether the tick's end is gone: the loop has ended. Records it left may still wait.
+    /// Whether the tick's end is gone, because the loop has ended. Its last records may still wait.
     pub fn tick_is_gone(&self) -> bool {
         self.records.is_abandoned()
     }
 }
 
-/// What comes to the log.
+/// A record as the log receives it.
 #[derive(Clone, Copy, Debug)]
 pub enum LogRecord<'a> {
-    /// A tick's telemetry.
+    /// The telemetry of a tick.
     Tick(&'a Telemetry),
-    /// A model published for the body of this index, whether the tick took it or passed it over.
+    /// A model that was published for the body of this index, whether the tick used or skipped the model.
     Model(u8, &'a LocalModel),
 }
 
@@ -309,8 +310,8 @@ pub struct LogEnd {
 }
 
 impl LogEnd {
-    /// Gives `see` the telemetry of every tick that has come, oldest first; returns how many. Models are
-    /// let go.
+    /// Calls `see` with the telemetry of every tick that has arrived, oldest first; returns the number of ticks. Models
+    /// are discarded.
     pub fn drain(&mut self, mut see: impl FnMut(&Telemetry)) -> usize {
         self.records(|record| {
             if let LogRecord::Tick(telemetry) = record {
@@ -319,10 +320,10 @@ impl LogEnd {
         })
     }
 
-    /// Gives `see` everything that has come: models, then the telemetry of ticks, each oldest first. A
-    /// tick never comes before the model that it used. Returns the number of ticks.
+    /// Calls `see` with every record that has arrived: first the models, then the telemetry of the ticks, each oldest
+    /// first. A model always precedes the ticks that used the model. Returns the number of ticks.
     pub fn records(&mut self, mut see: impl FnMut(LogRecord<'_>)) -> usize {
-        // Counted before the models are taken: those that these ticks used have come by now.
+        // The ticks are counted before the models are read, so the models that these ticks used have arrived by then.
         let ticks = self.telemetry.slots();
         drain(&mut self.models, |(body, model)| {
             see(LogRecord::Model(*body, model));
@@ -334,12 +335,12 @@ impl LogEnd {
         })
     }
 
-    /// Ticks whose record never came.
+    /// Number of ticks whose record never arrived.
     pub fn lost_records(&self) -> u64 {
         self.sequence.lost()
     }
 
-    /// Whether the tick's end is gone: the loop has ended. Records it left may still wait.
+    /// Whether the tick's end is gone, because the loop has ended. Its last records may still wait.
     pub fn tick_is_gone(&self) -> bool {
         self.telemetry.is_abandoned()
     }

@@ -1,29 +1,30 @@
 //! One ring: a fixed number of slots between one writer and one reader, mapped before use.
 //!
-//! Wait-free in both directions (`rtrb`). A fresh ring's memory is only reserved by the system; every slot
-//! is written once when the ring is made, so that no push ever waits for a page.
+//! The ring is wait-free in both directions (`rtrb`). The system only reserves the memory of a new ring. Therefore
+//! every slot is written once when the ring is made, and no push ever waits for a page.
 
 use crate::memory::MemoryRange;
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Most slots a ring is given, whatever was asked for: five seconds at 12 kHz.
+/// Largest number of slots of a ring: five seconds at 12 kHz.
 pub const MOST_SLOTS: usize = 1 << 16;
 
-/// The slots that cover `stall` seconds at `rate` (Hz), and one for the record that is being read. At
-/// least two, at most [`MOST_SLOTS`].
+/// The number of slots that cover `stall` seconds at `rate` (Hz), plus one slot for the record that is being read. The
+/// number is at least two and at most [`MOST_SLOTS`].
 ///
 /// ```
 /// assert_eq!(runner::ring::slots_for(1000.0, 5.0), 5001);
 /// assert_eq!(runner::ring::slots_for(f64::NAN, 5.0), 2);
 /// ```
 pub fn slots_for(rate: f64, stall: f64) -> usize {
-    // Not a number and negative numbers convert to zero, infinity to the largest number.
+    // The conversion maps NaN and negative numbers to zero, and infinity to the largest integer.
     ((rate * stall).ceil() as usize)
         .saturating_add(1)
         .clamp(2, MOST_SLOTS)
 }
 
-/// A ring of `slots` records, every slot written once with `filler`; with the memory that it occupies.
+/// A ring of `slots` records, in which every slot was written once with `filler`, and the memory that the ring
+/// occupies.
 pub fn prefaulted<T: Copy>(
     slots: usize,
     filler: T,
@@ -37,20 +38,20 @@ pub fn prefaulted<T: Copy>(
         chunk.fill_from_iter(std::iter::repeat_n(filler, slots));
     }
     if let Ok(chunk) = consumer.read_chunk(slots) {
-        // A ring that was never used before is filled from its first slot on: one slice holds it all.
+        // A ring that was never used is filled from its first slot, so one slice holds all records.
         memory[1] = MemoryRange::of(chunk.as_slices().0);
         chunk.commit_all();
     }
     (producer, consumer, memory)
 }
 
-/// Gives `see` every record that waits now, oldest first; returns how many. Slots are freed in batches, so
-/// that a slow reader leaves room while it works through a long backlog.
+/// Calls `see` with every record that waits now, oldest first; returns their number. Slots are freed in batches, so the
+/// writer finds free slots while a slow reader works through a long backlog.
 pub(crate) fn drain<T>(ring: &mut Consumer<T>, see: impl FnMut(&T)) -> usize {
     drain_up_to(ring.slots(), ring, see)
 }
 
-/// The same, of the oldest `waiting` records at most.
+/// As `drain`, limited to the oldest `waiting` records.
 pub(crate) fn drain_up_to<T>(
     waiting: usize,
     ring: &mut Consumer<T>,
@@ -72,8 +73,8 @@ pub(crate) fn drain_up_to<T>(
     waiting - left
 }
 
-/// The newest of a ring's records and how many came with it, all of them let go; `None` where none waits.
-/// Takes the same time however many there are.
+/// Calls `see` with the newest record of a ring and the number of records that waited, then frees all of them; `None`
+/// where none waits. The time does not depend on the number of records.
 pub fn take_newest<T: Copy, R>(
     ring: &mut Consumer<T>,
     see: impl FnOnce(&T, u64) -> R,
@@ -86,10 +87,10 @@ pub fn take_newest<T: Copy, R>(
     Some(result)
 }
 
-/// Finds gaps in a sequence of numbers that should count up by one.
+/// Counts the numbers that are missing from a sequence, which should increase by one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sequence {
-    /// The number that should come next.
+    /// The number expected next.
     next: u64,
     lost: u64,
 }
@@ -103,7 +104,7 @@ impl Sequence {
         }
     }
 
-    /// Takes the last number of `count` that came together. Those missing before it are counted as lost.
+    /// Records the last of `count` numbers that arrived together. The numbers missing before them are counted as lost.
     pub(crate) fn see(&mut self, number: u64, count: u64) {
         let passed = number.wrapping_add(1).saturating_sub(self.next);
         self.lost += passed.saturating_sub(count);
@@ -138,10 +139,10 @@ mod tests {
             sequence.see(number, 1);
         }
         assert_eq!(sequence.lost(), 2);
-        // Numbers 6 to 9, of which three came.
+        // Of the numbers 6 to 9, three arrived.
         sequence.see(9, 3);
         assert_eq!(sequence.lost(), 3);
-        // A writer that starts again is no loss.
+        // A writer that starts again from zero causes no loss.
         sequence.see(0, 1);
         sequence.see(1, 1);
         assert_eq!(sequence.lost(), 3);

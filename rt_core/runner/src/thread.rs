@@ -1,13 +1,13 @@
-//! The thread that ticks.
+//! The thread of the tick.
 //!
-//! [`spawn`] starts it and returns once it is set up (core, priority, memory), so that what it has to do
-//! without is known before the first tick. What it does then is in `body`. It ends after a given number of
-//! ticks, when asked to, or by a panic; in each case every device is first commanded no force. Where it is
-//! asked to be strict, it does not start without what it asked for, and a system call that it may not make
-//! ends it in the same order.
+//! [`spawn`] starts the thread and returns once the thread is set up (core, priority, memory). The caller therefore
+//! knows before the first tick what the system did not grant. The module `body` has the code of the thread. The thread
+//! ends after a given number of ticks, on request, or by a panic. In each case it first commands zero force on every
+//! device. In strict mode the thread does not start without the grants that it insists on, and a forbidden system call
+//! ends the loop in the same order.
 //!
-//! The host may come and go: the loop ticks on without it (the force fades to the safe hold) until it is
-//! asked to stop. Dropping the [`TickThread`] asks.
+//! The loop does not depend on the host. Without the host it continues to tick (the force fades to the safe hold) until
+//! it is asked to stop. Dropping the [`TickThread`] asks the loop to stop.
 
 mod body;
 
@@ -29,31 +29,31 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::JoinHandle;
 
-/// How the thread runs.
+/// Configuration of the thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunnerConfig {
-    /// From one deadline to the next (ns).
+    /// Time between two deadlines (ns).
     pub period_ns: u64,
-    /// How many ticks to do; `None`: until asked to stop. Deadlines that are missed are not among them.
+    /// Number of ticks; `None`: until asked to stop. Missed deadlines do not count.
     pub ticks: Option<u64>,
-    /// Which core to run on.
+    /// The core of the thread.
     pub core: CoreChoice,
     /// Priority under SCHED_FIFO (1 to 99); `None`: stay under the ordinary scheduler.
     pub priority: Option<u8>,
-    /// Whether to lock the loop's memory. It is touched ahead in any case.
+    /// Whether to lock the memory of the loop. The memory is touched in advance in any case.
     pub lock_memory: bool,
     /// Whether to keep the processor out of its deeper sleep states.
     pub keep_awake: bool,
-    /// Where that is asked for: [`WAKE_LATENCY`], or a file that stands in for it.
+    /// The file in which the latency is requested: [`WAKE_LATENCY`], or a file that replaces it in tests.
     pub wake_latency: &'static str,
-    /// Whether to refuse to start where the system does not grant one of the above.
+    /// Whether to refuse to start where the system does not grant one of the items above.
     pub insist: bool,
-    /// The system calls that the thread may make; any other ends the loop. `None`: nobody looks.
+    /// The system calls that the thread may make; any other call ends the loop. `None`: the calls are not watched.
     pub calls: Option<CallPolicy>,
 }
 
 impl Default for RunnerConfig {
-    /// 1 kHz until asked to stop, with everything that the system gives.
+    /// 1 kHz until asked to stop, with every privilege that the system grants.
     fn default() -> Self {
         Self {
             period_ns: 1_000_000,
@@ -69,23 +69,23 @@ impl Default for RunnerConfig {
     }
 }
 
-/// Asks a loop to end after the tick it is in.
+/// A request to a loop to end after the current tick.
 #[derive(Debug, Default)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Not asked yet.
+    /// A request that is not made yet.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Asks. There is no way back.
+    /// Makes the request. A request cannot be withdrawn.
     pub fn request(&self) {
-        // Relaxed here and below: the flag carries nothing but itself.
+        // Relaxed order is enough here and below, because the flag guards no other data.
         self.0.store(true, Ordering::Relaxed);
     }
 
-    /// Whether somebody has asked.
+    /// Whether the request was made.
     pub fn is_requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -99,15 +99,15 @@ impl Stop {
 /// Why the thread could not be started.
 #[derive(Debug, thiserror::Error)]
 pub enum SpawnError {
-    /// A loop without a period.
+    /// The period is zero.
     #[error("the period of the tick is 0 ns; it must be 1 ns or more (1000000 for 1 kHz)")]
     NoPeriod,
-    /// Not the devices that the controller was made for.
+    /// The number of devices differs from that of the controller.
     #[error("the controller is made for {expected} devices and was given {found}")]
     Devices {
-        /// What the controller was made for.
+        /// Number of devices of the controller.
         expected: usize,
-        /// What was given.
+        /// Number of devices that were given.
         found: usize,
     },
     /// The system gave no thread.
@@ -116,10 +116,10 @@ pub enum SpawnError {
     /// The thread ended before its first tick.
     #[error("the thread ended while it was being set up")]
     Setup,
-    /// Not everything was granted that it insists on.
+    /// The system did not grant everything that the configuration insists on.
     #[error("the system did not grant what the tick insists on:{}", lines(.0))]
     NotGranted(Vec<Degradation>),
-    /// Its system calls cannot be watched.
+    /// The system calls of the thread cannot be watched.
     #[error(transparent)]
     Filter(#[from] FilterError),
 }
@@ -129,52 +129,52 @@ fn lines(degradations: &[Degradation]) -> String {
     each.collect()
 }
 
-/// A panic inside the tick. Every device was commanded no force before the thread ended.
+/// A panic inside the tick. Zero force was commanded on every device before the thread ended.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the loop panicked after {ticks} ticks: {message}")]
 pub struct TickPanic {
-    /// What the panic said.
+    /// The message of the panic.
     pub message: String,
-    /// Ticks done before.
+    /// Number of ticks before the panic.
     pub ticks: u64,
 }
 
-/// What a run leaves.
+/// The result of a run.
 pub struct TickReport {
-    /// The devices, back.
+    /// The devices, returned to the caller.
     pub devices: Vec<AnyDevice>,
     /// The controller, with its counters.
     pub controller: Controller,
-    /// How late, how long, how old.
+    /// Histograms of the lateness, of the duration of a tick and of the age of the models.
     pub latencies: Latencies,
-    /// Ticks done.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Deadlines that passed while a tick was late or long. With `ticks` they add up to `slots`.
+    /// Number of deadlines that passed while a tick was late or long. `ticks` and `missed_deadlines` add up to `slots`.
     pub missed_deadlines: u64,
-    /// Most deadlines missed in one go.
+    /// Largest number of consecutive deadlines that were missed.
     pub longest_miss: u64,
-    /// Deadlines between start and end.
+    /// Number of deadlines between start and end.
     pub slots: u64,
-    /// What the rings refused and lost.
+    /// Counts of the records that the rings refused and lost.
     pub link: TickCounters,
-    /// Wrenches that a device did not take.
+    /// Number of wrenches that a device did not accept.
     pub refused_wrenches: u64,
-    /// What the run did without.
+    /// The requests that the system did not grant to the run.
     pub degradations: Vec<Degradation>,
-    /// The core that the tick was pinned to.
+    /// The core to which the tick was pinned.
     pub core: Option<usize>,
-    /// Whether the kernel keeps that core aside.
+    /// Whether the kernel isolates that core.
     pub isolated: bool,
     /// The priority under SCHED_FIFO that the tick had; `None` under the ordinary scheduler.
     pub priority: Option<u8>,
-    /// Memory held in place (bytes).
+    /// Size of the locked memory (bytes).
     pub locked_bytes: usize,
     /// The system call that ended the run, if one did.
     pub forbidden_call: Option<ForbiddenCall>,
 }
 
 impl fmt::Debug for TickReport {
-    /// Without the devices, which need not tell of themselves.
+    /// The devices are left out, because they need not implement `Debug`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("TickReport")
             .field("ticks", &self.ticks)
@@ -186,15 +186,15 @@ impl fmt::Debug for TickReport {
 
 type Outcome = Result<Box<TickReport>, TickPanic>;
 
-/// What the system granted for as long as it is held. Whoever joins the thread lets it go: that takes
-/// system calls which the thread itself may not make.
+/// The grants of the system that last as long as this value. The thread that joins drops the value, because dropping it
+/// takes system calls that the thread of the tick may not make.
 #[derive(Debug)]
 struct Held {
     _awake: Option<KeepAwake>,
     _locked: LockedMemory,
 }
 
-/// A running loop. Dropping it ends the loop and waits for that.
+/// A running loop. Dropping it ends the loop and waits for the end.
 #[derive(Debug)]
 pub struct TickThread {
     handle: Option<JoinHandle<(Outcome, Held)>>,
@@ -203,12 +203,12 @@ pub struct TickThread {
     setup: Setup,
 }
 
-/// Starts a loop over `devices` (in the controller's order). Returns when the thread is set up, about one
-/// period before its first deadline. `stop` ends it from outside.
+/// Starts a loop over `devices` (in the order of the controller). Returns when the thread is set up, about one period
+/// before the first deadline. `stop` ends the loop from outside.
 ///
 /// # Errors
-/// [`SpawnError`] where it cannot run. What it merely has to do without is in
-/// [`TickThread::degradations`].
+/// [`SpawnError`] where the loop cannot run. [`TickThread::degradations`] lists what the system did not grant to a loop
+/// that runs.
 pub fn spawn(
     config: RunnerConfig,
     controller: Controller,
@@ -226,7 +226,7 @@ pub fn spawn(
             found: devices.len(),
         });
     }
-    // On the heap: a controller with its local models takes some hundred KB.
+    // The loop is on the heap, because a controller with its local models takes some hundred KB.
     let tick_loop = Box::new(TickLoop::new(controller, devices, end));
     let ticks = Arc::new(AtomicU64::new(0));
     let (tell, told) = sync_channel(1);
@@ -237,7 +237,8 @@ pub fn spawn(
     let setup = match told.recv() {
         Ok(Ok(setup)) => setup,
         Ok(Err(refusal)) => {
-            // It ends by itself, without a tick; what it panics with on the way is of no use to anybody.
+            // The thread ends by itself, without a tick. A panic on exit is ignored, because the refusal already names
+            // the cause.
             let _ = handle.join();
             return Err(refusal);
         }
@@ -252,40 +253,40 @@ pub fn spawn(
 }
 
 impl TickThread {
-    /// Ticks done so far. Cheap enough to ask at any rate; the loop does not notice.
+    /// Number of ticks since the start. A call is one relaxed load and does not disturb the loop.
     pub fn ticks(&self) -> u64 {
         self.ticks.load(Ordering::Relaxed)
     }
 
-    /// What the run does without.
+    /// The requests that the system did not grant to the run.
     pub fn degradations(&self) -> &[Degradation] {
         &self.setup.degradations
     }
 
-    /// The core that the tick is pinned to.
+    /// The core to which the tick is pinned.
     pub fn core(&self) -> Option<usize> {
         self.setup.core
     }
 
-    /// Memory held in place for it (bytes).
+    /// Size of the memory that is locked for the loop (bytes).
     pub fn locked_bytes(&self) -> usize {
         self.setup.locked_bytes
     }
 
-    /// Whether the loop has ended, so that joining does not wait.
+    /// Whether the loop has ended; a join then does not wait.
     pub fn is_finished(&self) -> bool {
         self.handle.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Asks the loop to end after the tick it is in.
+    /// Asks the loop to end after the current tick.
     pub fn stop(&self) {
         self.stop.request();
     }
 
-    /// Waits for the end of the loop, without asking for it.
+    /// Waits for the end of the loop. Does not ask the loop to end.
     ///
     /// # Errors
-    /// [`TickPanic`] where the loop ended by a panic (a device's, say).
+    /// [`TickPanic`] where the loop ended by a panic, for example of a device.
     pub fn join(mut self) -> Result<TickReport, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {
@@ -307,7 +308,7 @@ impl Drop for TickThread {
     fn drop(&mut self) {
         if let Some(handle) = self.handle.take() {
             self.stop.request();
-            // Nobody is left to be told of a panic; the panic hook has spoken.
+            // The result is dropped, because no caller remains. The panic hook has already printed a panic.
             let _ = handle.join();
         }
     }

@@ -1,9 +1,9 @@
-//! One tick with its rings and histograms, without clock or thread.
+//! One tick with its rings and histograms, without a clock or a thread.
 //!
-//! Under the real clock [`crate::thread`] calls it once a deadline; under virtual time the host calls it
-//! with times it makes up. Both run exactly this.
+//! Under the real clock, [`crate::thread`] calls `TickLoop::tick` once per deadline. Under virtual time, the host calls
+//! it with times of its own. Both run the same code.
 //!
-//! [`TickLoop::tick`] is the hot path: no allocation, no lock, no system call but those of the devices.
+//! [`TickLoop::tick`] is the hot path: no allocation, no lock, and no system call except those of the devices.
 
 use crate::latency::Latencies;
 use crate::link::TickEnd;
@@ -12,24 +12,24 @@ use rt_core::{Controller, Device, Telemetry, Wrench, cycle};
 /// A device of any kind, as the loop holds it.
 pub type AnyDevice = Box<dyn Device + Send>;
 
-/// A controller, its devices, its end of the link and its histograms.
+/// A controller with its devices, its end of the link and its histograms.
 pub struct TickLoop {
-    /// The law.
+    /// The controller.
     pub controller: Controller,
     /// The devices, in the controller's order.
     pub devices: Vec<AnyDevice>,
     /// The tick's end of the link.
     pub end: TickEnd,
-    /// How late, how long, how old.
+    /// Histograms of the lateness, of the duration of a tick and of the age of the models.
     pub latencies: Latencies,
-    /// Ticks done.
+    /// Number of ticks since the start.
     pub ticks: u64,
-    /// Wrenches that a device did not take.
+    /// Number of wrenches that a device did not accept.
     pub refused_wrenches: u64,
 }
 
 impl TickLoop {
-    /// Before the first tick. Allocates the histograms.
+    /// A loop before its first tick. Allocates the histograms.
     pub fn new(controller: Controller, devices: Vec<AnyDevice>, end: TickEnd) -> Self {
         #[cfg(feature = "mutations")]
         crate::mutation::arm();
@@ -44,18 +44,19 @@ impl TickLoop {
         }
     }
 
-    /// One tick: takes the newest local models, reads, computes and writes, hands on the record.
+    /// Runs one tick: takes the newest local models, reads the devices, computes and writes the wrenches, and sends the
+    /// record to host and log.
     ///
-    /// `now_ns` is the tick's nominal time since the start of the run; it advances by the deadlines that
-    /// were skipped as well. `lateness_ns` is how late the tick woke (zero under virtual time). In the
-    /// record, `tick` counts the ticks done and `time_ns` is `now_ns`.
+    /// `now_ns` is the nominal time of the tick since the start of the run; skipped deadlines advance it, too.
+    /// `lateness_ns` is the lateness of the tick (zero under virtual time). In the record, `tick` is the number of
+    /// earlier ticks and `time_ns` is `now_ns`.
     #[cfg_attr(feature = "rtsan", rtsan_standalone::nonblocking)]
     pub fn tick(&mut self, now_ns: u64, lateness_ns: u64) -> Telemetry {
         #[cfg(feature = "mutations")]
         crate::mutation::strike(self.ticks);
         let controller = &mut self.controller;
         self.end.take_models(|body, model| {
-            // The controller counts what it refuses, by reason.
+            // The controller counts the models that it refuses, by reason.
             let _ = controller.accept(body, model);
         });
         let (mut telemetry, refused) = cycle(controller, &mut self.devices, now_ns);
@@ -63,7 +64,7 @@ impl TickLoop {
         self.end.push(&telemetry);
         self.latencies.lateness.record(lateness_ns);
         for (age, body) in self.latencies.model_age.iter_mut().zip(telemetry.bodies()) {
-            // Zero: no model yet, so no age.
+            // A sequence number of zero means that no model has arrived, so there is no age.
             if body.sequence > 0 {
                 age.record(body.age_ns);
             }
@@ -73,11 +74,11 @@ impl TickLoop {
         telemetry
     }
 
-    /// Commands no force on every device, twice, whatever they answer. For the end of a run.
+    /// Commands zero force on every device, twice, and ignores their errors. For the end of a run.
     pub fn release(&mut self, now_ns: u64) {
         for _ in 0..2 {
             for device in &mut self.devices {
-                // A device that does not take it holds its last wrench until its own watchdog drops it.
+                // A device that refuses the command holds its last wrench until its own watchdog releases the force.
                 let _ = device.write(now_ns, &Wrench::zero());
             }
         }

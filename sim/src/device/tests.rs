@@ -30,7 +30,7 @@ fn reaching_hand(seed: u64) -> Hand {
         .with_tremor(Tremor::new(1e-4, seed).unwrap())
 }
 
-/// One second at 1 kHz against a viscous wall, every state that was read.
+/// One second at 1 kHz against a viscous wall. Returns every state that was read.
 fn run(seed: u64) -> Vec<DeviceState> {
     let mut device = SimDevice::new(falcon(), Some(reaching_hand(seed)), 1e-3).unwrap();
     (0..1000)
@@ -52,14 +52,14 @@ fn equal_seeds_give_equal_bits_and_others_differ() {
 #[test]
 fn encoders_show_whole_counts_within_half_a_count() {
     for (name, model) in DeviceModel::all() {
-        // A grip that takes the heaviest along.
+        // The grip is firm enough to move the heaviest device.
         let hand = reaching_hand(5).with_arm(Arm::FIRM);
         let mut device = SimDevice::new(model, Some(hand), 1e-3).unwrap();
         for k in 0..800 {
             let shown = device.read(k * MS).unwrap().pose.position;
             let step = model.position_step;
             for (shown, true_) in shown.iter().zip(device.position().iter()) {
-                // Half a count, and the rounding of a quotient of some thousand counts.
+                // Half a count, plus the rounding of a quotient of some thousand counts.
                 assert!((shown - true_).abs() <= 0.5 * step * (1.0 + 1e-9), "{name}");
                 assert!(
                     (shown / step - (shown / step).round()).abs() < 1e-9,
@@ -67,7 +67,7 @@ fn encoders_show_whole_counts_within_half_a_count() {
                 );
             }
         }
-        // The hand took it along (to 32 mm at 0.4 s, back at rest at the start).
+        // The hand moved the device (to 32 mm at 0.4 s, and back to rest at the start).
         assert!(device.velocity().norm() < 0.05, "{name}");
     }
 }
@@ -97,7 +97,7 @@ fn the_wrench_is_held_from_its_write_to_the_next() {
     let mut device = SimDevice::new(model, None, 1e-3).unwrap();
     device.read(0).unwrap();
     device.write(0, &push(Vec3::new(1.0, 0.0, 0.0))).unwrap();
-    // A write between two reads takes effect when it comes, not at the next read.
+    // A write between two reads takes effect at its own time, not at the next read.
     device.write(300_000, &push(Vec3::zeros())).unwrap();
     device.read(MS).unwrap();
     // Rounding of 20 substeps.
@@ -128,11 +128,11 @@ fn the_estimated_velocity_is_the_true_one_but_for_counts() {
         }
     }
     for (state, velocity) in states.into_iter().skip(30) {
-        // A ramp of rounded positions errs by up to a count a tick; the filter keeps 40 % of one.
+        // A ramp of rounded positions errs by up to a count per tick, of which the filter keeps 40 %.
         let error = (state.twist.linear - velocity).norm();
         assert!(error < 0.5 * model.position_step / 1e-3, "{error}");
     }
-    // Reading again at the same time changes nothing.
+    // A second read at the same time changes nothing.
     assert_eq!(device.read(now).unwrap(), device.read(now).unwrap());
 }
 
@@ -150,7 +150,7 @@ fn a_jump_in_time_stands_still_for_the_excess_and_counts_it() {
     }
     assert_eq!(steady.frozen_ns(), 0);
     assert_eq!(device.position(), steady.position());
-    // Time that goes backwards changes nothing.
+    // A time before the latest call changes nothing.
     assert_eq!(device.read(3).unwrap().device_time_ns, 60_000 * MS);
     assert_eq!(device.position(), steady.position());
 }
@@ -171,7 +171,7 @@ fn reads_at_odd_times_change_the_motion_only_by_the_step() {
         }
         device.position()
     };
-    // Second order in the substep, (12 Hz * 2 pi * 50 us)^2 / 12 = 1e-6 of 30 mm at most.
+    // The error is of second order in the substep: at most (12 Hz * 2 pi * 50 us)^2 / 12 = 1e-6 of 30 mm.
     assert!((at(MS) - at(333_333)).norm() < 3e-8);
     assert!((at(MS) - at(1_000_003)).norm() < 3e-8);
 }
@@ -258,8 +258,9 @@ proptest! {
         }
         let energy = device.energy();
         let turned_over = energy.lost() + energy.stored() + energy.motor_work.abs() + 1e-9;
-        // Rounding of up to 20,000 substeps; a last substep of a few nanoseconds holds 2 M v / h of up to
-        // 1e8 N, whose rounding (1e-8 N) works over the few nanometres of that step: nothing.
+        // The tolerance covers the rounding of up to 20,000 substeps. A last substep of a few nanoseconds holds 2 M v /
+        // h of up to 1e8 N, whose rounding (1e-8 N) acts over the few nanometres of that substep and does no relevant
+        // work.
         prop_assert!(energy.residual().abs() < 1e-11 * turned_over, "{}", energy.residual());
     }
 }

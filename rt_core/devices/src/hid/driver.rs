@@ -1,4 +1,4 @@
-//! The driver `hid`: opens the device that a scene's settings name.
+//! The driver `hid` opens the device that the settings in a scene name.
 
 use super::{HidDevice, HidSelector};
 use crate::registry::{Driver, Kind, OpenError, Request};
@@ -6,7 +6,8 @@ use runner::AnyDevice;
 
 /// Devices that speak the firmware protocol over USB HID.
 ///
-/// Settings: `vendor` and `product`, the numbers of the USB device; `serial`, where two of the same kind are connected.
+/// Settings: `vendor` and `product`, the numbers of the USB device; `serial`, where two devices of the same kind are
+/// connected.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hid;
 

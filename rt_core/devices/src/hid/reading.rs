@@ -1,7 +1,7 @@
-//! From a queue of reports to the newest state, and from a wrench to its report.
+//! Decodes a queue of reports to the newest state, and encodes a wrench as a report.
 //!
-//! The bytes come from a closure rather than from HID, so that byte arrays can stand in for a device. The module never
-//! allocates. It reads at most [`QUEUE`] reports a tick, so a device that floods cannot stall the tick.
+//! The bytes come from a closure rather than from HID, so a test can supply byte arrays. The module never allocates. It
+//! reads at most [`QUEUE`] reports per tick, so a device that sends too many reports cannot stall the tick.
 
 use crate::wire::{DeviceClock, corrupt, report_of, state_of};
 use firmware_proto::report::{self, ReportError, StateReport, WrenchReport, status};
@@ -20,7 +20,7 @@ pub struct Reports {
     pub good: u64,
     /// Good reports that a newer one in the same tick superseded.
     pub superseded: u64,
-    /// Reports that were sent but never came (gaps in their sequence), including corrupt ones.
+    /// Reports that were sent but never arrived (gaps in their sequence), including corrupt ones.
     pub lost: u64,
     /// Reports that could not be used.
     pub corrupt: u64,
@@ -29,13 +29,13 @@ pub struct Reports {
 }
 
 impl Reports {
-    /// Nothing read yet.
+    /// The counts before the first report.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Reads until `next` has no more reports, and returns the newest good state. `next` fills the buffer and returns
-    /// the length of the report, or zero for none.
+    /// Calls `next` until no report waits, and returns the newest good state. `next` fills the buffer and returns the
+    /// length of the report, or zero for none.
     ///
     /// The position of a device that has not found its reference cannot be trusted: the states of such a device count
     /// as missing.
@@ -44,7 +44,7 @@ impl Reports {
         sensed: Freedom,
         mut next: impl FnMut(&mut [u8]) -> Result<usize, DeviceError>,
     ) -> Result<DeviceState, DeviceError> {
-        // One byte more than a report, so that a report that is too long shows.
+        // The buffer is one byte longer than a report, so that a report that is too long can be detected.
         let mut buffer = [0_u8; report::LENGTH + 1];
         let mut newest: Option<StateReport> = None;
         let mut fault: Option<ReportError> = None;
@@ -52,7 +52,7 @@ impl Reports {
             let length = match next(&mut buffer) {
                 Ok(0) => break,
                 Ok(length) => length,
-                // A report that came before the device disappeared is still good. The next read returns the error.
+                // A report that arrived before the device disappeared is still good. The next read returns the error.
                 Err(_) if newest.is_some() => break,
                 Err(error) => return Err(error),
             };
@@ -103,7 +103,7 @@ pub(super) fn command(wrench: &Wrench, sequence: u16) -> Command {
     numbered(&report_of(wrench, sequence))
 }
 
-/// The report that commands the device to let go.
+/// The report that commands zero force, with the wrench disabled.
 pub(super) fn let_go() -> Command {
     numbered(&WrenchReport {
         sequence: 0,
@@ -143,7 +143,7 @@ mod tests {
         }
     }
 
-    /// Hands out byte strings as the kernel's queue does.
+    /// Returns byte strings one by one, as the kernel's queue does.
     fn queue(
         mut waiting: VecDeque<Vec<u8>>,
     ) -> impl FnMut(&mut [u8]) -> Result<usize, DeviceError> {
@@ -200,7 +200,7 @@ mod tests {
             .newest(Freedom::Three, queue(bytes(&many)))
             .expect("good");
         assert_eq!(state.device_time_ns, 5_000_000);
-        // Numbers 0 and 1 never came.
+        // The numbers 0 and 1 never arrived.
         assert_eq!((reports.good, reports.superseded, reports.lost), (3, 2, 2));
         let none = reports.newest(Freedom::Three, queue(VecDeque::new()));
         assert_eq!(none, Err(DeviceError::NoReport));

@@ -1,9 +1,9 @@
 //! A thread that writes to one device in place of the tick.
 //!
-//! A write of a HID report may take as long as the device likes: the kernel waits for the device, for up to five
-//! seconds. The tick puts its command into a small ring and wakes this thread, which writes the newest waiting command.
-//! The tick's part is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that a tick
-//! may make. The tick never waits.
+//! A write of a HID report takes as long as the device needs: the kernel waits for the device, for up to five seconds.
+//! The tick pushes its command into a small ring and wakes this thread, which writes the newest command in the ring.
+//! The cost for the tick is a copy and, only where the thread sleeps, one futex wake-up: the single named wake-up that
+//! a tick may make. The tick never waits.
 
 use rt_core::DeviceError;
 use rtrb::Producer;
@@ -17,11 +17,11 @@ use std::thread::{JoinHandle, park};
 const SLOTS: usize = 4;
 
 /// Priority of the thread under SCHED_FIFO, where allowed: above ordinary threads, below the tick. A refusal is not
-/// reported here: the tick asks for more and reports its own refusal.
+/// reported here, because the tick requests a higher priority and reports its own refusal.
 const PRIORITY: u8 = 45;
 
-/// The tick's end of the writing thread. Dropping it writes a last command and waits for the thread to end, which takes
-/// as long as the device takes. Never drop it inside the tick.
+/// The tick's end of the writing thread. Dropping it writes a last command and waits for the end of the thread, for as
+/// long as the device needs. It must not be dropped inside the tick.
 #[derive(Debug)]
 pub(super) struct Writer<T> {
     ring: Option<Producer<T>>,
@@ -31,8 +31,8 @@ pub(super) struct Writer<T> {
 }
 
 impl<T: Copy + Send + 'static> Writer<T> {
-    /// Starts the thread. `write` sends one command, or returns the system's error number. `last` is the command that
-    /// the thread sends at the end, whatever else waits.
+    /// Starts the thread. `write` sends one command, or returns the system's error number. The thread sends `last` as
+    /// its last command, whatever other commands wait.
     pub(super) fn start(
         mut write: impl FnMut(&T) -> Result<(), i32> + Send + 'static,
         last: T,
@@ -43,13 +43,13 @@ impl<T: Copy + Send + 'static> Writer<T> {
         let work = move || {
             let _ = realtime(PRIORITY);
             loop {
-                // Read this first: commands that came before the end are then still found below.
+                // This is read first, so that the commands pushed before the end are still found below.
                 let over = ring.is_abandoned();
-                // The command leaves the ring before it is written, so that its slot is free while the device delays.
+                // The command is removed from the ring before it is written, so its slot is free during the write.
                 let command = match take_newest(&mut ring, |command, _| *command) {
                     None if over => last,
                     None => {
-                        // A wake-up since the look into the ring makes this call return at once.
+                        // If a wake-up came after the ring was read, this call returns at once.
                         park();
                         continue;
                     }
@@ -73,11 +73,12 @@ impl<T: Copy + Send + 'static> Writer<T> {
         })
     }
 
-    /// Hands a command to the thread. For the hot path.
+    /// Passes a command to the thread. For the hot path.
     ///
     /// # Errors
-    /// [`DeviceError::Busy`] where the device has not taken the last commands yet; the command is dropped.
-    /// [`DeviceError::Disconnected`] where the previous write failed; the command is tried all the same.
+    /// [`DeviceError::Busy`] where the ring is full, because the device has not taken the last commands yet; the
+    /// command is dropped. [`DeviceError::Disconnected`] where the previous write failed; the command is sent
+    /// nevertheless.
     pub(super) fn hand_on(&mut self, command: T) -> Result<(), DeviceError> {
         let (Some(ring), Some(thread)) = (&mut self.ring, &self.thread) else {
             return Err(DeviceError::Busy);
@@ -114,14 +115,14 @@ mod tests {
         let (free, stuck) = sync_channel::<()>(0);
         let write = move |command: &u32| {
             written.send(*command).map_err(|_| 1)?;
-            // The device is stuck until it is freed, and free for good once the other side is gone.
+            // The device is stuck until it is freed. It is never stuck again once the other side is gone.
             let _ = stuck.recv();
             Ok(())
         };
         let mut writer = Writer::start(write, 0).expect("a thread");
         assert_eq!(writer.hand_on(1), Ok(()));
         assert_eq!(seen.recv(), Ok(1));
-        // The device holds the first command; four may wait, and the tick gets every answer at once.
+        // The device holds the first command. Four commands may wait, and every call returns at once.
         for command in 2..=5 {
             assert_eq!(writer.hand_on(command), Ok(()));
         }
@@ -130,7 +131,7 @@ mod tests {
         assert_eq!(seen.recv(), Ok(5));
         drop(free);
         drop(writer);
-        // The last command is no force.
+        // The last command is zero force.
         assert_eq!(seen.iter().last(), Some(0));
     }
 
@@ -144,7 +145,7 @@ mod tests {
         let mut writer = Writer::start(write, 0).expect("a thread");
         assert_eq!(writer.hand_on(1), Ok(()));
         assert_eq!(seen.recv(), Ok(1));
-        // The answer is stored after the write: ask until the answer is there.
+        // The result is stored after the write, so the loop repeats until it is visible.
         while writer.hand_on(1) != Err(DeviceError::Disconnected(19)) {
             std::thread::yield_now();
         }

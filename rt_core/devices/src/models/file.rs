@@ -1,4 +1,4 @@
-//! A device's file: TOML, read field by field so that each error names its line and its field.
+//! The file of a device: TOML, read field by field so that each error names its line and its field.
 
 use super::{DeviceModel, RotationModel};
 use core::fmt;
@@ -6,51 +6,51 @@ use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// What a device's file says.
+/// The contents of a device's file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DeviceFile {
-    /// The device's full name, for people.
+    /// The full name of the device, for display.
     pub name: String,
-    /// Its numbers.
+    /// The numbers of the device.
     pub model: DeviceModel,
-    /// Which numbers are estimates, by field; `rotation.inertia` and the like for those of the rotation.
+    /// The fields whose numbers are estimates. Fields of the rotation have names such as `rotation.inertia`.
     pub estimated: Vec<String>,
-    /// Where each number comes from, by field.
+    /// The source of each number, by field.
     pub sources: BTreeMap<String, String>,
 }
 
-/// Why a text is no device, and where.
+/// The error for a text that is not a device's file, with its position.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub struct ModelError {
-    /// Line, counted from 1.
+    /// Line of the error, counted from 1.
     pub line: usize,
-    /// The field, such as `rotation.inertia`; empty where none is meant.
+    /// The field, such as `rotation.inertia`; empty where the error concerns no field.
     pub field: String,
-    /// What is wrong there.
+    /// The problem at that position.
     pub problem: ModelProblem,
 }
 
-/// What is wrong in a device's file.
+/// A problem in a device's file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ModelProblem {
     /// The text is not TOML.
     #[error("not valid TOML: {0}")]
     Syntax(String),
-    /// A field that must be there is not.
+    /// A required field is missing.
     #[error("missing field `{0}`")]
     Missing(&'static str),
-    /// A field of this name does not exist.
+    /// No field of this name exists.
     #[error("unknown field, allowed: {allowed}")]
     Unknown {
-        /// The fields that exist there.
+        /// The fields that exist at that position.
         allowed: String,
     },
     /// A value is of the wrong type or out of its range.
     #[error("found {found}, allowed: {allowed}")]
     Value {
-        /// What the file says.
+        /// The value in the file.
         found: String,
-        /// What it may say.
+        /// The allowed values.
         allowed: String,
     },
 }
@@ -93,7 +93,7 @@ const TURNING: [&str; 7] = [
 /// Longest piece of the file that an error quotes, in characters.
 const QUOTED: usize = 60;
 
-/// A range, and how a message calls it.
+/// The name of a range in messages, and the test whether a number lies in it.
 type Range = (&'static str, fn(f64) -> bool);
 
 const RATE: Range = ("a whole number from 100 to 10000 (Hz)", |v| {
@@ -107,8 +107,8 @@ impl DeviceFile {
     /// Reads a device's file.
     ///
     /// # Errors
-    /// [`ModelError`] with the line and the field where the text is not TOML, a field is missing, unknown,
-    /// of another type or out of its range, or where `estimated` or `sources` name no number of the device.
+    /// [`ModelError`], with the line and the field, where the text is not TOML; where a field is missing, unknown, of
+    /// another type or out of range; or where `estimated` or `sources` contain a name that is no number of the device.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         let root = DeTable::parse(text).map_err(|error| ModelError {
             line: line_of(text, error.span().map_or(0, |span| span.start)),
@@ -146,7 +146,7 @@ impl DeviceFile {
         })
     }
 
-    /// The fields that hold a device's numbers, with those of its rotation where it has one.
+    /// The names of the fields with numbers, including those of the rotation where `rotation` is true.
     pub fn numbers(rotation: bool) -> impl Iterator<Item = String> {
         let turning = TURNING.iter().filter(move |_| rotation);
         let plain = NUMBERS.iter().map(|name| (*name).to_owned());
@@ -168,7 +168,7 @@ fn rotation(at: &Value<'_>) -> Result<RotationModel, ModelError> {
     })
 }
 
-/// A list of names of numbers.
+/// Reads a list of names of numbers.
 fn names(at: &Value<'_>, known: &[String]) -> Result<Vec<String>, ModelError> {
     let allowed = || format!("a list of {}", known.join(", "));
     let DeValue::Array(items) = at.content.get_ref() else {
@@ -191,7 +191,7 @@ fn names(at: &Value<'_>, known: &[String]) -> Result<Vec<String>, ModelError> {
     Ok(names)
 }
 
-/// A table from numbers to texts; those of the rotation in a table of their own.
+/// Reads a table from names of numbers to texts. The names of the rotation are in a table of their own.
 fn sources(at: &Value<'_>, known: &[String]) -> Result<BTreeMap<String, String>, ModelError> {
     let mut found = BTreeMap::new();
     let table = at.table("a table from numbers to their sources")?;
@@ -248,7 +248,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Refuses fields that are not among `known`.
+    /// Refuses a field whose name is not in `known`.
     fn only<'k>(&self, known: impl Iterator<Item = &'k str>) -> Result<(), ModelError> {
         let mut known: Vec<_> = known.collect();
         known.dedup();
@@ -322,7 +322,7 @@ impl Value<'_> {
             .ok_or_else(|| self.refused(allowed))
     }
 
-    /// A text of one line, not empty.
+    /// Reads a text of one line that is not empty.
     fn string(&self) -> Result<String, ModelError> {
         match self.content.get_ref() {
             DeValue::String(text)
@@ -347,13 +347,13 @@ impl Value<'_> {
     }
 }
 
-/// The line of a byte, counted from 1.
+/// The line that contains a byte, counted from 1.
 fn line_of(text: &str, byte: usize) -> usize {
     let before = text.as_bytes().get(..byte).unwrap_or(text.as_bytes());
     before.split(|&b| b == b'\n').count()
 }
 
-/// A piece of the file, fit for a message: one line, without control characters, not too long.
+/// A piece of the file for a message: its first line, without control characters, cut to `QUOTED` characters.
 fn one_line(text: &str) -> String {
     let line = text.trim().lines().next().unwrap_or_default();
     let mut chars = line.chars().filter(|c| !c.is_control());

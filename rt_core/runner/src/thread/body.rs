@@ -1,7 +1,7 @@
-//! What the thread does, from beginning to end: it is set up, runs, and commands no force.
+//! The code of the thread: setup, loop, and a final command of zero force.
 //!
-//! Once a deadline: sleep, measure the lateness, tick, measure the time it took. On the hot path (`run`):
-//! the clock, the sleep and the devices' own calls, nothing else.
+//! For each deadline the thread sleeps, measures its lateness, ticks, and measures the duration of the tick. The hot
+//! path (`run`) consists of the clock, the sleep and the tick with the calls of the devices.
 
 use super::{Held, Outcome, RunnerConfig, SpawnError, Stop, TickPanic, TickReport};
 use crate::clock::{now_ns, sleep_until};
@@ -17,7 +17,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 
-/// The thread from beginning to end.
+/// The main function of the thread.
 pub(super) fn body(
     config: RunnerConfig,
     mut tick_loop: Box<TickLoop>,
@@ -33,17 +33,17 @@ pub(super) fn body(
     };
     let ready = ready(&config, &setup);
     let length = if ready.is_ok() { config.ticks } else { Some(0) };
-    // Whoever started the thread is waiting for this; if they are not, the run is still theirs to end.
+    // The thread that called `spawn` waits for this message. If it no longer waits, `stop` still ends the run.
     let _ = tell.send(ready.map(|()| setup.clone()));
 
-    // The first deadline is a whole period ahead, so that the first tick is as well rested as the others.
+    // The first deadline is a whole period ahead, so the first tick has as much time as the others.
     let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
-    // Telling whoever waits may have taken a call that a tick may not make.
+    // The message may have taken a system call that a tick may not make.
     trap::clear();
     let ran = catch_unwind(AssertUnwindSafe(|| {
         run(&mut tick_loop, &mut pace, length, stop, ticks);
     }));
-    // Read here: what the thread does from now on, it does to leave.
+    // The call is read here, because the calls of the thread from now on belong to its exit.
     let forbidden_call = trap::first();
     let released = release_each(&mut tick_loop, pace.nominal_ns());
     if let Err(payload) = ran.and(released) {
@@ -74,8 +74,8 @@ pub(super) fn body(
     (Ok(report), held)
 }
 
-/// The last thing before the first tick: whether to go without what was not granted, and from here on no
-/// system call that `config` does not allow.
+/// The last stage before the first tick: refuses to start where `config` insists on a grant that is missing, then
+/// forbids every system call that `config` does not allow.
 fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
     if config.insist && !setup.degradations.is_empty() {
         return Err(SpawnError::NotGranted(setup.degradations.clone()));
@@ -83,8 +83,8 @@ fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
     Ok(config.calls.map_or(Ok(()), confine)?)
 }
 
-/// The loop itself: the hot path. A function of its own in the program, so that `tests/tests/no_lock.rs` can follow
-/// everything that it calls.
+/// The loop itself: the hot path. It is a separate function in the binary, so `tests/tests/no_lock.rs` can follow every
+/// function that it calls.
 #[inline(never)]
 fn run(
     tick_loop: &mut TickLoop,
@@ -108,15 +108,15 @@ fn run(
     }
 }
 
-/// Commands no force on every device, twice. Each by itself: one that panics must not keep the others
-/// from it.
+/// Commands zero force on every device, twice. Each write is caught separately, so a device that panics does not keep
+/// the others from their command.
 fn release_each(tick_loop: &mut TickLoop, now_ns: u64) -> Result<(), Box<dyn Any + Send>> {
     let mut result = Ok(());
     for _ in 0..2 {
         for device in &mut tick_loop.devices {
             let zero = Wrench::zero();
             let written = catch_unwind(AssertUnwindSafe(|| {
-                // A device that refuses holds its last wrench until its own watchdog drops it.
+                // A device that refuses the command holds its last wrench until its own watchdog releases the force.
                 let _ = device.write(now_ns, &zero);
             }));
             result = result.and(written);
@@ -125,7 +125,7 @@ fn release_each(tick_loop: &mut TickLoop, now_ns: u64) -> Result<(), Box<dyn Any
     result
 }
 
-/// What a panic said.
+/// The message of a panic.
 pub(super) fn message(payload: &(dyn Any + Send)) -> String {
     let text = payload.downcast_ref::<&str>().copied();
     let owned = || payload.downcast_ref::<String>().map(String::as_str);

@@ -36,7 +36,7 @@ fn a_file_says_what_it_says() {
     assert_eq!(file.model.rotation.unwrap().inertia, 1e-4);
     assert_eq!(file.estimated, ["mass", "rotation.step"]);
     assert_eq!(file.sources["rotation.inertia"], "a pendulum");
-    // Without a rotation it has three degrees of freedom.
+    // A device without a rotation has three degrees of freedom.
     let (plain, _) = BASE.split_once("[rotation]").unwrap();
     let plain = plain.replace(", \"rotation.step\"", "");
     assert_eq!(DeviceFile::parse(&plain).unwrap().model.rotation, None);
@@ -149,7 +149,7 @@ proptest! {
         cut in 0..BASE.len(), length in 0..40_usize, put in ".{0,12}",
     ) {
         let end = (cut + length).min(BASE.len());
-        // The base is ASCII.
+        // The text is ASCII.
         let text = format!("{}{put}{}", &BASE[..cut], &BASE[end..]);
         if let Err(error) = DeviceFile::parse(&text) {
             let line = error.to_string();
