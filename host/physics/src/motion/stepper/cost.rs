@@ -21,7 +21,8 @@ pub enum Part {
     Linearize,
     /// The stiffness times a vector.
     Product,
-    /// The preconditioner: the rounding of the residual, a solve with the factor, and the product of residual and result.
+    /// The preconditioner: the rounding of the residual, a solve with the factor, and the product of residual and
+    /// result.
     Precondition,
     /// The other operations of an iteration on whole vectors.
     Vectors,
