@@ -4,8 +4,8 @@
 //! guides its vertices there. Released vertices keep their velocity. At rest, before the first step, a call yields a
 //! body that is equal to the last bit to a body built with the same handles and supports.
 //!
-//! Each call begins a new epoch, because solvers number held vertices last. Each solver builds its matrices and factors
-//! again in its next step.
+//! Each call begins a new topology epoch: solvers number held vertices last and leave out guided axes. Each solver
+//! builds its matrices and factors again in its next step.
 
 use super::assembly::Assembly;
 use super::handle::{Handle, HandleSpec};
@@ -16,8 +16,8 @@ use crate::error::BodyError;
 
 impl Body {
     /// Adds a handle that holds vertices at their present positions; `spec.origin` is the origin of the handle at
-    /// present. Returns the number of the handle, the next free number. The call allocates memory and takes about as
-    /// long as the construction of a body.
+    /// present. Returns the number of the handle, which is the number of handles before the call. The call allocates
+    /// memory and takes about as long as the construction of a body.
     ///
     /// # Errors
     ///

@@ -4,8 +4,8 @@
 //! of their deformation gradient are about one and have an error of `eps`, as if the nodes had an error of `eps` times
 //! the length of their edges. The sum of both errors is the uncertainty of a node's place. The uncertainty of a force
 //! is the matrix times that of the places; the uncertainty of an energy is the work of the forces over that of the
-//! places. The distance of a body from the origin thus counts exactly as far as rounding makes it count. No body is so
-//! stiff that its forces are taken for rounding because of the stiffness alone.
+//! places. The distance of a body from the origin therefore enters exactly as it enters rounding. No body is so stiff
+//! that its forces are taken for rounding because of the stiffness alone.
 
 use super::Body;
 use crate::Vec3;

@@ -11,6 +11,6 @@ pub(crate) struct State {
     pub(crate) v: Vec<Vec3>,
     /// The sum of all time steps so far (s).
     pub(crate) clock: f64,
-    /// Number of changes of the state that did not come from a step.
+    /// Number of changes from outside a step: of positions, velocities, loads, supports or handles.
     pub(crate) revision: u64,
 }

@@ -10,9 +10,9 @@ use super::Body;
 use crate::Vec3;
 
 impl Body {
-    /// The weight in the last reported wrench on the hand, by handle (N). It points along gravity and is at most the
-    /// weight of the whole body. The function is meant for a body that has come to rest. The weights are zero before
-    /// the first step.
+    /// The weight in the last reported wrench on the hand, by handle (N). Each weight points along gravity and is at
+    /// most the weight of the whole body. The function is meant for a body that has come to rest. All weights are zero
+    /// before the first step.
     pub fn handle_weights(&self) -> Vec<Vec3> {
         let gravity = self.model.config.gravity;
         let whole = gravity.norm() * self.model.load.iter().sum::<f64>() * self.model.load_factor;

@@ -226,7 +226,7 @@ impl Newton {
     }
 
     /// Ends a solve in which only rounding is left. Of the present positions and those before the last step, where the
-    /// residual was `last` (N), the better ones are kept.
+    /// residual was `last` (N), the better positions are kept.
     fn end_at_rounding(
         &mut self,
         body: &mut Body,

@@ -14,7 +14,7 @@
 //!
 //! A step is one call or four calls, between which several bodies can be joined: see `stages`.
 //!
-//! The next step begins with the forces and the tangent at the end of the last one. The energy there bounds the step
+//! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
 //! (`guard`) at no further cost.
 
 mod correct;

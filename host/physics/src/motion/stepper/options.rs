@@ -26,8 +26,8 @@ pub struct StepperOptions {
     pub max_iterations: usize,
     /// The start of the iterations.
     pub guess: Guess,
-    /// The preconditioner. A stepper keeps the one with which it was made. An incomplete factor needs more iterations:
-    /// up to 140 on a sheet of 30 thousand triangles.
+    /// The preconditioner. A stepper keeps its preconditioner until the topology epoch changes. An incomplete factor
+    /// needs more iterations: up to 140 on a sheet of 30 thousand triangles.
     pub preconditioner: Preconditioner,
     /// A step of more iterations than this number asks for a new factor, as does one whose iterations reduce the
     /// residual too little. For an incomplete factor, the number counts from five quarters of the iterations of the
