@@ -1,9 +1,9 @@
 //! Quasi-static equilibrium: Newton's method under loads and displacements that grow in steps.
 //!
-//! Handles, supports and loads change linearly from their present to their final values, at first in one step. A step
-//! that does not converge is halved, and the size grows again after a success (the usual incremental procedure:
-//! Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9). The velocities of the body are
-//! zero afterwards.
+//! Handles, supports and loads change linearly from their present to their final values, in one load step unless the
+//! options ask for more. A load step that does not converge is halved, and the size grows again after a success (the
+//! usual incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9).
+//! The velocities of the body are zero afterwards.
 
 use super::integrator::between;
 use super::newton::{Newton, NewtonOptions, NewtonReport};

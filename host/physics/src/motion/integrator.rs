@@ -254,7 +254,7 @@ impl Integrator {
         targets: &[HandlePose],
     ) -> Result<StepReport, StepError> {
         let mut report = StepReport::default();
-        // Time in units of the smallest substep. These are integers, so that the step ends exactly at its end.
+        // Time is an integer number of the smallest substeps, so that the step ends exactly at its end.
         let whole = 1_u64 << self.options.max_halvings.min(30);
         let (mut done, mut size) = (0, whole);
         while done < whole {

@@ -253,13 +253,14 @@ impl Newton {
         Ok(report)
     }
 
-    /// The residual of the last solve, by node (N). On held nodes and guided axes it is the force of hand or support,
-    /// without the node's inertia.
+    /// The residual of the last solve, by node (N). On held nodes and guided axes the residual is the force of hand or
+    /// support, without the node's inertia.
     pub(crate) fn residual(&self) -> &[Vec3] {
         &self.residual
     }
 
-    /// Computes the residual at the present positions, by node. On held nodes it is the force of the hand.
+    /// Computes the residual at the present positions, by node (N). On held nodes the residual is the force of the
+    /// hand.
     fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
         let damping = body.model.config.stiffness_damping;
         if let Some(stage) = stage {

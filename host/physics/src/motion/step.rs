@@ -108,7 +108,7 @@ impl Body {
         // The velocity overflows before the displacement does. A residual that has overflowed is no valid guide.
         let mut all = moves.map(|u| u / h).chain(grip.copied());
         if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
-            // The values do not belong to the state that is kept. Without them, a condensation has no lever term.
+            // The forces do not belong to the state that is kept. With zero forces, a condensation has no lever term.
             self.assembly.grip.fill(Vec3::zeros());
             return Err(StepError::Diverged {
                 iterations: report.iterations,

@@ -1,8 +1,8 @@
 //! One substep, by implicit Euler or by TR-BDF2.
 //!
 //! TR-BDF2 (Bank et al., "Transient simulation of silicon devices and circuits", 1985; Hosea and Shampine, "Analysis
-//! and implementation of TR-BDF2", 1996) takes a trapezoidal stage over `gamma h` and a BDF2 stage to `h`. With `gamma
-//! = 2 - sqrt 2` both stages have the same matrix. TR-BDF2 was chosen over BDF2 because it needs no earlier steps: a
+//! and implementation of TR-BDF2", 1996) takes a trapezoidal stage over `gamma h` and a BDF2 stage to `h`. Both stages
+//! have the same matrix for `gamma = 2 - sqrt 2`. TR-BDF2 was chosen over BDF2 because it needs no earlier steps: a
 //! step may be halved, a handle released or a mesh torn without a restart at first order. TR-BDF2 is L-stable, so by
 //! von Neumann's theorem the energy of a linear, dissipative body never grows. Each step costs two solves.
 //!
