@@ -8,8 +8,7 @@ use crate::linear::sparse_cholesky::FactorCode;
 pub enum Guess {
     /// The velocity is that of the last step.
     Velocity,
-    /// The velocity changes as in the last step: closer in a smooth motion, in error by a factor of two where a motion
-    /// begins.
+    /// The velocity changes as in the last step: closer in a smooth motion, twice too far where a motion begins.
     Acceleration,
     /// The velocity changes by a fitted combination of its last changes: closest in a smooth motion, and no further off
     /// where a motion begins or ends.
@@ -39,7 +38,7 @@ pub struct StepperOptions {
     /// The code of the factorization.
     pub code: FactorCode,
     /// A body sleeps after some steps in which no vertex was faster than this speed (m/s); 0 turns sleep off. See
-    /// `sleep` for the error of this.
+    /// `sleep` for the error that sleep causes.
     pub sleep_speed: f64,
 }
 
