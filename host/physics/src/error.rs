@@ -1,8 +1,8 @@
-//! What can be wrong with a body, a step or a condensation.
+//! The errors of a body, a step and a condensation.
 
 use thiserror::Error;
 
-/// Why a body could not be built, or an input to it was refused.
+/// The reason why a body could not be built, or an input to a body was refused.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum BodyError {
     /// The mesh has no element.
@@ -47,7 +47,7 @@ pub enum BodyError {
         /// Its length (m).
         length: f64,
     },
-    /// A cell is flat or turned inside out at rest.
+    /// A cell is flat or inverted at rest.
     #[error(
         "cell {cell} is flat or turned inside out at rest; remove it, move its vertices apart, or \
          exchange two of them"
@@ -59,7 +59,7 @@ pub enum BodyError {
     /// There is no such handle.
     #[error("there is no handle {handle}: the body has {count}, counted from 0")]
     NoHandle {
-        /// The handle asked for.
+        /// The number of the requested handle.
         handle: usize,
         /// Number of handles.
         count: usize,
@@ -90,14 +90,13 @@ pub enum BodyError {
     Warp {
         /// The triangle.
         triangle: usize,
-        /// Sine of the angle between the warp and the triangle's normal; not a number for a warp that has
-        /// no direction at all.
+        /// Sine of the angle between the warp and the triangle's normal; not a number for a warp without a direction.
         share: f64,
     },
-    /// The number of materials is neither one nor that of the elements.
+    /// The number of materials is neither one nor the number of elements.
     #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
     MaterialCount {
-        /// How many were given.
+        /// The number of materials given.
         found: usize,
         /// Number of triangles or cells.
         elements: usize,
@@ -128,19 +127,19 @@ pub enum BodyError {
         /// Number of vertices in the mesh.
         count: usize,
     },
-    /// A vertex is held more than once.
+    /// A vertex belongs to two handles, or twice to one handle.
     #[error(
         "vertex {vertex} is held by handle {first} and again by handle {second}; a vertex may be held once"
     )]
     SharedVertex {
         /// The vertex.
         vertex: u32,
-        /// The handle that holds it first.
+        /// The handle that holds the vertex first.
         first: usize,
-        /// The handle that names it again (the same one, if it lists the vertex twice).
+        /// The handle that names the vertex again; the same handle if it lists the vertex twice.
         second: usize,
     },
-    /// A support holds no vertex, no axis, or a vertex that does not exist.
+    /// A support has no vertex, no axis, or a vertex that does not exist.
     #[error("support {support}: {found}; give it at least one vertex of the mesh and one axis")]
     Support {
         /// The support.
@@ -166,7 +165,7 @@ pub enum BodyError {
         /// The handle.
         handle: usize,
     },
-    /// Bending was asked for, but the sheet is folded at rest.
+    /// Bending is on, but the sheet is folded at rest.
     #[error(
         "the sheet is folded by {angle} rad at rest across the edge between vertices {a} and {b}, and \
          the bending model needs a flat rest shape; flatten the mesh or set `bending` to 0"
@@ -179,7 +178,7 @@ pub enum BodyError {
         /// Angle between the two triangles (rad); 0 is flat.
         angle: f64,
     },
-    /// Bending was asked for, but more than two triangles meet at an edge.
+    /// Bending is on, but more than two triangles meet at an edge.
     #[error(
         "{count} triangles meet at the edge between vertices {a} and {b}, and the bending model allows \
          two; repair the mesh or set `bending` to 0"
@@ -189,7 +188,7 @@ pub enum BodyError {
         a: u32,
         /// The other end.
         b: u32,
-        /// How many triangles meet there.
+        /// The number of triangles at the edge.
         count: usize,
     },
     /// An array that should hold one entry per vertex has another length.
@@ -212,7 +211,7 @@ pub enum BodyError {
     },
 }
 
-/// Why a step was refused. The body keeps its last good state.
+/// The reason why a step was refused. The body keeps its last good state.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum StepError {
     /// The step length is not positive.
@@ -221,16 +220,16 @@ pub enum StepError {
         /// The length (s).
         found: f64,
     },
-    /// The share of the loads is not finite.
+    /// The load factor is not finite.
     #[error("the load factor is {found}, expected a finite number")]
     Load {
         /// The factor.
         found: f64,
     },
-    /// The number of target poses differs from that of the handles.
+    /// The number of target poses differs from the number of handles.
     #[error("{found} target poses given for {expected} handles")]
     Targets {
-        /// How many were given.
+        /// The number of target poses given.
         found: usize,
         /// Number of handles.
         expected: usize,
@@ -241,15 +240,15 @@ pub enum StepError {
         /// The handle.
         handle: usize,
     },
-    /// The forces that should act at the end of the step.
+    /// The forces for the end of the step were refused.
     #[error(transparent)]
     Forces(BodyError),
-    /// The calls of a step were not made in their order, or the body was held otherwise in between.
+    /// The calls of a step were not made in their order, or the topology epoch of the body changed between two calls.
     #[error("`{call}` was called on a step for which `{first}` has yet to be called")]
     Stage {
         /// The call that was made.
         call: &'static str,
-        /// The one that has to come first.
+        /// The call that has to come first.
         first: &'static str,
     },
     /// `solve` was called without `assemble` since the state last changed.
@@ -257,7 +256,7 @@ pub enum StepError {
         "forces and stiffness are not those of the present state; call `assemble` before `solve`"
     )]
     NotAssembled,
-    /// The solution is not finite: a target leapt too far, or the state had already blown up.
+    /// The solution is not finite: a target is too far away, or the state had already diverged.
     #[error(
         "the step gave a motion that is not finite after {iterations} iterations; the last state is kept"
     )]
@@ -265,7 +264,7 @@ pub enum StepError {
         /// Iterations spent.
         iterations: usize,
     },
-    /// Newton's method did not reach its tolerance, however small the step was made.
+    /// Newton's method did not reach its tolerance, even with the smallest step.
     #[error(
         "no balance was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
          {iterations} iterations of the smallest step; the last state is kept. Is the body held, and can \
@@ -279,7 +278,7 @@ pub enum StepError {
         /// Norm of the forces that should balance (N).
         reference: f64,
     },
-    /// Rounding leaves so much of the motion open that it is not solved.
+    /// Rounding leaves so much of the motion undetermined that it is not solved.
     #[error(
         "too few digits: the body moves by {moved:e} m, of which rounding leaves {open:e} m open, for its coordinates \
          go up to {place:e} m and numbers of that size are {:.1e} m apart; the last state is kept. {}",
@@ -287,7 +286,7 @@ pub enum StepError {
         rounding_advice(*place, *size)
     )]
     Rounding {
-        /// The motion of a node that was still asked for, or that its coordinates cannot tell (m).
+        /// The largest motion of a node that was not solved, or that its coordinates cannot resolve (m).
         open: f64,
         /// The largest motion of a node from rest (m).
         moved: f64,
@@ -296,13 +295,13 @@ pub enum StepError {
         /// Longest edge of the box around the body at rest (m).
         size: f64,
     },
-    /// Every balance that was found turns further elements inside out, however small the step was made.
+    /// Even with the smallest step, every balance that was found inverts further elements.
     #[error(
         "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
          a law that bears it (stable neo-Hookean), or ask for less"
     )]
     Inverted {
-        /// Elements inside out after the last attempt.
+        /// Inverted elements after the last attempt.
         count: usize,
     },
     /// The matrix could not be factorized.
@@ -310,7 +309,7 @@ pub enum StepError {
     Matrix(#[from] CondenseError),
 }
 
-/// What to do where digits do not suffice.
+/// Advice for a body whose coordinates have too few digits.
 fn rounding_advice(place: f64, size: f64) -> &'static str {
     if place > 10.0 * size {
         "Move the body nearer to the origin"
@@ -319,7 +318,7 @@ fn rounding_advice(place: f64, size: f64) -> &'static str {
     }
 }
 
-/// Why a condensation was refused.
+/// The reason why a condensation was refused.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum CondenseError {
     /// The publication period is not positive.
@@ -339,7 +338,7 @@ pub enum CondenseError {
     Symbolic {
         /// Number of scalar unknowns.
         unknowns: usize,
-        /// What the linear algebra library says.
+        /// The message of the linear algebra library.
         reason: String,
     },
     /// The matrix of the free vertices is not positive definite, or not finite.

@@ -1,22 +1,22 @@
 //! Meshes, finite elements and condensation: pure computation.
 //!
-//! Everything here is a plain function or struct over state and time step. There are no threads, clocks,
-//! files or printing, and no knowledge of devices: a mesh arrives as arrays, time as a step length, and every
-//! budget is a count of iterations. That is what makes a run repeat to the byte.
+//! Every item is a plain function or struct over state and time step. There are no threads, clocks, files or printing,
+//! and no knowledge of devices. A mesh is given as arrays, time as the length of a step, and every budget as a number
+//! of iterations. For this reason a run repeats to the byte.
 //!
-//! A room is a folder. Rooms import downwards only, as `tests/rooms.rs` checks:
+//! Each folder is a room. Rooms import downwards only, as `tests/rooms.rs` checks:
 //!
-//! - [`condense`]: what the hands feel of a body.
+//! - [`condense`]: the condensation of a body onto its handles.
 //! - [`motion`]: steps and equilibria of a body.
 //! - [`body`]: a deformable body with handles and supports.
-//! - [`element`]: sets of elements, exactly and in vectors.
-//! - [`material`]: laws; [`polar`]: turns and stretches.
+//! - [`element`]: sets of elements, in exact form and in a form for vector instructions.
+//! - [`material`]: laws. [`polar`]: rotations and stretches.
 //! - [`linear`]: systems of linear equations.
-//! - [`lanes`]: numbers laid out for vector instructions; [`cost`]: what a pass over arrays costs.
+//! - [`lanes`]: numbers laid out for vector instructions. [`cost`]: the cost of a pass over arrays.
 //! - [`mesh`]: line, triangle and tetrahedral meshes, their checks and generators.
-//! - [`error`]: what can be wrong with a body, a step or a condensation.
+//! - [`error`]: the errors of a body, a step and a condensation.
 //!
-//! The main types are here by their names alone.
+//! The main types are exported here under their own names.
 #![forbid(unsafe_code)]
 
 pub mod body;

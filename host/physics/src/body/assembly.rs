@@ -1,4 +1,4 @@
-//! What solvers of the assembled equations work with, and what a step leaves.
+//! The data that solvers of the assembled equations work with, and the results of a step that the next step needs.
 
 use super::guard::Guard;
 use super::model::Model;
@@ -8,26 +8,26 @@ use crate::element::bending::Bending;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::pcg::Pcg;
 
-/// The assembled equations and the scratch of a step, by node; for one epoch of the topology.
+/// The assembled equations and the working memory of a step, by node, for one topology epoch.
 #[derive(Clone, Debug)]
 pub(crate) struct Assembly {
     pub(crate) stiffness: BlockMatrix,
-    /// Elastic forces where `assemble` last ran (N).
+    /// Elastic forces at the state in which `assemble` last ran (N).
     pub(crate) internal: Vec<Vec3>,
     /// Displacement over the step (m).
     pub(crate) displacement: Vec<Vec3>,
     pub(crate) pcg: Pcg,
-    /// Force of the hand on each handle node less the node's inertia, in the last step (N).
+    /// Force of the hand on each handle node, less the node's inertia, in the last step (N).
     pub(crate) grip: Vec<Vec3>,
-    /// The elastic force that the last step's linearization promised for its end (N); how long that step was
-    /// (s), where it was a whole one.
+    /// The elastic forces that the last step's linearization predicted for its end (N). `promised_over` is the length
+    /// of that step (s), if the whole step was taken.
     pub(crate) promised: Vec<Vec3>,
     pub(crate) promised_over: Option<f64>,
-    /// The rate at which forces change along the motion beside what the tangent makes of it (N/s), as far as
-    /// is known.
+    /// The rate of change of the forces along the motion that the tangent does not predict (N/s); zero where it is
+    /// unknown.
     pub(crate) missed: Vec<Vec3>,
     pub(crate) guard: Guard,
-    /// Positions after the step, before it is taken.
+    /// Positions at the end of the step, before the step is taken (m).
     pub(crate) ahead: Vec<Vec3>,
     /// Whether stiffness and internal forces are those of the present state.
     pub(crate) fresh: bool,
@@ -36,8 +36,8 @@ pub(crate) struct Assembly {
 }
 
 impl Assembly {
-    /// The pattern of `model`'s elements, whose nodes are those of `topology` already, with `free` nodes before those
-    /// of handles. Tells the elements where their blocks are, and lays out the bending.
+    /// Builds the matrix pattern of `model`'s elements, whose nodes are already those of `topology`. The `free` free
+    /// nodes come before the nodes of handles. Binds the elements to their blocks, and builds the bending model.
     pub(crate) fn new(model: &mut Model, topology: &Topology, free: usize) -> Self {
         let count = topology.node_of_vertex.len();
         let rest: Vec<Vec3> = topology

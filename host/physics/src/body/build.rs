@@ -1,4 +1,4 @@
-//! From a mesh, materials and handles to a body at rest.
+//! The construction of a body at rest from a mesh, materials and handles.
 
 use super::assembly::Assembly;
 use super::constraints::Constraints;
@@ -31,9 +31,9 @@ pub enum SolidLaw {
     /// [`Corotational`]: small strains, any rotation.
     #[default]
     Corotational,
-    /// [`StVenantKirchhoff`]: for verification; softens under compression until it collapses.
+    /// [`StVenantKirchhoff`]: for verification; it softens under compression until it collapses.
     StVenantKirchhoff,
-    /// [`StableNeoHookean`]: large strains, recovers from any inversion.
+    /// [`StableNeoHookean`]: large strains; it recovers from any inversion.
     StableNeoHookean,
 }
 
@@ -48,11 +48,12 @@ pub enum SheetLawName {
 }
 
 impl Body {
-    /// A woven sheet at rest in the shape of `mesh`, with one material for all triangles or one for each.
+    /// Builds a woven sheet at rest in the shape of `mesh`. `weaves` holds one material for all triangles or one for
+    /// each.
     ///
     /// # Errors
     ///
-    /// As [`Body::sheet`]; bending has no model for a weave, so `config.bending` must be 0.
+    /// As [`Body::sheet`]. A weave has no bending model, so `config.bending` must be 0.
     pub fn woven(
         mesh: &TriMesh,
         weaves: &[Weave],
@@ -77,14 +78,15 @@ impl Body {
         Self::from_elements(&mesh.positions, vec![elements], config, handles)
     }
 
-    /// A sheet at rest in the shape of `mesh`.
+    /// Builds a sheet at rest in the shape of `mesh`.
     ///
-    /// `materials` holds one for all triangles or one for each. `handles` may be empty: a free sheet.
+    /// `materials` holds one material for all triangles or one for each. `handles` may be empty: the sheet is free
+    /// then.
     ///
     /// # Errors
     ///
-    /// [`BodyError`], for a mesh, material, configuration or handle that cannot be simulated; it says
-    /// which and why.
+    /// [`BodyError`] for a mesh, material, configuration or handle that cannot be simulated, with the place and the
+    /// reason.
     pub fn sheet(
         mesh: &TriMesh,
         materials: &[Material],
@@ -106,9 +108,9 @@ impl Body {
         )
     }
 
-    /// A solid at rest in the shape of `mesh`.
+    /// Builds a solid at rest in the shape of `mesh`.
     ///
-    /// `materials` holds one for all cells or one for each. `handles` may be empty: a free solid.
+    /// `materials` holds one material for all cells or one for each. `handles` may be empty: the solid is free then.
     ///
     /// # Errors
     ///
@@ -130,9 +132,9 @@ impl Body {
         Self::from_elements(&mesh.positions, vec![elements], config, handles)
     }
 
-    /// A thread at rest in the shape of `mesh`.
+    /// Builds a thread at rest in the shape of `mesh`.
     ///
-    /// `materials` holds one for all lines or one for each. `handles` may be empty: a free thread.
+    /// `materials` holds one material for all lines or one for each. `handles` may be empty: the thread is free then.
     ///
     /// # Errors
     ///
@@ -148,7 +150,7 @@ impl Body {
         Self::from_elements(&mesh.positions, vec![Box::new(truss)], config, handles)
     }
 
-    /// A body at rest of any elements over vertices at `positions` (m).
+    /// Builds a body at rest of any elements over vertices at `positions` (m).
     ///
     /// # Errors
     ///
@@ -239,7 +241,7 @@ impl Body {
     }
 }
 
-/// The cells of `mesh` under one law.
+/// The cells of `mesh` as elements of one law.
 fn cells<L: Law>(
     law: L,
     mesh: &TetMesh,
@@ -281,7 +283,8 @@ fn check_elements(elements: &[Box<dyn Elements>], count: usize) -> Result<(), Bo
     Ok(())
 }
 
-/// Whether a handle can be made of `spec` where each vertex has a `holder` or none; it becomes that of its own.
+/// Checks that a handle can be made of `spec`. `holder` gives the handle of each vertex, if there is one; the vertices
+/// of `spec` are entered as held by `handle`.
 pub(super) fn check_handle(
     handle: usize,
     spec: &HandleSpec,

@@ -1,4 +1,4 @@
-//! What holds a body: handles, which move vertices with a hand, and supports, which guide them along axes.
+//! The constraints of a body: handles, which move vertices with a hand, and supports, which guide vertices along axes.
 
 use super::handle::Handle;
 use super::support::Supports;
@@ -11,7 +11,7 @@ pub(crate) struct Constraints {
 }
 
 impl Constraints {
-    /// The vertices that handles hold, handle by handle: the order of their nodes.
+    /// The vertices of all handles, handle by handle, in the order of their nodes.
     pub(crate) fn held(&self) -> impl Iterator<Item = &u32> + Clone {
         self.handles.iter().flat_map(|handle| &handle.vertices)
     }

@@ -1,4 +1,4 @@
-//! What a body has in all: mass, momentum and energy.
+//! Sums over a body: mass, momentum and energy.
 
 use super::Body;
 use crate::Vec3;
@@ -18,7 +18,7 @@ impl Body {
         sum
     }
 
-    /// Gravity and the host's forces together, as far as they act (N).
+    /// Sum of gravity and the external forces, times the load factor (N).
     pub fn total_external_force(&self) -> Vec3 {
         self.model.external.iter().sum::<Vec3>() * self.model.load_factor
     }
@@ -33,12 +33,12 @@ impl Body {
             .sum()
     }
 
-    /// Elastic energy (J) at the present state, bending included.
+    /// Elastic energy (J) at the present state, with bending.
     pub fn elastic_energy(&self) -> f64 {
         self.elastic_energy_at(&self.state.x)
     }
 
-    /// The same at positions `x` (m) by node.
+    /// Elastic energy (J) at positions `x` (m) by node, with bending.
     pub(crate) fn elastic_energy_at(&self, x: &[Vec3]) -> f64 {
         let bending = self.model.bending.as_ref();
         let bending = bending.map_or(0.0, |bending| bending.energy(&self.assembly.stiffness, x));
@@ -50,26 +50,26 @@ impl Body {
             + bending
     }
 
-    /// Bending energy (J) at the present state; 0 without bending.
+    /// Bending energy (J) at the present state; 0 for a body without bending.
     pub fn bending_energy(&self) -> f64 {
         self.model.bending.as_ref().map_or(0.0, |bending| {
             bending.energy(&self.assembly.stiffness, &self.state.x)
         })
     }
 
-    /// Potential energy (J) of gravity and the host's forces at the present state, as far as they act: minus
-    /// their work from the origin.
+    /// Potential energy (J) of gravity and the external forces at the present state, times the load factor: minus their
+    /// work from the origin.
     pub fn load_potential(&self) -> f64 {
         self.load_potential_at(&self.state.x)
     }
 
-    /// The same at positions `x` (m) by node.
+    /// Potential energy (J) of the loads at positions `x` (m) by node.
     pub(crate) fn load_potential_at(&self, x: &[Vec3]) -> f64 {
         let work = self.model.external.iter().zip(x).map(|(f, x)| f.dot(x));
         -self.model.load_factor * work.sum::<f64>()
     }
 
-    /// Kinetic energy, elastic energy and that of the loads (J).
+    /// Sum of kinetic energy, elastic energy and potential energy of the loads (J).
     pub fn total_energy(&self) -> f64 {
         self.kinetic_energy() + self.elastic_energy() + self.load_potential()
     }

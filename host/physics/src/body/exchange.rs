@@ -1,16 +1,16 @@
-//! The same body made of something else, in the middle of a motion.
+//! The replacement of a body by one of another material, in the middle of a motion.
 
 use super::Body;
 use crate::error::BodyError;
 
 impl Body {
-    /// Takes over where `other` is and how it moves, its handles with it: this body goes on in its place. The two
-    /// must be of the same mesh, with the same handles; what may differ is the material. A body that is softer
-    /// than the other stores less at the same shape; the rest of the energy is gone.
+    /// Copies the positions, the velocities and the handle reports of `other`, so that this body continues its motion.
+    /// Both bodies must have the same mesh and the same handles; the material may differ. A softer body stores less
+    /// energy in the same shape; the difference of the energies is lost.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] where the numbers of vertices or handles differ; nothing is changed then.
+    /// [`BodyError::Length`] where the numbers of vertices or handles differ; nothing has changed then.
     pub fn continue_from(&mut self, other: &Self) -> Result<(), BodyError> {
         for (what, found, expected) in [
             (
@@ -32,7 +32,7 @@ impl Body {
                 });
             }
         }
-        // The two may number their nodes differently.
+        // The two bodies may number their nodes differently.
         let (mine, theirs) = (
             &self.topology.node_of_vertex,
             &other.topology.node_of_vertex,

@@ -1,56 +1,58 @@
-//! A bound on the energy that a step may leave.
+//! A bound on the energy at the end of a step.
 //!
-//! Implicit Euler, solved to its end, takes energy from any body. TR-BDF2 promises that for linear ones only,
-//! and one linearization promises nothing where a step is so long that it does not hold: a kick may then be
-//! given back many times over. Each of them is checked here, and taken in a safer way where it fails, so that
-//! what no hand puts in never comes (after Dinev, Liu and Kavan, "Stabilizing integrators for real-time
-//! physics", 2018, who blend with implicit Euler by the energy).
+//! Implicit Euler, solved to convergence, never adds energy to a body. TR-BDF2 guarantees this for linear bodies only.
+//! A single linearization guarantees nothing where a step is so long that the linearization does not hold: a body may
+//! then return the energy of a kick many times over. The guard checks each such step. A step that fails is taken by a
+//! safer scheme or shortened, so that a body never releases energy that no hand supplied (after Dinev, Liu and Kavan,
+//! "Stabilizing integrators for real-time physics", 2018, who blend with implicit Euler by the energy).
 
 use super::{Body, rounding};
 use crate::Vec3;
 
-/// Fraction of kinetic and elastic energy that a step may regain. A scheme of second order swings about the right
-/// energy, and must be let: half of the hundredth that is promised.
+/// Fraction of kinetic and elastic energy that a step may regain. The energy of a second-order scheme oscillates about
+/// the exact energy, and the guard must allow that. The value is half of the hundredth that is promised.
 const SLACK: f64 = 0.005;
-/// Energies are known to this fraction of stiffness times the length of edges squared, and of the loads' work.
+/// Rounding error of an energy, as a fraction of the stiffness times the squared length of edges and of the loads'
+/// work.
 const ROUNDING: f64 = 1e-14;
-/// A kick of a thousand cells in a step, in cells that resist with the fourth power.
+/// Enough for a kick of a thousand cells in one step, in elements whose energy grows with the fourth power.
 const MOST_HALVINGS: usize = 30;
-/// Halvings that may bring nothing: a body that turns cells over has energy on the way, and a hand that tears at it
-/// brings energy that no halving takes away.
+/// Number of halvings without success that are allowed. A body that inverts elements meets an energy barrier on its
+/// path, and a hand that pulls hard supplies energy that no halving removes.
 const MOST_MISSES: usize = 4;
 
-/// What a body's energy may be after the next step.
+/// The energy that a body may have after the next step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Guard {
-    /// Energy after the last step (J): another one now means that the body was changed from outside.
+    /// Energy after the last step (J). A different energy now means that the body was changed from outside.
     last: f64,
-    /// The bound (J), but for the work of hands.
+    /// The bound (J), without the work of hands.
     limit: f64,
 }
 
-/// A motion held back as far as energy asks for it.
+/// A displacement over a step, shortened as far as the energy requires.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HeldBack {
-    /// Energy where it leads (J).
+    /// Energy at the end of the shortened displacement (J).
     pub(crate) energy: Energy,
-    /// The fraction of it that is left; 1 is the rule.
+    /// The fraction of the displacement that is kept; usually 1.
     pub(crate) kept: f64,
-    /// Whether shorter ones were looked at after this one, so that what came of the last look is of another.
+    /// Whether shorter displacements were tried after this one. The last evaluation then belongs to another
+    /// displacement.
     pub(crate) returned: bool,
 }
 
 /// Energy of a body (J).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Energy {
-    /// Kinetic and elastic.
+    /// Kinetic and elastic energy.
     own: f64,
-    /// With that of the loads; infinite where it is not a number.
+    /// Kinetic and elastic energy and that of the loads; infinite where the sum is not a number.
     total: f64,
 }
 
 impl Energy {
-    /// At positions `x` (m) and velocities `v` (m/s) by node.
+    /// The energy at positions `x` (m) and velocities `v` (m/s) by node.
     pub(crate) fn of(body: &Body, x: &[Vec3], v: impl Iterator<Item = Vec3>) -> Self {
         let kinetic: f64 = v
             .zip(&body.model.mass)
@@ -62,7 +64,7 @@ impl Energy {
         )
     }
 
-    /// Kinetic and elastic energy together, and that of the loads (J).
+    /// From the sum of kinetic and elastic energy, and the energy of the loads (J).
     pub(crate) fn new(own: f64, loads: f64) -> Self {
         let total = own + loads;
         Self {
@@ -90,26 +92,26 @@ impl Default for Guard {
 }
 
 impl Guard {
-    /// Before a step, from the energy as it is.
+    /// Prepares the bound for a step, from the energy before it.
     pub(crate) fn begin(&mut self, before: Energy) {
         if before.total.to_bits() != self.last.to_bits() {
             self.limit = before.total + SLACK * before.own;
         }
     }
 
-    /// Whether a step may end at `after`, when hands have put in at most `work` (J).
+    /// Whether a step may end with the energy `after`, when hands have supplied at most `work` (J).
     pub(crate) fn allows(&self, body: &Body, after: Energy, work: f64) -> bool {
         let limit = self.limit + work;
-        // Rounding costs a pass over the body: only where it decides.
+        // The rounding error costs a pass over the body, so it is computed only where it decides.
         after.total <= limit || after.total <= limit + rounding(body, after.own)
     }
 
-    /// Halves the displacement of `body` over a step until it may end where that leads, when hands have put in at
-    /// most `work` (J); where no half will do, the one with the least energy is left. `ahead` gives the energy after
-    /// the displacement as it is.
+    /// Halves the displacement of `body` over a step until the energy at its end is allowed, when hands have supplied
+    /// at most `work` (J). Where no fraction is allowed, the displacement with the least energy is kept. `ahead`
+    /// computes the energy at the end of the present displacement.
     ///
-    /// A body that stays where it is gains nothing, so some fraction will do unless hands tear it along. One that
-    /// nothing holds keeps its momentum: the motion of its centre of mass is not touched.
+    /// A body that does not move gains nothing, so some fraction is allowed unless hands pull hard at the body. A body
+    /// without handles and supports keeps its momentum: the motion of its centre of mass is not changed.
     pub(crate) fn hold_back(
         &self,
         body: &mut Body,
@@ -137,7 +139,7 @@ impl Guard {
                 }
             } else {
                 misses += 1;
-                // What nothing tears stays at the least where it is, with the energy that it had.
+                // A body that no hand pulls stays at the state of least energy that was found.
                 if work > 0.0 && misses == MOST_MISSES {
                     break;
                 }
@@ -150,7 +152,7 @@ impl Guard {
         found
     }
 
-    /// The step is taken: what is lost may not come back, whatever hands have put in may.
+    /// Accepts the step: energy that was lost may not return, and the work of hands may.
     pub(crate) fn end(&mut self, after: Energy, work: f64) {
         self.last = after.total;
         self.limit = (self.limit + work).min(after.total + SLACK * after.own);
@@ -158,8 +160,8 @@ impl Guard {
 }
 
 impl Body {
-    /// Holds back so much of the displacement over a step of `h` that the body ends with no more energy than it
-    /// had and hands have put in, at most `work` (J). Returns the fraction held back; 0 is the rule.
+    /// Shortens the displacement over a step of `h` until the body ends with no more energy than it had and hands have
+    /// supplied, at most `work` (J). Returns the fraction of the displacement that is held back, usually 0.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
         let mut guard = self.assembly.guard;
         guard.begin(Energy::now(self));
@@ -169,7 +171,7 @@ impl Body {
         1.0 - held.kept
     }
 
-    /// Energy after a step of `h` by the displacement as it is.
+    /// Energy at the end of a step of `h` by the present displacement.
     fn energy_ahead(&mut self, h: f64) -> Energy {
         let mut ahead = core::mem::take(&mut self.assembly.ahead);
         for ((ahead, x), u) in ahead
@@ -188,7 +190,7 @@ impl Body {
         energy
     }
 
-    /// How far the centre of mass goes in the step (m), where nothing but itself decides that.
+    /// Displacement of the centre of mass in the step (m); zero for a body with handles or supports.
     fn free_drift(&self) -> Vec3 {
         if !self.constraints.handles.is_empty() || !self.constraints.supports.list.is_empty() {
             return Vec3::zeros();
@@ -197,7 +199,7 @@ impl Body {
         moved.map(|(u, mass)| u * *mass).sum::<Vec3>() / self.total_mass()
     }
 
-    /// Multiplies what nothing prescribes of the displacement, less `drift`.
+    /// Multiplies the displacement, less `drift`, by `factor` along all axes that nothing prescribes.
     fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
         let free = self.assembly.stiffness.free();
         let mask = self.constraints.supports.mask();
@@ -208,7 +210,7 @@ impl Body {
     }
 }
 
-/// What cannot be told from a sum of energies of which `own` is not that of loads (J).
+/// The rounding error of a sum of energies, of which `own` is kinetic and elastic (J).
 fn rounding(body: &Body, own: f64) -> f64 {
     let free = body.assembly.stiffness.free();
     let (mut sum, mut places) = (0.0, 0.0);
@@ -221,6 +223,6 @@ fn rounding(body: &Body, own: f64) -> f64 {
             places += stiffness * (f64::EPSILON * x.amax()).powi(2);
         }
     }
-    // Forces over what rounding takes from positions (Cauchy and Schwarz, as in `rounding`).
+    // Work of the forces over the rounding errors of positions (Cauchy and Schwarz, as in `rounding`).
     ROUNDING * sum + libm::sqrt(2.0 * own.abs() * places) + places
 }

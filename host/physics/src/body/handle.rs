@@ -3,10 +3,11 @@
 use crate::Vec3;
 use nalgebra::UnitQuaternion;
 
-/// Which motions of a handle its condensation answers to. Its pose is prescribed in full either way.
+/// The motions of a handle for which its condensation has shapes. The pose of the handle is prescribed in full in all
+/// cases.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freedom {
-    /// None: the handle is a clamp that nobody feels.
+    /// None: the handle is a clamp without a wrench in the local model.
     Fixed,
     /// The three translations.
     Translation,
@@ -25,18 +26,18 @@ impl Freedom {
     }
 }
 
-/// A handle to be made: the vertices that it holds, and where its origin is at rest.
+/// The specification of a handle: its vertices, and its origin at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HandleSpec {
-    /// Vertices of the mesh, each held by one handle only; at least one.
+    /// Vertices of the mesh, at least one. A vertex may belong to one handle only.
     pub vertices: Vec<u32>,
-    /// The point at which the pose is given and about which moments are taken (m), at rest.
+    /// The point of the pose and of moments (m), at rest.
     pub origin: Vec3,
-    /// Which motions the condensation answers to.
+    /// The motions for which the condensation has shapes.
     pub freedom: Freedom,
 }
 
-/// Where a handle is: its origin, and its rotation from the rest shape.
+/// The pose of a handle: the position of its origin, and its rotation from the rest shape.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandlePose {
     /// Position of the origin (m).
@@ -46,7 +47,7 @@ pub struct HandlePose {
 }
 
 impl HandlePose {
-    /// A pose that is only moved, not rotated.
+    /// A pose without rotation.
     pub fn at(position: Vec3) -> Self {
         Self {
             position,
@@ -72,14 +73,14 @@ pub struct Wrench {
 }
 
 impl Wrench {
-    /// Adds a force at `arm` from the point about which the moment is taken.
+    /// Adds a force at `arm` (m) from the point of the moment.
     pub(crate) fn add(&mut self, force: &Vec3, arm: &Vec3) {
         self.force += force;
         self.moment += arm.cross(force);
     }
 }
 
-/// What a step did at a handle. Moments are about the origin at the end of the step, in world axes.
+/// The result of a step on a handle. Moments are about the origin at the end of the step, in world axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HandleReport {
     /// Pose at the end of the step.
@@ -88,12 +89,11 @@ pub struct HandleReport {
     pub linear_velocity: Vec3,
     /// Angular velocity over the step (rad/s), in world axes.
     pub angular_velocity: Vec3,
-    /// What the hand feels: the wrench of the body on the hand, without the inertia of the vertices held.
-    /// Equal to `inertia - reaction`.
+    /// The wrench of the body on the hand, without the inertia of the held vertices. Equal to `inertia - reaction`.
     pub wrench_on_hand: Wrench,
-    /// The wrench that moved the vertices as prescribed, of the hand on the body.
+    /// The wrench of the hand on the body that moves the held vertices as prescribed.
     pub reaction: Wrench,
-    /// Mass times acceleration of the vertices held.
+    /// Mass times acceleration of the held vertices.
     pub inertia: Wrench,
 }
 
@@ -102,7 +102,7 @@ pub struct HandleReport {
 pub(crate) struct Handle {
     pub(crate) first: usize,
     pub(crate) vertices: Vec<u32>,
-    /// Vertices from the origin, as they were taken hold of (m).
+    /// Vertices relative to the origin when the handle was made (m).
     pub(crate) offsets: Vec<Vec3>,
     pub(crate) freedom: Freedom,
     pub(crate) report: HandleReport,

@@ -1,11 +1,11 @@
-//! Taking hold of a body and letting go, at rest or in the middle of a motion.
+//! Grab and release of handles, addition and lift of supports, at rest or in the middle of a motion.
 //!
-//! Nothing moves when it is taken hold of: a handle holds its vertices where they are, and a support guides them there.
-//! What is let go of goes on as it moved. Done at rest, before the first step, either leaves a body that is the same to
-//! the last bit as one built so.
+//! None of these calls moves the body: a new handle holds its vertices at their present positions, and a new support
+//! guides its vertices there. Released vertices keep their velocity. At rest, before the first step, a call yields a
+//! body that is equal to the last bit to a body built with the same handles and supports.
 //!
-//! Solvers number held vertices last, so that they begin another epoch: each makes its matrices and factors anew with its
-//! next step.
+//! Each call begins a new topology epoch: solvers number held vertices last and leave out guided axes. Each solver
+//! builds its matrices and factors again in its next step.
 
 use super::assembly::Assembly;
 use super::handle::{Handle, HandleSpec};
@@ -15,12 +15,13 @@ use crate::Vec3;
 use crate::error::BodyError;
 
 impl Body {
-    /// Takes hold of vertices where they are now, `spec.origin` being given there, too. Returns the handle's number, the
-    /// next free one. Takes memory and about as long as building a body does.
+    /// Adds a handle that holds vertices at their present positions; `spec.origin` is the origin of the handle at
+    /// present. Returns the number of the handle, which is the number of handles before the call. The call allocates
+    /// memory and takes about as long as the construction of a body.
     ///
     /// # Errors
     ///
-    /// As [`Body::sheet`] for its handles, and [`BodyError::HeldAndGuided`]; nothing is changed then.
+    /// As [`Body::sheet`] for its handles, and [`BodyError::HeldAndGuided`]; nothing has changed then.
     pub fn grab(&mut self, spec: &HandleSpec) -> Result<usize, BodyError> {
         let handle = self.constraints.handles.len();
         let mut holder = vec![None; self.vertex_count()];
@@ -49,7 +50,7 @@ impl Body {
         Ok(handle)
     }
 
-    /// Lets go of a handle: its vertices go on as they moved. Later handles count one less from now on.
+    /// Removes a handle. Its vertices keep their velocity. The numbers of later handles decrease by one.
     ///
     /// # Errors
     ///
@@ -64,14 +65,15 @@ impl Body {
         Ok(())
     }
 
-    /// Guides vertices along those world axes that are `true`, where they are now until
-    /// [`set_support`](Self::set_support) moves them. Returns the support's number.
+    /// Adds a support that guides vertices along the world axes that are `true`. The vertices stay at their present
+    /// positions along these axes until [`set_support`](Self::set_support) moves them. Returns the number of the
+    /// support.
     ///
-    /// Where supports share an axis of a vertex, the later one guides it.
+    /// Where several supports guide the same axis of a vertex, the latest of them applies.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Support`], [`BodyError::HeldAndGuided`]; nothing is changed then.
+    /// [`BodyError::Support`], [`BodyError::HeldAndGuided`]; nothing has changed then.
     pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
         let support = self.constraints.supports.list.len();
         let free = self.assembly.stiffness.free();
@@ -99,8 +101,8 @@ impl Body {
         Ok(support)
     }
 
-    /// Takes a support away: what it guided is free, or another support's that it took it from. Later supports count one
-    /// less from now on.
+    /// Removes a support. Its vertices become free along its axes, or return to an earlier support that guides the same
+    /// axes. The numbers of later supports decrease by one.
     ///
     /// # Errors
     ///
@@ -118,8 +120,8 @@ impl Body {
         Ok(())
     }
 
-    /// The epoch: how often what is connected, held or supported has changed. What a solver made for one epoch is of no
-    /// use in another.
+    /// The topology epoch: the number of changes of connectivity, handles and supports. Data that a solver made for one
+    /// epoch are invalid in another.
     pub fn epoch(&self) -> u64 {
         self.topology.epoch
     }
@@ -130,7 +132,7 @@ impl Body {
         self.forget_promise();
     }
 
-    /// Numbers nodes for the handles that there are now, and lays everything out by them.
+    /// Numbers the nodes for the present handles, and moves all data by node to the new numbers.
     fn number_anew(&mut self) {
         let count = self.vertex_count();
         let (nodes, free) = Topology::number(count, self.constraints.held());
@@ -164,7 +166,7 @@ impl Body {
     }
 }
 
-/// `values`, each at its new place.
+/// `values`, each moved to its new place.
 fn moved<V: Copy>(values: &[V], place: &[u32], zero: V) -> Vec<V> {
     let mut moved = vec![zero; values.len()];
     for (value, &place) in values.iter().zip(place) {

@@ -1,10 +1,10 @@
-//! Loads that are given per area or for a whole part of a mesh, as forces on vertices.
+//! Loads per area, per length or on a part of a mesh, as forces on vertices.
 
 use crate::Vec3;
 use crate::mesh::{Adjacency, Cells, LineMesh, MeshError, TetMesh, TriMesh};
 use std::collections::BTreeMap;
 
-/// Faces of a tetrahedron by corners, and for each the vertices at the middles of its edges.
+/// Faces of a tetrahedron by corners, each with the vertices at the middles of its edges.
 const FACES: [([usize; 3], [usize; 3]); 4] = [
     ([0, 2, 1], [6, 5, 4]),
     ([0, 1, 3], [4, 8, 7]),
@@ -12,17 +12,17 @@ const FACES: [([usize; 3], [usize; 3]); 4] = [
     ([0, 3, 2], [7, 9, 6]),
 ];
 
-/// How a force on a part of a mesh is spread over vertices.
+/// The distribution of a force on a part of a mesh over vertices.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Spread {
-    /// The fraction of each vertex of the mesh; together 1.
+    /// The fraction of the force on each vertex of the mesh; the sum is 1.
     pub fractions: Vec<f64>,
-    /// The area at rest over which it is spread (m^2); 0 where it is spread over edges or vertices.
+    /// The area at rest over which the force is distributed (m^2); 0 where it is distributed over edges or vertices.
     pub area: f64,
 }
 
-/// Forces (N), one per vertex, of a uniform dead traction (Pa at rest, world axes) on those faces of the
-/// mesh's surface whose corners all lie in `vertices`; and the area that they have (m^2).
+/// Forces (N), one per vertex, of a uniform dead traction (Pa at rest, world axes), and the area of the loaded faces
+/// (m^2). The traction acts on those faces of the mesh's surface whose corners all lie in `vertices`.
 pub fn traction(mesh: &TetMesh, vertices: &[u32], traction: Vec3) -> (Vec<Vec3>, f64) {
     let Spread { fractions, area } = spread_on_solid(mesh, vertices);
     let force = traction * area;
@@ -32,11 +32,11 @@ pub fn traction(mesh: &TetMesh, vertices: &[u32], traction: Vec3) -> (Vec<Vec3>,
     )
 }
 
-/// Spreads a force over those faces of a solid's surface whose corners all lie in `vertices`; evenly over
-/// the vertices if there is no such face.
+/// Distributes a force over those faces of a solid's surface whose corners all lie in `vertices`, or evenly over the
+/// vertices if there is no such face.
 ///
-/// Faces are taken as flat, and fractions are consistent with the shape functions: a third of the face's at each
-/// corner of a linear one, a third at each middle of a quadratic one.
+/// Faces are taken as flat. Fractions are consistent with the shape functions: each corner of a linear face has a third
+/// of the face's fraction, and each middle of an edge of a quadratic face has a third.
 pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
     let chosen = chosen(mesh.positions.len(), vertices);
     // A face on the surface belongs to one cell only.
@@ -68,8 +68,8 @@ pub fn spread_on_solid(mesh: &TetMesh, vertices: &[u32]) -> Spread {
     evenly(&chosen)
 }
 
-/// Spreads a force over those lines of a thread whose ends both lie in `vertices`, by their length; evenly over the
-/// vertices if there is none.
+/// Distributes a force over those lines of a thread whose ends both lie in `vertices`, by length, or evenly over the
+/// vertices if there is no such line.
 pub fn spread_on_thread(mesh: &LineMesh, vertices: &[u32]) -> Spread {
     let chosen = chosen(mesh.positions.len(), vertices);
     let at = |vertex: u32| mesh.positions[vertex as usize];
@@ -86,8 +86,9 @@ pub fn spread_on_thread(mesh: &LineMesh, vertices: &[u32]) -> Spread {
     evenly(&chosen)
 }
 
-/// Spreads a force over those triangles of a sheet whose corners all lie in `vertices`; if there is none,
-/// over such edges of its boundary by their length; if there is none either, evenly over the vertices.
+/// Distributes a force over those triangles of a sheet whose corners all lie in `vertices`, by area. If there is no
+/// such triangle, the force is distributed over the boundary edges whose ends both lie in `vertices`, by length. If
+/// there is no such edge either, it is distributed evenly over the vertices.
 pub fn spread_on_sheet(mesh: &TriMesh, vertices: &[u32]) -> Spread {
     let chosen = chosen(mesh.positions.len(), vertices);
     let inside = |corners: &[u32]| corners.iter().all(|&vertex| chosen[vertex as usize]);
@@ -130,7 +131,7 @@ fn chosen(count: usize, vertices: &[u32]) -> Vec<bool> {
     chosen
 }
 
-/// Fractions of vertices that parts carry evenly by their size, and the sum of the sizes.
+/// Fractions of vertices, and the sum of the sizes. Each part carries a fraction by its size, evenly on its vertices.
 fn weigh<const N: usize>(
     count: usize,
     parts: impl Iterator<Item = ([u32; N], f64)>,
@@ -160,16 +161,16 @@ fn evenly(chosen: &[bool]) -> Spread {
     }
 }
 
-/// Forces (N), one per vertex, on those edges of a sheet's border whose ends both lie in `vertices`; and the
-/// length that they have (m).
+/// Forces (N), one per vertex, on those boundary edges of a sheet whose ends both lie in `vertices`, and the length of
+/// these edges (m).
 ///
-/// `per_length` gives the force per length at rest (N/m, world axes) at a place, from there and the outward
-/// normal in the sheet's plane. It is integrated with two Gauss points an edge against the linear shape
-/// functions: exactly, where it is quadratic along the edge.
+/// `per_length` gives the force per length at rest (N/m, world axes), from the position and the outward normal in the
+/// sheet's plane. The force is integrated with two Gauss points per edge against the linear shape functions. The result
+/// is exact where the force is quadratic along the edge.
 ///
 /// # Errors
 ///
-/// [`MeshError::CrowdedEdge`], where a mesh has no border to speak of.
+/// [`MeshError::CrowdedEdge`] where more than two triangles meet at an edge.
 pub fn edge_traction(
     mesh: &TriMesh,
     vertices: &[u32],

@@ -1,11 +1,11 @@
-//! The memory that a body holds.
+//! The memory of a body.
 
 use super::Body;
 use super::handle::Handle;
 use crate::element::bending::{Bending, BentSheet};
 
 impl Body {
-    /// Memory that it holds (bytes).
+    /// Memory of the body (bytes).
     pub fn bytes(&self) -> usize {
         let elements: usize = self.model.elements.iter().map(|set| set.bytes()).sum();
         let bending = self.model.bending.as_ref().map(Bending::weights);

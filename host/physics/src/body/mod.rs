@@ -1,16 +1,17 @@
-//! The body: its state and what can be read from it.
+//! A body: its state, and the quantities that can be read from it.
 //!
-//! Nodes are the vertices renumbered, free ones first in the mesh's order, then those of each handle.
-//! Everything public counts vertices, in the mesh's order.
+//! Nodes are the vertices as the solvers number them: free vertices first, in the mesh's order, then the vertices of
+//! each handle. Public functions count vertices in the mesh's order, unless their name or text says nodes.
 //!
-//! - `topology`, `state`, `constraints`, `model`: what a body is; `assembly`: what solvers work with.
-//! - `hold`: taking hold of a body and letting go.
+//! - `topology`, `state`, `constraints`, `model`: the parts of a body. `assembly`: the data that solvers work with.
+//! - `hold`: grab and release of handles, addition and lift of supports.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
-//! - `build`: from a mesh, materials and handles to a body at rest; `exchange`: the same body made of something else.
+//! - `build`: the construction of a body at rest from a mesh, materials and handles. `exchange`: the replacement of a
+//!   body by one of another material.
 //! - [`load`]: tractions as forces on vertices.
-//! - `energy`, `weight`, `memory`: its sums, and what it holds.
-//! - `guard`: a bound on the energy that a step may leave.
-//! - `rounding`: what rounding leaves unknown of positions, forces and energies.
+//! - `energy`, `weight`, `memory`: sums over a body, and the memory that a body takes.
+//! - `guard`: a bound on the energy at the end of a step.
+//! - `rounding`: the uncertainty of positions, forces and energies that rounding causes.
 
 mod assembly;
 mod build;
@@ -45,7 +46,7 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::pcg::Budget;
 use crate::material::Tangent;
 
-/// How a body moves.
+/// Gravity, damping and bending of a body, and the limits of its solver.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BodyConfig {
     /// Acceleration of gravity (m/s^2), a vector.
@@ -54,10 +55,9 @@ pub struct BodyConfig {
     pub mass_damping: f64,
     /// Rayleigh damping by stiffness, beta (s), not negative.
     pub stiffness_damping: f64,
-    /// Sheets: factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`; 0 leaves bending out and costs
-    /// nothing.
+    /// Sheets: factor on the bending rigidity `E t^3 / (12 (1 - nu^2))`. Zero turns bending off, at no cost.
     pub bending: f64,
-    /// The solver stops at this fraction of the residual of its guess.
+    /// The solver stops at this fraction of the residual of its initial guess.
     pub tolerance: f64,
     /// The solver stops below this residual (N).
     pub absolute_tolerance: f64,
@@ -66,7 +66,7 @@ pub struct BodyConfig {
 }
 
 impl Default for BodyConfig {
-    /// Earth's gravity along -z, no damping, no bending; residual down to 1e-6 of the guess's.
+    /// Earth's gravity along -z, no damping and no bending; the solver stops at 1e-6 of the residual of its guess.
     fn default() -> Self {
         Self {
             gravity: Vec3::new(0.0, 0.0, -9.81),
@@ -112,9 +112,9 @@ impl BodyConfig {
     }
 }
 
-/// A deformable body, a sheet or a solid, with handles and supports.
+/// A deformable body: a thread, a sheet or a solid, with handles and supports.
 ///
-/// A step is [`assemble`](Self::assemble), then [`solve`](Self::solve). Neither allocates.
+/// A step consists of [`assemble`](Self::assemble) and [`solve`](Self::solve). Neither allocates memory.
 #[derive(Clone, Debug)]
 pub struct Body {
     pub(crate) topology: Topology,
@@ -125,13 +125,12 @@ pub struct Body {
 }
 
 impl Body {
-    /// Computes elastic forces and stiffness at the present state, the stiffness with its negative parts
-    /// clipped.
+    /// Computes elastic forces and stiffness at the present state. The stiffness is clipped.
     pub fn assemble(&mut self) {
         self.assemble_with(Tangent::Clipped);
     }
 
-    /// The same, with a choice of the tangent.
+    /// Computes elastic forces and stiffness at the present state, with the tangent of the given kind.
     pub fn assemble_with(&mut self, tangent: Tangent) {
         self.assembly.internal.fill(Vec3::zeros());
         if let Some(bending) = &self.model.bending {
@@ -161,7 +160,7 @@ impl Body {
         self.state.x.len()
     }
 
-    /// Number of scalars that a solve finds: three a vertex, less those that handles and supports prescribe.
+    /// Number of scalar unknowns of a solve: three per vertex, less those that handles and supports prescribe.
     pub fn unknown_count(&self) -> usize {
         let free = 3 * self.assembly.stiffness.free();
         let mask = self.constraints.supports.mask().unwrap_or_default();
@@ -178,12 +177,12 @@ impl Body {
             .sum()
     }
 
-    /// The elements, one set a kind, over [node positions](Self::node_positions).
+    /// The elements, one set per kind, over [node positions](Self::node_positions).
     pub fn elements(&self) -> &[Box<dyn Elements>] {
         &self.model.elements
     }
 
-    /// Number of elements that are turned inside out at present.
+    /// Number of elements that are inverted at present.
     pub fn inverted_count(&self) -> usize {
         self.model
             .elements
@@ -197,8 +196,8 @@ impl Body {
         self.constraints.handles.len()
     }
 
-    /// What the last step did at a handle, or `None` past the last. Before any step: the rest pose and
-    /// no forces.
+    /// The report of the last step on a handle, or `None` past the last handle. Before the first step, the report holds
+    /// the rest pose and no forces.
     pub fn handle_report(&self, handle: usize) -> Option<&HandleReport> {
         self.constraints
             .handles
@@ -206,12 +205,12 @@ impl Body {
             .map(|handle| &handle.report)
     }
 
-    /// The configuration.
+    /// The configuration of the body.
     pub fn config(&self) -> &BodyConfig {
         &self.model.config
     }
 
-    /// Replaces what stops the solver.
+    /// Replaces the limits of the solver.
     ///
     /// # Errors
     ///
@@ -228,12 +227,12 @@ impl Body {
         Ok(())
     }
 
-    /// The stiffness as last assembled, by node.
+    /// The stiffness that was assembled last, by node.
     pub fn stiffness(&self) -> &BlockMatrix {
         &self.assembly.stiffness
     }
 
-    /// The node that a vertex became, or `None` past the last vertex.
+    /// The node of a vertex, or `None` past the last vertex.
     pub fn node(&self, vertex: usize) -> Option<usize> {
         self.topology
             .node_of_vertex
@@ -268,16 +267,16 @@ impl Body {
         self.by_vertex(&self.state.v)
     }
 
-    /// Elastic forces on the vertices where [`assemble`](Self::assemble) last ran (N).
+    /// Elastic forces on the vertices at the state in which [`assemble`](Self::assemble) last ran (N).
     pub fn internal_forces(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
         self.by_vertex(&self.assembly.internal)
     }
 
-    /// Replaces positions (m), one per vertex. Vertices of a handle return to its pose in the next step.
+    /// Replaces the positions (m), one per vertex. The vertices of a handle return to its pose in the next step.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("positions", positions, self.state.x.len())?;
         scatter(&self.topology.node_of_vertex, positions, &mut self.state.x);
@@ -287,11 +286,11 @@ impl Body {
         Ok(())
     }
 
-    /// Replaces velocities (m/s), one per vertex.
+    /// Replaces the velocities (m/s), one per vertex.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("velocities", velocities, self.state.x.len())?;
         scatter(&self.topology.node_of_vertex, velocities, &mut self.state.v);
@@ -300,11 +299,11 @@ impl Body {
         Ok(())
     }
 
-    /// Sets a constant force (N) on each vertex, beside gravity.
+    /// Sets a constant force (N) on each vertex, in addition to gravity.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing is changed then.
+    /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("external forces", forces, self.state.x.len())?;
         scatter(
@@ -319,11 +318,12 @@ impl Body {
         Ok(())
     }
 
-    /// Sets which fraction of gravity and the host's forces acts; 1 at first. Load steps raise it from 0.
+    /// Sets the fraction of gravity and of the external forces that acts. The fraction is 1 at first; load steps raise
+    /// it from 0.
     ///
     /// # Errors
     ///
-    /// [`BodyError::Config`] where it is not finite.
+    /// [`BodyError::Config`] for a fraction that is not finite.
     pub fn set_load_factor(&mut self, factor: f64) -> Result<(), BodyError> {
         if !factor.is_finite() {
             return Err(BodyError::Config {
@@ -337,8 +337,8 @@ impl Body {
         Ok(())
     }
 
-    /// Moves a support's vertices to `displacement` (m) from where they were when it was added, in the next
-    /// solve; along axes that it does not guide, nothing.
+    /// Displaces a support by `displacement` (m) from the place at which it was added. The next solve moves its
+    /// vertices there. Components along axes that the support does not guide have no effect.
     ///
     /// # Errors
     ///
@@ -363,7 +363,7 @@ impl Body {
         self.constraints.supports.list.len()
     }
 
-    /// Force of a support on the body along its axes in the last solve (N), or `None` past the last.
+    /// Force of a support on the body along the guided axes in the last solve (N), or `None` past the last support.
     pub fn support_reaction(&self, support: usize) -> Option<Vec3> {
         self.constraints
             .supports

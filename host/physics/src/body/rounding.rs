@@ -1,18 +1,19 @@
-//! What rounding leaves unknown of positions, forces and energies.
+//! The uncertainty of positions, forces and energies that rounding causes.
 //!
-//! A coordinate `x` is kept to `eps |x|`. Elements compute from differences of positions, so their deformation gradient,
-//! whose entries are about one, is known to `eps`, as if their nodes were known to `eps` times the length of their
-//! edges. Both together are the uncertainty of a node's place; forces are known to the matrix times that, energies to
-//! the work of forces over that. How far a body lies from the origin therefore counts as much as rounding makes it
-//! count, and no body is so stiff that its forces are taken for rounding for that alone.
+//! A coordinate `x` is stored with an error of `eps |x|`. Elements compute from differences of positions. The entries
+//! of their deformation gradient are about one and have an error of `eps`, as if the nodes had an error of `eps` times
+//! the length of their edges. The sum of both errors is the uncertainty of a node's place. The uncertainty of a force
+//! is the matrix times that of the places; the uncertainty of an energy is the work of the forces over that of the
+//! places. The distance of a body from the origin therefore enters exactly as it enters rounding. No body is so stiff
+//! that its forces are taken for rounding because of the stiffness alone.
 
 use super::Body;
 use crate::Vec3;
 
-/// A few times the unit of rounding, 1.1e-16: what a sum over the entries of a gradient and over the elements at a node
-/// adds up to.
+/// A few times the unit of rounding, 1.1e-16: the sum of the errors over the entries of a gradient and over the
+/// elements at a node.
 const ROUNDING: f64 = 1e-15;
-/// Energies are sums over elements; each sum rounds.
+/// Energies are sums over elements, and each sum rounds.
 const SUMS: f64 = 1e-13;
 
 /// The lengths on which a body's rounding depends, for one topology.
@@ -22,15 +23,15 @@ pub(crate) struct Rounding {
     reach: Vec<f64>,
 }
 
-/// What a change of energy loses by rounding (J).
+/// The error by rounding of a change of energy (J).
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lost {
     /// Twice the elastic energy of the uncertainty of all places.
     pub(crate) elastic: f64,
-    /// What the elements' energies round to where they are: a law may be a difference of terms as large as its
-    /// modulus, whatever the strain.
+    /// The rounding error of the elements' energies at the present state. A law may be a difference of terms as large
+    /// as its modulus, whatever the strain.
     pub(crate) elements: f64,
-    /// Work of the other forces over it.
+    /// Work of the other forces over the uncertainty of all places.
     pub(crate) work: f64,
 }
 
@@ -54,12 +55,12 @@ impl Rounding {
         ROUNDING * (body.state.x[node].amax() + self.reach[node])
     }
 
-    /// What the energy of the elements at a free node of this stiffness rounds to (J).
+    /// The rounding error of the energy of the elements at a free node of this stiffness (J).
     pub(crate) fn of_element(&self, node: usize, stiffness: f64) -> f64 {
         ROUNDING * stiffness * self.reach[node] * self.reach[node]
     }
 
-    /// Norm of the residual that may be rounding (N), of a matrix `mass M + stiffness K`.
+    /// Norm of the residual that rounding may cause (N), for a matrix `mass M + stiffness K`.
     pub(crate) fn of_forces(&self, body: &Body, mass: f64, stiffness: f64) -> f64 {
         let square = |node: usize| {
             let matrix = body.assembly.stiffness.diagonal(node).amax() * stiffness
@@ -73,8 +74,9 @@ impl Rounding {
 }
 
 impl Lost {
-    /// What cannot be told of a change from the elastic energy `elastic` (J). Forces do no more work over a motion than
-    /// twice the geometric mean of the body's energy and the motion's (Cauchy and Schwarz, for a quadratic energy).
+    /// The error by rounding of a change of energy from the elastic energy `elastic` (J). The work of the forces over a
+    /// motion is at most twice the geometric mean of the body's energy and the motion's energy (Cauchy and Schwarz, for
+    /// a quadratic energy).
     pub(crate) fn of_energy(self, elastic: f64) -> f64 {
         let elastic = elastic.abs();
         SUMS * elastic
@@ -86,7 +88,7 @@ impl Lost {
 }
 
 impl Body {
-    /// The largest motion of a node from rest along an axis (m).
+    /// The largest displacement of a node from rest along an axis (m).
     pub(crate) fn moved(&self) -> f64 {
         let ways = self.state.x.iter().zip(&self.model.rest);
         ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Where a body is and how it moves.
+//! The state of a body: positions, velocities and time.
 
 use crate::Vec3;
 
@@ -9,8 +9,8 @@ pub(crate) struct State {
     pub(crate) x: Vec<Vec3>,
     /// Velocities by node (m/s).
     pub(crate) v: Vec<Vec3>,
-    /// How much time steps have taken (s).
+    /// The sum of all time steps so far (s).
     pub(crate) clock: f64,
-    /// How often something was set from outside.
+    /// Number of changes from outside a step: of positions, velocities, loads, supports or handles.
     pub(crate) revision: u64,
 }

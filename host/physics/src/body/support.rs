@@ -1,41 +1,41 @@
-//! Supports: vertices whose motion is prescribed along some of the world's axes and free along the others.
+//! Supports: vertices whose motion is prescribed along some of the world axes and free along the others.
 //!
-//! A handle holds its vertices in all three axes and turns them with it; a support guides: a face that may
-//! slide, a plane of symmetry, a prescribed displacement. Guided nodes stay among the free ones; the solvers
-//! leave out what is guided (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
+//! A handle holds its vertices along all three axes and rotates them with its pose. A support guides vertices: a face
+//! that may slide, a plane of symmetry, a prescribed displacement. Guided nodes are numbered among the free nodes; the
+//! solvers leave out the guided axes (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
 
 use crate::Vec3;
 use crate::error::BodyError;
 
-/// Where a support guides its nodes, and what that took.
+/// One support: its nodes, axes and displacement, and the force that it gave.
 #[derive(Clone, Debug)]
 pub(crate) struct Support {
     nodes: Vec<u32>,
     axes: [bool; 3],
-    /// Where the nodes were when it was added (m).
+    /// Positions of the nodes when the support was added (m).
     base: Vec<Vec3>,
-    /// From there (m); only the guided axes count.
+    /// Displacement from `base` (m); only the guided axes count.
     pub(crate) displacement: Vec3,
     /// Force of the support on the body in the last solve (N).
     pub(crate) reaction: Vec3,
 }
 
-/// All supports of a body; empty vectors where there are none.
+/// All supports of a body. The vectors are empty where there are none.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Supports {
     pub(crate) list: Vec<Support>,
-    /// By free node and axis: 1 where it is free, 0 where it is guided.
+    /// By free node and axis: 1 where the axis is free, 0 where it is guided.
     mask: Vec<Vec3>,
-    /// By free node and axis: the support that guides it, counted from 1; 0 for none.
+    /// By free node and axis: the support that guides the axis, counted from 1; 0 for none.
     owner: Vec<[u16; 3]>,
-    /// Guided nodes, ascending.
+    /// Guided nodes, in ascending order.
     guided: Vec<u32>,
-    /// Where they are guided before displacements, each axis as its support has it (m).
+    /// Guided positions without displacements, each axis from the support that guides it (m).
     rest: Vec<Vec3>,
 }
 
 impl Supports {
-    /// Memory that they hold (bytes).
+    /// Memory of the supports (bytes).
     pub(crate) fn bytes(&self) -> usize {
         let own = |support: &Support| {
             size_of_val(support.nodes.as_slice()) + size_of_val(support.base.as_slice())
@@ -48,8 +48,8 @@ impl Supports {
             + size_of_val(self.rest.as_slice())
     }
 
-    /// Adds a support of free nodes where the nodes are, at `x` (m). Where supports share an axis of
-    /// a node, the later one guides it.
+    /// Adds a support of free nodes at their present positions `x` (m). Where several supports guide the same axis of a
+    /// node, the latest of them applies.
     pub(crate) fn add(
         &mut self,
         nodes: &[u32],
@@ -79,13 +79,13 @@ impl Supports {
         Ok(support)
     }
 
-    /// Takes a support away.
+    /// Removes a support.
     pub(crate) fn lift(&mut self, support: usize, free: usize) {
         self.list.remove(support);
         self.lay_out(free);
     }
 
-    /// Nodes are numbered anew: each goes to its `place`.
+    /// Renumbers the nodes: each node moves to its `place`.
     pub(crate) fn renumber(&mut self, place: &[u32], free: usize) {
         for node in self.list.iter_mut().flat_map(|support| &mut support.nodes) {
             *node = place[*node as usize];
@@ -100,7 +100,7 @@ impl Supports {
         Some(usize::from(*owner) - 1)
     }
 
-    /// What each of `free` nodes is guided by.
+    /// Finds the support of each axis of the `free` nodes.
     fn lay_out(&mut self, free: usize) {
         let free = if self.list.is_empty() { 0 } else { free };
         self.mask = vec![Vec3::repeat(1.0); free];
@@ -129,8 +129,7 @@ impl Supports {
         (!self.mask.is_empty()).then_some(&self.mask)
     }
 
-    /// Sets the guided parts of `u` to what takes the nodes at `x` to where they are guided, `fraction` of the
-    /// displacement.
+    /// Sets the guided components of `u` to `fraction` of the displacement from `x` to the guided positions.
     pub(crate) fn prescribe(&self, x: &[Vec3], fraction: f64, u: &mut [Vec3]) {
         for (&node, rest) in self.guided.iter().zip(&self.rest) {
             let node = node as usize;
@@ -145,7 +144,7 @@ impl Supports {
         }
     }
 
-    /// The most work (J) that the supports can have done where they gave `force` and moved a node by `moved`.
+    /// An upper bound of the work (J) of the supports, for a `force` on each node and its displacement `moved`.
     pub(crate) fn work(&self, force: impl Fn(usize) -> Vec3, moved: impl Fn(usize) -> Vec3) -> f64 {
         let nodes = self.guided.iter().map(|&node| node as usize);
         nodes
@@ -157,7 +156,7 @@ impl Supports {
             .sum()
     }
 
-    /// Sums the forces that the supports must give, from the imbalance of each guided node.
+    /// Sums the forces of the supports from the imbalance of each guided node.
     pub(crate) fn collect_reactions(&mut self, imbalance: impl Fn(usize) -> Vec3) {
         for support in &mut self.list {
             support.reaction = Vec3::zeros();

@@ -1,18 +1,19 @@
-//! Which vertices a body has, and how solvers number them.
+//! The vertices of a body, and the numbers that solvers give them.
 //!
-//! Solvers work on *nodes*: the vertices numbered anew, free ones first in the mesh's order, then those of each handle.
+//! Solvers work on *nodes*: vertices numbered with free vertices first, in the mesh's order, then those of each handle.
 
 /// The vertices of a body and their nodes.
 #[derive(Clone, Debug)]
 pub(crate) struct Topology {
     pub(crate) node_of_vertex: Vec<u32>,
-    /// Counts the changes of what is connected and of what holds it. What a solver made for one epoch is of no use in
+    /// Number of changes of connectivity, handles and supports. Data that a solver made for one epoch are invalid in
     /// another.
     pub(crate) epoch: u64,
 }
 
 impl Topology {
-    /// Numbers `count` vertices, those of `held` after all others and in its order; tells how many others there are.
+    /// Numbers `count` vertices: first the free ones, then those of `held` in its order. Returns the nodes of the
+    /// vertices and the number of free vertices.
     pub(crate) fn number<'a>(
         count: usize,
         held: impl Iterator<Item = &'a u32> + Clone,

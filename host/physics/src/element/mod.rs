@@ -1,17 +1,18 @@
-//! Elements: forces, energies and stiffness of sets of elements. The exact form and the form for vector instructions
-//! stand side by side.
+//! Elements: forces, energies and stiffness of sets of elements. Each set has an exact form; some sets also have a form
+//! for vector instructions.
 //!
-//! - [`Elements`]: what any set of elements gives a body, exactly.
-//! - `kernel`: what the realtime step needs of a set, on padded nodes; `placed` and `assembled` are its two kinds.
-//! - [`tet`]: what linear and quadratic tetrahedra have in common: shape functions, any law exactly, any isotropic law in
-//!   vectors.
+//! - [`Elements`]: the interface of any set of elements to a body, exact.
+//! - `kernel`: the interface of a set to the realtime step, on padded nodes. `placed` and `assembled` are its two
+//!   kinds.
+//! - [`tet`]: the common parts of linear and quadratic tetrahedra: shape functions, any law in exact form, any
+//!   isotropic law in vectors.
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
-//! - [`triangle`]: membranes, with a grain or without.
+//! - [`triangle`]: membranes, with or without a grain.
 //! - [`truss`]: bars of a thread, a suture or a net.
-//! - [`bending`]: what a sheet that is flat at rest resists bending with.
+//! - [`bending`]: the resistance to bending of a sheet that is flat at rest.
 //!
-//! Elements are registered here alone: each by the line that names its folder, and elements with a kernel for vector
-//! instructions by a variant of [`VectorForm`] and the arm that makes the kernel.
+//! This file alone registers elements. Each kind needs a line that names its folder. A kind with a kernel for vector
+//! instructions also needs a variant of [`VectorForm`] and the arm that makes the kernel.
 
 mod assembled;
 pub mod bending;
@@ -38,7 +39,7 @@ use tet4::Tet;
 use tet10::QuadraticTet;
 use triangle::triangles::{self, Triangle};
 
-/// A set of elements as the list that a kernel for vector instructions is made from, nodes in the set's numbering.
+/// A set of elements as the list from which a kernel for vector instructions is made. Nodes are in the set's numbering.
 #[derive(Clone, Debug)]
 pub enum VectorForm {
     /// Linear tetrahedra under Hooke's law in a frame.
@@ -68,7 +69,7 @@ impl VectorForm {
     }
 }
 
-/// The kernel of `elements`, whose nodes are in the solver's order: that of their vector form where they have one,
+/// The kernel of `elements`, whose nodes are in the solver's order: the kernel of their vector form if they have one,
 /// otherwise their assembled matrix. `matrix` has the pattern of the body's stiffness, and `rest` contains the rest
 /// positions of the nodes (m).
 pub(crate) fn kernel<T: Real>(

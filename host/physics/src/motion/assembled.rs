@@ -1,6 +1,6 @@
 //! The assembled step in four calls: `predict`, `constrain`, `solve`, `finish`.
 //!
-//! The same calls as those of the frozen [`Stepper`](super::Stepper), with the same meaning; the equation is that of
+//! The calls are those of the frozen [`Stepper`](super::Stepper), with the same meaning. The equation is that of
 //! `step`.
 
 use crate::body::Body;
@@ -8,7 +8,7 @@ use crate::body::handle::HandlePose;
 use crate::error::StepError;
 use crate::linear::pcg::SolveReport;
 
-/// How far a step has come.
+/// The stage that a step has reached.
 #[derive(Clone, Copy, Debug, Default)]
 enum Stage {
     #[default]
@@ -24,14 +24,15 @@ pub struct AssembledStepper {
     stage: Stage,
     /// Length of the step (s).
     h: f64,
-    /// The epoch of the body in which it began.
+    /// The topology epoch of the body in which the step began.
     epoch: u64,
-    /// Where handles go.
+    /// The poses of the handles at the end of the step.
     targets: Vec<HandlePose>,
 }
 
 impl AssembledStepper {
-    /// Begins a step of `h` seconds: assembles `body` where it is. A step that has begun already is forgotten.
+    /// Begins a step of `h` seconds and assembles `body` at its present state. A step that has already begun is
+    /// discarded.
     ///
     /// # Errors
     ///
@@ -46,12 +47,13 @@ impl AssembledStepper {
         Ok(())
     }
 
-    /// Lays out the equation of the step, with handles going to `targets`.
+    /// Builds the equation of the step, with the handle poses `targets` at its end.
     ///
     /// # Errors
     ///
-    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::NotAssembled`] where the body was set in between, and
-    /// [`StepError::Stage`] where the step has not been predicted; it has to begin again then.
+    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::NotAssembled`] if the body's state was changed in
+    /// between, and [`StepError::Stage`] if the step has not been predicted. After an error the step has to begin
+    /// again.
     pub fn constrain(&mut self, body: &mut Body, targets: &[HandlePose]) -> Result<(), StepError> {
         let (call, first) = ("constrain", "predict");
         match core::mem::take(&mut self.stage) {
@@ -70,7 +72,7 @@ impl AssembledStepper {
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] where the step has not been constrained.
+    /// [`StepError::Stage`] if the step has not been constrained.
     pub fn solve(&mut self, body: &mut Body) -> Result<(), StepError> {
         let (call, first) = ("solve", "constrain");
         match core::mem::take(&mut self.stage) {
@@ -82,11 +84,11 @@ impl AssembledStepper {
         }
     }
 
-    /// Takes the step into `body`, as far as energy allows, and says how it went.
+    /// Takes the step into `body`, as far as the energy allows, and returns the report of the solve.
     ///
     /// # Errors
     ///
-    /// [`StepError::Diverged`], and [`StepError::Stage`] where the step has not been solved; the body keeps its state
+    /// [`StepError::Diverged`], and [`StepError::Stage`] if the step has not been solved; the body keeps its state
     /// then.
     pub fn finish(&mut self, body: &mut Body) -> Result<SolveReport, StepError> {
         let (call, first) = ("finish", "solve");

@@ -1,9 +1,9 @@
 //! Quasi-static equilibrium: Newton's method under loads and displacements that grow in steps.
 //!
-//! Handles, supports and loads go from where they are to where they should be along a straight line, first
-//! in one step; a step that does not converge is halved, and grows again after a success (the usual
-//! incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures",
-//! chapter 9). Bodies come to rest: velocities are zero afterwards.
+//! Handles, supports and loads change linearly from their present to their final values, in one load step unless the
+//! options ask for more. A load step that does not converge is halved, and the size grows again after a success (the
+//! usual incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9).
+//! The velocities of the body are zero afterwards.
 
 use super::integrator::between;
 use super::newton::{Newton, NewtonOptions, NewtonReport};
@@ -12,16 +12,16 @@ use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::error::{CondenseError, StepError};
 
-/// How equilibrium is sought.
+/// The options of a search for equilibrium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EquilibriumOptions {
-    /// When a solve stops.
+    /// The limits of a solve.
     pub newton: NewtonOptions,
-    /// Load steps to begin with, at least one.
+    /// Number of load steps at the start, at least one.
     pub load_steps: u32,
-    /// How often a load step may be halved.
+    /// How many times a load step may be halved.
     pub max_halvings: u32,
-    /// Whether a load step that turns further elements inside out is halved too.
+    /// Whether a load step that inverts further elements is halved, too.
     pub refuse_inversion: bool,
 }
 
@@ -36,24 +36,24 @@ impl Default for EquilibriumOptions {
     }
 }
 
-/// How it went.
+/// The report of a search for equilibrium.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EquilibriumReport {
-    /// Load steps taken.
+    /// Number of load steps taken.
     pub load_steps: usize,
-    /// Load steps thrown away.
+    /// Number of load steps discarded.
     pub refused: usize,
-    /// Newton iterations, all together.
+    /// Sum of all Newton iterations.
     pub iterations: usize,
-    /// The last solve.
+    /// The report of the last solve.
     pub last: NewtonReport,
 }
 
-/// Brings one body to equilibrium again and again.
+/// Brings one body to equilibrium, repeatedly.
 #[derive(Debug)]
 pub struct Equilibrium {
     options: EquilibriumOptions,
-    /// The epoch of the body for which everything here is made.
+    /// The topology epoch of the body for which all data here are made.
     epoch: u64,
     newton: Newton,
     first: Vec<Vec3>,
@@ -62,7 +62,7 @@ pub struct Equilibrium {
 }
 
 impl Equilibrium {
-    /// Memory for `body`'s topology.
+    /// Allocates the memory for `body`'s topology.
     ///
     /// # Errors
     ///
@@ -78,8 +78,8 @@ impl Equilibrium {
         })
     }
 
-    /// Brings `body` to equilibrium with its handles at `targets`, its supports where they were set, and
-    /// `load_factor` of its loads. Loads start from the body's present load factor.
+    /// Brings `body` to equilibrium with its handles at `targets`, its supports at their set displacements, and the
+    /// fraction `load_factor` of its loads. The loads start from the body's present load factor.
     ///
     /// # Errors
     ///
@@ -102,7 +102,7 @@ impl Equilibrium {
         let result = self.advance(body, targets, load, load_factor);
         if result.is_ok() {
             body.state.v.fill(Vec3::zeros());
-            // Where velocities are zero, what is reported has no damping and no inertia.
+            // At zero velocity, the reports contain no damping and no inertia.
             self.last.fill(Vec3::zeros());
             body.report_stage(f64::INFINITY, targets, &self.last);
         } else {
@@ -132,7 +132,7 @@ impl Equilibrium {
             } else {
                 0
             };
-            // The last step ends exactly where it should.
+            // The last load step ends exactly at the final values.
             let next = if done + size > 1.0 - 0.5 * narrowest {
                 1.0
             } else {
@@ -167,7 +167,7 @@ impl Equilibrium {
                     report.last = newton;
                     size = (2.0 * size).min(widest);
                 }
-                // A shorter load step has fewer digits still.
+                // A shorter load step would have even fewer digits.
                 Err(error @ StepError::Rounding { .. }) => return Err(error),
                 other => {
                     report.refused += 1;

@@ -1,8 +1,8 @@
-//! Time steps that are solved to a tolerance: implicit Euler, and TR-BDF2 with little damping of its own (`substep`).
+//! Time steps solved to a tolerance: implicit Euler, and TR-BDF2, which adds little damping (`substep`).
 //!
-//! A handle moves at constant velocity over a step, and loads go evenly from what they were to what they will be: each
-//! stage has those of its own time. A step that does not converge is taken in halves; one that cannot be taken leaves
-//! the body as it was.
+//! A handle moves at constant velocity over a step. Loads change linearly from their old to their new values, and each
+//! stage has the loads of its own time. A step that does not converge is divided into halves. A step that cannot be
+//! taken leaves the body unchanged.
 
 mod substep;
 
@@ -13,26 +13,26 @@ use crate::body::guard::Guard;
 use crate::body::handle::{HandlePose, HandleReport};
 use crate::error::{CondenseError, StepError};
 
-/// How time is discretized.
+/// The time scheme.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum TimeScheme {
-    /// First order, strongly damped.
+    /// First order, with strong damping.
     #[default]
     ImplicitEuler,
-    /// Second order, two solves a step.
+    /// Second order, with two solves per step.
     TrBdf2,
 }
 
-/// How a step is taken.
+/// The options of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntegratorOptions {
     /// The scheme.
     pub scheme: TimeScheme,
-    /// When a solve stops.
+    /// The limits of a solve.
     pub newton: NewtonOptions,
-    /// How often a step may be halved.
+    /// How many times a step may be halved.
     pub max_halvings: u32,
-    /// Whether a step that turns further elements inside out is taken in halves too.
+    /// Whether a step that inverts further elements is halved, too.
     pub refuse_inversion: bool,
 }
 
@@ -47,28 +47,28 @@ impl Default for IntegratorOptions {
     }
 }
 
-/// How a step went.
+/// The report of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepReport {
-    /// Substeps taken; 1 where nothing was halved.
+    /// Number of substeps; 1 if nothing was halved.
     pub substeps: usize,
-    /// Attempts that were thrown away.
+    /// Number of attempts that were discarded.
     pub refused: usize,
-    /// Substeps taken by implicit Euler, for TR-BDF2 would have made energy.
+    /// Number of substeps by implicit Euler, because TR-BDF2 would have added energy.
     pub damped: usize,
-    /// Newton iterations, all together.
+    /// Sum of all Newton iterations.
     pub iterations: usize,
-    /// The worst residual of any solve kept, as a fraction of the forces that balance.
+    /// The largest residual of the accepted solves, as a fraction of the forces that balance.
     pub relative_residual: f64,
-    /// The last solve.
+    /// The report of the last solve.
     pub last: NewtonReport,
 }
 
-/// Steps one body again and again without allocating.
+/// Advances one body repeatedly without allocating memory.
 #[derive(Debug)]
 pub struct Integrator {
     options: IntegratorOptions,
-    /// The epoch of the body for which everything here is made.
+    /// The topology epoch of the body for which all data here are made.
     epoch: u64,
     newton: Newton,
     anchor: Vec<Vec3>,
@@ -79,27 +79,27 @@ pub struct Integrator {
     v: Vec<Vec3>,
     /// Positions after the first stage.
     middle: Vec<Vec3>,
-    /// State at the start of the step, and what was reported of it.
+    /// State at the start of the step, and its reports.
     kept: (Vec<Vec3>, Vec<Vec3>),
     reports: Vec<HandleReport>,
     reactions: Vec<Vec3>,
     grip: Vec<Vec3>,
     aims: Vec<HandlePose>,
     guard: Guard,
-    /// The most that hands, and the change of loads, can have put in over the substep (J).
+    /// An upper bound of the work of hands and of the change of loads over the substep (J).
     work: f64,
-    /// Loads (N) by node at the start of the step and at its end; where they differ, `ramped`.
+    /// Loads (N) by node at the start of the step and at its end. `ramped` tells whether they differ.
     loads: (Vec<Vec3>, Vec<Vec3>),
     ramped: bool,
     /// Fractions of the step at which the substep starts and ends.
     span: (f64, f64),
-    /// The most that rounding left open of the motion in any step, and the farthest from rest that the body was then
-    /// (m).
+    /// The largest motion that rounding left undetermined in any step, and the largest displacement from rest in such
+    /// steps (m).
     open: f64,
     moved: f64,
 }
 
-/// `fraction` of the way between two poses.
+/// The pose at `fraction` of the path between two poses.
 pub(crate) fn between(from: &HandlePose, to: &HandlePose, fraction: f64) -> HandlePose {
     if fraction == 1.0 {
         return *to;
@@ -112,7 +112,7 @@ pub(crate) fn between(from: &HandlePose, to: &HandlePose, fraction: f64) -> Hand
 }
 
 impl Integrator {
-    /// Memory for `body`'s topology.
+    /// Makes an integrator for `body`'s topology.
     ///
     /// # Errors
     ///
@@ -146,7 +146,7 @@ impl Integrator {
         })
     }
 
-    /// Makes its memory anew where `body` has begun another epoch since.
+    /// Makes the integrator again if `body` has begun another topology epoch since.
     fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
         if self.epoch != body.epoch() {
             let (open, moved) = (self.open, self.moved);
@@ -156,14 +156,14 @@ impl Integrator {
         Ok(())
     }
 
-    /// The same as [`step`](Self::step) under forces on the vertices, beside gravity, that go evenly from those that
-    /// `body` has to `forces` (N), which it has afterwards. Loads that jump are
+    /// Advances `body` as [`step`](Self::step) does, while the forces on the vertices, in addition to gravity, change
+    /// linearly from the present forces to `forces` (N). The body keeps `forces` afterwards. Loads that jump are
     /// [set](Body::set_external_forces) between steps instead.
     ///
     /// # Errors
     ///
-    /// [`StepError`], with [`StepError::Forces`] for forces that [`Body::set_external_forces`] would refuse; the body
-    /// keeps its state and its forces then.
+    /// [`StepError`], with [`StepError::Forces`] for forces that [`Body::set_external_forces`] refuses; the body keeps
+    /// its state and its forces then.
     pub fn step_loaded(
         &mut self,
         body: &mut Body,
@@ -187,9 +187,9 @@ impl Integrator {
         result
     }
 
-    /// Whether the motion so far, of which `body` is the end, has digits enough: the most that rounding left open in a
-    /// step is a hundredth of the motion from rest at most. A motion that begins gently has none in its first steps,
-    /// so the whole of it is judged.
+    /// Checks that the motion so far, which ends at `body`, has enough digits: the largest motion that rounding left
+    /// undetermined in a step may be at most a hundredth of the motion from rest. The first steps of a motion that
+    /// begins gently do not have these digits, so the whole motion is checked.
     ///
     /// # Errors
     ///
@@ -254,7 +254,7 @@ impl Integrator {
         targets: &[HandlePose],
     ) -> Result<StepReport, StepError> {
         let mut report = StepReport::default();
-        // Time in units of the smallest substep: exact, so that the step ends where it should.
+        // Time is an integer number of the smallest substeps, so that the step ends exactly at its end.
         let whole = 1_u64 << self.options.max_halvings.min(30);
         let (mut done, mut size) = (0, whole);
         while done < whole {
@@ -283,7 +283,8 @@ impl Integrator {
             };
             match outcome {
                 Ok((newton, damped)) if good(&newton) => {
-                    // Only now: a refused attempt must leave the handles' poses for the next.
+                    // The reports are updated only now, because the next attempt after a refused one needs the old
+                    // poses of the handles.
                     body.report_stage(dt, &self.aims, &self.v);
                     done += size;
                     report.substeps += 1;
@@ -296,7 +297,7 @@ impl Integrator {
                     let relative = newton.residual / newton.reference.max(f64::MIN_POSITIVE);
                     report.relative_residual = report.relative_residual.max(relative);
                     report.last = newton;
-                    // A power of two that divides what is done keeps the grid.
+                    // The size doubles only where the time so far is a multiple of the new size.
                     while size < whole - done
                         && done.is_multiple_of(2 * size)
                         && size * 2 <= whole - done

@@ -1,9 +1,9 @@
-//! How a body moves: realtime steps, and steps and equilibria solved to a tolerance.
+//! The motion of a body: realtime steps, and steps and equilibria solved to a tolerance.
 //!
-//! - [`Stepper`]: one linearization, without assembling anything, by conjugate gradients on a frozen factor.
-//! - [`refresh`]: a new factor, made beside the steps.
-//! - `sleep`: bodies at rest are not stepped.
-//! - `step`: the same step, assembled; [`AssembledStepper`]: that in four calls.
+//! - [`Stepper`]: one linearization by conjugate gradients on a frozen factor, without an assembled matrix.
+//! - [`refresh`]: a new factor, made in parallel with the steps.
+//! - `sleep`: bodies at rest, which are not stepped.
+//! - `step`: the same step with an assembled matrix. [`AssembledStepper`]: the same in four calls.
 //! - [`newton`], [`integrator`] and [`equilibrium`]: steps and equilibria solved to a tolerance.
 
 mod assembled;

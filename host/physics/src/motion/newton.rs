@@ -1,22 +1,22 @@
 //! Newton's method for one implicit equation of motion, or for equilibrium.
 //!
-//! Every scheme here asks for positions `x'` with `v' = (x' - a) / g` that satisfy
+//! Each scheme requires positions `x'` with `v' = (x' - a) / g` that satisfy
 //!
 //! ```text
 //! M (x' - p) / g^2 + C v' = f(x') + load,      C = alpha M + beta K(x')
 //! ```
 //!
-//! with an anchor `a`, a prediction `p` and a time `g` that the scheme chooses; equilibrium leaves the left
-//! side out. Each iteration solves with the tangent by sparse Cholesky and searches along the result for a
-//! decrease of the incremental potential (Nocedal and Wright, "Numerical optimization", 2006, algorithm 3.1;
-//! the potential is that of Radovitzky and Ortiz, 1999), the damping's matrix held over one search. The
-//! exact tangent gives the quadratic end; where it is not positive definite the clipped one takes its place,
-//! so every direction descends.
+//! with an anchor `a`, a prediction `p` and a time `g` that the scheme chooses. Equilibrium leaves out the left side.
+//! Each iteration solves with the tangent by sparse Cholesky and searches along the result for a decrease of the
+//! incremental potential (Nocedal and Wright, "Numerical optimization", 2006, algorithm 3.1; the potential is that of
+//! Radovitzky and Ortiz, 1999). The matrix of the damping is constant during one search. The exact tangent gives
+//! quadratic convergence. Where the exact tangent is not positive definite, the clipped tangent replaces it, so that
+//! every direction descends.
 //!
-//! Below some residual nothing but rounding is left (`rounding`). There the method goes on as long as a step halves
-//! the residual. Its last direction then tells how much of the motion is still open, and an equilibrium of which more
-//! than a hundredth is open has not been solved: [`StepError::Rounding`]. A stage of a motion may well move by less than
-//! numbers can tell; of a motion it is the whole that counts (`Integrator::check_digits`).
+//! Below some residual only rounding is left (`rounding`). There the method continues as long as a step halves the
+//! residual. The last direction then gives the motion that is still open, that is, undetermined. An equilibrium of
+//! which more than a hundredth is open has not been solved: [`StepError::Rounding`]. A single stage of a motion may be
+//! smaller than rounding resolves; the motion is checked as a whole (`Integrator::check_digits`).
 
 use crate::Vec3;
 use crate::body::Body;
@@ -26,20 +26,20 @@ use crate::linear::cholesky::Cholesky;
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::material::Tangent;
 
-/// Fraction of the promised decrease that a step must bring (Armijo).
+/// Fraction of the predicted decrease that a step must achieve (Armijo).
 const ARMIJO: f64 = 1e-4;
-/// A residual that is rounding and no larger a fraction of the forces that balance is not worth another step.
+/// A residual that is rounding and at most this fraction of the forces that balance is not worth another step.
 const FINE: f64 = 1e-6;
-/// Fraction of the motion that rounding may leave open: two digits of it must be right.
+/// Fraction of the motion that rounding may leave open: two of its digits must be right.
 const MOST_OPEN: f64 = 0.01;
-/// Mass added to a static matrix, as a fraction of the mean diagonal: what no support holds stays where it is
-/// instead of making the matrix singular. The residual does not know of it.
+/// Mass added to a static matrix, as a fraction of the mean diagonal. It keeps parts without support in place, where
+/// the matrix would otherwise be singular. The residual does not contain this mass.
 const STATIC_SHIFT: f64 = 1e-11;
 
-/// When Newton's method stops.
+/// The limits of Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonOptions {
-    /// Residual as a fraction of the forces that balance.
+    /// Residual to reach, as a fraction of the forces that balance.
     pub tolerance: f64,
     /// Most iterations.
     pub max_iterations: usize,
@@ -54,25 +54,25 @@ impl Default for NewtonOptions {
     }
 }
 
-/// How a solve went.
+/// The report of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct NewtonReport {
-    /// Iterations spent.
+    /// Newton iterations of the solve.
     pub iterations: usize,
     /// Iterations in which the exact tangent was not positive definite.
     pub clipped: usize,
-    /// Halvings of the line search, all together.
+    /// Sum of the halvings in all line searches.
     pub halvings: usize,
     /// Norm of the residual at the end (N).
     pub residual: f64,
     /// Norm of the forces that balance (N).
     pub reference: f64,
-    /// Whether the tolerance was met, or all that is left over is rounding.
+    /// Whether the tolerance was met, or the remaining residual is only rounding.
     pub converged: bool,
-    /// Whether the residual is above the tolerance, and rounding.
+    /// Whether the residual is above the tolerance but only rounding.
     pub rounded: bool,
-    /// Where rounding stopped the solve: the largest motion of a node that was still asked for, or that its coordinates
-    /// cannot tell (m).
+    /// After a solve that rounding stopped: the largest motion of a node that was still open, or that its coordinates
+    /// cannot resolve (m).
     pub open: f64,
 }
 
@@ -87,14 +87,14 @@ pub(crate) struct Stage<'a> {
     pub(crate) g: f64,
 }
 
-/// The memory of the method for one topology.
+/// The memory of Newton's method for one topology.
 #[derive(Debug)]
 pub(crate) struct Newton {
     pub(crate) options: NewtonOptions,
     cholesky: Cholesky,
     /// `A u - ...` by node.
     residual: Vec<Vec3>,
-    /// Velocity of the damping, by node.
+    /// Velocity in the damping term, by node (m/s).
     velocity: Vec<Vec3>,
     step: Vec<Vec3>,
     start: Vec<Vec3>,
@@ -127,12 +127,12 @@ impl Newton {
         })
     }
 
-    /// Moves the free nodes of `body` to where the stage is solved, and those that handles hold to `held`.
-    /// Guided axes go `fraction` of the way that is left. Assembled at the end.
+    /// Moves the free nodes of `body` to the solution of the stage, and the nodes of handles to `held`. Guided axes
+    /// move by `fraction` of their remaining displacement. Forces and stiffness are assembled at the end.
     ///
     /// # Errors
     ///
-    /// [`StepError::Diverged`], [`StepError::Rounding`] and [`StepError::Matrix`]; positions are then anywhere.
+    /// [`StepError::Diverged`], [`StepError::Rounding`] and [`StepError::Matrix`]; the positions are undefined then.
     pub(crate) fn solve(
         &mut self,
         body: &mut Body,
@@ -162,7 +162,7 @@ impl Newton {
         let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());
         let loaded = body.model.load_factor != 0.0
             && body.model.external.iter().any(|f| *f != Vec3::zeros());
-        // What is asked of the solve beside its loads (N).
+        // The norm of the first right-hand side, which contains the prescribed motion (N); 0 without one.
         let mut asked = 0.0;
         let quiet = !prescribed && !loaded;
         let tangent = if exact {
@@ -176,7 +176,7 @@ impl Newton {
         loop {
             self.balance(body, stage);
             self.judge(body, stage, &mut report);
-            // Held nodes have no residual; their forces are in the reference.
+            // Held nodes have no residual; the reference contains their forces.
             if !(report.residual.is_finite() && report.reference.is_finite()) {
                 return Err(StepError::Diverged {
                     iterations: report.iterations,
@@ -212,7 +212,7 @@ impl Newton {
                 }
                 prescribed = false;
             } else if !self.search(body, factors, stage, &mut report) {
-                // No decrease that can be told from rounding: as far as it goes.
+                // The search found no decrease above the rounding error, so the solve ends here.
                 body.state.x.copy_from_slice(&self.start);
                 if report.rounded {
                     body.assemble_with(tangent);
@@ -225,8 +225,8 @@ impl Newton {
         }
     }
 
-    /// Ends a solve of which only rounding is left, at the better of the present positions and those before the last
-    /// step, where the residual was `last` (N).
+    /// Ends a solve in which only rounding is left. Of the present positions and those before the last step, where the
+    /// residual was `last` (N), the better positions are kept.
     fn end_at_rounding(
         &mut self,
         body: &mut Body,
@@ -243,7 +243,7 @@ impl Newton {
         }
         let free = body.assembly.stiffness.free();
         let open = self.step[..free].iter().map(Vec3::amax);
-        // No place is known better than numbers of its size are apart.
+        // Coordinates are known only up to the spacing of numbers of their size.
         let place = body.state.x.iter().map(Vec3::amax).fold(0.0, f64::max);
         report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
         if stage.is_none() {
@@ -253,13 +253,14 @@ impl Newton {
         Ok(report)
     }
 
-    /// What the last solve left over, by node (N): on held nodes and guided axes the force of hand or support,
-    /// the node's inertia left out.
+    /// The residual of the last solve, by node (N). On held nodes and guided axes the residual is the force of hand or
+    /// support, without the node's inertia.
     pub(crate) fn residual(&self) -> &[Vec3] {
         &self.residual
     }
 
-    /// The residual at the present positions, by node: on held nodes the force of the hand.
+    /// Computes the residual at the present positions, by node (N). On held nodes the residual is the force of the
+    /// hand.
     fn balance(&mut self, body: &Body, stage: Option<Stage<'_>>) {
         let damping = body.model.config.stiffness_damping;
         if let Some(stage) = stage {
@@ -283,7 +284,7 @@ impl Newton {
         }
     }
 
-    /// Residual and reference into `report`.
+    /// Writes the norms of residual and reference forces into `report`.
     fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
         let free = body.assembly.stiffness.free();
         let mask = body.constraints.supports.mask();
@@ -307,7 +308,7 @@ impl Newton {
         report.reference = libm::sqrt(reference);
     }
 
-    /// Newton's direction into `step`, whose prescribed parts are given.
+    /// Computes Newton's direction in `step`, which contains the prescribed parts on entry.
     fn direction(
         &mut self,
         body: &mut Body,
@@ -353,7 +354,7 @@ impl Newton {
         }
     }
 
-    /// Whether the matrix is positive definite; factorized then.
+    /// Factorizes the matrix. Returns whether the matrix is positive definite.
     fn factorize(
         &mut self,
         body: &Body,
@@ -378,7 +379,7 @@ impl Newton {
         }
     }
 
-    /// The clipped matrix, with as much mass as rounding asks for.
+    /// Factorizes the clipped matrix, with as much added mass as rounding requires.
     fn factorize_clipped(
         &mut self,
         body: &Body,
@@ -407,7 +408,7 @@ impl Newton {
         Err(StepError::Matrix(last))
     }
 
-    /// Moves along `step` as far as the potential decreases; whether it does.
+    /// Moves along `step` until the potential decreases enough. Returns whether it does.
     fn search(
         &mut self,
         body: &mut Body,
@@ -458,7 +459,7 @@ impl Newton {
     }
 }
 
-/// Refuses a solution of which rounding leaves `open` (m) of the `moved` (m) open.
+/// Refuses a solution if rounding leaves more than a hundredth of the motion `moved` (m) open; `open` is that part (m).
 pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), StepError> {
     if open <= MOST_OPEN * moved {
         return Ok(());

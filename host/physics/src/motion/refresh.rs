@@ -1,9 +1,8 @@
-//! A new factor beside the steps: all that it takes, in one piece that may go to another thread.
+//! A new factor, made in parallel with the steps: all data for this in one value that may move to another thread.
 //!
-//! A factorization takes many times as long as a step. So a [`Refresher`] is told where the body is
-//! ([`Stepper::lend`](crate::Stepper::lend)), works on its own copies for as long as it takes, and is given back.
-//! Between the two the stepper goes on with the factor that it has: a somewhat older factor costs an iteration or
-//! two, never correctness.
+//! A factorization takes many times as long as a step. For this reason a [`Refresher`] receives the state of the body
+//! ([`Stepper::lend`](crate::Stepper::lend)), works on its own copies and is given back afterwards. In the meantime the
+//! stepper continues with its present factor. An older factor costs an iteration or two, but never correctness.
 
 use crate::Vec3;
 use crate::cost::Cost;
@@ -14,16 +13,16 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{Makes, Preconditioner, Solves, Step};
 use crate::linear::sparse_cholesky::FactorCode;
 
-/// What makes a factor.
+/// The data and the working memory of a factorization.
 #[derive(Debug)]
 pub struct Refresher<T> {
-    /// The epoch of the body for which it is made.
+    /// The topology epoch of the body for which the refresher is made.
     pub(crate) epoch: u64,
     kernels: Vec<Box<dyn Kernel<T>>>,
     matrix: BlockMatrix,
     makes: Makes,
     made: Solves,
-    /// Whether `made` is that of `factors`.
+    /// Whether `made` is the factor for `factors`.
     done: bool,
     factors: (f64, f64),
     d: Vec<Node<T>>,
@@ -33,8 +32,9 @@ pub struct Refresher<T> {
 }
 
 impl<T: Real> Refresher<T> {
-    /// For the free places of `matrix`, all in their order, at `rest` (m); `guided` is 1 where an axis of one is free,
-    /// 0 where a support guides it, and empty without supports. `code` is what factorizes.
+    /// Makes a refresher for the free places of `matrix`, in their order, with all places at `rest` (m). `guided` is 1
+    /// where an axis of a place is free and 0 where a support guides the axis; it is empty without supports. `code` is
+    /// the code of the factorization.
     pub(crate) fn new(
         kernels: Vec<Box<dyn Kernel<T>>>,
         matrix: BlockMatrix,
@@ -61,12 +61,12 @@ impl<T: Real> Refresher<T> {
         })
     }
 
-    /// What the factorization and, of a complete factor, the panels cost.
+    /// The cost of the factorization and, for a complete factor, of the panels.
     pub(crate) fn cost(&self) -> Cost {
         Cost::read(self.matrix.bytes()) + self.makes.cost(&self.made)
     }
 
-    /// Memory that it holds (bytes).
+    /// Memory of the refresher (bytes).
     pub fn bytes(&self) -> usize {
         let kernels: usize = self.kernels.iter().map(|kernel| kernel.bytes()).sum();
         size_of::<Self>()
@@ -80,23 +80,23 @@ impl<T: Real> Refresher<T> {
             + size_of_val(self.guided.as_slice())
     }
 
-    /// A factor like those that it makes, of nothing yet.
+    /// A factor of the same kind as those that the refresher makes, without values yet.
     pub(crate) fn like_made(&self) -> Solves {
         self.made.clone()
     }
 
-    /// Where the next factor is to be made, and of which multiples of mass and stiffness.
+    /// Sets the state of the next factor, and the factors of mass and stiffness in its matrix.
     pub(crate) fn load(&mut self, d: &[Node<T>], factors: (f64, f64)) {
         self.d.copy_from_slice(d);
         self.factors = factors;
         self.done = false;
     }
 
-    /// Makes the factor; many times as long as a step. Does not allocate.
+    /// Makes the factor. This takes many times as long as a step and does not allocate memory.
     ///
     /// # Errors
     ///
-    /// [`CondenseError::NotPositiveDefinite`]; there is nothing to take then.
+    /// [`CondenseError::NotPositiveDefinite`]; there is no factor to take then.
     pub fn work(&mut self) -> Result<(), CondenseError> {
         self.matrix.clear();
         self.force.fill([T::ZERO; 4]);
@@ -117,7 +117,8 @@ impl<T: Real> Refresher<T> {
         Ok(())
     }
 
-    /// Exchanges the factor made, if it is, for `solves`; returns the factors for which it is.
+    /// Exchanges the new factor, if there is one, for `solves`. Returns the factors of mass and stiffness in its
+    /// matrix.
     pub(crate) fn exchange(&mut self, solves: &mut Solves) -> Option<(f64, f64)> {
         if !self.done {
             return None;

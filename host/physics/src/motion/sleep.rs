@@ -1,23 +1,22 @@
 //! Bodies at rest are not stepped.
 //!
-//! A body falls asleep when none of its vertices has been faster than a given speed for [`STEPS`] steps in a row:
-//! then nothing accelerates it by more than that speed over those steps either, so the forces that do not balance
-//! are below its mass times that, and a creep with time constant `tau` has less than `speed tau` to go. It is left
-//! exactly where it is until something reaches it: a hand moves further than the speed allows, or anything is set
-//! from outside.
+//! A body falls asleep when none of its vertices has exceeded a given speed for [`STEPS`] steps in a row. The
+//! acceleration over those steps then stays below that speed divided by their duration, so the unbalanced forces are
+//! below the mass times that acceleration. A creep with time constant `tau` has less than `speed tau` to go. The body
+//! stays exactly where it is until a hand moves further than the speed allows, or anything is set from outside.
 
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 
-/// Steps in a row without motion after which a body sleeps.
+/// Number of steps in a row without motion after which a body sleeps.
 pub(crate) const STEPS: u32 = 20;
 
 /// Whether a body sleeps.
 #[derive(Clone, Debug)]
 pub(crate) struct Sleep {
     still: u32,
-    /// Where the hands were when it fell asleep, and what had been set until then.
+    /// The poses of the handles when the body fell asleep, and the revision of its state then.
     poses: Vec<HandlePose>,
     revision: u64,
     h: f64,
@@ -38,9 +37,9 @@ impl Sleep {
         }
     }
 
-    /// Whether nothing reaches a body that sleeps: a step of `h` to `targets` would not move it.
+    /// Whether a sleeping body continues to sleep: a step of `h` to `targets` would not move it.
     pub(crate) fn goes_on(&self, body: &Body, h: f64, targets: &[HandlePose], speed: f64) -> bool {
-        // Turns are felt at the arm of the handle's vertices: about a body's length, at most a metre.
+        // Rotations act at the arm of the handle's vertices, which is about the size of a body and at most a metre.
         let near = |(now, then): (&HandlePose, &HandlePose)| {
             (now.position - then.position).norm() <= speed * h
                 && now.rotation.angle_to(&then.rotation) <= speed * h
@@ -51,7 +50,7 @@ impl Sleep {
             && targets.iter().zip(&self.poses).all(near)
     }
 
-    /// A step was taken; puts the body to sleep if it is time to.
+    /// Records a step, and puts the body to sleep after [`STEPS`] steps without motion.
     pub(crate) fn observe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose], speed: f64) {
         let fastest = body
             .state
@@ -73,7 +72,7 @@ impl Sleep {
         }
     }
 
-    /// Something moved it.
+    /// Wakes the body, because something has moved it.
     pub(crate) fn wake(&mut self) {
         self.still = 0;
     }

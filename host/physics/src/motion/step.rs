@@ -7,9 +7,9 @@
 //! A u = M v / h + f_internal + f_external        x' = x + u        v' = u / h
 //! ```
 //!
-//! on the free nodes, while the handle nodes move as their handles prescribe (Baraff and Witkin, "Large
-//! steps in cloth simulation", 1998). What the same equation leaves over on a handle node is the force
-//! that the hand had to give. A step that would make energy is shortened (`guard`).
+//! on the free nodes. The handle nodes move as their handles prescribe (Baraff and Witkin, "Large steps in cloth
+//! simulation", 1998). The residual of the same equation on a handle node is the force of the hand. A step that would
+//! add energy is shortened (`guard`).
 
 use crate::Vec3;
 use crate::body::Body;
@@ -19,7 +19,7 @@ use crate::linear::pcg::SolveReport;
 use crate::linear::step_matrix::StepMatrix;
 
 impl Body {
-    /// Assembles and solves: one whole step of `h` seconds.
+    /// Assembles and solves one step of `h` seconds.
     ///
     /// # Errors
     ///
@@ -29,10 +29,10 @@ impl Body {
         self.solve(h, targets)
     }
 
-    /// Advances the body by `h` seconds to the handle poses `targets`, one per handle, from forces and
-    /// stiffness as just assembled.
+    /// Advances the body by `h` seconds to the handle poses `targets`, one per handle, with the forces and the
+    /// stiffness that were assembled last.
     ///
-    /// A solve that runs out of iterations is no error: the report says how far it came.
+    /// A solve that runs out of iterations is no error: the report gives the residual that it reached.
     ///
     /// # Errors
     ///
@@ -53,7 +53,7 @@ impl Body {
         )
     }
 
-    /// What handles and supports prescribe, where the iterations start, and what they leave over there.
+    /// Sets the displacements that handles and supports prescribe, the start of the iterations, and the residual there.
     pub(crate) fn lay_out_step(&mut self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
         if !self.assembly.fresh {
             return Err(StepError::NotAssembled);
@@ -94,7 +94,7 @@ impl Body {
         )
     }
 
-    /// Takes the step that has been solved, as far as energy allows.
+    /// Takes the solved step, as far as the energy allows.
     pub(crate) fn end_step(
         &mut self,
         h: f64,
@@ -105,11 +105,10 @@ impl Body {
         let mut work = self.take_grip(h, mass_factor, stiffness_factor);
         let moves = self.assembly.displacement.iter().flat_map(Vec3::iter);
         let grip = self.assembly.grip.iter().flat_map(Vec3::iter);
-        // The velocity leaves the range of numbers before the motion; a residual that has left it has been
-        // no guide.
+        // The velocity overflows before the displacement does. A residual that has overflowed is no valid guide.
         let mut all = moves.map(|u| u / h).chain(grip.copied());
         if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
-            // They are not those of the state kept; without them a condensation has no lever term.
+            // The forces do not belong to the state that is kept. With zero forces, a condensation has no lever term.
             self.assembly.grip.fill(Vec3::zeros());
             return Err(StepError::Diverged {
                 iterations: report.iterations,
@@ -144,8 +143,8 @@ impl Body {
         Ok(report)
     }
 
-    /// Keeps by how much the step's linearization lets the elastic forces fall, and from where. The step's own equation
-    /// tells what `K u` was: no product is needed.
+    /// Stores the elastic forces that the step's linearization predicts for the step's end. The equation of the step
+    /// already gives `K u`, so no product is needed.
     fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
         let free = self.assembly.stiffness.free();
         for node in 0..self.state.x.len() {
@@ -163,8 +162,8 @@ impl Body {
         self.assembly.promised_over = Some(h);
     }
 
-    /// Finds by how much elastic forces at the end of the last step, where the elements have just been assembled, are not
-    /// those that its linearization promised.
+    /// Computes the rate by which the elastic forces at the end of the last step, where the elements have just been
+    /// assembled, deviate from the prediction of its linearization.
     fn see_missed(&mut self) {
         let Some(h) = self.assembly.promised_over.take() else {
             self.assembly.missed.fill(Vec3::zeros());
@@ -176,7 +175,7 @@ impl Body {
         }
     }
 
-    /// What the last step promised says nothing of the state any more.
+    /// Discards the prediction of the last step, because the state has changed.
     pub(crate) fn forget_promise(&mut self) {
         self.assembly.promised_over = None;
         self.assembly.missed.fill(Vec3::zeros());
@@ -195,7 +194,7 @@ impl Body {
             .prescribe(&self.state.x, 1.0, &mut self.assembly.displacement);
     }
 
-    /// Refuses a step length or targets that make no sense.
+    /// Refuses a step length or targets that are invalid.
     pub(crate) fn check_step(&self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
         Self::check_length(h)?;
         self.check_targets(targets)
@@ -220,7 +219,7 @@ impl Body {
         Ok(())
     }
 
-    /// Finds what the hands have to give; returns the most work (J) that they can have done.
+    /// Computes the forces of the hands. Returns an upper bound of their work (J).
     fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
         let free = self.assembly.stiffness.free();
         let mut work = 0.0;
@@ -232,8 +231,8 @@ impl Body {
         work
     }
 
-    /// The same from a step that was solved elsewhere, of which `imbalance` is what is left over; the work of
-    /// supports with it.
+    /// Computes the forces of the hands for a step that was solved elsewhere, whose residual is `imbalance`. Returns an
+    /// upper bound of the work of hands and supports (J).
     pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
         let free = self.assembly.stiffness.free();
         let mut work = 0.0;
@@ -248,7 +247,7 @@ impl Body {
             .work(imbalance, |node| self.assembly.displacement[node])
     }
 
-    /// Reports handles and supports of such a step, before it is taken.
+    /// Writes the reports of handles and supports for a step that was solved elsewhere, before the step is taken.
     pub(crate) fn report_step(
         &mut self,
         h: f64,
@@ -259,8 +258,8 @@ impl Body {
         self.constraints.supports.collect_reactions(imbalance);
     }
 
-    /// `A u - M v / h - f_internal - f_external` at a node: zero where the step is solved, and the force
-    /// of the hand on a handle node.
+    /// `A u - M v / h - f_internal - f_external` at a node (N): zero where the step is solved, and the force of the
+    /// hand on a handle node.
     fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
         let mass = self.model.mass[node];
         self.assembly
@@ -273,7 +272,7 @@ impl Body {
             - self.model.external[node] * self.model.load_factor
     }
 
-    /// Mass times acceleration of a node over the step.
+    /// Mass times acceleration of a node over the step (N).
     fn inertia(&self, node: usize, h: f64) -> Vec3 {
         (self.assembly.displacement[node] / h - self.state.v[node]) * (self.model.mass[node] / h)
     }
@@ -292,8 +291,8 @@ impl Body {
         self.constraints.handles = handles;
     }
 
-    /// Reports handles and supports after a solve that has moved the body already, over a step of `h` from
-    /// velocities `before`; forces are those just assembled. An infinite `h` is equilibrium.
+    /// Writes the reports of handles and supports after a solve that has already moved the body, over a step of `h`
+    /// from the velocities `before`. The forces are those assembled last. An infinite `h` means equilibrium.
     pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
         let free = self.assembly.stiffness.free();
         self.forget_promise();
@@ -333,7 +332,7 @@ impl Body {
         self.constraints.handles = handles;
     }
 
-    /// Sums what `state` says of the handle's nodes: position at the end of the step, and inertia.
+    /// Sums the forces of a handle's nodes. `state` gives a node's position at the end of the step, and its inertia.
     fn report_handle(
         &self,
         handle: &mut Handle,

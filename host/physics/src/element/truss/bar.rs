@@ -1,8 +1,8 @@
 //! One bar: its force and its tangent.
 //!
 //! A corotational bar (M. A. Crisfield, "Non-linear finite element analysis of solids and structures", volume 1, 1991,
-//! section 3): the strain is the change of length over the length at rest, `(l - L0) / L0`, whatever the rotation. With
-//! the axis `n` from the first end to the second, the stiffness `k = EA / L0` and the tension `N = k (l - L0)`,
+//! section 3). The strain is the change of length over the length at rest, `(l - L0) / L0`, for any rotation. The axis
+//! `n` points from the first end to the second, the stiffness is `k = EA / L0`, and the tension is `N = k (l - L0)`:
 //!
 //! ```text
 //! energy  k (l - L0)^2 / 2
@@ -10,37 +10,37 @@
 //! tangent k n n^T + N / l (I - n n^T)
 //! ```
 //!
-//! between the ends: the second part is the stiffness of a taut string, negative for a bar under compression.
+//! The second part of the tangent is the stiffness of a taut string. It is negative for a bar under compression.
 //!
-//! A bar of tension only is slack below its length at rest: no energy, no force, no stiffness. Energy and force are
-//! continuous where it becomes taut, so the energy is once continuously differentiable (C1) in the positions and the force
-//! is C0. The tangent jumps there, from zero to `k n n^T`; at `l = L0` itself it is that of the taut bar, which is what a
-//! thread that is straight at rest starts with.
+//! A bar of tension only is slack below its length at rest: its energy, force and stiffness are zero. Energy and force
+//! are continuous where the bar becomes taut, so the energy is once continuously differentiable (C1) in the positions
+//! and the force is C0. The tangent jumps there from zero to `k n n^T`. At `l = L0` itself the tangent is that of the
+//! taut bar, with which a thread that is straight at rest starts.
 
 use crate::material::Tangent;
 use crate::{Mat3, Vec3};
 
-/// What a bar is: its stiffness, its length at rest, and whether it resists compression.
+/// The parameters of a bar: its stiffness, its length at rest, and whether it resists compression.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Bar {
     /// `EA / L0` (N/m).
     pub(super) stiffness: f64,
     /// Length at rest (m).
     pub(super) rest: f64,
-    /// No force below the length at rest.
+    /// Whether the force is zero below the length at rest.
     pub(super) tension_only: bool,
 }
 
-/// Where a bar lies: its axis, its length, and how much longer it is than at rest.
+/// The state of a bar: its axis, its length and its elongation.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Stretched {
-    /// Unit vector from the first end to the second; zero where the ends meet, for then there is no direction.
+    /// Unit vector from the first end to the second; zero where the ends coincide and there is no direction.
     pub(super) axis: Vec3,
     /// Length (m).
     pub(super) length: f64,
-    /// Length less that at rest (m).
+    /// Length less the length at rest (m).
     elongation: f64,
-    /// Whether it resists.
+    /// Whether the bar resists.
     taut: bool,
 }
 
@@ -80,8 +80,8 @@ impl Bar {
         }
     }
 
-    /// Minus the derivative of the force on one end by that end's position (N/m). That by the other end's is the
-    /// opposite.
+    /// Minus the derivative of the force on one end with respect to that end's position (N/m). The derivative with
+    /// respect to the other end's position has the opposite sign.
     pub(super) fn tangent(&self, at: &Stretched, tangent: Tangent) -> Mat3 {
         if !at.taut || at.length == 0.0 {
             return Mat3::zeros();

@@ -1,9 +1,9 @@
-//! Trusses: threads, sutures and nets of bars, each with two nodes, that resist along their axis alone.
+//! Trusses: threads, sutures and nets of bars. Each bar has two nodes and resists along its axis alone.
 //!
-//! A [`Truss`] is all there is to this kind of element: [`bar`](self) has the equations of one bar, and `Truss` is their
-//! sum over a mesh of lines, as a body sees it ([`Elements`]). The realtime step takes it by its assembled matrix.
+//! [`bar`](self) has the equations of one bar. [`Truss`] is their sum over a mesh of lines, with the interface to a
+//! body ([`Elements`]). The realtime step uses the assembled matrix of a truss.
 //!
-//! Mass is lumped: half of each bar's at either end. Damping is the body's, `alpha M + beta K`.
+//! Mass is lumped: each node of a bar has half of its mass. Damping is the body's, `alpha M + beta K`.
 
 mod bar;
 
@@ -15,7 +15,7 @@ use crate::mesh::LineMesh;
 use crate::{Mat3, Vec3};
 use bar::Bar;
 
-/// All bars of a body, by arrays over bars.
+/// All bars of a body, as arrays over bars.
 #[derive(Clone, Debug)]
 pub struct Truss {
     nodes: Vec<[u32; 2]>,
@@ -28,11 +28,12 @@ pub struct Truss {
 }
 
 impl Truss {
-    /// The lines of `mesh` by vertex, with one material for all or one for each.
+    /// Builds bars from the lines of `mesh`, with nodes numbered as vertices. `materials` holds one material for all
+    /// lines or one for each.
     ///
     /// # Errors
-    /// [`BodyError`] for no lines, a material out of range, and a line without length or with a vertex that does not
-    /// exist.
+    /// [`BodyError`] for a mesh without lines, a material out of range, and a line without length or with a vertex that
+    /// does not exist.
     pub fn new(mesh: &LineMesh, materials: &[ThreadMaterial]) -> Result<Self, BodyError> {
         let lines = mesh.lines.len();
         if lines == 0 {
@@ -67,7 +68,7 @@ impl Truss {
             let rest = (b - a).norm();
             let material = &materials[if materials.len() == 1 { 0 } else { line }];
             let stiffness = material.young * material.area / rest;
-            // A length that is not a number, and one whose stiffness overflows, is none either.
+            // A length that is not a number, or so small that the stiffness overflows, is refused as well.
             if !(rest > 0.0 && stiffness.is_finite()) {
                 return Err(BodyError::NoLength { line, length: rest });
             }
@@ -161,12 +162,12 @@ impl Elements for Truss {
             + size_of_val(self.slots.as_slice())
     }
 
-    /// A bar has no inside.
+    /// Always 0: a bar has no volume.
     fn inverted(&self, _: &[Vec3]) -> usize {
         0
     }
 
-    /// Tension over the cross-section at rest, along the axis.
+    /// Tension over the cross-section at rest, along the axis (Pa).
     fn stress(&self, element: usize, x: &[Vec3]) -> Mat3 {
         let [a, b] = self.ends(element, x);
         let bar = &self.bars[element];

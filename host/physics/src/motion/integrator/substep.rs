@@ -1,13 +1,12 @@
-//! One substep: by implicit Euler, or by TR-BDF2.
+//! One substep, by implicit Euler or by TR-BDF2.
 //!
-//! TR-BDF2 (Bank et al., "Transient simulation of silicon devices and circuits", 1985; Hosea and Shampine,
-//! "Analysis and implementation of TR-BDF2", 1996) takes a trapezoidal stage over `gamma h` and a BDF2 stage
-//! to `h`; with `gamma = 2 - sqrt 2` both have the same matrix. It was chosen over BDF2 because it needs no
-//! past: a step may be halved, a handle let go or a mesh torn without starting again at first order. It is
-//! L-stable, so by von Neumann's theorem the energy of a linear, dissipative body never grows. It costs two
-//! solves a step.
+//! TR-BDF2 (Bank et al., "Transient simulation of silicon devices and circuits", 1985; Hosea and Shampine, "Analysis
+//! and implementation of TR-BDF2", 1996) takes a trapezoidal stage over `gamma h` and a BDF2 stage to `h`. Both stages
+//! have the same matrix for `gamma = 2 - sqrt 2`. TR-BDF2 was chosen over BDF2 because it needs no earlier steps: a
+//! step may be halved, a handle released or a mesh torn without a restart at first order. TR-BDF2 is L-stable, so by
+//! von Neumann's theorem the energy of a linear, dissipative body never grows. Each step costs two solves.
 //!
-//! A substep of TR-BDF2 that would make energy in a body that is not linear is taken by implicit Euler instead
+//! If a substep of TR-BDF2 would add energy to a nonlinear body, the substep is taken by implicit Euler instead
 //! (`guard`).
 
 use super::{Integrator, TimeScheme, between};
@@ -17,13 +16,13 @@ use crate::body::guard::Energy;
 use crate::error::StepError;
 use crate::motion::newton::{NewtonReport, Stage};
 
-/// 1 - 1 / sqrt 2: half of `gamma`, and the fraction of the step in both stages' matrix.
+/// 1 - 1 / sqrt 2: half of `gamma`, and the factor of the step length in the matrix of both stages.
 const D: f64 = 1.0 - core::f64::consts::FRAC_1_SQRT_2;
 const GAMMA: f64 = 2.0 * D;
 
 impl Integrator {
-    /// One substep of `h`, guided axes going `fraction` of what is left; whether it had to be taken by implicit
-    /// Euler instead of the scheme.
+    /// Takes one substep of `h`, in which guided axes move by `fraction` of their remaining displacement. Returns the
+    /// report, and whether the substep had to be taken by implicit Euler instead of the scheme.
     pub(super) fn substep(
         &mut self,
         body: &mut Body,
@@ -31,7 +30,7 @@ impl Integrator {
         fraction: f64,
     ) -> Result<(NewtonReport, bool), StepError> {
         let scheme = self.options.scheme;
-        // Energies are compared under the loads of the substep's end.
+        // Energies are compared under the loads at the substep's end.
         self.load(body, 1.0);
         if scheme == TimeScheme::ImplicitEuler {
             return Ok((self.attempt(body, scheme, h, fraction)?, false));
@@ -54,7 +53,7 @@ impl Integrator {
         Ok((safer, true))
     }
 
-    /// One substep of `h` by `scheme`, guided axes going `fraction` of what is left.
+    /// Takes one substep of `h` by `scheme`, in which guided axes move by `fraction` of their remaining displacement.
     fn attempt(
         &mut self,
         body: &mut Body,
@@ -97,7 +96,7 @@ impl Integrator {
                     self.anchor[node] = self.middle[node] * to_middle - self.x[node] * to_start;
                     self.predicted[node] = self.anchor[node] + v * g;
                 }
-                // What is left of the way after the first stage.
+                // The fraction of the displacement that remains after the first stage.
                 let left = fraction * (1.0 - GAMMA) / (1.0 - fraction * GAMMA);
                 self.load(body, 1.0);
                 let mut second = self.solve(body, g, 1.0, left, h)?;
@@ -127,8 +126,8 @@ impl Integrator {
         Ok(report)
     }
 
-    /// The most work (J) that handles and supports can have done on what they hold `from` these positions to
-    /// the end of the stage just solved, its inertia left out.
+    /// An upper bound of the work (J) of handles and supports on their nodes, from the positions `from` to the end of
+    /// the stage just solved, without the inertia of these nodes.
     fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
         let force = self.newton.residual();
         let moved = |node: usize| body.state.x[node] - from[node];
@@ -139,7 +138,7 @@ impl Integrator {
         work + body.constraints.supports.work(|node| force[node], moved)
     }
 
-    /// The same that its inertia took.
+    /// An upper bound of the work (J) of handles and supports on the inertia of their nodes.
     fn push(&self, body: &Body) -> f64 {
         let gained = |node: usize| {
             let (now, then) = (&body.state.v[node], &self.v[node]);
@@ -153,7 +152,7 @@ impl Integrator {
             .work(gained, |_| Vec3::repeat(1.0))
     }
 
-    /// Sets the loads to those at `part` of the substep.
+    /// Sets the loads to those at the fraction `part` of the substep.
     fn load(&self, body: &mut Body, part: f64) {
         if !self.ramped {
             return;
@@ -169,7 +168,7 @@ impl Integrator {
         }
     }
 
-    /// The most work (J) that loads can have done beyond what those of the end would have.
+    /// An upper bound of the work (J) of the loads beyond the work of the loads at the end.
     fn ramp(&self, body: &Body) -> f64 {
         if !self.ramped {
             return 0.0;
@@ -186,7 +185,7 @@ impl Integrator {
         work * (self.span.1 - self.span.0) * body.model.load_factor.abs()
     }
 
-    /// Solves a stage that ends `part` of a substep of `h` after its start.
+    /// Solves a stage that ends at the fraction `part` of a substep of `h`.
     fn solve(
         &mut self,
         body: &mut Body,
@@ -207,7 +206,7 @@ impl Integrator {
             }
         }
         if let Some(mask) = body.constraints.supports.mask() {
-            // Where the guided axes will be, by the same rule as the solver's.
+            // The goals of the guided axes, by the same rule as in the solver.
             body.assembly.displacement[..free].fill(Vec3::zeros());
             body.constraints.supports.prescribe(
                 &body.state.x,
@@ -235,7 +234,7 @@ impl Integrator {
     }
 }
 
-/// Acceleration of a node at the present state, from forces as just assembled.
+/// Acceleration of a node at the present state, from the forces assembled last.
 fn acceleration(body: &Body, node: usize) -> Vec3 {
     let mut force = body.assembly.internal[node]
         + body.model.external[node] * body.model.load_factor

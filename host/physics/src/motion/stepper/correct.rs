@@ -1,9 +1,10 @@
-//! Where one linearization is not enough: cells are inside out, and the step's end breaks what the step promised.
+//! Further linearizations of a step in which elements are inverted and the step's end differs from the prediction.
 //!
-//! A body of which cells are inside out passes close by saddles of its energy. There the small errors of one
-//! linearization decide where it comes to rest: rightly, or in a balance in which a cell stays inside out. So the
-//! equation is linearized again at the step's end, and solved for what is left: Newton's method for implicit Euler.
-//! Elsewhere, and where a hand moves the body, one linearization does, and nothing here costs anything.
+//! A body with inverted elements passes close to saddles of its energy. There the small errors of one linearization
+//! decide where the body comes to rest: in its right shape, or in a balance in which an element stays inverted. The
+//! equation is then linearized again at the step's end and solved for the remaining imbalance. This is Newton's method
+//! for implicit Euler. Elsewhere, and where a hand moves the body, one linearization is enough, and this module costs
+//! nothing.
 
 use super::{Limits, Stepper, StepperReport};
 use crate::Vec3;
@@ -12,16 +13,16 @@ use crate::body::guard::Energy;
 use crate::error::StepError;
 use crate::lanes::{Real, to_vec};
 
-/// Fraction of the motion by which the equation at the step's end would lengthen or shorten the motion. From 0 to 0.03
-/// mirrored bodies come back right; half of that.
+/// The change of the motion, as a fraction of the motion, above which a step is corrected. With values from 0 to 0.03,
+/// mirrored bodies return to their right shape; the constant is half of the upper value.
 const STRAY: f64 = 0.015;
-/// Linearizations after the first: each leaves about the square of that share.
+/// Most linearizations after the first. Each of them leaves about the square of the fraction that was left before.
 const MOST_CORRECTIONS: usize = 2;
-/// Cells that are inside out hold energy. Below this fraction of what pressing the whole body flat takes, a step is not
-/// looked at.
+/// Inverted elements store energy. A body with less than this fraction of the energy that presses the whole body flat
+/// is not checked.
 const TURNED: f64 = 0.05;
 
-/// What the linearized equation says of the motion `u` over the step (J).
+/// The linearized equation along the motion `u` over the step (J).
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Promise {
     /// `u f`, with the elastic forces at the start.
@@ -32,7 +33,7 @@ pub(crate) struct Promise {
     whole: f64,
 }
 
-/// The energy (J) above which a body's cells may be inside out; infinite for bodies without an inside.
+/// The energy (J) above which elements may be inverted; infinite for bodies whose elements cannot be inverted.
 pub(crate) fn turned(body: &Body) -> f64 {
     let flat = |axis: usize| {
         let pressed = |x: &Vec3| {
@@ -57,8 +58,8 @@ pub(crate) fn turned(body: &Body) -> f64 {
 }
 
 impl<T: Real> Stepper<T> {
-    /// What the equation says of the step as solved, before the elements know where the step leads; `None` where no
-    /// cell can be inside out.
+    /// The terms of the equation along the step as solved, before the elements are linearized at its end; `None` where
+    /// no element can be inverted.
     pub(crate) fn promise(
         &self,
         body: &Body,
@@ -75,7 +76,7 @@ impl<T: Real> Stepper<T> {
             let elastic = to_vec(&self.force[place]);
             let acting = elastic + body.model.external[node] * body.model.load_factor;
             force += elastic.dot(&u);
-            // `A u` is what acts less what the solve left over.
+            // `A u` is the acting force less the residual of the solve.
             whole +=
                 (body.state.v[node] * (mass / h) + acting - to_vec(&self.residual[place])).dot(&u);
             inertia += mass_factor * mass * to_vec(&self.u[place]).dot(&u);
@@ -87,8 +88,8 @@ impl<T: Real> Stepper<T> {
         })
     }
 
-    /// Whether the forces where the step ends, at which the elements are linearized, are so far from those that
-    /// were promised that the motion would be another one, in a body of which cells are inside out.
+    /// Whether the motion has to be corrected: the body has inverted elements, and the forces at the step's end, where
+    /// the elements are linearized, differ from the prediction by so much that the motion would change.
     pub(crate) fn breaks(&self, body: &Body, promised: Promise) -> bool {
         let force = (0..self.free).map(|place| to_vec(&self.force[place]).dot(&self.moved(place)));
         let left = force.sum::<f64>() - promised.force + promised.stiffness;
@@ -100,8 +101,8 @@ impl<T: Real> Stepper<T> {
                 .any(|set| set.inverted(&self.at) > 0)
     }
 
-    /// Solves for what is left where the step ends, linearized there; returns the most work (J) that hands can have
-    /// done, and the energy at the new end.
+    /// Solves for the remaining imbalance at the step's end, linearized there. Returns an upper bound of the work of
+    /// hands (J), and the energy at the new end.
     pub(crate) fn correct(
         &mut self,
         body: &mut Body,

@@ -1,10 +1,12 @@
-//! What the parts of a step cost: bytes and operations, counted from the data, and each part alone, to be timed.
+//! The cost of the parts of a step: bytes and operations, counted from the data. Each part can also run alone, to be
+//! timed.
 //!
-//! Bytes are those of every array once for each pass that reads or writes it. Nodes are gathered many times in a
-//! pass and counted once: the other times the nearest cache has them. Operations are additions, subtractions,
-//! multiplications, divisions and roots as they are written, one each; comparisons, changes of sign and the fill of
-//! nodes are none. Over the time of a part they tell what limits it: see S. Williams, A. Waterman and D. Patterson,
-//! "Roofline: an insightful visual performance model for multicore architectures" (2009).
+//! The bytes of each array are counted once for each pass that reads or writes the array. Nodes are gathered many times
+//! in a pass and counted once, because the nearest cache serves the other times. Operations are additions,
+//! subtractions, multiplications, divisions and roots as they are written, one each. Comparisons, changes of sign and
+//! the padding of nodes are not counted. Bytes and operations over the time of a part show what limits the part: see S.
+//! Williams, A. Waterman and D. Patterson, "Roofline: an insightful visual performance model for multicore
+//! architectures" (2009).
 
 use super::Stepper;
 use crate::cost::Cost;
@@ -19,27 +21,29 @@ pub enum Part {
     Linearize,
     /// The stiffness times a vector.
     Product,
-    /// The preconditioner: a solve with the factor, the residual rounded before, the product of both after.
+    /// The preconditioner: the rounding of the residual, a solve with the factor, and the product of residual and
+    /// result.
     Precondition,
-    /// What an iteration does with whole vectors otherwise.
+    /// The other operations of an iteration on whole vectors.
     Vectors,
-    /// A new factor, of a complete one its panels, too: not a part of every step.
+    /// A new factor and, for a complete factor, its panels. Not every step has this part.
     Refresh,
 }
 
 impl<T: Real> Stepper<T> {
-    /// What a part costs; `None` where that has not been counted (elements without a kernel of their own) or the
-    /// refresher is lent.
+    /// The cost of a part; `None` for elements without a kernel of their own, whose cost is not counted, and for the
+    /// refresh while the refresher is lent.
     ///
-    /// A refresh counts the factorization and the panels. Assembling what is factorized is left out: it takes some
-    /// hundredths of their operations.
+    /// The cost of a refresh counts the factorization and the panels. The assembly of the matrix is left out: it takes
+    /// some hundredths of their operations.
     pub fn cost(&self, part: Part) -> Option<Cost> {
         let node = size_of::<Node<T>>();
         let all = node * self.node.len();
         let free = node * self.free;
         match part {
             Part::Linearize | Part::Product => {
-                // The forces, or the result, begin at zero; what is multiplied is counted with the first kernel.
+                // The forces, or the result, start at zero. The vector that is multiplied is counted with the first
+                // kernel.
                 let mut sum = Cost::write(all) + Cost::read(all).again();
                 sum.touched += all;
                 for (i, kernel) in self.kernels.iter().enumerate() {
@@ -75,7 +79,7 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// Does a part once more where the body is, which changes nothing of what the next step finds.
+    /// Repeats a part at the present state of the body. The next step is not affected.
     ///
     /// # Errors
     ///
@@ -97,7 +101,7 @@ impl<T: Real> Stepper<T> {
                 let free = self.free;
                 let (p, q) = (&mut self.p[..free], &mut self.q[..free]);
                 vectors::turn(&self.z, T::ZERO, &self.inertia, p, q);
-                // A step of no length; the product is used, so that it is made.
+                // A step of length zero. It depends on the product, so that the compiler keeps the product.
                 let none = T::of(0.0 * vectors::dot(p, q).clamp(0.0, 1.0));
                 vectors::advance(none, p, q, &mut self.u[..free], &mut self.residual[..free]);
             }
@@ -106,14 +110,14 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Memory of what makes a factor (bytes); 0 while that is lent.
+    /// Memory of the refresher (bytes); 0 while the refresher is lent.
     pub fn refresher_bytes(&self) -> usize {
         let refresher = self.refresher.as_ref();
         refresher.map_or(0, |refresher| refresher.bytes())
     }
 
-    /// Memory that it holds (bytes): its own arrays and those of the refresher, where that is not lent, without the
-    /// shapes of local models.
+    /// Memory of the stepper (bytes): its own arrays and, unless it is lent, the refresher, without the shapes of local
+    /// models.
     pub fn bytes(&self) -> usize {
         let kernels: usize = self.kernels.iter().map(|kernel| kernel.bytes()).sum();
         let by_place = [

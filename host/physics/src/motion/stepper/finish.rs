@@ -1,4 +1,4 @@
-//! The end of a step: what it says of hands and supports, and how much of it energy allows.
+//! The end of a step: the reports on hands and supports, and the bound on the energy.
 
 use super::{Stepped, Stepper, StepperReport};
 use crate::Vec3;
@@ -9,7 +9,7 @@ use crate::error::StepError;
 use crate::lanes::{Real, to_node, to_vec};
 
 impl<T: Real> Stepper<T> {
-    /// Takes the step into `body`, and linearizes where it ends.
+    /// Takes the step into `body`, and linearizes at its end.
     pub(crate) fn end(
         &mut self,
         body: &mut Body,
@@ -21,7 +21,7 @@ impl<T: Real> Stepper<T> {
     ) -> Result<(), StepError> {
         let mut work = self.take(body, h, report)?;
         let before = Energy::new(body.kinetic_energy() + self.elastic, body.load_potential());
-        // A hand decides where a body goes that it tears along.
+        // Where a hand does work on a body, the hand decides where the body goes.
         let promised = (work == 0.0)
             .then(|| self.promise(body, h, factors))
             .flatten();
@@ -48,7 +48,7 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Takes the displacement that was found into `body`; returns the most work (J) that hands can have done.
+    /// Copies the computed displacement into `body`. Returns an upper bound of the work of hands (J).
     pub(crate) fn take(
         &mut self,
         body: &mut Body,
@@ -77,14 +77,14 @@ impl<T: Real> Stepper<T> {
         })
     }
 
-    /// The force of a hand or support on a node (N): what the equation leaves over.
+    /// The force of a hand or support on a node (N): minus the residual of the equation.
     fn pull(&self, node: usize) -> Vec3 {
         -to_vec(&self.residual[self.place[node] as usize])
     }
 
-    /// Linearizes where the step ends, which is nearer than the solver found where that would make energy;
-    /// returns the share held back. Given are the energies before the step and after the whole of it, where the
-    /// elements are linearized.
+    /// Linearizes at the end of the step. A step that would add energy is shortened first. Returns the fraction of the
+    /// displacement that is held back. The energies are those before the step and at the end of the whole step, where
+    /// the elements are linearized on entry.
     fn end_where_energy_allows(
         &mut self,
         body: &mut Body,
@@ -98,7 +98,7 @@ impl<T: Real> Stepper<T> {
         let held = guard.hold_back(body, work, |body| {
             whole.take().unwrap_or_else(|| self.energy_ahead(body, h))
         });
-        // What is linearized must be where the step ends, not where the last look was.
+        // The linearization must belong to the step's end, and the last evaluation belongs to another displacement.
         let after = if held.returned {
             self.energy_ahead(body, h)
         } else {
@@ -109,7 +109,7 @@ impl<T: Real> Stepper<T> {
         1.0 - held.kept
     }
 
-    /// Energy after the displacement as it is; linearized there.
+    /// Energy at the end of the present displacement. The elements are linearized there.
     pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
         for ((at, x), u) in self
             .at
@@ -127,7 +127,7 @@ impl<T: Real> Stepper<T> {
         Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
     }
 
-    /// The residual of the equation of motion with forces as they are at the end of the step.
+    /// The residual of the equation of motion with the forces at the end of the step.
     pub(crate) fn pull_at_the_end(&mut self, body: &Body, h: f64) {
         let drag = body.model.config.mass_damping / h;
         for (place, r) in self.residual.iter_mut().enumerate() {

@@ -1,15 +1,15 @@
-//! Where conjugate gradients start: the velocity of the last step, and what its history says of the next.
+//! The start of conjugate gradients: the velocity of the last step, extrapolated from its history.
 //!
-//! The last four velocities are kept as differences (this one, how it changed, how that changed, ...), as in
-//! extrapolation by polynomials. How much of each is to be added is no constant but fitted by least squares: free
-//! nodes tell how much of them the last step would have needed, and held nodes, whose motion is prescribed, how much
-//! this one does. So a smooth motion is followed closely, and where a hand begins to move or stops nothing is taken
-//! for a trend that is none. Extrapolation from earlier solutions with fitted factors is as old as time-dependent
-//! solvers (for instance P. F. Fischer, "Projection techniques for iterative solution of A x = b with successive
-//! right-hand sides", 1998, who fits the residual, at a product for each; this takes vectors alone).
+//! The last four velocities are kept as differences (the velocity, its change, the change of that change, ...), as in
+//! polynomial extrapolation. The weight of each difference is not constant but fitted by least squares. Free nodes give
+//! the weights that would have predicted the last step, and held nodes, whose motion is prescribed, give those for this
+//! step. A smooth motion is thus followed closely. Where a hand starts to move or stops, the fit finds no trend where
+//! there is none. Extrapolation from earlier solutions with fitted factors is as old as time-dependent solvers (for
+//! instance P. F. Fischer, "Projection techniques for iterative solution of A x = b with successive right-hand sides",
+//! 1998, who fits the residual, at the cost of one product for each solution; this fit needs vectors alone).
 //!
-//! [`follow`] and [`extrapolate`] stop at AVX2: AVX-512 makes them three and two times as long, for the reason that
-//! `vectors` gives.
+//! [`follow`] and [`extrapolate`] use AVX2 at most. With AVX-512 they take three times and twice as long, for the
+//! reason given in `vectors`.
 
 use super::Stepper;
 use super::options::Guess;
@@ -19,36 +19,37 @@ use crate::lanes::{Node, Real, to_node};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// Differences kept, of which the first is the velocity itself.
+/// Number of differences. The first is the velocity itself.
 const KEPT: usize = 4;
 
-/// Products of pairs of them.
+/// Number of products of pairs of differences.
 const PAIRS: usize = KEPT * (KEPT + 1) / 2;
 
-/// Nodes that are summed in the vectors' own precision: few, so that single precision loses no more than [`CUT`].
+/// Nodes per sum in the vectors' own precision: few enough that single precision loses no more than [`CUT`].
 const BLOCK: usize = 64;
 
-/// Free nodes of a block that are fitted to: the others, beside them, move alike.
+/// Free nodes of a block that enter the fit. Their neighbours, the other nodes of the block, move alike.
 const SAMPLE: usize = 16;
 
-/// A difference of which no more than this fraction of its square is new is left out: it says what lower ones do.
+/// A difference is left out if at most this fraction of its square is independent of the lower differences.
 const CUT: f64 = 1e-5;
 
-/// Of them are fitted after a step that ran out of iterations: what it left over is most of the higher ones.
+/// Number of differences in the fit after a step that ran out of iterations. The residual of such a step dominates the
+/// higher differences.
 const AFTER_UNFINISHED: usize = 2;
 
-/// A node's velocity (m/s), how it changed in the last step, how that changed, and so on.
+/// A node's velocity (m/s), its change in the last step, the change of that change, and so on.
 pub(crate) type Differences<T> = [Node<T>; KEPT];
 
-/// What a fit needs: products of the differences with each other, by rows of the lower triangle, and with what they
-/// are to make up.
+/// The data of a fit: products of the differences with each other, by rows of the lower triangle, and with the wanted
+/// change of the velocity.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     pairs: [f64; PAIRS],
     wanted: [f64; KEPT],
 }
 
-/// The same of a few nodes.
+/// The sums of a few nodes, by lane.
 struct Lanes<T> {
     pairs: [Node<T>; PAIRS],
     wanted: [Node<T>; KEPT],
@@ -88,7 +89,7 @@ impl Sums {
         }
     }
 
-    /// How much of each of the first `count` differences fits best; nothing where there is nothing to fit.
+    /// The weights of the first `count` differences that fit best; zero where there is nothing to fit.
     fn weights(self, count: usize) -> [f64; KEPT] {
         // Gaussian elimination in the order of the differences.
         let (mut matrix, mut wanted) = ([[0.0; KEPT]; KEPT], self.wanted);
@@ -122,7 +123,7 @@ impl Sums {
                 weights[i] = (wanted[i] - made) / matrix[i][i];
             }
         }
-        // Numbers too large to be squared fit nothing.
+        // Numbers that are too large to be squared give no fit.
         if weights.iter().all(|weight| weight.is_finite()) {
             weights
         } else {
@@ -131,7 +132,7 @@ impl Sums {
     }
 }
 
-/// The differences one step later, where the velocity is `v`.
+/// The differences one step later, when the velocity is `v`.
 #[inline(always)]
 fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
     let mut new = [*v; KEPT];
@@ -143,7 +144,7 @@ fn next<T: Real>(old: &Differences<T>, v: &Node<T>) -> Differences<T> {
     new
 }
 
-/// Takes free nodes a step further to `velocity`, and sums what it would have taken to foresee that.
+/// Advances free nodes by one step to `velocity`, and sums the data of a fit that would have predicted this step.
 #[cfg_attr(not(palpate_one_version), multiversion(targets("x86_64+avx2")))]
 fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sums: &mut Sums) {
     for (differences, velocity) in differences.chunks_mut(BLOCK).zip(velocity.chunks(BLOCK)) {
@@ -162,8 +163,8 @@ fn follow<T: Real>(differences: &mut [Differences<T>], velocity: &[Node<T>], sum
     }
 }
 
-/// Takes held nodes a step further to `velocity`, and sums what it takes to foresee the next step, in which they are
-/// displaced by `u` (m) at a `rate` of steps (1/s).
+/// Advances held nodes by one step to `velocity`, and sums the data of a fit that predicts the next step. In that step
+/// the held nodes are displaced by `u` (m) at a `rate` of steps (1/s).
 #[cfg_attr(
     not(palpate_one_version),
     multiversion(targets("x86_64+avx512f+avx512vl+avx512dq+avx512bw+avx2", "x86_64+avx2"))
@@ -210,7 +211,7 @@ fn extrapolate<T: Real>(
 }
 
 impl<T: Real> Stepper<T> {
-    /// Begins a new history: as if the body had long moved as it does.
+    /// Begins a new history, as if the body had always moved at its present velocity.
     pub(crate) fn begin_history(&mut self, body: &Body) {
         for (kept, &node) in self.history.iter_mut().zip(&self.node) {
             *kept = [[T::ZERO; 4]; KEPT];
@@ -218,11 +219,12 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// The displacement to start from, with what handles and supports prescribe.
+    /// Computes the displacement from which the iterations start, with the displacements that handles and supports
+    /// prescribe.
     pub(crate) fn prescribe(&mut self, body: &mut Body, h: f64, targets: &[HandlePose]) {
         let free = self.free;
         body.prescribe(targets);
-        // Nobody needs the residual and `q` before there is a guess.
+        // The residual and `q` are free for other use until there is a guess.
         for ((u, v), &node) in self.u.iter_mut().zip(&mut self.residual).zip(&self.node) {
             *u = to_node(&body.assembly.displacement[node as usize]);
             *v = to_node(&body.state.v[node as usize]);
@@ -251,7 +253,7 @@ impl<T: Real> Stepper<T> {
             &weights.map(T::of),
             &mut self.u[..free],
         );
-        // What supports guide is prescribed, too.
+        // Supports prescribe the guided axes.
         for ((u, given), mask) in self.u.iter_mut().zip(&self.q).zip(&self.mask) {
             for i in 0..4 {
                 if mask[i] == T::ZERO {
@@ -276,7 +278,7 @@ mod tests {
         sums
     }
 
-    /// Nodes whose differences have nothing to do with each other.
+    /// Nodes whose differences are unrelated.
     fn nodes() -> Vec<Differences<f64>> {
         let value = |at: usize| f64::from((at * at * 7919 % 1013) as u32) / 1013.0 - 0.5;
         let node = |n: usize| {
@@ -286,7 +288,7 @@ mod tests {
     }
 
     fn near(found: [f64; KEPT], expected: [f64; KEPT]) -> bool {
-        // The matrix is far from singular: rounding stays rounding.
+        // The matrix is far from singular, so rounding errors stay small.
         found
             .iter()
             .zip(expected)
@@ -308,7 +310,7 @@ mod tests {
             node[3] = [0.0; 4];
         }
         let found = sums(&nodes, [0.5, 0.25, 0.5, 1.0]).weights(KEPT);
-        // The first does what the second would, and the last does nothing.
+        // The first difference takes over the weight of the second, and the last has no effect.
         assert!(near(found, [1.0, 0.0, 0.5, 0.0]), "{found:?}");
     }
 
@@ -327,7 +329,7 @@ mod tests {
         for t in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] {
             kept = next(&kept, &[t * t * t, t * t, t, 1.0]);
         }
-        // Of 216, 125, 64, 27; of 36, 25, 16, 9; of 6, 5, 4, 3.
+        // The last values are 216, 125, 64, 27; 36, 25, 16, 9; 6, 5, 4, 3.
         assert_eq!(
             kept,
             [

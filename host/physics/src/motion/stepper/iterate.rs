@@ -1,22 +1,23 @@
-//! The solver of a stepper: conjugate gradients, preconditioned by its frozen factor.
+//! The solver of a stepper: conjugate gradients, preconditioned by a frozen factor.
 
 use super::{Stepper, StepperReport};
 use crate::lanes::{Real, to_vec};
 use crate::linear::vectors;
 
-/// When conjugate gradients stop.
+/// The limits at which conjugate gradients stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// At this residual (N).
+    /// The iterations stop at this residual (N).
     pub(crate) goal: f64,
-    /// Where they start at no more than this residual (N), there is nothing to do.
+    /// An initial residual up to this value (N) needs no iteration.
     pub(crate) start: f64,
     pub(crate) max_iterations: usize,
 }
 
 impl<T: Real> Stepper<T> {
-    /// Conjugate gradients from `u` and `residual` (Saad, "Iterative methods for sparse linear systems",
-    /// algorithm 9.1). Held places have no direction; their residual is carried along: minus the hand's force.
+    /// Conjugate gradients from `u` and `residual` (Saad, "Iterative methods for sparse linear systems", algorithm
+    /// 9.1). Held places have no direction. Their residual is updated in each iteration; it is minus the force of the
+    /// hand.
     pub(crate) fn iterate(
         &mut self,
         (mass_factor, stiffness_factor): (f64, f64),
@@ -54,14 +55,15 @@ impl<T: Real> Stepper<T> {
                 kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
             }
             let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
-            // The matrix is positive definite: anything else is underflow, or a state that has blown up.
+            // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
             if !(curvature > 0.0 && curvature.is_finite()) {
-                // The next solve begins with none of this direction, and none of what is not a number is still one.
+                // The next solve multiplies this direction by zero, and zero times a value that is not a number is not
+                // a number.
                 self.p.fill([T::ZERO; 4]);
                 break;
             }
             let alpha = T::of(rz / curvature);
-            // Held places have no direction, but a residual.
+            // Held places have a residual but no direction.
             let (free_residual, held_residual) = self.residual.split_at_mut(free);
             let (free_q, held_q) = self.q.split_at(free);
             let square = vectors::advance(
@@ -94,7 +96,7 @@ impl<T: Real> Stepper<T> {
         report
     }
 
-    /// `z` from the residual, without what is guided; returns their product.
+    /// Computes `z` from the residual, without guided axes. Returns the product of the two vectors.
     pub(crate) fn precondition(&mut self) -> f64 {
         vectors::round(&self.residual, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
@@ -103,7 +105,7 @@ impl<T: Real> Stepper<T> {
         vectors::dot_single(&self.z, &self.residual)
     }
 
-    /// Norm of the residual on what is free (N).
+    /// Norm of the residual on free axes (N).
     pub(crate) fn norm(&self) -> f64 {
         let free = &self.residual[..self.free];
         if self.mask.is_empty() {

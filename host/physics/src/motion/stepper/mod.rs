@@ -6,16 +6,16 @@
 //! A u = M v / h + f_internal + f_external        A = M (1 / h^2 + alpha / h) + K (1 + beta / h)
 //! ```
 //!
-//! with the displacement `u` over the step as the unknown. Nothing is assembled: elements multiply by their own
-//! tangent. What makes few iterations enough is the preconditioner, a sparse Cholesky factor of `A` as it was
-//! some time ago: elements turn and stretch little from step to step, and conjugate gradients take care of the
-//! rest (a frozen factor has long served so, e.g. Courtecuisse et al., "Real-time simulation of contact and
-//! cutting of heterogeneous soft-tissues", 2014).
+//! with the displacement `u` over the step as the unknown. No matrix is assembled: the elements multiply by their own
+//! tangent. The preconditioner keeps the iterations few. It is a sparse Cholesky factor of `A` at an earlier state.
+//! Elements rotate and stretch little from step to step, and conjugate gradients correct the rest (frozen factors have
+//! long been used in this role, e.g. Courtecuisse et al., "Real-time simulation of contact and cutting of heterogeneous
+//! soft-tissues", 2014).
 //!
-//! A step is one call or four, between which several bodies can be joined: see `stages`.
+//! A step is one call or four calls, between which several bodies can be joined: see `stages`.
 //!
-//! Forces and tangent at the end of a step are those with which the next begins, and their energy bounds the
-//! step (`guard`) at no cost.
+//! The next step begins with the forces and the tangent at the end of the last step. The energy there bounds the step
+//! (`guard`) at no further cost.
 
 mod correct;
 mod cost;
@@ -41,35 +41,37 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{self, Preconditioner, Solves};
 use stages::Underway;
 
-/// A complete factor of which an iteration leaves more than this share of the residual has aged. A fresh one leaves a
-/// thousandth. Good guesses need few iterations of any, so that their number tells too late: where a hand stops, and
-/// the guess is of no use, an old one takes twice as many as a fresh one.
+/// A complete factor has aged if an iteration leaves more than this fraction of the residual. A fresh factor leaves a
+/// thousandth. The number of iterations alone would show this too late, because a good guess needs few of them with any
+/// factor. Where a hand stops, the guess is of no use, and an old factor needs twice as many iterations as a fresh
+/// factor.
 const SLOW: f64 = 0.03;
 
-/// How the last step went.
+/// The last step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stepped {
-    /// How long it was (s).
+    /// Length of the step (s).
     pub(crate) length: f64,
-    /// Whether it went as its linearization says: neither corrected nor held back.
+    /// Whether the step followed its linearization: neither corrected nor held back.
     pub(crate) whole: bool,
 }
 
-/// Steps one body again and again without allocating.
+/// Advances one body repeatedly without allocating memory.
 #[derive(Debug)]
 pub struct Stepper<T> {
-    /// How steps are solved; may be changed between them.
+    /// The options of the steps; they may be changed between steps.
     pub options: StepperOptions,
-    /// The epoch of the body for which everything here is made.
+    /// The topology epoch of the body for which all data here are made.
     pub(crate) epoch: u64,
-    /// The place of each node, and the node at each place: free ones first, in an order that fills little.
+    /// The place of each node, and the node at each place. Free nodes come first, in an order that keeps the factor
+    /// sparse.
     pub(crate) place: Vec<u32>,
     pub(crate) node: Vec<u32>,
     pub(crate) free: usize,
     pub(crate) kernels: Vec<Box<dyn Kernel<T>>>,
-    /// Absent while it is lent.
+    /// The refresher; absent while it is lent.
     pub(crate) refresher: Option<Box<Refresher<T>>>,
-    /// The factor that steps solve with.
+    /// The factor that preconditions the steps.
     pub(crate) solves: Solves,
     /// Factors of mass and stiffness in the matrix that was factorized.
     pub(crate) factors: Option<(f64, f64)>,
@@ -79,17 +81,17 @@ pub struct Stepper<T> {
     /// Positions (m) by node for which the kernels are linearized.
     pub(crate) at: Vec<Vec3>,
     elastic: f64,
-    /// Elastic energy (J) above which cells may be inside out.
+    /// Elastic energy (J) above which elements may be inverted.
     turned: f64,
-    /// Mass times what rounding takes from positions (kg m): less force than this over `h^2` moves nothing.
+    /// Mass times the rounding error of positions (kg m): a force below this value over `h^2` moves nothing.
     unseen: f64,
 
-    // By place.
+    // The following fields are by place.
     pub(crate) rest: Vec<Vec3>,
     pub(crate) mass: Vec<f64>,
-    /// 1 where an axis of a free place is free, 0 where a support guides it; empty without supports.
+    /// By axis of a free place: 1 where the axis is free, 0 where a support guides it; empty without supports.
     pub(crate) mask: Vec<Node<T>>,
-    /// Mass in the matrix that is being solved with (kg/s^2).
+    /// Mass in the matrix of the present solve (kg/s^2).
     pub(crate) inertia: Vec<T>,
     pub(crate) d: Vec<Node<T>>,
     pub(crate) force: Vec<Node<T>>,
@@ -98,9 +100,9 @@ pub struct Stepper<T> {
     pub(crate) history: Vec<guess::Differences<T>>,
     /// Whether the last step ended before it converged.
     unfinished: bool,
-    /// The last step, as long as `residual` is that of its end.
+    /// The last step, as long as `residual` belongs to its end.
     pub(crate) stepped: Option<Stepped>,
-    /// Elastic forces at its start, by place (N).
+    /// Elastic forces at the start of the last step, by place (N).
     pub(crate) began: Vec<Node<T>>,
     pub(crate) residual: Vec<Node<T>>,
     pub(crate) z: Vec<Node<f32>>,
@@ -109,14 +111,13 @@ pub struct Stepper<T> {
     sleep: Sleep,
     /// The step that has begun and not ended.
     underway: Option<Underway>,
-    /// Where its handles go.
+    /// The handle poses at the end of that step.
     targets: Vec<HandlePose>,
-    /// Counts linearizations.
+    /// Number of linearizations.
     pub(crate) state: u64,
 }
 
-/// Memory that the complete factor of `body`'s step matrix would take (bytes), as
-/// [`precondition::complete_bytes`] counts it.
+/// Memory of the complete factor of `body`'s step matrix (bytes), as counted by [`precondition::complete_bytes`].
 pub fn complete_bytes(body: &Body) -> usize {
     precondition::complete_bytes(&body.assembly.stiffness, &body.model.rest)
 }
@@ -149,7 +150,7 @@ fn kernels<T: Real>(
 }
 
 impl<T: Real> Stepper<T> {
-    /// Memory for `body`, as it is connected, held and supported now; where that changes, the stepper
+    /// Makes a stepper for `body` with its present connectivity, handles and supports. Where these change, the stepper
     /// [follows](Self::follow).
     ///
     /// # Errors
@@ -237,15 +238,15 @@ impl<T: Real> Stepper<T> {
         })
     }
 
-    /// Makes everything anew where `body` has begun another epoch since; the first step after it does otherwise. Takes
-    /// memory and as long as making a stepper; a factor is then still to be [made](Self::prepare).
+    /// Makes the stepper again if `body` has begun another topology epoch since. Otherwise the next step does so. The
+    /// call allocates memory and takes as long as making a stepper. A factor has still to be [made](Self::prepare).
     ///
     /// # Errors
     ///
-    /// [`CondenseError::Symbolic`]; the stepper is as it was then.
+    /// [`CondenseError::Symbolic`]; the stepper has not changed then.
     pub fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
         if self.epoch != body.epoch() {
-            // The count goes on: no shapes are those of another epoch's linearization.
+            // The count continues, so that no shapes of another epoch pass for those of this linearization.
             let state = self.state;
             *self = Self::new(body, self.options)?;
             self.state = state;
@@ -253,17 +254,17 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Whether there has been a step, from which a factor is left.
+    /// Whether there is a factor.
     pub(crate) fn is_ready(&self) -> bool {
         self.factors.is_some()
     }
 
-    /// Elastic energy (J) where the last step ended; not a number before the first.
+    /// Elastic energy (J) at the end of the last step; 0 before the first linearization.
     pub fn elastic_energy(&self) -> f64 {
         self.elastic
     }
 
-    /// Makes the first factor, for steps of `h` seconds: otherwise the first step does, and is late.
+    /// Makes the first factor, for steps of `h` seconds. Otherwise the first step makes the factor and is late.
     ///
     /// # Errors
     ///
@@ -280,12 +281,12 @@ impl<T: Real> Stepper<T> {
         self.refresh(factors(body, h)).map_err(StepError::Matrix)
     }
 
-    /// Whether a step took so many iterations, or they brought so little each, that a new factor would pay.
+    /// Whether a step took so many iterations, or reduced the residual so slowly, that a new factor would pay.
     fn is_slow(&mut self, report: &StepperReport) -> bool {
         let (patience, iterations) = (self.options.patience, report.iterations);
         match self.solves {
             Solves::Complete(_) => iterations > patience || report.rate > SLOW,
-            // A new one takes many, too: only what has been added since counts.
+            // A new incomplete factor needs many iterations, too, so only the increase counts.
             Solves::Incomplete(_) => {
                 if self.usual == 0 {
                     self.usual = iterations;
@@ -295,7 +296,7 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// What preconditions the steps.
+    /// The preconditioner of the steps.
     pub fn preconditioner(&self) -> Preconditioner {
         match self.solves {
             Solves::Complete(_) => Preconditioner::Complete,
@@ -303,7 +304,7 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// Forces, tangent and energy at the positions `self.at`.
+    /// Computes forces, tangent and energy at the positions `self.at`.
     fn linearize(&mut self) {
         for ((d, rest), &node) in self.d.iter_mut().zip(&self.rest).zip(&self.node) {
             *d = to_node(&(self.at[node as usize] - rest));
@@ -312,7 +313,7 @@ impl<T: Real> Stepper<T> {
         self.linearize_elements();
     }
 
-    /// Forces, tangent and energy at the displacements `self.d`.
+    /// Computes forces, tangent and energy at the displacements `self.d`.
     pub(crate) fn linearize_elements(&mut self) {
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
@@ -321,7 +322,7 @@ impl<T: Real> Stepper<T> {
         }
     }
 
-    /// A new factor of the matrix as it is, where the refresher is at hand; otherwise the old one has to do.
+    /// Makes a new factor of the present matrix, if the refresher is not lent. Otherwise the old factor stays.
     pub(crate) fn refresh(&mut self, factors: (f64, f64)) -> Result<(), CondenseError> {
         if let Some(refresher) = &mut self.refresher {
             refresher.load(&self.d, factors);
@@ -333,8 +334,9 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Where a new factor is worth its while, what makes it: [`work`](Refresher::work) it, on any thread, and
-    /// [give it back](Self::give_back). With [`StepperOptions::refresh`] off nobody else does.
+    /// Lends the refresher if a new factor would pay. The caller runs [`work`](Refresher::work) on any thread and then
+    /// [gives the refresher back](Self::give_back). With [`StepperOptions::refresh`] off, no step replaces an aged
+    /// factor.
     pub fn lend(&mut self) -> Option<Box<Refresher<T>>> {
         if !self.stale {
             return None;
@@ -345,7 +347,7 @@ impl<T: Real> Stepper<T> {
         Some(refresher)
     }
 
-    /// Takes the refresher back, and the factor that it has made; of another epoch, both are of no use.
+    /// Takes the refresher back, with the factor that it has made. Both are discarded if they belong to another epoch.
     pub fn give_back(&mut self, mut refresher: Box<Refresher<T>>) {
         if refresher.epoch != self.epoch {
             return;
@@ -358,9 +360,10 @@ impl<T: Real> Stepper<T> {
         self.refresher = Some(refresher);
     }
 
-    /// The residual of the guess; returns the norm of the forces against which it is to be small (N): those that
-    /// act on the free nodes, and what moves them. That is what a hand does within the step, all of which is in
-    /// the residual; where no hand moves it is inertia, and a bad guess is no excuse.
+    /// Computes the residual of the guess. Returns the norm of the reference forces (N), relative to which the residual
+    /// has to become small: the forces on the free nodes, and the forces that move them. If a hand moves, all its
+    /// effect within the step is in the residual of the guess. If no hand moves, the inertial forces bound this part,
+    /// so that a bad guess does not relax the tolerance.
     fn start(&mut self, body: &Body, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
         let (mut acting, mut momentum) = (0.0, 0.0);
         self.began.copy_from_slice(&self.force);

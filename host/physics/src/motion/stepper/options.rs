@@ -1,43 +1,44 @@
-//! What a stepper is asked, and what it answers.
+//! The options and the report of a stepper.
 
 use crate::linear::precondition::Preconditioner;
 use crate::linear::sparse_cholesky::FactorCode;
 
-/// Where conjugate gradients start.
+/// The start of conjugate gradients.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Guess {
-    /// The velocity stays.
+    /// The velocity is that of the last step.
     Velocity,
-    /// The velocity changes as in the last step: closer in a smooth motion, twice too far where one begins.
+    /// The velocity changes as in the last step: closer in a smooth motion, twice too far where a motion begins.
     Acceleration,
-    /// The velocity changes by those fractions of its last changes that would have fitted best: closest in a smooth
-    /// motion, and no further off where one begins or ends.
+    /// The velocity changes by a fitted combination of its last changes: closest in a smooth motion, and no further off
+    /// where a motion begins or ends.
     #[default]
     Fitted,
 }
 
-/// How a step is solved.
+/// The options of the solve in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepperOptions {
-    /// The residual to reach, as a fraction of the forces that act on the free nodes and of what moves them.
+    /// The residual to reach, as a fraction of the forces on the free nodes and of the forces that move these nodes.
     pub tolerance: f64,
-    /// Most iterations; the step is taken with what they have found.
+    /// Most iterations. A step that reaches this number uses the solution so far.
     pub max_iterations: usize,
-    /// Where they start.
+    /// The start of the iterations.
     pub guess: Guess,
-    /// What preconditions them; what the stepper was made with stays. An incomplete factor wants more of them: on a
-    /// sheet of 30 thousand triangles up to 140.
+    /// The preconditioner. A stepper keeps its preconditioner until the topology epoch changes. An incomplete factor
+    /// needs more iterations: up to 140 on a sheet of 30 thousand triangles.
     pub preconditioner: Preconditioner,
-    /// A step of more iterations than this asks for a new factor, as does one whose iterations bring little. On an
-    /// incomplete factor, of so many more than a quarter above those of the first step on it.
+    /// A step of more iterations than this number asks for a new factor, as does one whose iterations reduce the
+    /// residual too little. For an incomplete factor, the number counts from five quarters of the iterations of the
+    /// first step on that factor.
     pub patience: usize,
-    /// Whether the next step makes it, which takes many times as long as a step. Otherwise someone else has to:
-    /// see [`Stepper::lend`](crate::motion::stepper::Stepper::lend).
+    /// Whether the next step makes the new factor, which takes many times as long as a step. Otherwise the caller has
+    /// to make the factor: see [`Stepper::lend`](crate::motion::stepper::Stepper::lend).
     pub refresh: bool,
-    /// The code that factorizes.
+    /// The code of the factorization.
     pub code: FactorCode,
-    /// A body of which no vertex has been faster than this for some steps sleeps (m/s); 0 for none that does. See
-    /// `sleep` for what that leaves out.
+    /// A body sleeps after some steps in which no vertex was faster than this speed (m/s); 0 turns sleep off. See
+    /// `sleep` for the error that sleep causes.
     pub sleep_speed: f64,
 }
 
@@ -56,21 +57,21 @@ impl Default for StepperOptions {
     }
 }
 
-/// How a step went.
+/// The report of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StepperReport {
-    /// Iterations spent.
+    /// Iterations of the solve.
     pub iterations: usize,
-    /// By how much each of them shortened the residual, in the geometric mean; 0 without any.
+    /// Geometric mean of the factors by which the iterations reduced the residual; 0 without iterations.
     pub rate: f64,
-    /// Norm of the residual at the end (N), as the recurrence carries it.
+    /// Norm of the residual at the end (N), from the recurrence.
     pub residual: f64,
-    /// Norm of the forces that act on the free nodes, and of what moves them (N).
+    /// Norm of the forces on the free nodes and of the forces that move these nodes (N).
     pub reference: f64,
     /// Whether the tolerance was met.
     pub converged: bool,
-    /// Fraction of the motion that was held back, for with all of it the body would have made energy.
+    /// Fraction of the motion that was held back, because the whole motion would have added energy to the body.
     pub held_back: f64,
-    /// Whether the body sleeps and nothing was done.
+    /// Whether the body sleeps and the step did nothing.
     pub asleep: bool,
 }

@@ -1,8 +1,8 @@
 //! A step in four calls: `predict`, `constrain`, `solve`, `finish`.
 //!
-//! Whoever moves several bodies makes each call for all of them in turn. What joins bodies then finds its place between
-//! two: after `constrain` every body has its equation of motion, after `solve` what it would do alone. One body by itself
-//! takes all four in [`Stepper::step`].
+//! A caller that moves several bodies makes each call for all of them in turn. Connections between bodies act between
+//! two calls. After `constrain` every body has its equation of motion; after `solve` each body has the solution for
+//! itself alone. For a single body, [`Stepper::step`] makes all four calls.
 
 use super::{Limits, Stepper, StepperReport, factors};
 use crate::body::Body;
@@ -10,7 +10,7 @@ use crate::body::handle::HandlePose;
 use crate::error::StepError;
 use crate::lanes::Real;
 
-/// How far a step has come.
+/// The stage that a step has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Predicted,
@@ -22,19 +22,19 @@ enum Stage {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Underway {
     stage: Stage,
-    /// How long it is (s).
+    /// Length of the step (s).
     h: f64,
-    /// Factors of mass and stiffness in its matrix.
+    /// Factors of mass and stiffness in the matrix of the step.
     factors: (f64, f64),
     limits: Limits,
     report: StepperReport,
 }
 
 impl<T: Real> Stepper<T> {
-    /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is asked
-    /// after each iteration; where it says so, the step is taken with what has been found.
+    /// Advances `body` by `h` seconds to the handle poses `targets`, one per handle. `out_of_time` is called after each
+    /// iteration. If it returns true, the step uses the solution so far.
     ///
-    /// A solve that runs out of time or iterations is no error: the report says how far it came.
+    /// A solve that runs out of time or iterations is no error: the report gives the residual that it reached.
     ///
     /// # Errors
     ///
@@ -53,8 +53,8 @@ impl<T: Real> Stepper<T> {
         self.finish(body, &mut out_of_time)
     }
 
-    /// Begins a step of `h` seconds: forces and tangent where `body` is, if anything but the last step moved it. A step
-    /// that has begun already is forgotten.
+    /// Begins a step of `h` seconds. Forces and tangent are computed at the present state of `body`, if anything but
+    /// the last step has moved the body. A step that has already begun is discarded.
     ///
     /// # Errors
     ///
@@ -83,13 +83,13 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Lays out the equation of the step: what handles, which go to `targets`, and supports prescribe, where the
-    /// iterations start and what they leave over there. Finds whether the body sleeps on.
+    /// Builds the equation of the step: the displacements that supports and the handle poses `targets` prescribe, the
+    /// start of the iterations, and the residual there. Finds whether the body continues to sleep.
     ///
     /// # Errors
     ///
-    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::Matrix`], and [`StepError::Stage`] where the step has
-    /// not been predicted; it has to begin again then.
+    /// [`StepError::Targets`], [`StepError::Target`], [`StepError::Matrix`], and [`StepError::Stage`] if the step has
+    /// not been predicted. After an error the step has to begin again.
     pub fn constrain(&mut self, body: &mut Body, targets: &[HandlePose]) -> Result<(), StepError> {
         let mut step = self.underway(body, Stage::Predicted)?;
         body.check_targets(targets)?;
@@ -114,7 +114,7 @@ impl<T: Real> Stepper<T> {
         self.prescribe(body, h, targets);
         let reference = self.start(body, h, factors.0, factors.1);
         let goal = self.options.tolerance * reference;
-        // A body at rest and in balance but for rounding stays where it is.
+        // A body at rest whose residual is only rounding stays where it is.
         let unseen = if self.u.iter().flatten().all(|u| *u == T::ZERO) {
             self.unseen / (h * h)
         } else {
@@ -122,8 +122,8 @@ impl<T: Real> Stepper<T> {
         };
         step.limits = Limits {
             goal,
-            // What iterations leave over is rough and moves little. What a guess leaves over is smooth, and moves a
-            // hand by a hundred times as much.
+            // The residual of iterations is rough and moves little. The residual of a guess is smooth, and moves a hand
+            // by a hundred times as much.
             start: (0.1 * goal).max(unseen),
             max_iterations: self.options.max_iterations,
         };
@@ -132,12 +132,12 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Solves the equation of the step. `out_of_time` is asked after each iteration; where it says so, the step goes on
-    /// with what has been found.
+    /// Solves the equation of the step. `out_of_time` is called after each iteration. If it returns true, the step
+    /// continues with the solution so far.
     ///
     /// # Errors
     ///
-    /// [`StepError::Stage`] where the step has not been constrained.
+    /// [`StepError::Stage`] if the step has not been constrained.
     pub fn solve(&mut self, mut out_of_time: impl FnMut() -> bool) -> Result<(), StepError> {
         let mut step = self.begun(Stage::Constrained)?;
         if !step.report.asleep {
@@ -152,12 +152,12 @@ impl<T: Real> Stepper<T> {
         Ok(())
     }
 
-    /// Takes the step into `body`, as far as energy allows, and says how it went. Where cells are inside out the equation
-    /// may be linearized and solved again, for which `out_of_time` is asked as before.
+    /// Takes the step into `body`, as far as the energy allows, and returns its report. If elements are inverted, the
+    /// equation may be linearized and solved again; `out_of_time` is then called as in `solve`.
     ///
     /// # Errors
     ///
-    /// [`StepError::Diverged`], and [`StepError::Stage`] where the step has not been solved; the body keeps its state
+    /// [`StepError::Diverged`], and [`StepError::Stage`] if the step has not been solved; the body keeps its state
     /// then.
     pub fn finish(
         &mut self,
@@ -190,7 +190,7 @@ impl<T: Real> Stepper<T> {
         ended.map(|()| report)
     }
 
-    /// The step that has begun, if it has come as far as `stage` and `body` is as it was then.
+    /// The step that has begun, if it has reached `stage` and the topology epoch of `body` has not changed since.
     fn underway(&mut self, body: &Body, stage: Stage) -> Result<Underway, StepError> {
         let step = self.begun(stage)?;
         if self.epoch == body.epoch() {
@@ -209,7 +209,7 @@ impl<T: Real> Stepper<T> {
 }
 
 impl Stage {
-    /// What it is to ask for more where a step has not come as far.
+    /// The error of a call that needs this stage, for a step that has not reached it.
     fn missing(self) -> StepError {
         let (call, first) = match self {
             Self::Predicted => ("constrain", "predict"),
