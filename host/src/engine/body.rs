@@ -296,7 +296,7 @@ impl HostBody {
     }
 }
 
-/// The fraction of a displacement of `length` that is as long as `most`; `None` if the whole is no longer than that.
+/// The fraction of a displacement or a turn of `length` that is as long as `most`; `None` if the whole is no longer.
 fn shortened(length: f64, most: f64) -> Option<f64> {
     (length > most).then(|| most / length)
 }
