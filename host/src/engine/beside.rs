@@ -7,8 +7,8 @@ use std::thread;
 /// Time from the request for a new factor to its use in virtual time (s), about as long as a factor takes.
 const TIME: f64 = 0.01;
 
-/// Makes factors beside the steps. Each refresher that was begun comes back in the end, whether its factor was made
-/// or not.
+/// Makes factors beside the steps. Each refresher that was begun comes back in the end, whether or not its factor was
+/// made, unless the thread has ended.
 pub(super) enum Beside<T> {
     /// At once. A factor is not taken before its step, so that a run repeats to the byte.
     AtAStep {

@@ -59,9 +59,9 @@ impl Engine {
     }
 
     /// Makes one host step of all bodies, call by call (predict, constrain, solve, finish), so that joints between
-    /// bodies can act between two calls. If the step publishes, `publish` is given a local model of each body. A body
-    /// whose step fails keeps its last good state and publishes nothing: its model ages, and the tick fades its
-    /// force.
+    /// bodies would have a place between two calls. If the step publishes, `publish` is given a local model of each
+    /// body. A body whose step fails keeps its last good state and publishes nothing: its model ages, and the tick
+    /// fades its force.
     pub fn step(
         &mut self,
         due: Due,

@@ -92,8 +92,8 @@ impl VirtualCoupling {
         }
     }
 
-    /// Sets the lever arm `length` (m) at which the springs resist turns. Where the body does not resist the turns of
-    /// a handle, the coupling renders no moment.
+    /// Sets the lever arm `length` (m) at which the springs resist turns. The coupling does not resist the turns of a
+    /// handle where the body does not resist them.
     pub(crate) fn set_length(&mut self, length: f64) {
         self.length = length;
     }
