@@ -218,13 +218,13 @@ pub struct EnergySummary {
     pub stored: Option<f64>,
     /// The part of the supplied work that was neither stored nor raised.
     pub dissipated: Option<f64>,
-    /// The largest excess, over the run, of the energy received by the hands. The excess is taken over the work of
-    /// the hands, the weight lifted, the dissipation of the devices (as far as it is relied on) and the energy at the
-    /// start.
+    /// Net energy: the largest excess, over the run, of the energy that came out at the hands over the energy stored
+    /// at the start; zero without an excess. The work of lowered weights and the credited dissipation of the devices
+    /// are deducted.
     pub most_out: f64,
-    /// Energy that devices dissipated by themselves and on which a cap relied.
+    /// The part of the devices' own dissipation on which a cap relied.
     pub credited: f64,
-    /// Ticks in which a cap withheld force.
+    /// Ticks in which a cap reduced a wrench, or the classic controller damped.
     pub capped_ticks: u64,
 }
 
