@@ -1,4 +1,4 @@
-//! One body in the host loop: its handles' paths, its step, and the local model it publishes.
+//! One body in the host's loop: the paths of its handles, its step, and the local model that it publishes.
 
 use super::clock::BodyClock;
 use super::path::HandlePath;
@@ -18,7 +18,7 @@ const CATCH_UP: f64 = 0.5;
 /// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
-/// A body, the paths of its handles, and how it publishes.
+/// A body with the paths of its handles, its solver and its local model.
 pub struct HostBody {
     name: String,
     solved: String,
@@ -71,7 +71,7 @@ pub struct HostBodyParts {
 }
 
 impl HostBody {
-    /// A body at rest, nothing published yet.
+    /// A body at rest that has published no model.
     pub fn new(parts: HostBodyParts) -> Self {
         let mut model = LocalModel::empty();
         model.period = parts.period;
@@ -128,7 +128,7 @@ impl HostBody {
     /// continue.
     ///
     /// # Errors
-    /// [`BodyError`] where the two are not of the same mesh; nothing is changed then.
+    /// [`BodyError`] if the two bodies are not of the same mesh. Nothing is changed in this case.
     pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
         other.body.continue_from(&self.body)?;
         if let Some(stored) = &mut self.stored {

@@ -10,7 +10,7 @@ use super::stats::Stopwatch;
 use rt_core::{LocalModel, TickRecord};
 use std::str::FromStr;
 
-/// What goes wrong.
+/// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// The host does nothing for a while.
@@ -42,7 +42,7 @@ const NAMES: [(&str, FaultKind, &str); 4] = [
 /// One fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HostFault {
-    /// What goes wrong.
+    /// Its kind.
     pub kind: FaultKind,
     /// Start (s).
     pub at: f64,
@@ -123,7 +123,7 @@ impl Faults {
     }
 
     /// # Panics
-    /// If it is time to.
+    /// If a panic is due.
     fn panic_if_due(&self, now_ns: u64) {
         let due = |f: &HostFault| f.kind == FaultKind::Panic && f.at * 1e9 <= now_ns as f64;
         assert!(!self.pending.iter().any(due), "a fault on purpose");
@@ -181,7 +181,7 @@ impl Failing {
     /// As [`Engine::step`], with models spoilt where a fault is due.
     ///
     /// # Panics
-    /// If it is time to.
+    /// If a panic is due.
     pub(crate) fn step(
         &mut self,
         due: Due,

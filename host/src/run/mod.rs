@@ -65,11 +65,11 @@ pub struct RunOptions {
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
     pub instructions: FactorCode,
-    /// How the tick's thread runs, under the real clock.
+    /// How the tick's thread runs under the real clock.
     pub runner: RunnerConfig,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
-    /// Ends a run under the real clock before its time, in order.
+    /// A request to end a run under the real clock early and in order.
     pub stop: Arc<Stop>,
 }
 

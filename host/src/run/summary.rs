@@ -200,7 +200,7 @@ pub struct TripSummary {
     pub found: f64,
     /// The largest value allowed.
     pub limit: f64,
-    /// Unit of both.
+    /// Unit of `found` and `limit`.
     pub unit: &'static str,
 }
 
@@ -211,7 +211,7 @@ pub struct EnergySummary {
     pub body: String,
     /// Net work of the hands, computed from held wrenches.
     pub supplied: f64,
-    /// Part of it that lifted the body's weight.
+    /// The part of `supplied` that lifted the body's weight.
     pub raised: f64,
     /// Energy that hands at rest could recover at the end, by the last local model; `None` if the scheme does not use
     /// it.

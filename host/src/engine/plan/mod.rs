@@ -1,4 +1,4 @@
-//! The plan: what the host does for a scene, as data.
+//! The plan: the work of the host for a scene, as data.
 //!
 //! A scene pays only for the stages that it needs. The scene and the meshes of its bodies determine them before
 //! anything runs: the engine is built from a [`BodyPlan`] ([`super::build`]), and `palpate plan` prints the same
