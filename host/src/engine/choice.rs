@@ -28,8 +28,8 @@ pub fn choose(scene: &Scene, body: &Body) -> Choice {
     }
 }
 
-/// Chooses by the size of the factor. A frozen factor was the fastest solver on every measured body (`palpate bench
-/// speed`) whose factor fits in memory. Single precision was never faster by enough to justify its error to a user
+/// Chooses by the size of the factor. On every measured body whose factor fits in memory, a frozen factor was the
+/// fastest solver (`palpate bench speed`). Single precision was never faster by enough to justify its error to a user
 /// who did not ask for it.
 fn by_memory(bytes: usize) -> Choice {
     let megabytes = |bytes: usize| bytes as f64 / 1e6;

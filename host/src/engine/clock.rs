@@ -7,8 +7,8 @@
 //! paths of the hands are extrapolated at their velocity, for at most [`LONGEST`]. Where records come evenly, nothing
 //! is extrapolated.
 
-/// Longest time (s) over which a path is extrapolated without a record. Where every other record of a millisecond is
-/// lost, ten records in a row are lost once in a thousand times.
+/// Longest time (s) over which a path is extrapolated without a record. Even where records of a millisecond are lost
+/// with a probability of one half, ten records in a row are lost only once in a thousand times.
 const LONGEST: f64 = 0.010;
 
 /// Fraction of its advance over the records that a clock gives back in a step. Without this, records that come later

@@ -38,13 +38,13 @@ pub struct Setup {
     pub tick: TickLoop,
     /// The host's end of the link.
     pub host: HostEnd,
-    /// The log's end.
+    /// The log's end of the link.
     pub log: LogEnd,
     /// The physics.
     pub engine: Engine,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// When it steps.
+    /// The due times of the host's steps.
     pub pacer: Pacer,
     /// The times of the run.
     pub timing: Timing,
@@ -54,7 +54,7 @@ pub struct Setup {
 pub struct HostSide {
     /// The physics.
     pub engine: Engine,
-    /// When it steps.
+    /// The due times of the host's steps.
     pub pacer: Pacer,
     /// The host's end of the link.
     pub end: HostEnd,
@@ -64,7 +64,7 @@ pub struct HostSide {
 pub struct Running {
     /// The tick with its devices.
     pub tick: TickLoop,
-    /// The log's end.
+    /// The log's end of the link.
     pub log: LogEnd,
     /// The host's side; `None` if the host panicked.
     pub host: Option<HostSide>,
@@ -183,7 +183,7 @@ fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> Coupling
     }
 }
 
-/// The port of a device, by which the account of energy knows its dissipation, in the units of the scene.
+/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it.
 fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period: f64) -> Port {
     let scale = frame.motion_scale;
     // The delay of the velocity estimate that the device's driver makes.
