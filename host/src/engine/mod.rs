@@ -43,7 +43,8 @@ impl Engine {
     /// Gives the engine's bodies the physics and the solvers of `bodies`, in the engine's order, from the next step
     /// on.
     ///
-    /// # Errors [`BodyError`] where a body is not of the same mesh as the body that it replaces.
+    /// # Errors
+    /// [`BodyError`] where a body is not of the same mesh as the body that it replaces.
     pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
         for (body, other) in self.bodies.iter_mut().zip(bodies) {
             body.exchange(other)?;

@@ -35,7 +35,8 @@ pub struct Timeline {
 impl Timeline {
     /// Makes all steps and ticks of the run. `tick` is given the host and the tick's time (ns).
     ///
-    /// # Errors The first error of `host` or `tick`.
+    /// # Errors
+    /// The first error of `host` or `tick`.
     pub fn drive<H: Host>(
         self,
         host: &mut H,
