@@ -4,23 +4,24 @@ use physics::{Real, Refresher};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread;
 
-/// In virtual time a new factor is taken so long (s) after it was asked for, about as long as one takes.
+/// Time from the request for a new factor to its use in virtual time (s), about as long as a factor takes.
 const TIME: f64 = 0.01;
 
-/// Where factors are made. Whatever has been begun comes back in the end, made or not.
+/// Makes factors beside the steps. Each refresher that was begun comes back in the end, whether or not its factor was
+/// made, unless the thread has ended.
 pub(super) enum Beside<T> {
-    /// At once, but not taken before its step: a run repeats to the byte.
+    /// At once. A factor is not taken before its step, so that a run repeats to the byte.
     AtAStep {
-        /// What was begun, and the steps until it is taken.
+        /// The refresher that was begun, and the number of steps until it is taken.
         begun: Option<(u32, Box<Refresher<T>>)>,
         /// Steps in `TIME`.
         steps: u32,
     },
-    /// By a thread, which ends when this is dropped.
+    /// By a thread, which ends when this value is dropped.
     Thread {
-        /// What is to be worked.
+        /// The refreshers to work.
         to: Sender<Box<Refresher<T>>>,
-        /// What has been.
+        /// The refreshers that have been worked.
         from: Receiver<Box<Refresher<T>>>,
     },
 }
@@ -34,13 +35,13 @@ impl<T: Real> Beside<T> {
         }
     }
 
-    /// On a thread; without one, as in virtual time.
+    /// On a thread, for steps of `h` seconds. If the system gives no thread, as in virtual time.
     pub(super) fn thread(h: f64) -> Self {
         let (to, work) = channel::<Box<Refresher<T>>>();
         let (back, from) = channel();
         let worker = move || {
             for mut refresher in work {
-                // One that fails has nothing to take: the old factor goes on.
+                // A refresher that fails gives no new factor, and the old factor stays in use.
                 let _ = refresher.work();
                 if back.send(refresher).is_err() {
                     return;
@@ -53,7 +54,7 @@ impl<T: Real> Beside<T> {
         }
     }
 
-    /// Begins a factor; one at a time.
+    /// Begins a factor. Only one factor may be begun at a time.
     pub(super) fn begin(&mut self, mut refresher: Box<Refresher<T>>) {
         match self {
             Self::AtAStep { begun, steps } => {
@@ -61,13 +62,13 @@ impl<T: Real> Beside<T> {
                 *begun = Some((*steps, refresher));
             }
             Self::Thread { to, .. } => {
-                // A thread that has ended keeps it, and the old factor goes on.
+                // If the thread has ended, the refresher is lost and the old factor stays in use.
                 let _ = to.send(refresher);
             }
         }
     }
 
-    /// What has been made since the last step, once.
+    /// The refresher that has finished since the last step, if any. Each is returned once.
     pub(super) fn done(&mut self) -> Option<Box<Refresher<T>>> {
         match self {
             Self::AtAStep { begun, .. } => match begun.take() {

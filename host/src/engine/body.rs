@@ -1,4 +1,4 @@
-//! One body in the host loop: its handles' paths, its step, and the local model it publishes.
+//! One body in the host's loop: the paths of its handles, its step, and the local model that it publishes.
 
 use super::clock::BodyClock;
 use super::path::HandlePath;
@@ -13,12 +13,12 @@ use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
 };
 
-/// A handle comes after its hand by so much faster than the hand moves (m/s),
+/// Speed of a handle in excess of its hand's speed while it catches up (m/s).
 const CATCH_UP: f64 = 0.5;
-/// and turns after the hand by so much faster than the hand turns (rad/s).
+/// Angular velocity of a handle in excess of its hand's while it catches up (rad/s).
 const TURN_AFTER: f64 = 5.0;
 
-/// A body, the paths of its handles, and how it publishes.
+/// A body with the paths of its handles, its solver and its local model.
 pub struct HostBody {
     name: String,
     solved: String,
@@ -30,20 +30,20 @@ pub struct HostBody {
     /// Length of a step (s).
     step: f64,
     clock: BodyClock,
-    /// The time of the present step's end (ns), before the first record none.
+    /// The time at the end of the present step (ns); `None` before the first record.
     time_ns: Option<u64>,
     /// Whether a handle stays behind its hand in the present step.
     behind: bool,
     /// Whether nothing has failed in the present step.
     sound: bool,
-    /// How far ahead models are to be good for (s).
+    /// The largest age at which models must be good (s).
     horizon: f64,
     model: LocalModel,
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
 }
 
-/// What a [`HostBody`] is made of.
+/// The parts of which a [`HostBody`] is made.
 pub struct HostBodyParts {
     /// Name of the body.
     pub name: String,
@@ -51,7 +51,7 @@ pub struct HostBodyParts {
     pub solved: String,
     /// The physics, at rest.
     pub body: Body,
-    /// Steps and condenses it.
+    /// The solver that steps and condenses the body.
     pub solver: Box<dyn Solver>,
     /// The handles' paths, in the body's order.
     pub paths: Vec<HandlePath>,
@@ -61,16 +61,17 @@ pub struct HostBodyParts {
     pub step: f64,
     /// Publication period (s).
     pub period: f64,
-    /// How far ahead models are to be good for (s): from the state that one tells of to the last tick that uses it.
+    /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
+    /// model.
     pub horizon: f64,
     /// Whether models say how much energy they store.
     pub tells_energy: bool,
-    /// What devices feel the body through, if not its local model itself.
+    /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
 }
 
 impl HostBody {
-    /// A body at rest, nothing published yet.
+    /// A body at rest that has published no model.
     pub fn new(parts: HostBodyParts) -> Self {
         let mut model = LocalModel::empty();
         model.period = parts.period;
@@ -123,10 +124,11 @@ impl HostBody {
         &self.body
     }
 
-    /// The same body made of what `other` is made of, from now on. Its hands, paths and models go on.
+    /// Gives the body the physics and the solver of `other` from now on. Its hands, paths and sequence of models
+    /// continue.
     ///
     /// # Errors
-    /// [`BodyError`] where the two are not of the same mesh; nothing is changed then.
+    /// [`BodyError`] if the two bodies are not of the same mesh. Nothing is changed in this case.
     pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
         other.body.continue_from(&self.body)?;
         if let Some(stored) = &mut self.stored {
@@ -145,7 +147,7 @@ impl HostBody {
         }
     }
 
-    /// Begins a step towards where the hands were last seen.
+    /// Begins a step towards the poses of the hands at the end of the step.
     pub(super) fn predict(
         &mut self,
         watch: &impl Stopwatch,
@@ -161,7 +163,7 @@ impl HostBody {
         Ok(())
     }
 
-    /// Lays out the step's equation; nothing where something failed before.
+    /// Sets up the step's equation. Does nothing where an earlier stage of the step failed.
     pub(super) fn constrain(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
         if core::mem::take(&mut self.sound) {
             self.solver
@@ -171,7 +173,7 @@ impl HostBody {
         Ok(())
     }
 
-    /// Solves it; nothing where something failed before.
+    /// Solves the step's equation. Does nothing where an earlier stage of the step failed.
     pub(super) fn solve(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
         if core::mem::take(&mut self.sound) {
             self.solver.solve(&mut self.body, watch)?;
@@ -180,7 +182,8 @@ impl HostBody {
         Ok(())
     }
 
-    /// Takes the step; the model to publish, if it is time to. Nothing where something failed before.
+    /// Takes the step. Returns the model to publish, if one is due. Does nothing where an earlier stage of the step
+    /// failed.
     pub(super) fn finish(
         &mut self,
         publishes: bool,
@@ -193,11 +196,12 @@ impl HostBody {
         self.solver.finish(&mut self.body, watch, stats)?;
         let solved = watch.now_ns();
 
-        // Before the first record there is no time at which the state could be said to hold.
+        // Before the first record the state has no time.
         let Some(time_ns) = self.time_ns else {
             return Ok(None);
         };
-        // Where no record comes for long, time stands: a second model of the same time would be refused.
+        // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
+        // time.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
         if !publishes || told || self.behind {
             return Ok(None);
@@ -233,10 +237,10 @@ impl HostBody {
         Ok(Some(model))
     }
 
-    /// Sets where the handles go in the next step: to where the hands are at `time_ns`, but no faster than they move and
-    /// [`CATCH_UP`] on top; they turn no faster than the hands do and [`TURN_AFTER`] on top. Returns whether one stays
-    /// behind. After a stall a hand may be anywhere, and a handle that went there at once would publish the blow instead of
-    /// the body.
+    /// Sets the targets of the handles for the next step: the poses of the hands at `time_ns`. A handle moves no
+    /// faster than its hand plus [`CATCH_UP`], and turns no faster than its hand plus [`TURN_AFTER`]. Returns whether
+    /// a handle stays behind its hand. After a stall a hand may be anywhere. If its handle went there at once, the
+    /// model would show the blow and not the body.
     fn aim(&mut self, time_ns: u64) -> bool {
         let mut behind = false;
         self.targets.clear();
@@ -254,7 +258,7 @@ impl HostBody {
                     target.position = from.position + way * fraction;
                     behind = true;
                 }
-                // A device that senses no rotation hands on the same quaternion for ever.
+                // A device that senses no rotation reports the same quaternion in every tick.
                 if target.rotation != from.rotation {
                     let speed = path.turning().norm() + TURN_AFTER;
                     let turn = (target.rotation * from.rotation.inverse()).scaled_axis();
@@ -292,7 +296,7 @@ impl HostBody {
     }
 }
 
-/// Which fraction of a way leads as far as `most`, if the whole is longer.
+/// The fraction of a displacement or a turn of `length` that is as long as `most`; `None` if the whole is no longer.
 fn shortened(length: f64, most: f64) -> Option<f64> {
     (length > most).then(|| most / length)
 }
@@ -311,7 +315,7 @@ pub fn fill_blocks(model: &mut LocalModel, condensed: &Condensed) {
     }
 }
 
-/// A handle's reference in a local model, from what the last step did there.
+/// A handle's reference in a local model, from the last step's report on that handle.
 pub fn reference_of(device: u8, report: &HandleReport) -> HandleReference {
     HandleReference {
         device,

@@ -1,4 +1,4 @@
-//! From a scene's bodies to bodies in the host loop.
+//! Builds the bodies of the host's loop from the bodies of a scene.
 
 use super::beside::Beside;
 use super::body::{HostBody, HostBodyParts};
@@ -15,16 +15,16 @@ use physics::{
 };
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
 
-/// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred; a limit keeps
-/// a model that is a little off from holding up the steps.
+/// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred. The limit
+/// keeps a condensation from delaying the steps for a small gain in accuracy.
 const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
 
-/// How bodies are run.
+/// Options of a run that concern its bodies.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct How {
-    /// The code that factorizes.
+    /// The code that makes factors.
     pub code: FactorCode,
-    /// Whether time is real: factors are made on threads, and a step's budget counts.
+    /// Whether the run is under the real clock: factors are then made on threads, and the budget of a step applies.
     pub real: bool,
 }
 
@@ -39,7 +39,7 @@ pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneErro
         .collect()
 }
 
-/// What a run needs of a scene beside what every scene has: hands, and bodies that they hold.
+/// Checks the parts of a scene that only a run needs: devices, handles on every body, and supports at rest.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field.
@@ -123,7 +123,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
     }))
 }
 
-/// What steps a body.
+/// The solver that `plan` chooses for `body`.
 fn solver(
     scene: &Scene,
     body: &Body,
@@ -162,7 +162,7 @@ fn frozen<T: Real>(
         ..StepperOptions::default()
     };
     let mut stepper = Stepper::new(body, options)?;
-    // The first step is no later than the others.
+    // The first factor is made before the run, so that the first step takes no longer than the others.
     stepper.prepare(body, h)?;
     let beside = if how.real {
         Beside::thread(h)

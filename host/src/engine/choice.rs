@@ -1,19 +1,19 @@
-//! Which solver steps a body: as its scene asks, or by what a factor would take.
+//! The choice of the solver that steps a body: as the scene asks, or by the memory that a factor would take.
 
 use crate::scene::spec::{Scene, SolverName};
 use physics::{Body, complete_bytes};
 
-/// The largest complete factor that `auto` takes (bytes, as [`complete_bytes`] counts them). On a cube it is reached at
-/// 160 thousand tetrahedra; the process then holds nearly twice as much, and a new factor takes some four seconds, which
-/// is long after what asked for it.
+/// The largest complete factor that `auto` allows (bytes, as [`complete_bytes`] counts them). A cube reaches this
+/// size at 160 thousand tetrahedra. The process then holds nearly twice as much memory. A new factor takes some four
+/// seconds, and by then the state that required it is long past.
 pub(crate) const LARGEST_FACTOR: usize = 1 << 30;
 
-/// What steps a body.
+/// The solver that steps a body, and the reason for the choice.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Choice {
     /// The solver: never `auto`.
     pub solver: SolverName,
-    /// Why, for people.
+    /// The reason, for people.
     pub why: String,
 }
 
@@ -28,8 +28,9 @@ pub fn choose(scene: &Scene, body: &Body) -> Choice {
     }
 }
 
-/// A frozen factor has won on every body measured (`palpate bench speed`) that has room for one, and single precision
-/// never by so much that its error would be worth explaining to someone who did not ask for it.
+/// Chooses by the size of the factor. On every measured body whose factor fits in memory, a frozen factor was the
+/// fastest solver (`palpate bench speed`). Single precision was never faster by enough to justify its error to a user
+/// who did not ask for it.
 fn by_memory(bytes: usize) -> Choice {
     let megabytes = |bytes: usize| bytes as f64 / 1e6;
     let (found, most) = (megabytes(bytes), megabytes(LARGEST_FACTOR));

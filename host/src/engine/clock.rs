@@ -1,20 +1,21 @@
-//! The time that a body's state stands for.
+//! The time at which a body's state holds.
 //!
-//! A step moves a body on by as much time as it is long. The newest tick record tells until when the hands are known, and
-//! that goes on unevenly: a record gets lost or comes late, a step is no whole number of ticks. A handle that stood where
-//! the newest record saw it would stand still for a step and then go twice as far in the next, and its body would answer
-//! jolts that no hand made. So the body's time goes on evenly, and the hands' paths go on at their velocity for as long as
-//! the records are late, up to [`LONGEST`]. Where records come evenly, nothing is made up.
+//! A step advances a body by the length of the step. The newest tick record gives the time up to which the hands are
+//! known. This time advances unevenly: a record is lost or comes late, or a step is no whole number of ticks. A
+//! handle at the pose of the newest record would stand still for a step and move twice as far in the next, and its
+//! body would answer jolts that no hand made. So the body's time advances evenly. While the records are late, the
+//! paths of the hands are extrapolated at their velocity, for at most [`LONGEST`]. Where records come evenly, nothing
+//! is extrapolated.
 
-/// For how long (s) a path goes on without a record. Of ten records of a millisecond in a row all get lost once in a
-/// thousand times even where every other does.
+/// Longest time (s) over which a path is extrapolated without a record. Even where records of a millisecond are lost
+/// with a probability of one half, ten records in a row are lost only once in a thousand times.
 const LONGEST: f64 = 0.010;
 
-/// Share of its advance over the records that a clock gives back in a step: records that come later from some time on,
-/// or a step that is not quite as long as it says, must not leave the clock ahead for good.
+/// Fraction of its advance over the records that a clock gives back in a step. Without this, records that come later
+/// from some time on, or a step slightly shorter than its nominal length, would leave the clock ahead for good.
 const RETURN: f64 = 0.01;
 
-/// A clock that goes on in steps, no further behind than the newest record.
+/// A clock that advances in steps and is never behind the newest record.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BodyClock {
     step_ns: u64,
@@ -22,7 +23,7 @@ pub(super) struct BodyClock {
 }
 
 impl BodyClock {
-    /// A clock that has not begun, for steps of `step` (s).
+    /// A clock that has not started, for steps of `step` (s).
     pub(super) fn new(step: f64) -> Self {
         Self {
             step_ns: (step * 1e9).round() as u64,
@@ -30,7 +31,8 @@ impl BodyClock {
         }
     }
 
-    /// One step on, where the newest record is of `newest_ns`. Returns the time at its end (ns); it never goes back.
+    /// Advances by one step. The newest record is of `newest_ns`. Returns the time at the end of the step (ns), which
+    /// never decreases.
     pub(super) fn step(&mut self, newest_ns: u64) -> u64 {
         let now_ns = self.now_ns.map_or(newest_ns, |now_ns| {
             let due_ns = now_ns.saturating_add(self.step_ns);
@@ -69,19 +71,19 @@ mod tests {
                 tick / 7 * 7
             };
             let now = clock.step(seen * MS);
-            // It is ahead by six milliseconds at most. Each step gives back a hundredth, and the next record makes up for
-            // all of that: for 0.01 (1 + 2 + ... + 6) = 0.21 ms.
+            // The clock is ahead by six milliseconds at most. Each step gives back a hundredth of the advance. The next
+            // record makes up for the sum: 0.01 (1 + 2 + ... + 6) = 0.21 ms.
             let by = now - last;
             assert!((940_000..=1_210_000).contains(&by), "{tick}: {by}");
             last = now;
         }
-        // Without any record it stands before long.
+        // Without any record the clock soon stops.
         for _ in 0..20 {
             last = clock.step(693 * MS);
         }
         assert_eq!(last, 703 * MS);
         assert_eq!(clock.step(693 * MS), last);
-        // After a stall of the host it is where the records are.
+        // After a stall of the host the clock is at the newest record.
         assert_eq!(clock.step(2000 * MS), 2000 * MS);
     }
 

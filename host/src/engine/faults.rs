@@ -1,8 +1,8 @@
-//! Faults of the host, made on purpose: to see what the hand feels when the physics fails.
+//! Faults of the host, made on purpose: they show the force on the hand when the physics fails.
 //!
-//! `Failing` wraps the engine, and the host's loop under either clock drives the wrapper. What the tick makes of
-//! it (the force fades, bad models are refused and counted) is the product's own; nothing here reaches the tick
-//! but what a failing host could send.
+//! `Failing` wraps the engine, and the host's loop under either clock drives the wrapper. The response of the tick
+//! (the force fades, bad models are refused and counted) is that of the product: nothing from here reaches the tick
+//! except models that a failing host could send.
 
 use super::Engine;
 use super::pacer::Due;
@@ -10,20 +10,20 @@ use super::stats::Stopwatch;
 use rt_core::{LocalModel, TickRecord};
 use std::str::FromStr;
 
-/// What goes wrong.
+/// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FaultKind {
     /// The host does nothing for a while.
     Stall,
     /// The host's thread panics.
     Panic,
-    /// What it publishes is not a number.
+    /// The host publishes models with values that are not numbers.
     NotANumber,
-    /// It publishes models whose handles are not those of the body.
+    /// The host publishes models whose handles are not those of the body.
     Topology,
 }
 
-/// Names of the kinds, as the command line has them, and what each is called in a summary.
+/// The kinds of fault, each with its name on the command line and its name in a summary.
 const NAMES: [(&str, FaultKind, &str); 4] = [
     ("stall", FaultKind::Stall, "the host stalls"),
     ("panic", FaultKind::Panic, "the host panics"),
@@ -42,16 +42,16 @@ const NAMES: [(&str, FaultKind, &str); 4] = [
 /// One fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HostFault {
-    /// What goes wrong.
+    /// Its kind.
     pub kind: FaultKind,
-    /// When (s).
+    /// Start (s).
     pub at: f64,
-    /// For how long (s); zero for a panic.
+    /// Duration (s); zero for a panic.
     pub duration: f64,
 }
 
 impl HostFault {
-    /// What it is called in a summary.
+    /// Its name in a summary.
     pub fn name(&self) -> &'static str {
         NAMES
             .iter()
@@ -65,7 +65,7 @@ impl HostFault {
     }
 }
 
-/// A fault that the command line does not understand.
+/// A text from the command line that names no fault.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "found \"{0}\", allowed: stall@TIME+DURATION, nan@TIME+DURATION, topology@TIME+DURATION or \
@@ -109,12 +109,12 @@ pub struct Faults {
 }
 
 impl Faults {
-    /// These, each at its time.
+    /// The given faults, each at its time.
     pub fn new(faults: Vec<HostFault>) -> Self {
         Self { pending: faults }
     }
 
-    /// Until when (ns) the host does nothing, if a stall begins at `now_ns`. Each stall begins once.
+    /// The end (ns) of a stall that begins at `now_ns`, if one does. Each stall begins once.
     pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
         let begins = |f: &HostFault| f.kind == FaultKind::Stall && f.at * 1e9 <= now_ns as f64;
         let index = self.pending.iter().position(begins)?;
@@ -123,13 +123,14 @@ impl Faults {
     }
 
     /// # Panics
-    /// If it is time to.
+    /// If a panic is due.
     fn panic_if_due(&self, now_ns: u64) {
         let due = |f: &HostFault| f.kind == FaultKind::Panic && f.at * 1e9 <= now_ns as f64;
         assert!(!self.pending.iter().any(due), "a fault on purpose");
     }
 
-    /// The model that is published at `now_ns`, spoilt, if it is time to. A sound model is not copied: it takes some 10 kB.
+    /// A spoilt copy of the model that is published at `now_ns`, if a fault is due. A sound model is not copied,
+    /// since it takes some 10 kB.
     fn spoilt(&self, now_ns: u64, model: &LocalModel) -> Option<LocalModel> {
         let due = || self.pending.iter().filter(|fault| fault.lasts_at(now_ns));
         due().next()?;
@@ -154,7 +155,7 @@ impl Faults {
     }
 }
 
-/// An engine that fails when it is told to.
+/// An engine that fails at given times.
 pub(crate) struct Failing {
     engine: Engine,
     faults: Faults,
@@ -166,7 +167,8 @@ impl Failing {
         Self { engine, faults }
     }
 
-    /// Until when (ns) it does nothing, if a stall begins at `now_ns`: the loop that drives it waits.
+    /// The end (ns) of a stall that begins at `now_ns`, if one does. The loop that drives the engine waits until
+    /// then.
     pub(crate) fn stall(&mut self, now_ns: u64) -> Option<u64> {
         self.faults.stall(now_ns)
     }
@@ -176,10 +178,10 @@ impl Failing {
         self.engine.follow(record);
     }
 
-    /// As [`Engine::step`], with models spoilt where it is time to.
+    /// As [`Engine::step`], with models spoilt where a fault is due.
     ///
     /// # Panics
-    /// If it is time to.
+    /// If a panic is due.
     pub(crate) fn step(
         &mut self,
         due: Due,

@@ -1,9 +1,9 @@
 //! The host loop's work: stages in their order, ending in a published local model.
 //!
-//! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the one place that joins the physics to
-//! the tick. It owns no thread and reads no clock: under the real clock a thread drives it, under virtual
-//! time the run's one loop does. What a stage costs is measured through the [`Stopwatch`] that the caller
-//! hands in; nothing in the state depends on it.
+//! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
+//! the physics to the tick. The engine owns no thread and reads no clock. Under the real clock a thread drives it;
+//! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
+//! caller passes; nothing in the state depends on this time.
 
 mod beside;
 pub mod body;
@@ -40,10 +40,11 @@ impl Engine {
         }
     }
 
-    /// The same bodies made of something else, from the next step on: `bodies` in the engine's order.
+    /// Gives the engine's bodies the physics and the solvers of `bodies`, in the engine's order, from the next step
+    /// on.
     ///
     /// # Errors
-    /// [`BodyError`] where one is not of the mesh of the one it replaces.
+    /// [`BodyError`] where a body is not of the same mesh as the body that it replaces.
     pub fn exchange(&mut self, bodies: Vec<HostBody>) -> Result<(), BodyError> {
         for (body, other) in self.bodies.iter_mut().zip(bodies) {
             body.exchange(other)?;
@@ -51,17 +52,17 @@ impl Engine {
         Ok(())
     }
 
-    /// Takes one tick's record: where the hands were. Records are taken in order, none left out.
+    /// Takes one tick's record with the poses of the hands. Records must come in order.
     pub fn follow(&mut self, record: &TickRecord) {
         for body in &mut self.bodies {
             body.follow(record);
         }
     }
 
-    /// One host step of all bodies, call by call (predict, constrain, solve, finish), so that what joins bodies has its
-    /// place between two calls; gives `publish` a local model of each if the step is one that
-    /// publishes. A body whose step fails keeps its last good state and publishes nothing: its model ages,
-    /// and the tick fades its force.
+    /// Makes one host step of all bodies, call by call (predict, constrain, solve, finish), so that joints between
+    /// bodies would have a place between two calls. If the step publishes, `publish` is given a local model of each
+    /// body. A body whose step fails keeps its last good state and publishes nothing: its model ages, and the tick
+    /// fades its force.
     pub fn step(
         &mut self,
         due: Due,
@@ -99,7 +100,7 @@ impl Engine {
         &self.bodies
     }
 
-    /// What the steps cost and met so far.
+    /// Times and counts of the steps so far.
     pub fn stats(&self) -> &EngineStats {
         &self.stats
     }

@@ -1,7 +1,7 @@
-//! When the host steps: due times without drift, and what to do when it is late.
+//! The due times of the host's steps, and the steps that a late host leaves out.
 //!
-//! Counted in integer nanoseconds from the rate itself, so that 60 Hz against 1 kHz never drifts. The same
-//! pacer serves the real clock and virtual time.
+//! Due times are integer nanoseconds, computed from the rate itself, so that 60 Hz against 1 kHz never drifts. The
+//! same pacer serves the real clock and virtual time.
 
 /// Due times of physics steps and which of them publish.
 #[derive(Clone, Debug)]
@@ -15,14 +15,14 @@ pub struct Pacer {
 /// One step that is due.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Due {
-    /// When (ns).
+    /// Due time (ns).
     pub time_ns: u64,
-    /// Whether it ends by publishing.
+    /// Whether the step publishes.
     pub publishes: bool,
 }
 
 impl Pacer {
-    /// `step_rate` in Hz; every `steps_per_publication`-th step publishes.
+    /// Steps at `step_rate` (Hz), of which every `steps_per_publication`-th publishes.
     pub fn new(step_rate: f64, steps_per_publication: u64) -> Self {
         Self {
             step_rate,
@@ -44,9 +44,9 @@ impl Pacer {
         }
     }
 
-    /// The step is done at `now_ns`. A host that has fallen behind by a whole publication period leaves
-    /// the missed steps out rather than chase them: the physics then runs slower than the clock, and says
-    /// so in [`Pacer::skipped`].
+    /// Counts a step that is done at `now_ns`. A host that is behind by a whole publication period leaves out the
+    /// missed steps and does not catch up. The physics then runs slower than the clock, and [`Pacer::skipped`] counts
+    /// the steps left out.
     pub fn done(&mut self, now_ns: u64) {
         self.next += 1;
         while self.time_ns(self.next + self.steps_per_publication) <= now_ns {
@@ -82,7 +82,7 @@ mod tests {
     fn a_late_host_leaves_steps_out_and_counts_them() {
         let mut pacer = Pacer::new(1000.0, 4);
         pacer.done(1_000_000);
-        // Two periods late at the second step: caught up by skipping, the rhythm of publications kept.
+        // The second step is two periods late. The pacer skips steps and keeps the rhythm of publications.
         pacer.done(11_000_000);
         assert_eq!(pacer.skipped(), 8);
         assert_eq!(

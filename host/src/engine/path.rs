@@ -2,15 +2,15 @@
 //!
 //! Encoder counts are steps, and a step in a prescribed position is an infinite velocity to the finite
 //! elements. So the host follows the proxy with a fading-memory filter of the first degree (an alpha-beta
-//! filter whose two gains come from one time constant; Morrison 1969, also Brookner 1998, section 1.2.6):
-//! it has no lag at constant velocity and no overshoot of its own making. What lag is left the tick makes
-//! up for, because the local model is published with the pose that the handle really had.
+//! filter whose two gains come from one time constant; Morrison 1969, also Brookner 1998, section 1.2.6).
+//! The filter has no lag at constant velocity and adds no overshoot of its own. The tick compensates the
+//! remaining lag, because the local model is published with the actual pose of the handle.
 
 use libm::exp;
 use nalgebra::UnitQuaternion;
 use rt_core::{Pose, TickRecord, Twist, Vec3};
 
-/// A handle's smoothed pose and twist, advanced tick record by tick record.
+/// A handle's smoothed pose and twist, advanced by one tick record at a time.
 #[derive(Clone, Debug)]
 pub struct HandlePath {
     device: usize,
@@ -34,7 +34,7 @@ impl HandlePath {
         }
     }
 
-    /// Takes the next record. Records may be missing in between; their time is made up for.
+    /// Takes the next record. Records may be missing in between: the filter uses the time from record to record.
     pub fn follow(&mut self, record: &TickRecord) {
         let Some((target, _)) = record.proxies.get(self.device) else {
             return;
@@ -55,7 +55,7 @@ impl HandlePath {
         self.pose.position = predicted + innovation * alpha;
         self.twist.linear += innovation * beta;
 
-        // Devices that sense no rotation hand on a constant one: nothing to filter.
+        // A device that senses no rotation reports a constant one, which needs no filter.
         if target.rotation != self.pose.rotation {
             let predicted =
                 UnitQuaternion::from_scaled_axis(self.twist.angular * dt) * self.pose.rotation;
@@ -75,7 +75,8 @@ impl HandlePath {
         &self.pose
     }
 
-    /// Where the path goes on to until `time_ns`, at its velocity. Not back: before the newest record it is that record's.
+    /// The pose at `time_ns`, extrapolated at the path's velocity. For a time before the newest record this is the
+    /// pose at that record.
     pub fn pose_at(&self, time_ns: u64) -> Pose {
         let dt = self.time_ns.map_or(0, |last| time_ns.saturating_sub(last)) as f64 * 1e-9;
         let mut pose = self.pose;
@@ -89,12 +90,12 @@ impl HandlePath {
         pose
     }
 
-    /// The filter's velocity.
+    /// The filter's velocity (m/s).
     pub fn velocity(&self) -> &Vec3 {
         &self.twist.linear
     }
 
-    /// The filter's angular velocity.
+    /// The filter's angular velocity (rad/s).
     pub fn turning(&self) -> &Vec3 {
         &self.twist.angular
     }
@@ -119,7 +120,7 @@ mod tests {
         for tick in (0..2000).filter(|t| t % 7 != 3) {
             path.follow(&record(tick, 0.05e-3 * tick as f64));
         }
-        // 2 s are 377 time constants: the transient is gone, what is left is rounding.
+        // 2 s are 377 time constants: the transient is gone, and only rounding is left.
         let expected = 0.05e-3 * 1999.0;
         assert!((path.pose().position.x - expected).abs() < 1e-12);
         assert!((path.velocity().x - 0.05).abs() < 1e-10);
@@ -127,7 +128,7 @@ mod tests {
 
     #[test]
     fn encoder_counts_are_smoothed() {
-        // A motion slower than one count in several ticks: raw, the handle would jump by whole counts.
+        // The motion takes several ticks for one count. Without the filter the handle would jump by whole counts.
         let step = 38e-6;
         let mut path = HandlePath::new(0, 30.0, Pose::identity());
         let mut last = 0.0;

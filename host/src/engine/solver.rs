@@ -6,10 +6,10 @@ use physics::{
     AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, ShapeOptions, Shapes, Stepper,
 };
 
-/// Steps and condenses one body. A step is four calls in this order, each over all bodies in turn; a body of which one
-/// fails keeps its state, and is left out until the next step.
+/// Steps and condenses one body. A step consists of four calls in this order. The engine makes each call for all
+/// bodies before the next call. A body for which a call fails keeps its state and is left out until the next step.
 pub trait Solver: Send {
-    /// Begins a step of `h` seconds: forces and tangent where `body` is.
+    /// Begins a step of `h` seconds: computes forces and tangent at the state of `body`.
     ///
     /// # Errors
     /// [`StepFault`].
@@ -21,7 +21,7 @@ pub trait Solver: Send {
         stats: &mut EngineStats,
     ) -> Result<(), StepFault>;
 
-    /// Lays out its equation, with handles going to `targets`.
+    /// Sets up the equation of the step, in which the handles move to `targets`.
     ///
     /// # Errors
     /// [`StepFault`].
@@ -32,13 +32,13 @@ pub trait Solver: Send {
         watch: &dyn Stopwatch,
     ) -> Result<(), StepFault>;
 
-    /// Solves it.
+    /// Solves the equation.
     ///
     /// # Errors
     /// [`StepFault`].
     fn solve(&mut self, body: &mut Body, watch: &dyn Stopwatch) -> Result<(), StepFault>;
 
-    /// Takes the step into `body`.
+    /// Applies the step to `body`.
     ///
     /// # Errors
     /// [`StepFault`].
@@ -52,19 +52,21 @@ pub trait Solver: Send {
     /// Elastic energy of `body` (J) after the last step.
     fn elastic_energy(&self, body: &Body) -> f64;
 
-    /// The matrices of a local model published every `period` seconds, where the scheme wants them.
+    /// The matrices of a local model that is published every `period` seconds; `None` where the scheme does not use
+    /// them.
     ///
     /// # Errors
     /// [`StepFault`].
     fn condense(&mut self, body: &Body, period: f64) -> Result<Option<&Condensed>, StepFault>;
 }
 
-/// Time that a step of one body has taken so far (ns): other bodies' calls lie between its own.
+/// Time that a step of one body has taken so far (ns). It is summed over the calls, because the calls of other bodies
+/// lie between them.
 #[derive(Clone, Copy, Debug, Default)]
 struct Spent(u64);
 
 impl Spent {
-    /// Does `call` and counts its time.
+    /// Makes `call` and counts its time.
     fn count<R>(&mut self, watch: &dyn Stopwatch, call: impl FnOnce() -> R) -> R {
         let start = watch.now_ns();
         let result = call();
@@ -72,23 +74,23 @@ impl Spent {
         result
     }
 
-    /// Whether it has reached `budget_ns`, with a call that began at `start`.
+    /// Whether the time has reached `budget_ns`, including a call that began at `start`.
     fn reaches(self, budget_ns: Option<u64>, watch: &dyn Stopwatch, start: u64) -> bool {
         budget_ns.is_some_and(|budget| self.0 + watch.now_ns().saturating_sub(start) >= budget)
     }
 }
 
-/// The assembled matrix, and conjugate gradients on its diagonal blocks.
+/// The solver with an assembled matrix: conjugate gradients, preconditioned by the matrix's diagonal blocks.
 #[derive(Default)]
 pub(super) struct Assembled {
     stepper: AssembledStepper,
     spent: Spent,
-    /// Condenses, where the scheme wants that.
+    /// The condensation; `None` where the scheme does not use it.
     condenser: Option<Condenser>,
 }
 
 impl Assembled {
-    /// With what condenses, where the scheme wants that.
+    /// A solver with `condenser`, if the scheme uses one.
     pub(super) fn new(condenser: Option<Condenser>) -> Self {
         Self {
             condenser,
@@ -158,25 +160,25 @@ impl Solver for Assembled {
     }
 }
 
-/// A frozen factor, and elements that multiply by themselves.
+/// The solver with a frozen factor. The elements multiply without an assembled matrix.
 pub(super) struct Frozen<T> {
-    /// Steps the body; never makes a factor itself but the first.
+    /// Steps the body. It makes only the first factor itself.
     stepper: Stepper<T>,
-    /// Makes the others.
+    /// Makes the other factors.
     beside: Beside<T>,
-    /// How local models are kept up, where the scheme wants them.
+    /// How the shapes are kept current; `None` where the scheme does not use them.
     options: Option<ShapeOptions>,
-    /// What the latest of them leaves for the next.
+    /// The latest shapes, from which the next condensation starts.
     shapes: Shapes,
-    /// Real clock: time that a step may take (ns).
+    /// Time that a step may take under the real clock (ns).
     budget_ns: Option<u64>,
-    /// Of the present step.
+    /// Time spent on the present step.
     spent: Spent,
 }
 
 impl<T: Real> Frozen<T> {
-    /// A `stepper` that never makes a factor but its first; `beside` makes the others. `options` say how local models are
-    /// kept up, where the scheme wants them. Under the real clock a step may take `budget_ns` (ns).
+    /// A solver whose `stepper` makes only its first factor; `beside` makes the others. The `options` are those of
+    /// the shapes, if the scheme uses them. Under the real clock a step may take `budget_ns` (ns).
     pub(super) fn new(
         stepper: Stepper<T>,
         beside: Beside<T>,
@@ -253,7 +255,7 @@ impl<T: Real> Solver for Frozen<T> {
     }
 
     fn elastic_energy(&self, _body: &Body) -> f64 {
-        // Steps have it at no cost.
+        // The stepper already has the energy.
         self.stepper.elastic_energy()
     }
 

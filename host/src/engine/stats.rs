@@ -1,9 +1,9 @@
-//! What host steps cost and met.
+//! Times and counts of the host's steps.
 
 use physics::{CondenseError, StepError};
 use runner::latency::LatencyHistogram;
 
-/// Reads a clock for measurement only: nothing in the state may depend on it.
+/// Reads a clock for measurement only: nothing in the state may depend on the time that it returns.
 pub trait Stopwatch {
     /// Time since some fixed start (ns).
     fn now_ns(&self) -> u64;
@@ -44,33 +44,32 @@ pub struct EngineStats {
     pub steps: u64,
     /// Local models made so far.
     pub publications: u64,
-    /// Times of the stages (ns a step).
+    /// Time to assemble (ns a step).
     pub assemble: LatencyHistogram,
-    /// Solving (ns a step).
+    /// Time to solve (ns a step).
     pub solve: LatencyHistogram,
-    /// Condensing and publishing (ns a publication).
+    /// Time to condense and publish (ns a publication).
     pub condense: LatencyHistogram,
     /// Solver iterations a step.
     pub iterations: LatencyHistogram,
-    /// Factors made beside the steps, and taken.
+    /// Factors that were made beside the steps and then taken.
     pub factors: u64,
     /// Steps that stopped at the iteration limit.
     pub unconverged: u64,
     /// Largest relative residual of any step.
     pub worst_residual: f64,
-    /// Publications in which an eigenvalue had to be clipped, and the largest clipped one relative to the
-    /// largest of its matrix.
+    /// Publications in which an eigenvalue was clipped.
     pub clipped: u64,
-    /// See `clipped`.
+    /// The largest clipped eigenvalue, relative to the largest eigenvalue of its matrix.
     pub worst_clip: f64,
     /// Steps or publications that failed.
     pub faults: u64,
-    /// What the first failure said.
+    /// The message of the first failure.
     pub first_fault: Option<String>,
 }
 
 impl EngineStats {
-    /// Nothing yet. Times are told apart up to ten seconds.
+    /// Empty statistics. Times are resolved up to ten seconds.
     pub fn new() -> Self {
         let times = || LatencyHistogram::new(10_000_000_000);
         Self {

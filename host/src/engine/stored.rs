@@ -1,44 +1,46 @@
-//! What hands could get back from a body: the energy that its published models claim.
+//! The energy that hands could recover from a body, as its published models claim it.
 //!
-//! Two answers are at hand, and the smaller is told. The first is the **body's own**,
+//! There are two estimates, and a model claims the smaller one. The first is the **body's own**,
 //!
 //! ```text
 //! V_W = W_el + U_loads + sum g_i . (p_i - p_i(0)) + c
 //! ```
 //!
-//! its elastic energy and the potential of its loads, less what is the potential of the weights `g_i` that its handles
-//! bear. Its derivative is exactly minus the wrenches on the hands without their weights, whatever the law and however
-//! supports share the weight. The constant `c` makes it the second answer in the first model. The second is the
-//! **tangent's**, `F^T K^-1 F / 2` with `F` the wrenches on all handles without the weights and with what dampers hold
-//! added back. On a body that softens as it is pressed (St. Venant-Kirchhoff's law) the tangent's is more than the work
-//! that was done; on a sheet that has buckled the body's own is more than hands have paid, for models that came late
-//! pulled along during the snap.
+//! the sum of its elastic energy and the potential of its loads, less the potential of the weights `g_i` that its
+//! handles bear. The derivative of this sum is exactly minus the wrenches on the hands without their weights, for any
+//! law and any division of the weight between supports and handles. The constant `c` makes the two estimates equal in
+//! the first model. The second estimate is the **tangent's**, `F^T K^-1 F / 2`. Here `F` are the wrenches on all
+//! handles without the weights, and the wrenches of the dampers are added back. On a body that softens as it is
+//! pressed (St. Venant-Kirchhoff's law) the tangent's estimate exceeds the work that was done. On a sheet that has
+//! buckled, the body's own energy exceeds the work of the hands, because models that came late pulled the hands along
+//! during the snap.
 //!
-//! Where the body's own energy falls below nothing, it has **released** more than the first model told of: the sag of a
-//! strip gives its weight's potential to the hands. Models tell of that, too, and `c` rises by as much.
+//! Where the body's own energy falls below zero, the body has **released** more than the first model claimed. For
+//! example, the sag of a strip gives the potential of its weight to the hands. Models state the released energy, too,
+//! and `c` rises by the same amount.
 //!
-//! A body that is made of something softer from one step to the next stores less at the same shape: `c` changes so that
+//! A body whose material becomes softer from one step to the next stores less at the same shape: `c` changes so that
 //! the body's own energy falls by the ratio of its elastic energies.
 
 use physics::linear::dense::{Clipper, Square};
 use physics::{Body, Condensed};
 use rt_core::{LocalModel, MAX_HANDLES, Vec3};
 
-/// Motions that are resisted less than this (N/m) are taken to be resisted by this much: what is left of a body that
-/// gives way is not unbounded energy.
+/// Least stiffness of a motion in the tangent's estimate (N/m). A softer motion counts with this stiffness, so that a
+/// body that yields does not claim unbounded energy.
 const SOFTEST: f64 = 50.0;
 
-/// Finds the energy of one body's models.
+/// Computes the energy that the models of one body claim.
 pub(super) struct Stored {
     clipper: Clipper,
     stiffness: Square,
     scale: Vec<f64>,
     load: Vec<f64>,
-    /// Where each handle was when the body was built (m).
+    /// The position of each handle when the body was built (m).
     origins: Vec<Vec3>,
-    /// `c` (J); none before the first model.
+    /// `c` (J); `None` before the first model.
     constant: Option<f64>,
-    /// What was released so far (J).
+    /// The energy released so far (J).
     released: f64,
 }
 
@@ -59,20 +61,20 @@ impl Stored {
 
     /// Keeps the stiffness that models publish from now on.
     pub(super) fn keep(&mut self, condensed: &Condensed) {
-        // `clone_from` would allocate: a derived one makes a new matrix.
+        // `clone_from` would allocate: the derived method makes a new matrix.
         for j in 0..self.stiffness.size() {
             for i in 0..self.stiffness.size() {
                 self.stiffness[(i, j)] = condensed.stiffness[(i, j)];
             }
         }
         for (slot, scale) in self.scale.iter_mut().enumerate() {
-            // A turn counts by how far it moves what is held.
+            // A turn counts by the displacement that it causes at the body's length.
             *scale = if slot % 6 < 3 { 1.0 } else { condensed.length };
         }
     }
 
-    /// Tells in `model` what hands could get back from `body`, whose elastic energy is `elastic` (J), and what it has
-    /// released.
+    /// Writes into `model` the energy that hands could recover from `body`, and the energy that the body has
+    /// released. The elastic energy of the body is `elastic` (J).
     pub(super) fn tell(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model);
         let own = elastic + self.potential(body, model);
@@ -80,12 +82,13 @@ impl Stored {
         let below = (-(own + *constant)).max(0.0);
         *constant += below;
         self.released += below;
-        // An energy that is not a number is none that anyone may count on.
+        // `min` and `max` drop an energy that is not a number: nobody may count on it.
         model.energy = (own + *constant).min(tangent).max(0.0);
         model.released = self.released;
     }
 
-    /// The body's elastic energy falls from `before` to `after` (J) as its material changes, at the same shape.
+    /// Adjusts `c` to a change of the body's material: the elastic energy falls from `before` to `after` (J) at the
+    /// same shape.
     pub(super) fn exchange(&mut self, body: &Body, before: f64, after: f64, model: &LocalModel) {
         if let Some(constant) = self.constant {
             let potential = self.potential(body, model);
@@ -109,8 +112,8 @@ impl Stored {
         body.load_potential() + lifted
     }
 
-    /// `F . K^-1 F / 2` (J) with the wrenches of `model`, without their weights, what dampers hold included as a reader
-    /// of the model does.
+    /// `F . K^-1 F / 2` (J) with the wrenches of `model` without their weights. The wrenches of the dampers are added
+    /// back, as a reader of the model does.
     fn tangent(&mut self, model: &LocalModel) -> f64 {
         let loads = self.load.chunks_exact_mut(6).zip(&model.damping);
         for ((load, damping), handle) in loads.zip(&model.handles) {

@@ -1,15 +1,14 @@
-//! Virtual coupling: devices tied to massless proxies by springs and dampers, and the proxies to
-//! the body.
+//! Virtual coupling: springs and dampers connect devices to massless proxies, and the proxies touch the body.
 //!
-//! J. E. Colgate, M. C. Stanley and J. M. Brown, "Issues in the haptic display of tool use" (1995);
-//! the proxy is that of C. B. Zilles and J. K. Salisbury, "A constraint-based god-object method for
-//! haptic display" (1995). However stiff the body, a hand feels no more than the spring, which is
-//! chosen so that its device can render it.
+//! The coupling is that of J. E. Colgate, M. C. Stanley and J. M. Brown, "Issues in the haptic display of tool use"
+//! (1995). The proxy is that of C. B. Zilles and J. K. Salisbury, "A constraint-based god-object method for haptic
+//! display" (1995). However stiff the body is, the stiffness at the hand does not exceed that of the spring, which is
+//! chosen so that the device can render it.
 //!
-//! The proxies have no mass: they are where the linearized body's wrench `a - K q` (its stiffness
-//! `K`, its wrench `a` without what its dampers do) and the springs' `Kc (d - q)` balance, `d`
-//! being where the devices are. So the device feels body and spring in series, all handles
-//! together:
+//! The proxies have no mass. At their displacements `q`, the wrench `a - K q` of the linearized body balances the
+//! wrench `Kc (d - q)` of the springs. Here `K` is the body's stiffness, `a` its wrench without the wrench of its
+//! dampers, and `d` are the displacements of the devices. So the devices render body and springs in series, all
+//! handles together:
 //!
 //! ```text
 //! S  = (I + K C)^-1         C = Kc^-1: the springs' compliance; the proxies move by S^T d + C S a
@@ -19,20 +18,20 @@
 //! p' = S p
 //! ```
 //!
-//! The second form of `K'` is the energy of body and springs, that of `B'` what body and dampers
-//! dissipate as the proxies follow: both are positive where the body's are, and a free body is not
-//! damped. With `C = R R` the matrix that is factorized is `M = I + R K R`, symmetric and never
-//! near singular, also where the body gives way or a motion has no spring (`R = 0`: the proxy is
-//! the device). `Y = M^-1 R K` gives `S = I - Y^T R`, and with `t` the ratio of a spring's damping
-//! to its stiffness `K' = S K S^T + Y^T Y`, `B' = S B S^T + Y^T t Y`.
+//! The second form of `K'` corresponds to the energy of body and springs. The form of `B'` corresponds to the power
+//! that body and dampers dissipate as the proxies follow. Both matrices are positive where those of the body are, and
+//! the motion of a free body is not damped. With `C = R R`, the matrix to factorize is `M = I + R K R`. It is
+//! symmetric and never near singular, even where the body yields or a motion has no spring (`R = 0`: the proxy
+//! coincides with the device). `Y = M^-1 R K` gives `S = I - Y^T R`. With the ratio `t` of a spring's damping to its
+//! stiffness, `K' = S K S^T + Y^T Y` and `B' = S B S^T + Y^T t Y`.
 //!
-//! It is done here and not in the tick, which renders the published model as it is.
+//! The host computes the coupling, and the tick renders the published model as it is.
 
 use physics::linear::dense::Square;
 use rt_core::{LocalModel, MAX_HANDLES, Vec6, Wrench};
 use sim::DeviceModel;
 
-/// The spring and the damper between one device and its proxy, in the scene's metres and newtons.
+/// The spring and the damper between one device and its proxy, in the units of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Link {
     /// Stiffness (N/m), above zero.
@@ -42,7 +41,7 @@ pub struct Link {
 }
 
 impl Link {
-    /// What the device's driver recommends at most.
+    /// The largest stiffness and damping that the device's driver recommends.
     pub fn recommended(device: &DeviceModel) -> Self {
         Self {
             stiffness: device.driver_stiffness,
@@ -51,17 +50,17 @@ impl Link {
     }
 }
 
-/// Couples the devices of one body's handles to it.
+/// Couples one body to the devices of its handles.
 pub struct VirtualCoupling {
     links: Vec<Link>,
-    /// The length (m) at whose end a spring resists a turn.
+    /// The lever arm (m) at which a spring resists a turn.
     length: f64,
-    /// `R` and `t`, a row each.
+    /// The diagonals of `R` and `t`.
     root: Vec<f64>,
     ratio: Vec<f64>,
     body: [Square; 2],
     coupled: [Square; 2],
-    /// The factor of `M`, then `Y` and `S`.
+    /// The factor of `M`; `follow` is `Y`, and `fraction` is `S`.
     factor: Square,
     follow: Square,
     fraction: Square,
@@ -72,7 +71,7 @@ pub struct VirtualCoupling {
 }
 
 impl VirtualCoupling {
-    /// One link for each handle.
+    /// A coupling with one link for each handle.
     pub fn new(links: Vec<Link>) -> Self {
         let size = 6 * links.len().min(MAX_HANDLES);
         let zeros = || Square::zeros(size);
@@ -93,14 +92,14 @@ impl VirtualCoupling {
         }
     }
 
-    /// Resists turns by the same springs at so long an arm (m). Of a handle whose turns the body
-    /// does not resist, nothing is felt: there is no spring either.
+    /// Sets the lever arm `length` (m) at which the springs resist turns. The coupling does not resist the turns of a
+    /// handle where the body does not resist them.
     pub(crate) fn set_length(&mut self, length: f64) {
         self.length = length;
     }
 
-    /// The model that devices feel through their springs. What is stored in body and springs is not
-    /// told: zero.
+    /// The model that devices render through their springs. It does not state the energy stored in body and springs:
+    /// that field is zero.
     pub fn through(&mut self, model: &LocalModel) -> &LocalModel {
         self.model = *model;
         self.model.energy = 0.0;
@@ -131,7 +130,7 @@ impl VirtualCoupling {
         }
     }
 
-    /// `Y` and `S`, by a Cholesky factor of `M`.
+    /// Computes `Y` and `S` with a Cholesky factor of `M`.
     fn factorize(&mut self) {
         let (root, [stiffness, _]) = (&self.root, &self.body);
         let size = root.len();
@@ -175,7 +174,7 @@ impl VirtualCoupling {
         }
     }
 
-    /// `K'` and `B'`.
+    /// Computes `K'` and `B'`.
     fn combine(&mut self) {
         let size = self.root.len();
         let half = &mut self.factor;
@@ -202,7 +201,7 @@ impl VirtualCoupling {
         }
     }
 
-    /// The model's blocks, and its wrenches: `a' - B' v` where the body moved with `v`.
+    /// Writes the model's blocks and its wrenches, `a' - B' v`, where `v` is the velocity of the handles.
     fn write(&mut self, model: &LocalModel) {
         let places = self.speed.chunks_exact_mut(6);
         let places = places.zip(self.wrench.chunks_exact_mut(6));

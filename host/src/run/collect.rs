@@ -1,4 +1,4 @@
-//! What a run's telemetry adds up to: peaks, work, events, the samples of a plot.
+//! Totals of a run's telemetry: peaks, work, events, and the samples of a plot.
 //!
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
@@ -10,27 +10,28 @@ use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
 use runner::link::LogRecord;
 
-/// What one device met in a run. Forces act on the hand, scene axes.
+/// Totals of one device over a run. Forces act on the hand, in the axes of the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct DeviceTotals {
     /// Largest force (N).
     pub peak_force: f64,
-    /// When (s).
+    /// Time of the largest force (s).
     pub peak_time: f64,
-    /// Work that the device did on the hand (J): the force of each tick times the motion until the next.
+    /// Work that the device did on the hand (J): the sum of each tick's force times the displacement until the next
+    /// tick.
     pub work: f64,
-    /// Largest distance from where it started (m).
+    /// Largest distance from the first position (m).
     pub reach: f64,
 }
 
-/// A stretch of time in which something was not as it should be.
+/// A stretch of time in which a device or a body was not in its normal state.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Span {
     /// Start (s).
     pub from: f64,
     /// End (s).
     pub to: f64,
-    /// What it was.
+    /// The event, in words.
     pub what: String,
 }
 
@@ -43,13 +44,13 @@ pub(super) struct Sample {
     pub devices: Vec<(Vec3, Vec3)>,
 }
 
-/// Adds telemetry up.
+/// Sums up telemetry.
 #[derive(Clone, Debug)]
 pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
     totals: Vec<DeviceTotals>,
-    /// Position and force at the last tick, and the first position.
+    /// Position and force at the last tick, and the first position, by device.
     last: Vec<Option<(Vec3, Vec3, Vec3)>>,
     open: Vec<Option<(f64, &'static str)>>,
     /// By body.
@@ -61,7 +62,7 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    /// For devices and bodies of these names; `keep_samples` for a plot.
+    /// A collector for devices and bodies of these names. `keep_samples` keeps the samples of a plot.
     pub(super) fn new(
         device_names: Vec<String>,
         body_names: Vec<String>,
@@ -141,7 +142,7 @@ impl Collector {
         }
     }
 
-    /// Ends what is still open and gives everything back.
+    /// Ends the stretches that are still open, and returns the totals.
     pub(super) fn finish(mut self) -> Collected {
         let names = self.device_names.iter().chain(&self.body_names);
         for (open, name) in self.open.iter().zip(names) {
@@ -175,7 +176,7 @@ impl Observer for Collector {
     }
 }
 
-/// More spans than this are no longer read by anyone, and a flickering limit would fill the memory.
+/// Most spans that are kept. Nobody reads more of them, and without a bound a flickering limit would fill the memory.
 const MAX_SPANS: usize = 1000;
 
 fn push_withheld(spans: &mut Vec<Span>, name: &str, stretch: &Stretch) {
@@ -192,15 +193,15 @@ fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, what: &str) 
     }
 }
 
-/// What a [`Collector`] gathered.
+/// The totals of a [`Collector`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Collected {
     /// By device.
     pub totals: Vec<DeviceTotals>,
-    /// Stretches of time in which something was not as it should be, at most a thousand.
+    /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
-    /// Every sample, if they were to be kept.
+    /// Every sample, if samples were kept.
     pub samples: Vec<Sample>,
-    /// Records taken.
+    /// Number of tick records taken.
     pub records: u64,
 }

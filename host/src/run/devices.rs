@@ -1,4 +1,4 @@
-//! From a scene's devices to open ones, each through the driver that it names.
+//! Opens the devices of a scene, each with the driver that it names.
 
 use super::hand;
 use crate::scene::{LoadedScene, SceneError};
@@ -6,7 +6,7 @@ use devices::{AnyDevice, Hid, Kind, OpenError, Registry, Replay, Request, Settin
 use rt_core::controller::Reading;
 use sim::{Held, Simulated};
 
-/// Opens a scene's devices for a run with `seed`; real ones only where time is `real`, too.
+/// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`).
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be opened.
@@ -34,7 +34,8 @@ pub(super) fn open(
     opened.collect()
 }
 
-/// The same devices, whatever their drivers, but recorded: each gives `readings` again, by device.
+/// Opens recorded devices in place of a scene's devices, whatever their drivers: each gives its part of `readings`,
+/// by device.
 ///
 /// # Errors
 /// As [`open`].
@@ -72,7 +73,7 @@ fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
     }
 }
 
-/// A driver's error with the place in the scene that it is about.
+/// A driver's error, with the place in the scene that the error concerns.
 fn told(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
     let (field, found, allowed) = match error {
         OpenError::UnknownDriver { found, known } => (".driver".into(), found, known),

@@ -1,4 +1,4 @@
-//! From a scene's hand to the one that is simulated.
+//! Builds a simulated hand from the hand of a scene.
 
 use crate::scene::spec::{self, TaskName};
 use crate::scene::{LoadedScene, SceneError};
@@ -10,7 +10,7 @@ use std::fmt::Display;
 /// Time over which a hand's sinusoids fade in (s).
 const FADE_IN: f64 = 0.5;
 
-/// The hand that holds a device, if a simulated one does.
+/// The hand that holds the device number `index`; `None` if the scene gives the device no hand.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that no hand can follow.
@@ -28,11 +28,11 @@ pub(super) fn build(
             .source
             .error(&field, e.to_string(), "a trajectory that a hand can follow")
     };
-    // Each hand trembles and varies on its own: the seed's numbers are told apart by the device's.
+    // Each hand has its own tremor and variation: the device's number makes the seed distinct.
     let own = seed.wrapping_mul(4).wrapping_add(index as u64);
     let mut parts = Vec::new();
     if let Some(name) = spec.task {
-        // But hands that move together do so by the run's seed alone.
+        // Hands that move together use the run's seed alone.
         let seed = match name {
             TaskName::MoveTogether => seed,
             _ => own,
@@ -74,9 +74,9 @@ pub(super) fn build(
     Ok(Some(hand))
 }
 
-/// The task with the numbers that the scene gives in place of the usual ones.
+/// The task with the scene's numbers in place of the usual ones.
 fn task(spec: &spec::Hand, name: TaskName) -> Task {
-    // The scene's consistency was checked: a task has a direction.
+    // The consistency of the scene was checked before: a task has a direction.
     let direction = Vec3::from(spec.direction.unwrap_or_default());
     let usual = Task::new(name.kind(), direction);
     Task {
@@ -90,7 +90,7 @@ fn task(spec: &spec::Hand, name: TaskName) -> Task {
     }
 }
 
-/// The field that a task's error is about.
+/// The field that a task's error concerns.
 fn wrong_field(error: &TaskError) -> &'static str {
     match error {
         TaskError::Direction { .. } => "direction",

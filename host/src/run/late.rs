@@ -1,18 +1,18 @@
-//! A link that takes its time: the host's end of the rings, under virtual time.
+//! A link with latency: the host's end of the rings, under virtual time.
 
 use rt_core::{LocalModel, TickRecord};
 use runner::link::HostEnd;
 
-/// The host's end of a link on which models are under way for a while.
+/// The host's end of a link on which a model arrives some time after it was sent.
 #[derive(Debug)]
 pub struct LateLink {
     end: HostEnd,
-    /// Arrival (ns), body and model, in the order in which they were sent.
+    /// Time of arrival (ns), body and model, in the order of sending.
     under_way: Vec<(u64, usize, LocalModel)>,
 }
 
 impl LateLink {
-    /// The link whose host's end is `end`; so many models are expected to be under way at once.
+    /// A link whose host's end is `end`, with room for `models` models that have not arrived.
     pub fn new(end: HostEnd, models: usize) -> Self {
         Self {
             end,
@@ -20,7 +20,7 @@ impl LateLink {
         }
     }
 
-    /// Gives `see` every tick's record that has come, oldest first.
+    /// Gives `see` every tick record that has arrived, oldest first.
     pub fn drain(&mut self, see: impl FnMut(&TickRecord)) {
         self.end.drain(see);
     }
@@ -30,13 +30,13 @@ impl LateLink {
         self.under_way.push((arrival_ns, body, *model));
     }
 
-    /// Hands over to the tick what has arrived by `now_ns`, and gives it to `see`, in the order in which it was sent.
+    /// Gives the tick, and `see`, the models that have arrived by `now_ns`, in the order of sending.
     pub fn deliver(&mut self, now_ns: u64, mut see: impl FnMut(usize, &LocalModel)) {
         let end = &mut self.end;
         self.under_way.retain(|(arrival_ns, body, model)| {
             let arrived = *arrival_ns <= now_ns;
             if arrived {
-                // A full ring is counted by the link.
+                // The link counts a full ring.
                 let _ = end.publish(*body, model);
                 see(*body, model);
             }
@@ -44,7 +44,7 @@ impl LateLink {
         });
     }
 
-    /// The host's end alone; what is under way is lost.
+    /// The host's end alone. Models that have not arrived are lost.
     pub(crate) fn into_end(self) -> HostEnd {
         self.end
     }

@@ -1,6 +1,6 @@
 //! The log as an observer of a run.
 //!
-//! A log that cannot be written on (a full disk) ends; the run and its summary go on without it.
+//! A log that can no longer be written (a full disk) ends early. The run and its summary continue without the log.
 
 use super::observer::{Observed, Observer};
 use crate::log::{LogError, LogWriter};
@@ -10,14 +10,14 @@ use std::io::BufWriter;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much data may be lost when the process is killed (s).
+/// Length of the data that may be lost when the process is killed (s).
 const FLUSH_PERIOD: f64 = 0.5;
 
 type Writer = LogWriter<BufWriter<File>>;
 
 /// Writes every record.
 pub(super) struct LogObserver {
-    /// `None` once it has failed.
+    /// The log's writer; `None` after a failure.
     log: Option<Writer>,
     failure: Option<LogError>,
     /// Ticks from one flush to the next.
@@ -27,7 +27,8 @@ pub(super) struct LogObserver {
 }
 
 impl LogObserver {
-    /// For a run at `rate` ticks a second. `logged` is told the ticks in the log that survive this process.
+    /// An observer for a run at `rate` ticks a second. `logged` receives the number of ticks in the log that survive
+    /// this process.
     pub(super) fn new(log: Writer, rate: f64, logged: Arc<AtomicU64>) -> Self {
         Self {
             log: Some(log),
@@ -58,7 +59,7 @@ impl Observer for LogObserver {
                 if self.taken.is_multiple_of(self.flush_every) {
                     self.write(LogWriter::flush);
                     if self.log.is_some() {
-                        // Relaxed: the number carries nothing but itself.
+                        // Relaxed: no other memory depends on this number.
                         self.logged.store(self.taken, Ordering::Relaxed);
                     }
                 }
@@ -66,7 +67,7 @@ impl Observer for LogObserver {
         }
     }
 
-    /// Ends the log, and says why it ended early if it did.
+    /// Ends the log. If the log ended early, adds the reason to the failures.
     fn finish(self: Box<Self>, observed: &mut Observed) {
         let ended = self.log.map_or(Ok(()), |log| log.finish().map(|_| ()));
         if let Some(error) = self.failure.or(ended.err()) {

@@ -1,4 +1,4 @@
-//! A run: a scene from beginning to end, under virtual or real time, with what it leaves behind.
+//! A run: a scene from beginning to end, under virtual time or the real clock, with its log, plot and summary.
 
 mod collect;
 mod devices;
@@ -42,39 +42,39 @@ use summary::{PlaceSummary, RunSummary};
 /// Which clock a run follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// Time that the run makes up: exact, repeatable, as fast as the machine goes.
+    /// Virtual time: exact, repeatable, and as fast as the machine computes.
     Virtual,
-    /// The machine's.
+    /// The machine's monotonic clock.
     Real,
 }
 
-/// What a run is asked for beyond its scene.
+/// The options of a run beyond its scene.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Which clock.
+    /// The clock that the run follows.
     pub clock: Clock,
     /// Length (s), if not the scene's.
     pub duration: Option<f64>,
     /// Seed, if not the scene's.
     pub seed: Option<u64>,
-    /// Where to log, if anywhere.
+    /// Path of the log; `None` for a run without a log.
     pub log: Option<PathBuf>,
-    /// Where to plot, if anywhere.
+    /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
-    /// Where to write the summary as JSON, if anywhere.
+    /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
-    /// Which instructions the linear algebra uses: the machine's fastest, or those of every machine.
+    /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
     pub instructions: FactorCode,
-    /// How the tick's thread runs, under the real clock.
+    /// How the tick's thread runs under the real clock.
     pub runner: RunnerConfig,
-    /// What the host does wrong on purpose.
+    /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
-    /// Ends a run under the real clock before its time, in order.
+    /// A request to end a run under the real clock early and in order.
     pub stop: Arc<Stop>,
 }
 
 impl RunOptions {
-    /// A run of the scene as it is, leaving nothing behind.
+    /// A run of the scene as it is, without log, plot and JSON.
     pub fn new(clock: Clock) -> Self {
         Self {
             clock,
@@ -114,12 +114,12 @@ pub enum RunError {
     Thread(std::io::Error),
 }
 
-/// How far a run is.
+/// The progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Progress {
     /// Ticks done.
     pub ticks: u64,
-    /// Ticks to do.
+    /// Ticks in the whole run.
     pub of: u64,
     /// Ticks in the log that survive this process; zero without a log.
     pub logged: u64,
@@ -132,7 +132,7 @@ impl Progress {
     }
 }
 
-/// Runs a scene and writes what was asked for. `progress` is told now and then.
+/// Runs a scene and writes the files that `options` name. `progress` is called from time to time.
 ///
 /// # Errors
 /// [`RunError`].
@@ -144,7 +144,7 @@ pub fn run(
     run_watched(loaded, options, Observers::new(), progress)
 }
 
-/// The same with others who watch, beside the summary and the log.
+/// As `run`, with the observers `others` in addition to the summary and the log.
 ///
 /// # Errors
 /// [`RunError`].
@@ -157,7 +157,8 @@ pub fn run_watched(
     let scene = &loaded.scene;
     let duration = options.duration.unwrap_or(scene.duration);
     let seed = options.seed.unwrap_or(scene.seed);
-    // Before the run starts its first thread: the one that makes factors starts with the engine.
+    // The core is reserved before the run starts its first thread: the thread that makes factors starts with the
+    // engine.
     let core = match options.clock {
         Clock::Real => options.runner.core,
         Clock::Virtual => CoreChoice::Anywhere,
@@ -243,7 +244,7 @@ pub fn run_watched(
         write_atomically(path, svg.as_bytes())?;
     }
     if let Some(path) = &options.json {
-        // Only maps with keys that are no strings and failing writers make this fail: there are none.
+        // This fails only for maps whose keys are no strings and for failing writers. There are none of either.
         let mut json = serde_json::to_string_pretty(&summary).unwrap_or_default();
         json.push('\n');
         write_atomically(path, json.as_bytes())?;
@@ -277,7 +278,8 @@ fn clock_name(clock: Clock) -> &'static str {
     }
 }
 
-/// The instructions that the linear algebra uses: with the same program, bytes are equal where these are.
+/// The instructions that the linear algebra uses. Two runs of the same program give equal bytes where these are
+/// equal.
 fn instructions(code: FactorCode) -> String {
     let mut path = std::env::consts::ARCH.to_owned();
     if code == FactorCode::Portable {
@@ -304,9 +306,9 @@ struct TickSide {
     missed: u64,
     longest_miss: u64,
     slots: u64,
-    /// Whether it ended early because it was asked to.
+    /// Whether the run ended early on request.
     stopped: bool,
-    /// Where and how its thread ran; nothing under the virtual clock.
+    /// The core and the priority of its thread; `None` under virtual time.
     place: Option<PlaceSummary>,
     locked_bytes: u64,
     counters: TickCounters,
@@ -320,7 +322,7 @@ fn host_panicked(message: &str) -> String {
     format!("the host panicked, and the tick went on without it: {message}")
 }
 
-/// What a panic said.
+/// The message of a panic.
 pub fn message(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
@@ -329,7 +331,7 @@ pub fn message(panic: &(dyn Any + Send)) -> &str {
         .unwrap_or("no message")
 }
 
-/// What a log lacks that a replay needs.
+/// A message on the ticks and models that a log lacks and a replay needs; `None` if the log is whole.
 fn not_replayable(parts: &Parts) -> Option<String> {
     let ticks = parts.tick.counters.refused_telemetry;
     let host = parts.host.as_ref();
@@ -342,7 +344,7 @@ fn not_replayable(parts: &Parts) -> Option<String> {
     })
 }
 
-/// A finished run, whichever its clock.
+/// A finished run, under either clock.
 struct Parts {
     tick: TickSide,
     host: Option<HostSide>,

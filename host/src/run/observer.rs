@@ -1,26 +1,26 @@
-//! Who watches a run: a list of observers, each of which is given every record.
+//! The observers of a run: each of them is given every record.
 //!
-//! The summary and the log are observers; whoever runs a scene may add others ([`super::run_watched`]). Under the real clock
-//! they work on the log's thread, fifty times a second; the tick knows of none of them.
+//! The summary and the log are observers. The caller of a run may add others ([`super::run_watched`]). Under the real
+//! clock the observers work on the log's thread, fifty times a second. The tick does not depend on them.
 
 use super::collect::Collected;
 use runner::link::LogRecord;
 
-/// What observers leave when a run is over.
+/// The results of the observers at the end of a run.
 #[derive(Debug, Default)]
 pub struct Observed {
-    /// What the run's telemetry adds up to.
+    /// The totals of the run's telemetry.
     pub(super) collected: Collected,
-    /// What ended an observer before the run was over.
+    /// The failures that ended an observer before the end of the run.
     pub failures: Vec<String>,
 }
 
-/// Somebody who watches a run.
+/// An observer of a run.
 pub trait Observer: Send {
     /// Takes a record. Telemetry comes in the order of the ticks, and each model before the ticks that used it.
     fn take(&mut self, record: LogRecord<'_>);
 
-    /// The run is over: adds what there is to say to `observed`.
+    /// Ends the observer when the run is over, and adds its results to `observed`.
     fn finish(self: Box<Self>, observed: &mut Observed);
 }
 
@@ -29,25 +29,25 @@ pub trait Observer: Send {
 pub struct Observers(Vec<Box<dyn Observer>>);
 
 impl Observers {
-    /// Nobody yet.
+    /// A list without observers.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// The same and one more.
+    /// The list with `observer` added at its end.
     pub fn with(mut self, observer: impl Observer + 'static) -> Self {
         self.0.push(Box::new(observer));
         self
     }
 
-    /// Gives everybody a record.
+    /// Gives every observer a record.
     pub(super) fn take(&mut self, record: LogRecord<'_>) {
         for observer in &mut self.0 {
             observer.take(record);
         }
     }
 
-    /// Ends all of them. What they leave.
+    /// Ends all observers and returns their results.
     pub(super) fn finish(self) -> Observed {
         let mut observed = Observed::default();
         for observer in self.0 {

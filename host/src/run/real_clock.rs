@@ -1,8 +1,8 @@
 //! A run under the real clock: the tick, the host and the log each on a thread of its own.
 //!
-//! The tick's thread is `runner`'s. The host's steps when a step is due, or at once when it is late; the
-//! log's empties its ring fifty times a second. A host that panics leaves the tick running: its force
-//! fades, and the summary says what happened.
+//! The tick's thread is that of `runner`. The host's thread steps when a step is due, or at once when it is late. The
+//! log's thread empties its ring fifty times a second. If the host panics, the tick continues: its force fades, and
+//! the summary reports the panic.
 
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
@@ -16,28 +16,28 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often the log's ring is emptied.
+/// Period at which the log's ring is emptied.
 const LOG_PERIOD: Duration = Duration::from_millis(20);
-/// How often progress is looked at.
+/// Period at which progress is reported.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
-/// Longest that the host sleeps before it looks whether the run is over.
+/// Longest time that the host sleeps before it checks whether the run is over.
 const HOST_NAP: Duration = Duration::from_millis(20);
 
-/// What a real-clock run leaves: the tick's report, or why there is none, and the host's side, or why
-/// there is none.
+/// The results of a run under the real clock.
 pub(super) struct RealRun {
     /// The tick's report.
     pub(super) report: TickReport,
-    /// The host's side; `None` where the host's thread panicked.
+    /// The host's side; `None` if the host's thread panicked.
     pub(super) host: Option<HostSide>,
-    /// Who watched; `None` where the log's thread panicked.
+    /// The run's observers; `None` if the log's thread panicked.
     pub(super) observers: Option<Observers>,
-    /// What ended a part of the run before its time.
+    /// The failures that ended a part of the run early.
     pub(super) failures: Vec<String>,
 }
 
-/// Runs `setup` for its whole length, or until `stop` asks. Each of `observers` is given every tick's telemetry in
-/// order, and each model before the ticks that used it, on a thread of its own; `progress` the ticks done, now and then.
+/// Runs `setup` for its whole length, or until `stop` is requested. The log's thread gives each of `observers` every
+/// tick's telemetry in order, and each model before the ticks that used it. From time to time `progress` is given the
+/// number of ticks done.
 ///
 /// # Errors
 /// [`RunError`] where the loop cannot start or its thread panicked.
@@ -125,7 +125,7 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
         }
         host.drain(|record| engine.follow(record));
         engine.step(due, &watch, |body, model| {
-            // A full ring is counted by the link.
+            // The link counts a full ring.
             let _ = host.publish(body, model);
         });
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
@@ -139,7 +139,7 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
 
 fn log_loop(mut log: LogEnd, mut observers: Observers, over: &Stop) -> Observers {
     loop {
-        // Looked at before draining: what was pushed before the end is still drained after it.
+        // The flag is read before the ring is drained: a record pushed before the end of the run is still drained.
         let last = over.is_requested();
         log.records(|record| observers.take(record));
         if last {

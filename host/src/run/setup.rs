@@ -1,4 +1,4 @@
-//! From a scene to everything that a run needs, before anything runs.
+//! Builds everything that a run of a scene needs, before the run starts.
 
 use super::devices;
 use crate::bodies;
@@ -18,17 +18,17 @@ use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
 use sim::DeviceModel;
 
-/// Ticks in a row that a device may stay silent before its force is taken away.
+/// Number of consecutive ticks that a device may stay silent before its force is removed.
 const PATIENCE: u32 = 10;
 
 /// Times of a run, in integer nanoseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
-    /// The tick's period.
+    /// The tick's period (ns).
     pub period_ns: u64,
     /// Ticks in the run.
     pub ticks: u64,
-    /// From reading the hands to the model's arrival, under virtual time.
+    /// Latency under virtual time (ns): from reading the hands to the arrival of the model.
     pub latency_ns: u64,
 }
 
@@ -38,15 +38,15 @@ pub struct Setup {
     pub tick: TickLoop,
     /// The host's end of the link.
     pub host: HostEnd,
-    /// The log's end.
+    /// The log's end of the link.
     pub log: LogEnd,
     /// The physics.
     pub engine: Engine,
-    /// What the physics does wrong on purpose: nothing, unless it is told to.
+    /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// When it steps.
+    /// The due times of the host's steps.
     pub pacer: Pacer,
-    /// Times.
+    /// The times of the run.
     pub timing: Timing,
 }
 
@@ -54,21 +54,21 @@ pub struct Setup {
 pub struct HostSide {
     /// The physics.
     pub engine: Engine,
-    /// When it steps.
+    /// The due times of the host's steps.
     pub pacer: Pacer,
     /// The host's end of the link.
     pub end: HostEnd,
 }
 
-/// What is left of a [`Setup`] after its run.
+/// The parts of a [`Setup`] after its run.
 pub struct Running {
     /// The tick with its devices.
     pub tick: TickLoop,
-    /// The log's end.
+    /// The log's end of the link.
     pub log: LogEnd,
-    /// The host's side; `None` where it panicked.
+    /// The host's side; `None` if the host panicked.
     pub host: Option<HostSide>,
-    /// What the panic said.
+    /// The message of the panic, if there was one.
     pub panicked: Option<String>,
 }
 
@@ -80,7 +80,7 @@ pub fn setup(loaded: &LoadedScene, duration: f64, seed: u64) -> Result<Setup, Sc
     setup_with(loaded, duration, seed, How::default())
 }
 
-/// The same, with a choice of how bodies are run.
+/// As `setup`, with options for the bodies.
 ///
 /// # Errors
 /// As [`setup`].
@@ -114,7 +114,7 @@ pub(crate) fn setup_with(
     })
 }
 
-/// The tick's side of a scene alone: what its controller is made of, and its simulated devices.
+/// The tick's side of a scene alone: the configuration of its controller, and its simulated devices.
 ///
 /// # Errors
 /// As [`setup`].
@@ -126,7 +126,7 @@ pub fn controls(
     Ok((controller(loaded, &devices)?, devices))
 }
 
-/// What the controller of a scene is made of, for its open `devices`.
+/// The configuration of a scene's controller, for its open `devices`.
 ///
 /// # Errors
 /// As [`setup`].
@@ -146,7 +146,7 @@ pub(super) fn controller(
         let capabilities = device.capabilities();
         let safety = safety(&scene.devices[index], &capabilities, scene, period);
         passivity.ports[index] = port(&loaded.models[index], &safety, &frame, period);
-        // The scene's consistency was checked: there are no more devices than the loop serves.
+        // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }
     for _ in &scene.bodies {
@@ -183,10 +183,10 @@ fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> Coupling
     }
 }
 
-/// A device as the account of energy sees it: what it dissipates, in the scene's metres and newtons.
+/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it.
 fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period: f64) -> Port {
     let scale = frame.motion_scale;
-    // The estimate that its driver makes.
+    // The delay of the velocity estimate that the device's driver makes.
     let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
     let turning = model.rotation;
     Port {
@@ -227,7 +227,8 @@ fn safety(
     }
 }
 
-/// The device's origin lies where its handle is at rest; a device that holds none stays at the world's.
+/// The origin of a device in the scene: the position of its handle at rest, or the world's origin if the device holds
+/// no handle.
 fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Vec3, SceneError> {
     let name = &loaded.scene.devices[device].name;
     for (body, spec) in loaded.scene.bodies.iter().enumerate() {

@@ -1,24 +1,24 @@
-//! What a run ends with, for people (`print`) and (as JSON) for programs.
+//! The summary of a run, for people (`print`) and (as JSON) for programs.
 
 mod print;
 
 use serde::Serialize;
 
-/// Version of the JSON that `--json` writes. A field that changes its meaning changes this.
+/// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
 pub const SCHEMA: &str = "palpate.run/3";
 
-/// A distribution of times.
+/// A distribution of times (s).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distribution {
-    /// Values counted.
+    /// Number of values.
     pub count: u64,
     /// Smallest.
     pub min: f64,
-    /// Half of the values lie at or below it.
+    /// Median: half of the values lie at or below this time.
     pub p50: f64,
-    /// 99 % do.
+    /// 99 % of the values lie at or below this time.
     pub p99: f64,
-    /// 99.9 % do.
+    /// 99.9 % of the values lie at or below this time.
     pub p99_9: f64,
     /// Largest.
     pub max: f64,
@@ -27,7 +27,7 @@ pub struct Distribution {
 }
 
 impl From<runner::latency::Summary> for Distribution {
-    /// From nanoseconds to seconds.
+    /// Converts nanoseconds to seconds.
     fn from(s: runner::latency::Summary) -> Self {
         let seconds = |ns: u64| ns as f64 * 1e-9;
         Self {
@@ -42,7 +42,7 @@ impl From<runner::latency::Summary> for Distribution {
     }
 }
 
-/// Everything that a run has to say. Times in seconds.
+/// The summary of a run. Times are in seconds.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunSummary {
     /// [`SCHEMA`].
@@ -59,19 +59,19 @@ pub struct RunSummary {
     pub tick: TickSummary,
     /// The host.
     pub host: HostSummary,
-    /// By device.
+    /// The devices, in the scene's order.
     pub devices: Vec<DeviceSummary>,
-    /// Between the hands and each body.
+    /// The energy between the hands and each body.
     pub energy: Vec<EnergySummary>,
     /// Messages that did not arrive.
     pub dropped: DroppedSummary,
-    /// Stretches of time in which something was not as it should be.
+    /// Faults made on purpose, and stretches of time in which a device or a body was not in its normal state.
     pub events: Vec<EventSummary>,
     /// Models that were refused, by body and reason.
     pub refusals: Vec<String>,
-    /// What the system did not grant, and what that costs.
+    /// Resources that the system did not grant, and the consequences; also gaps in the log.
     pub degradations: Vec<String>,
-    /// What ended a part of the run before its time.
+    /// Failures, such as those that ended a part of the run early.
     pub failures: Vec<String>,
 }
 
@@ -82,40 +82,40 @@ pub struct TickSummary {
     pub rate: f64,
     /// Ticks done.
     pub count: u64,
-    /// Deadlines missed, skipped and survived.
+    /// Deadlines that the loop missed and skipped.
     pub missed_deadlines: u64,
     /// Most deadlines missed in a row.
     pub longest_miss: u64,
-    /// Deadlines from the first to the last: those met and those missed.
+    /// Deadlines from the first to the last, both met and missed.
     pub slots: u64,
-    /// Ticks whose telemetry arrived; with `dropped.telemetry` they add up to the ticks.
+    /// Ticks whose telemetry arrived. The sum of this number and `dropped.telemetry` is the number of ticks.
     pub records: u64,
-    /// Whether the run ended early because it was asked to (a signal).
+    /// Whether the run ended early on request (a signal).
     pub stopped: bool,
-    /// Where and how its thread ran; nothing under the virtual clock.
+    /// The core and the priority of its thread; `None` under virtual time.
     pub place: Option<PlaceSummary>,
-    /// How late it woke; nothing under the virtual clock.
+    /// Lateness of its thread; `None` under virtual time.
     pub lateness: Option<Distribution>,
-    /// How long a tick took; nothing under the virtual clock.
+    /// Computing time of a tick; `None` under virtual time.
     pub duration: Option<Distribution>,
     /// Age of the local model in use, by body.
     pub model_age: Vec<Distribution>,
-    /// Memory locked (bytes).
+    /// Locked memory (bytes).
     pub locked_bytes: u64,
-    /// Models that were refused: not finite, wrong handles, outdated, of a time to come.
+    /// Models that were refused: not finite, of wrong handles, outdated, or of a future time.
     pub refused_models: u64,
-    /// Times that the newest model grew too old.
+    /// Number of times that the newest model became too old.
     pub faded: u64,
 }
 
-/// What the system gave to the tick's thread.
+/// The core and the priority that the system gave to the tick's thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct PlaceSummary {
-    /// The core that it had to itself, among this program's threads; nothing where it had none.
+    /// The core that no other thread of this program used; `None` if there was none.
     pub core: Option<usize>,
     /// Whether the kernel keeps other programs off that core.
     pub isolated: bool,
-    /// Its priority under SCHED_FIFO; nothing under the ordinary scheduler.
+    /// Its priority under SCHED_FIFO; `None` under the ordinary scheduler.
     pub priority: Option<u8>,
 }
 
@@ -126,52 +126,52 @@ pub struct HostSummary {
     pub steps: u64,
     /// Steps left out because the host was late.
     pub skipped_steps: u64,
-    /// Steps a second over the run (Hz), on the run's own clock.
+    /// Mean rate of the steps over the run (Hz), by the run's own clock.
     pub step_rate: f64,
     /// Local models published.
     pub publications: u64,
-    /// Triangles and vertices over all bodies.
+    /// Number of elements of all bodies.
     pub elements: usize,
-    /// See `elements`.
+    /// Number of vertices of all bodies.
     pub vertices: usize,
-    /// How each body is solved, and why so.
+    /// The solver of each body, and the reason for the choice.
     pub solvers: Vec<String>,
-    /// Computing time of the stages, as measured; it does not enter the state.
+    /// Measured time to assemble, a step. Measured times do not enter the state.
     pub assemble: Distribution,
     /// Factors made beside the steps.
     pub factors: u64,
-    /// See `assemble`.
+    /// Measured time to solve, a step.
     pub solve: Distribution,
-    /// See `assemble`; a publication.
+    /// Measured time to condense, a publication.
     pub condense: Distribution,
-    /// Solver iterations: median, 99th percentile, most.
+    /// Solver iterations a step: median, 99th percentile, maximum.
     pub iterations: [u64; 3],
     /// Steps that stopped at the iteration limit.
     pub unconverged_steps: u64,
     /// Largest relative residual of any step.
     pub worst_residual: f64,
-    /// Publications with a clipped eigenvalue, and the worst, relative to the matrix's largest.
+    /// Publications with a clipped eigenvalue.
     pub clipped: u64,
-    /// See `clipped`.
+    /// The largest clipped eigenvalue, relative to the largest eigenvalue of its matrix.
     pub worst_clip: f64,
     /// Steps or publications that failed.
     pub faults: u64,
 }
 
-/// One device.
+/// The summary of one device.
 #[derive(Clone, Debug, Serialize)]
 pub struct DeviceSummary {
     /// Name in the scene.
     pub name: String,
-    /// Largest force on the hand (N), and when (s).
+    /// Largest force on the hand (N).
     pub peak_force: f64,
-    /// See `peak_force`.
+    /// Time of the largest force (s).
     pub peak_time: f64,
-    /// Work done on the hand (J), from telemetry: held force times motion.
+    /// Work done on the hand (J), from telemetry: the sum of held force times displacement.
     pub work: f64,
-    /// The same at the motor port of a simulated device, integrated between ticks (J).
+    /// Work at the motor port of a simulated device, integrated between ticks (J); `None` for other devices.
     pub port_work: Option<f64>,
-    /// Largest distance from its start (m).
+    /// Largest distance from its first position (m).
     pub reach: f64,
     /// Ticks with the force limited.
     pub limited_ticks: u64,
@@ -181,48 +181,50 @@ pub struct DeviceSummary {
     pub slewed_ticks: u64,
     /// Ticks without a good state.
     pub missed_reads: u64,
-    /// Times that it moved too fast.
+    /// Number of times that the device moved too fast.
     pub too_fast: u64,
-    /// Times that it was out of reach.
+    /// Number of times that the device was out of reach.
     pub out_of_reach: u64,
-    /// What tripped first, if anything did.
+    /// The first trip, if there was one.
     pub first_trip: Option<TripSummary>,
 }
 
-/// The first time that a device's last stage took something away.
+/// A trip of a device's last stage.
 #[derive(Clone, Debug, Serialize)]
 pub struct TripSummary {
-    /// What tripped.
+    /// The limit that began to act, in words.
     pub what: &'static str,
-    /// When (s).
+    /// Time of the trip (s).
     pub time: f64,
-    /// What was found, and what may be at most.
+    /// The value found.
     pub found: f64,
-    /// See `found`.
+    /// The largest value allowed.
     pub limit: f64,
-    /// Unit of both.
+    /// Unit of `found` and `limit`.
     pub unit: &'static str,
 }
 
-/// What passed between the hands and one body (J).
+/// The energy between the hands and one body (J).
 #[derive(Clone, Debug, Serialize)]
 pub struct EnergySummary {
     /// Name of the body.
     pub body: String,
-    /// Net work of the hands, by held wrenches.
+    /// Net work of the hands, computed from held wrenches.
     pub supplied: f64,
-    /// Part of it that lifted the body's weight.
+    /// The part of `supplied` that lifted the body's weight.
     pub raised: f64,
-    /// What hands at rest could get back at the end, by the last local model; nothing where the scheme knows none.
+    /// Energy that hands at rest could recover at the end, by the last local model; `None` if the scheme does not use
+    /// it.
     pub stored: Option<f64>,
-    /// Supplied, and neither stored nor raised.
+    /// The part of the supplied work that was neither stored nor raised.
     pub dissipated: Option<f64>,
-    /// The most that ever came out at the hands beyond what had been put in, lifted, dissipated by their devices (as far
-    /// as that is relied on) or there at the start.
+    /// Net energy: the largest excess, over the run, of the energy that came out at the hands over the energy stored
+    /// at the start; zero without an excess. The work of lowered weights and the credited dissipation of the devices
+    /// are deducted.
     pub most_out: f64,
-    /// What devices dissipated by themselves and a cap relied on.
+    /// The part of the devices' own dissipation on which a cap relied.
     pub credited: f64,
-    /// Ticks in which a cap took something off.
+    /// Ticks in which a cap reduced a wrench, or the classic controller damped.
     pub capped_ticks: u64,
 }
 
@@ -237,9 +239,9 @@ pub struct DroppedSummary {
     pub models: u64,
     /// Models that found the log's ring full.
     pub logged_models: u64,
-    /// Models that arrived together with a newer one and were passed over.
+    /// Models that arrived together with a newer model and were not used.
     pub superseded_models: u64,
-    /// Wrenches that a device did not take.
+    /// Wrenches that a device refused.
     pub wrenches: u64,
 }
 
@@ -250,6 +252,6 @@ pub struct EventSummary {
     pub from: f64,
     /// End (s).
     pub to: f64,
-    /// What it was.
+    /// The event, in words.
     pub what: String,
 }

@@ -1,29 +1,29 @@
-//! Virtual time: one loop, in one thread, for the ticks and for the host beside them.
+//! Virtual time: one loop, in one thread, for the ticks and for the host.
 //!
 //! Every tick and every host step happens at a time that is counted in integer nanoseconds. Before each tick the host
-//! takes the steps that start by then, and what has arrived by then is handed over. A run of a scene, the runs of the
-//! stress studies and their references differ in the host and in the tick that they bring; what goes wrong, and what is
-//! traced, are wrappers around the device, the link and the host.
+//! takes the steps that start by the time of the tick, and the models that have arrived by that time reach the tick.
+//! A run of a scene, the runs of the stress studies and their references differ in their host and in their tick.
+//! Faults and traces are wrappers around the device, the link and the host.
 
-/// What steps beside the ticks, with its end of the link.
+/// A host that steps between the ticks, with its end of the link.
 pub trait Host {
-    /// Why a step, or the tick beside it, cannot be taken.
+    /// The reason why a step or a tick cannot be taken.
     type Error;
 
-    /// When the next step starts (ns); `None` where there will be none.
+    /// The time at which the next step starts (ns); `None` if there is no next step.
     fn next_ns(&self) -> Option<u64>;
 
     /// Takes the next step.
     ///
     /// # Errors
-    /// Where it cannot: the run then ends.
+    /// The step cannot be taken, which ends the run.
     fn step(&mut self) -> Result<(), Self::Error>;
 
-    /// Hands over to the tick what has arrived by `now_ns`.
+    /// Gives the tick the models that have arrived by `now_ns`.
     fn deliver(&mut self, now_ns: u64);
 }
 
-/// When the ticks of a run come.
+/// The times of a run's ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timeline {
     /// The tick's period (ns).
@@ -33,10 +33,10 @@ pub struct Timeline {
 }
 
 impl Timeline {
-    /// Goes through the run. `tick` is given the host and the tick's time (ns).
+    /// Makes all steps and ticks of the run. `tick` is given the host and the tick's time (ns).
     ///
     /// # Errors
-    /// The first that `host` or `tick` gives.
+    /// The first error of `host` or `tick`.
     pub fn drive<H: Host>(
         self,
         host: &mut H,
@@ -61,7 +61,7 @@ impl Timeline {
 mod tests {
     use super::*;
 
-    /// Steps every 3 ns; what a step sends arrives 2 ns later.
+    /// A host that steps every 3 ns. A model arrives 2 ns after the start of its step.
     #[derive(Default)]
     struct Diary {
         next: u64,

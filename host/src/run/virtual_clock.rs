@@ -1,8 +1,8 @@
 //! A run under virtual time: devices, hands, host and log on one clock, in one thread.
 //!
-//! A host step starts when it is due and the host is free, sees the records of the ticks before it, and its model
-//! arrives after the scene's latency. Nothing here asks the machine for the time, except the stopwatch that measures
-//! what a stage costs, which never enters the state: two runs give the same bytes, whatever the load.
+//! A host step starts when it is due and the host is free. The step sees the records of the ticks before it, and its
+//! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
+//! machine's clock. Its readings never enter the state: two runs give the same bytes under any load.
 
 use super::late::LateLink;
 use super::message;
@@ -15,8 +15,8 @@ use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model
-/// before it; `progress` the ticks done, now and then.
+/// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model before the
+/// ticks that used it. From time to time `progress` is given the number of ticks done.
 pub fn run(
     setup: Setup,
     mut sink: impl FnMut(LogRecord<'_>),
@@ -63,13 +63,13 @@ pub fn run(
     }
 }
 
-/// A host that is busy from the start of a step that publishes until its model arrives.
+/// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
     engine: Failing,
     pacer: Pacer,
     link: LateLink,
     latency_ns: u64,
-    /// Until when it is busy (ns).
+    /// The time until which the host is busy (ns).
     free_at: u64,
     watch: WallStopwatch,
 }
@@ -119,7 +119,7 @@ impl Host for Paced {
     }
 }
 
-/// A host that may panic: it is gone then, as under the real clock, and the tick goes on.
+/// A host that may panic. After a panic there is no host, as under the real clock, and the tick continues.
 struct Mortal<H> {
     living: Option<H>,
     panicked: Option<String>,

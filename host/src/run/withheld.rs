@@ -1,14 +1,15 @@
-//! Whether the cap holds a body's force back for long: a hand that feels too little for half a second has felt it.
+//! Detects that the cap withholds force of a body for long. A hand notices a force that is too small for half a
+//! second.
 
 use rt_core::Withheld;
 
-/// Withheld shares below this are none: the hold's own accuracy.
+/// Smallest fraction of the body's force that counts as withheld. Smaller ones lie within the accuracy of the hold.
 const SHARE: f64 = 0.01;
-/// Nor are forces below this (N): less than a hand can tell.
+/// Smallest force that counts as withheld (N). A hand cannot notice a smaller one.
 const FORCE: f64 = 0.02;
-/// It counts once it has lasted so long (s),
+/// Duration above which a stretch is reported (s).
 const LASTING: f64 = 0.5;
-/// and goes on over gaps as long as this (s): a cap that acts in most ticks is felt as one that acts in all.
+/// Longest gap within a stretch (s). A cap that acts in most ticks feels like a cap that acts in all.
 const GAP: f64 = 0.1;
 
 /// A stretch of time in which force was withheld.
@@ -18,12 +19,12 @@ pub(super) struct Stretch {
     pub(super) from: f64,
     /// End (s).
     pub(super) to: f64,
-    /// Where most was withheld.
+    /// The largest force withheld.
     pub(super) most: Withheld,
 }
 
 impl Stretch {
-    /// What it was, for people.
+    /// A description for people.
     pub(super) fn what(&self) -> String {
         let Withheld { force, of } = self.most;
         let percent = 100.0 * force / of;
@@ -34,14 +35,14 @@ impl Stretch {
     }
 }
 
-/// Watches one body.
+/// Detects the stretches of one body.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Watch {
     open: Option<Stretch>,
 }
 
 impl Watch {
-    /// Takes what is withheld at `time` (s); gives a stretch that has ended, if it lasted.
+    /// Takes the force withheld at `time` (s). Returns a stretch that has ended, if it lasted long enough.
     pub(super) fn take(&mut self, time: f64, withheld: Withheld) -> Option<Stretch> {
         let acts = withheld.force > FORCE.max(SHARE * withheld.of);
         match &mut self.open {
@@ -65,7 +66,7 @@ impl Watch {
         }
     }
 
-    /// What is still open at the end, if it lasted.
+    /// The stretch that is open at the end, if it lasted long enough.
     pub(super) fn finish(self) -> Option<Stretch> {
         self.open.and_then(lasting)
     }
@@ -89,7 +90,7 @@ fn lasting(stretch: Stretch) -> Option<Stretch> {
 mod tests {
     use super::*;
 
-    /// Two seconds of ticks; `force` (N) is withheld of 2 N at each time (s).
+    /// The stretches in two seconds of ticks. At each time (s), `force` (N) is withheld of 2 N.
     fn stretches(force: impl Fn(f64) -> f64) -> Vec<Stretch> {
         let mut watch = Watch::default();
         let mut found: Vec<_> = (0..2000)
@@ -118,7 +119,7 @@ mod tests {
         );
         let long = stretches(|t| if within(0.2, 0.9, t) { t } else { 0.0 });
         assert_eq!(long.len(), 1);
-        // A tick either side.
+        // The bound is one tick on either side.
         assert!((long[0].from - 0.2).abs() < 1.1e-3 && (long[0].to - 0.9).abs() < 1.1e-3);
         assert!((long[0].most.force - 0.9).abs() < 1.1e-3);
         assert!(
@@ -128,7 +129,7 @@ mod tests {
             "{}",
             long[0].what()
         );
-        // Six ticks of seven, to the end.
+        // The cap acts in six ticks of seven, to the end.
         let flickering = stretches(|t| {
             if t > 1.0 && !((t * 1e3) as u64).is_multiple_of(7) {
                 0.5

@@ -1,7 +1,8 @@
-//! The plan: what the host does for a scene, as data.
+//! The plan: the work of the host for a scene, as data.
 //!
-//! A scene pays only for what it needs. What that is follows from the scene and its bodies' meshes, before anything runs:
-//! the engine is built from a [`BodyPlan`] ([`super::build`]), and `palpate plan` prints the same, stage by stage ([`Stage`]).
+//! A scene pays only for the stages that it needs. The scene and the meshes of its bodies determine them before
+//! anything runs: the engine is built from a [`BodyPlan`] ([`super::build`]), and `palpate plan` prints the same
+//! plan, stage by stage ([`Stage`]).
 
 mod stages;
 
@@ -14,38 +15,39 @@ use crate::scene::LoadedScene;
 use crate::scene::spec::{self, Scene, SchemeName};
 use physics::Freedom;
 
-/// What the host does for one body.
+/// The plan of one body: its solver, its handles and its rates.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BodyPlan {
     /// Name of the body.
     pub name: String,
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
-    /// Its solver, and why that one.
+    /// Its solver, and the reason for the choice.
     #[serde(flatten)]
     pub choice: Choice,
     /// Whether its bending resists.
     pub bends: bool,
-    /// Handles that devices hold.
+    /// Number of its handles.
     pub handles: usize,
-    /// Handles whose devices drive their rotation: it is condensed, too.
+    /// Number of handles whose devices drive their rotation, which is then condensed, too.
     pub turned: usize,
-    /// Whether stiffness and damping are condensed onto the handles: the scheme uses them.
+    /// Whether stiffness and damping are condensed onto the handles, because the scheme uses them.
     pub condenses: bool,
-    /// Whether its models say how much energy they store: the scheme uses it.
+    /// Whether its models state the energy that they store, because the scheme uses it.
     pub tells_energy: bool,
     /// Length of a step (s).
     pub step: f64,
     /// Publication period (s).
     pub period: f64,
-    /// How far ahead models are to be good for (s): from the state that one tells of to the last tick that uses it.
+    /// The largest age at which models must be good (s): from a model's reference to the last tick that uses the
+    /// model.
     pub horizon: f64,
-    /// By handle, what ties its device to a proxy, where devices feel the body through one.
+    /// By handle, the link between its device and the proxy; `None` under schemes without proxies.
     pub links: Option<Vec<Link>>,
 }
 
 impl BodyPlan {
-    /// For the body of this index, as built.
+    /// The plan of the body number `index` of the scene, as `built`.
     pub fn new(loaded: &LoadedScene, index: usize, built: &Built) -> Self {
         let scene = &loaded.scene;
         let spec = &scene.bodies[index];
@@ -84,14 +86,15 @@ pub fn tells_energy(scene: &Scene) -> bool {
     )
 }
 
-/// What ties the device of each handle to its proxy: the scene's figures, or what the device's driver recommends.
+/// The link between the device and the proxy of each handle: with the scene's parameters, or with those that the
+/// device's driver recommends.
 pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
     let scene = &loaded.scene;
     let each = body.handles.iter().map(|handle| {
         let index = scene.device_of(handle);
         let device = &scene.devices[index];
         let recommended = Link::recommended(&loaded.models[index]);
-        // A scene's metre is felt as `1 / motion_scale` metres of the device, forces the other way round.
+        // A metre of the scene is `1 / motion_scale` metres of the device. Forces scale inversely.
         let scale = device.motion_scale * device.motion_scale;
         let realtime = &scene.realtime;
         Link {

@@ -1,4 +1,4 @@
-//! The stages of a host step, in their order: which of them a scene's bodies need, and why, for people.
+//! The stages of a host step, in their order: which of them the bodies of a scene need, and why, for people.
 
 use super::BodyPlan;
 use crate::bodies::Kind;
@@ -12,7 +12,7 @@ pub struct Stage {
     pub name: &'static str,
     /// Whether the scene needs it.
     pub needed: bool,
-    /// Why, or why not.
+    /// The reason why the scene needs it, or why not.
     pub why: String,
 }
 
@@ -22,7 +22,7 @@ impl Stage {
         Self { name, needed, why }
     }
 
-    /// With the reason for which it is needed, or for which it is not.
+    /// A stage with the reason `why` if it is needed, else with `why_not`.
     fn either(name: &'static str, needed: bool, why: String, why_not: &str) -> Self {
         let why = if needed { why } else { why_not.to_owned() };
         Self { name, needed, why }
@@ -78,7 +78,7 @@ fn handles(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
     Stage::new("handles", held > 0, why)
 }
 
-/// What is assembled, of each kind of body.
+/// The elements of each kind of body.
 fn elements(bodies: &[BodyPlan]) -> String {
     let of = |kind: Kind| bodies.iter().filter(|body| body.kind == kind).count();
     let parts = [
@@ -128,7 +128,7 @@ fn damping(scene: &Scene) -> Stage {
     Stage::either("damping", damped, why, "no Rayleigh damping")
 }
 
-/// A solver in a few words, with what it solves to.
+/// A solver in a few words, with the `tolerance` to which it solves.
 pub fn in_words(solver: SolverName, tolerance: f64) -> String {
     let on = |factor: &str| {
         format!(

@@ -1,4 +1,4 @@
-//! Springs in series, against what is known of them.
+//! Tests of springs in series against known results.
 
 use super::{Link, VirtualCoupling};
 use nalgebra::{SMatrix, SVector, SymmetricEigen};
@@ -12,15 +12,15 @@ const LINK: Link = Link {
 const LENGTH: f64 = 0.05;
 const SIZE: usize = 6 * MAX_HANDLES;
 
-/// All handles together; zero where there is none.
+/// A matrix over all handles; zero where there is no handle.
 type Whole = SMatrix<f64, SIZE, SIZE>;
 type Stacked = SVector<f64, SIZE>;
 
-/// How long the drift has gone on (s).
+/// Time over which the drift acts (s).
 const AHEAD: f64 = 0.02;
 
-/// A model of `handles` handles with a stiffness `J^T J` of so many rows of `J`, and a hundredth of
-/// it as damping (s), its body under way.
+/// A model of a moving body with `handles` handles. Its stiffness is `J^T J`, where `J` has `rows` rows, and its
+/// damping is a hundredth of the stiffness, in seconds.
 fn model(handles: usize, rows: usize, scale: f64) -> LocalModel {
     let size = 6 * handles;
     // Numbers without a pattern, the same everywhere.
@@ -95,13 +95,13 @@ fn a_spring_before_a_spring_is_both_in_series() {
     model.damping[0][0][(0, 0)] = 4.0;
     model.handles[0].wrench.force = Vec3::new(-2.0, 0.5, 0.0);
     let coupled = through(&model, LINK);
-    // k1 k2 / (k1 + k2), and the body's share of the way k2 / (k1 + k2) = 3 / 4. Rounding of a few
-    // operations.
+    // k1 k2 / (k1 + k2), and the body's fraction of the displacement k2 / (k1 + k2) = 3 / 4. The bound allows for the
+    // rounding of a few operations.
     let near = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-12 * wanted.abs());
     near(coupled.stiffness[0][0][(0, 0)], 750.0);
     near(coupled.damping[0][0][(0, 0)], 4.0 * 0.5625 + 20.0 * 0.0625);
     near(coupled.handles[0].wrench.force.x, -1.5);
-    // Where the body resists nothing the proxy is the device.
+    // Where the body does not resist, the proxy coincides with the device.
     assert_eq!(coupled.handles[0].wrench.force.y, 0.5);
     assert_eq!(coupled.stiffness[0][0][(1, 1)], 0.0);
     assert_eq!(coupled.damping[0][0][(1, 1)], 0.0);
@@ -109,8 +109,7 @@ fn a_spring_before_a_spring_is_both_in_series() {
 
 #[test]
 fn the_devices_feel_what_proxies_in_balance_pass_on() {
-    // Bodies that resist every motion, and one that resists few; stiff ones, and one softer than
-    // the springs.
+    // Three bodies resist every motion, and the last one resists few. One body is softer than the springs.
     for (handles, rows, scale) in [(1, 6, 1e3), (2, 12, 1e5), (4, 24, 1e4), (4, 5, 1e6)] {
         let model = model(handles, rows, scale);
         let coupled = through(&model, LINK);
@@ -123,7 +122,7 @@ fn the_devices_feel_what_proxies_in_balance_pass_on() {
                 0.0
             }
         });
-        // At rest: the dampers do nothing, so the wrench that was published has theirs taken out.
+        // At rest the dampers exert no wrench, so their part is removed from the published wrench.
         let speed = stacked(&model, |handle| handle.twist.stacked());
         let wrench = stacked(&model, |handle| handle.wrench.stacked());
         let drift = stacked(&model, |handle| handle.drift.stacked());
@@ -149,8 +148,7 @@ fn the_devices_feel_what_proxies_in_balance_pass_on() {
         {
             for (r, found) in found.stacked().iter().enumerate() {
                 let wanted = wanted[6 * i + r];
-                // The springs' forces are differences of places: a thousandth of newtons times the
-                // condition, 1e4.
+                // The springs' forces are differences of positions: a thousandth of newtons times the condition, 1e4.
                 assert!((found - wanted).abs() < 1e-9, "{handles}: {found} {wanted}");
             }
         }
@@ -165,7 +163,7 @@ fn it_is_symmetric_and_positive_and_no_stiffer_than_body_or_springs() {
         let (body, springs) = (whole(&model.stiffness), springs(LINK));
         let stiffness = whole(&coupled.stiffness);
         let damping = whole(&coupled.damping);
-        // Rounding of sums of the body's largest numbers.
+        // The bound allows for the rounding of sums of the body's largest numbers.
         let small = 1e-12 * largest(&body);
         let positive = |what: &str, matrix: Whole| {
             assert_eq!(matrix, matrix.transpose(), "{what}");
@@ -197,7 +195,7 @@ fn stiff_springs_leave_the_body_as_it_is() {
         [stiffness, damping, wrench]
     };
     for (coarse, fine) in error(1e8).into_iter().zip(error(1e9)) {
-        // First order in the compliance: a tenth, the next term being 1e-4 of it.
+        // The error is of first order in the compliance: it falls to a tenth. The next term is 1e-4 of the first.
         assert!(
             fine > 0.0 && (coarse / fine - 10.0).abs() < 0.01,
             "{coarse} {fine}"

@@ -1,4 +1,4 @@
-//! Two records of one tick, compared field by field and bit by bit.
+//! Compares two records of one tick, field by field and bit by bit.
 
 use crate::log::{TickRow, energy_sums};
 use rt_core::coupling::HostState;
@@ -8,44 +8,44 @@ use rt_core::{Pose, Twist, Vec3, Withheld, Wrench};
 use serde::{Serialize, Serializer};
 use std::fmt;
 
-/// Which part of a tick's record a field is in.
+/// The part of a tick's record that contains a field.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Part {
-    /// The tick's own.
+    /// The tick itself.
     Tick,
-    /// A device's, by index.
+    /// A device, by index.
     Device(usize),
-    /// A body's, by index.
+    /// A body, by index.
     Body(usize),
 }
 
-/// What a field holds.
+/// The value of a field.
 #[derive(Clone, Copy, Debug)]
 pub enum Value {
     /// A number, compared bit by bit.
     Number(f64),
     /// A count or a time.
     Count(u64),
-    /// Yes or no.
+    /// A flag.
     Flag(bool),
-    /// What the last stage did.
+    /// The state of the last stage.
     Safety(SafetyState),
-    /// What the coupling was doing.
+    /// The state of the coupling.
     Host(HostState),
 }
 
-/// A field's name: its part, and its path there as in the message definition.
+/// A field's name: its part, and its path within the part as in the message definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Which part.
+    /// The part.
     pub part: Part,
     /// The vector or the field.
     pub name: &'static str,
-    /// The component, empty where there is none.
+    /// The component; empty if there is none.
     pub component: &'static str,
 }
 
-/// A field that came out otherwise than it was logged.
+/// A field whose value in the replay differs from the logged value.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Difference {
     /// Number of the tick.
@@ -54,21 +54,21 @@ pub struct Difference {
     pub time_ns: u64,
     /// The field.
     pub field: Field,
-    /// What the log says.
+    /// The logged value.
     pub log: Value,
-    /// What came out now.
+    /// The value in the replay.
     pub now: Value,
 }
 
-/// The first field of `now` that is not, bit by bit, as `log` has it. Input (readings, lateness) is not
-/// compared: it comes from the log.
+/// The first field of `now` that differs from `log` in any bit. Input (readings, lateness) is not compared, because
+/// it comes from the log.
 pub(super) fn first_difference(log: &TickRow, now: &TickRow) -> Option<Difference> {
     let mut found = None;
     let mut logged = Vec::with_capacity(64);
     visit(log, &mut |field, value| logged.push((field, value)));
     let mut logged = logged.into_iter();
     visit(now, &mut |field, value| {
-        // Counts of devices and bodies come first: where the lists are of unequal length, those differ.
+        // The counts of devices and bodies come first: if two lists differ in length, the counts differ.
         if let Some((_, before)) = logged.next()
             && found.is_none()
             && !same(before, value)
@@ -96,8 +96,8 @@ fn same(a: Value, b: Value) -> bool {
     }
 }
 
-/// Gives every field of a tick to `see`, always in the same order. The records are taken apart without `..`, so that a
-/// field added to one of them cannot be forgotten here.
+/// Gives every field of a tick to `see`, always in the same order. The records are destructured without `..`, so that
+/// a new field cannot be forgotten here.
 fn visit(row: &TickRow, see: &mut impl FnMut(Field, Value)) {
     let mut put = |part, name, component, value| {
         see(
@@ -229,9 +229,9 @@ impl fmt::Display for Field {
 impl fmt::Display for Value {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            // Which of the many.
+            // The bits tell which of the many values it is.
             Self::Number(x) if x.is_nan() => write!(f, "not a number (0x{:016x})", x.to_bits()),
-            // As many digits as tell it from its neighbours.
+            // Enough digits to distinguish the number from its neighbours.
             Self::Number(x) => write!(f, "{x:?}"),
             Self::Count(n) => write!(f, "{n}"),
             Self::Flag(flag) => write!(f, "{flag}"),
@@ -241,14 +241,14 @@ impl fmt::Display for Value {
     }
 }
 
-/// As it is printed: JSON has no numbers for what is none, nor room for 64 bits.
+/// Serialized as printed: JSON numbers have no value for NaN and no room for 64 bits.
 impl Serialize for Value {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)
     }
 }
 
-/// As it is printed.
+/// Serialized as printed.
 impl Serialize for Field {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         to.collect_str(self)

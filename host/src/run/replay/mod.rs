@@ -1,9 +1,10 @@
-//! Replay: a logged run again, its device input, local models and times from the log, compared bit for bit.
+//! Replay: a logged run is run again and compared bit for bit. Device input, local models and times come from the
+//! log.
 //!
-//! What is run is the tick: the same [`TickLoop`] on the controller that the scene describes. The physics
-//! is not: the models come from the log, so a replay does not depend on the machine that computes it, and
-//! a run under the real clock replays as a virtual one does. A log whose writer was killed replays as far
-//! as it goes.
+//! A replay runs the tick: the same [`TickLoop`] on the controller that the scene describes. It does not run the
+//! physics, because the models come from the log. So a replay does not depend on the machine that computes it, and a
+//! run under the real clock replays as a run under virtual time does. A log whose writer was killed replays up to its
+//! last tick.
 
 mod compare;
 
@@ -28,27 +29,27 @@ pub enum ReplayError {
     /// Its scene cannot be built.
     #[error(transparent)]
     Scene(#[from] SceneError),
-    /// There is nothing in it.
+    /// The log holds no ticks.
     #[error("the log holds no ticks: there is nothing to replay")]
     Empty,
-    /// A tick is not in it.
+    /// The log lacks a tick.
     #[error(
         "tick {expected} is not in the log, which goes on with tick {found}: its record found the \
          log's ring full, and without its readings the run cannot be replayed"
     )]
     MissingTick {
-        /// The tick that should come.
+        /// The tick that is missing.
         expected: u64,
-        /// The one that does.
+        /// The tick that the log holds next.
         found: u64,
     },
-    /// A model is not in it.
+    /// The log lacks a model.
     #[error(
         "tick {tick} uses model {sequence} of body {body}, which is not in the log: it found the \
          log's ring full, and without it the run cannot be replayed"
     )]
     MissingModel {
-        /// The first tick that uses it.
+        /// The first tick that uses the model.
         tick: u64,
         /// Index of the body.
         body: usize,
@@ -57,38 +58,38 @@ pub enum ReplayError {
     },
 }
 
-/// What a replay found.
+/// The result of a replay.
 #[derive(Clone, Debug, Serialize)]
 pub struct ReplayReport {
     /// [`SCHEMA`].
     pub schema: &'static str,
     /// Name of the scene.
     pub scene: String,
-    /// What the log says of its run: clock, seed, version and others.
+    /// The facts that the log states about its run: clock, seed, version and others.
     pub facts: BTreeMap<String, String>,
-    /// Whether the log has its end; without it, what is there was replayed.
+    /// Whether the log is complete. Of an incomplete log, the ticks that it holds were replayed.
     pub complete: bool,
     /// Ticks replayed.
     pub ticks: u64,
     /// Ticks that differ in any field.
     pub differing: u64,
-    /// The first field of the first of them.
+    /// The first differing field of the first differing tick.
     pub first: Option<Difference>,
 }
 
 impl ReplayReport {
-    /// Whether every bit of every tick came out as logged.
+    /// Whether every bit of every tick is as logged.
     pub fn is_exact(&self) -> bool {
         self.differing == 0
     }
 }
 
-/// The scene that a log brings with it.
+/// The scene that a log contains.
 ///
 /// # Errors
 /// [`ReplayError`] where this version does not take the scene, or the log is empty.
 pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
-    // Said first: a log that was killed in its first moments has no scene either.
+    // This check comes first: a log whose writer was killed in its first moments has no scene either.
     if log.rows.is_empty() {
         return Err(ReplayError::Empty);
     }
@@ -96,7 +97,7 @@ pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
     Ok(Scene::load_texts(&name, &log.scene, &log.files)?)
 }
 
-/// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the share done.
+/// Replays a log on a scene, usually its own ([`scene_of`]). `progress` is given the fraction done.
 ///
 /// # Errors
 /// [`ReplayError`] where the log lacks what a replay needs, or the scene cannot be built.
@@ -113,7 +114,7 @@ pub fn replay(
     });
     let devices = devices::replayed(loaded, readings.collect())?;
     let config = setup::controller(loaded, &devices)?;
-    // One model a body and one record wait at a time.
+    // At most one model per body and one record wait in the rings at a time.
     let (end, mut host, _) = link(&LinkConfig {
         bodies: scene.bodies.len(),
         stall: 0.0,
@@ -134,7 +135,8 @@ pub fn replay(
     for (row, number) in log.rows.iter().zip(0_u64..) {
         for (body, sequence) in taken(row, &mut in_use) {
             if let Some(model) = models.get(&(body, sequence)) {
-                // Refused where this scene has no such body, which the comparison then says.
+                // The link refuses the model if this scene has no such body. The comparison then reports a
+                // difference.
                 let _ = host.publish(body, &model.model());
             }
         }
@@ -151,7 +153,7 @@ pub fn replay(
     Ok(report)
 }
 
-/// The models by body and number, once it is sure that every tick is there, and every model that one used.
+/// Checks that the log holds every tick and every model that a tick used. Returns the models by body and number.
 fn check(log: &Log) -> Result<BTreeMap<(usize, u64), &ModelRow>, ReplayError> {
     if log.rows.is_empty() {
         return Err(ReplayError::Empty);
@@ -182,7 +184,8 @@ fn check(log: &Log) -> Result<BTreeMap<(usize, u64), &ModelRow>, ReplayError> {
     Ok(models)
 }
 
-/// The models that a tick took into use: those whose numbers are not the ones `in_use` before it, by body.
+/// The models that a tick began to use, by body: those whose numbers differ from the numbers `in_use` before the
+/// tick.
 fn taken(row: &TickRow, in_use: &mut Vec<u64>) -> Vec<(usize, u64)> {
     in_use.resize(row.bodies.len(), 0);
     let bodies = row.bodies.iter().zip(in_use).enumerate();

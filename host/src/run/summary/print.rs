@@ -1,9 +1,9 @@
-//! The summary for people, a line for each thing.
+//! The summary for people, one line for each subject.
 
 use super::{DeviceSummary, Distribution, EnergySummary, PlaceSummary, RunSummary};
 use std::fmt;
 
-/// Events that are printed; `--json` has them all.
+/// Most events that are printed; `--json` writes all of them.
 const SHOWN_EVENTS: usize = 8;
 
 impl fmt::Display for RunSummary {
@@ -27,7 +27,7 @@ impl fmt::Display for RunSummary {
 }
 
 impl RunSummary {
-    /// How often the loop ticked, where, how late and how long.
+    /// Prints the ticks of the loop: their number, core, lateness and duration.
     fn print_tick(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let t = &self.tick;
         writeln!(
@@ -53,7 +53,7 @@ impl RunSummary {
         Ok(())
     }
 
-    /// What the host stepped and what its stages took.
+    /// Prints the steps of the host and the times of its stages.
     fn print_host(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let h = &self.host;
         writeln!(
@@ -99,7 +99,7 @@ impl RunSummary {
         Ok(())
     }
 
-    /// What was refused or passed over.
+    /// Prints the messages that were refused or not used.
     fn print_dropped(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let d = &self.dropped;
         writeln!(
@@ -114,7 +114,7 @@ impl RunSummary {
         )
     }
 
-    /// What happened, what was refused or done without, and what failed.
+    /// Prints events, refusals, degradations and failures.
     fn print_events(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for event in self.events.iter().take(SHOWN_EVENTS) {
             writeln!(
