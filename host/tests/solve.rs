@@ -1,30 +1,10 @@
 //! `palpate solve`: scenes with supports and loads against reference forces, statics and beam theory.
 
-use host::scene::{LoadedScene, Scene};
-use host::solve::{BodySolution, Frame, Solution, solve};
-use std::collections::BTreeMap;
+mod solve_support;
+
+use host::solve::{Frame, solve};
+use solve_support::{body, cube, force, load, solved};
 use std::convert::Infallible;
-
-fn load(text: &str) -> LoadedScene {
-    match Scene::load_texts("x.toml", text, &BTreeMap::new()) {
-        Ok(loaded) => loaded,
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn solved(text: &str) -> Solution {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, |_| {}, keep) {
-        Ok(solution) => solution,
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn body(text: &str) -> BodySolution {
-    let solution = solved(text);
-    assert!(solution.failures.is_empty(), "{:?}", solution.failures);
-    solution.bodies.into_iter().next().unwrap()
-}
 
 fn refusal(text: &str) -> String {
     let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
@@ -32,47 +12,6 @@ fn refusal(text: &str) -> String {
         Ok(_) => "solved".to_owned(),
         Err(error) => error.to_string(),
     }
-}
-
-fn force(body: &BodySolution, name: &str) -> [f64; 3] {
-    body.reactions
-        .iter()
-        .find(|reaction| reaction.name == name)
-        .unwrap()
-        .force
-}
-
-/// A cube of 10 cm, 20 kPa, compressed by 10 % between its plates.
-fn cube(law: &str, axes: &str) -> String {
-    format!(
-        r#"
-name = "cube"
-gravity = [0, 0, 0]
-[solve]
-load_steps = 2
-[[body]]
-name = "cube"
-mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [6, 6, 6] }}
-material = {{ law = "{law}", young = 20e3, poisson = 0.3, density = 1000 }}
-[[body.support]]
-name = "bottom"
-group = "bottom"
-axes = {axes}
-[[body.support]]
-name = "top"
-group = "top"
-axes = {axes}
-displacement = [0, 0, -0.01]
-[[body.support]]
-name = "centre line x"
-box = [[-0.001, -1, -1], [0.001, 1, 1]]
-axes = ["x"]
-[[body.support]]
-name = "centre line y"
-box = [[-1, -0.001, -1], [1, 0.001, 1]]
-axes = ["y"]
-"#
-    )
 }
 
 /// The forces of the reference (an independent program), to four digits after the point.

@@ -1,73 +1,14 @@
 //! `palpate solve` and `palpate mesh`: their output, files and exit codes.
 
-use host::scene::{LoadedScene, Scene};
-use host::solve::{BodySolution, Frame, Solution, solve};
-use std::collections::BTreeMap;
+#[path = "../../tests/solve_support/mod.rs"]
+mod solve_support;
+
+use host::scene::Scene;
+use host::solve::{Frame, solve};
+use solve_support::{body, cube, force};
 use std::convert::Infallible;
 use std::fmt::Write as _;
 use std::process::Command;
-
-fn load(text: &str) -> LoadedScene {
-    match Scene::load_texts("x.toml", text, &BTreeMap::new()) {
-        Ok(loaded) => loaded,
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn solved(text: &str) -> Solution {
-    let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
-    match solve(&load(text), false, |_| {}, keep) {
-        Ok(solution) => solution,
-        Err(error) => panic!("{error}"),
-    }
-}
-
-fn body(text: &str) -> BodySolution {
-    let solution = solved(text);
-    assert!(solution.failures.is_empty(), "{:?}", solution.failures);
-    solution.bodies.into_iter().next().unwrap()
-}
-
-fn force(body: &BodySolution, name: &str) -> [f64; 3] {
-    body.reactions
-        .iter()
-        .find(|reaction| reaction.name == name)
-        .unwrap()
-        .force
-}
-
-/// A cube of 10 cm, 20 kPa, compressed by 10 % between its plates.
-fn cube(law: &str, axes: &str) -> String {
-    format!(
-        r#"
-name = "cube"
-gravity = [0, 0, 0]
-[solve]
-load_steps = 2
-[[body]]
-name = "cube"
-mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [6, 6, 6] }}
-material = {{ law = "{law}", young = 20e3, poisson = 0.3, density = 1000 }}
-[[body.support]]
-name = "bottom"
-group = "bottom"
-axes = {axes}
-[[body.support]]
-name = "top"
-group = "top"
-axes = {axes}
-displacement = [0, 0, -0.01]
-[[body.support]]
-name = "centre line x"
-box = [[-0.001, -1, -1], [0.001, 1, 1]]
-axes = ["x"]
-[[body.support]]
-name = "centre line y"
-box = [[-1, -0.001, -1], [1, 0.001, 1]]
-axes = ["y"]
-"#
-    )
-}
 
 /// The output, the files and the exit codes of the program.
 #[test]
