@@ -159,6 +159,22 @@ pub enum BodyError {
         /// The support.
         support: usize,
     },
+    /// The pose at which a handle is to hold its vertices is not finite.
+    #[error("handle {handle} is to hold its vertices at a pose that is not finite")]
+    Pose {
+        /// The handle.
+        handle: usize,
+    },
+    /// A map leads from a vertex, handle or support that the old body does not have.
+    #[error("the {what} leads from number {found}, but the old body has {count}, counted from 0")]
+    Map {
+        /// The part of the map.
+        what: &'static str,
+        /// The number that does not exist.
+        found: usize,
+        /// How many the old body has.
+        count: usize,
+    },
     /// The origin of a handle is not a finite number.
     #[error("handle {handle} has an origin that is not finite")]
     HandleOrigin {

@@ -32,7 +32,7 @@ pub mod motion;
 pub mod polar;
 
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
-pub use body::{Body, BodyConfig, SheetLawName, SolidLaw};
+pub use body::{Body, BodyConfig, BodyMap, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};
 pub use cost::Cost;
 pub use element::Elements;

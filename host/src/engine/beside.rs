@@ -1,85 +1,182 @@
-//! Factors made beside the steps: on a thread of their own, or, in virtual time, at a fixed step.
+//! Work beside the steps: on a thread of its own, or, in virtual time, taken at a fixed step.
 
-use physics::{Real, Refresher};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread;
 
-/// Time from the request for a new factor to its use in virtual time (s), about as long as a factor takes.
-const TIME: f64 = 0.01;
+/// Work that takes longer than a step.
+pub(super) trait Work: Send + 'static {
+    /// Name of the thread that does such work.
+    const THREAD: &'static str;
 
-/// Makes factors beside the steps. Each refresher that was begun comes back in the end, whether or not its factor was
-/// made, unless the thread has ended.
-pub(super) enum Beside<T> {
-    /// At once. A factor is not taken before its step, so that a run repeats to the byte.
+    /// Time from the beginning of the work to the use of its result in virtual time (s): about as long as the work
+    /// takes on a thread.
+    const TIME: f64;
+
+    /// Does the work. The value then contains the result, or the reason why there is none.
+    fn work(&mut self);
+}
+
+/// The thread has ended, and the work that was begun is lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the thread for work beside the steps has ended")]
+pub(super) struct Lost;
+
+/// A message to the thread.
+pub(super) enum Message<W> {
+    /// Work to do and to send back.
+    Do(W),
+    /// A value to drop. To free its memory may take as long as a step.
+    Drop(W),
+}
+
+/// Does one piece of work at a time. Each piece that was begun comes back in the end, unless the thread has ended.
+pub(super) enum Beside<W> {
+    /// At once. The result is not taken before its step, so that a run repeats to the byte.
     AtAStep {
-        /// The refresher that was begun, and the number of steps until it is taken.
-        begun: Option<(u32, Box<Refresher<T>>)>,
-        /// Steps in `TIME`.
+        /// The work that was begun, and the number of steps until it is taken.
+        begun: Option<(u32, W)>,
+        /// Steps in [`Work::TIME`].
         steps: u32,
     },
     /// By a thread, which ends when this value is dropped.
     Thread {
-        /// The refreshers to work.
-        to: Sender<Box<Refresher<T>>>,
-        /// The refreshers that have been worked.
-        from: Receiver<Box<Refresher<T>>>,
+        /// Work to do.
+        to: Sender<Message<W>>,
+        /// Work that has been done.
+        from: Receiver<W>,
     },
 }
 
-impl<T: Real> Beside<T> {
-    /// In virtual time, for steps of `h` seconds.
-    pub(super) fn at_a_step(h: f64) -> Self {
-        Self::AtAStep {
-            begun: None,
-            steps: (TIME / h).ceil() as u32,
+impl<W: Work> Beside<W> {
+    /// Under the real clock on a thread, in virtual time at a step. The steps take `h` seconds.
+    pub(super) fn new(real: bool, h: f64) -> Self {
+        if real {
+            Self::thread(h)
+        } else {
+            Self::at_a_step(h)
         }
     }
 
-    /// On a thread, for steps of `h` seconds. If the system gives no thread, as in virtual time.
-    pub(super) fn thread(h: f64) -> Self {
-        let (to, work) = channel::<Box<Refresher<T>>>();
+    fn at_a_step(h: f64) -> Self {
+        Self::AtAStep {
+            begun: None,
+            steps: (W::TIME / h).ceil() as u32,
+        }
+    }
+
+    /// On a thread. If the system gives no thread, as in virtual time.
+    fn thread(h: f64) -> Self {
+        let (to, messages) = channel::<Message<W>>();
         let (back, from) = channel();
         let worker = move || {
-            for mut refresher in work {
-                // A refresher that fails gives no new factor, and the old factor stays in use.
-                let _ = refresher.work();
-                if back.send(refresher).is_err() {
-                    return;
+            for message in messages {
+                match message {
+                    Message::Do(mut work) => {
+                        work.work();
+                        if back.send(work).is_err() {
+                            return;
+                        }
+                    }
+                    Message::Drop(spent) => drop(spent),
                 }
             }
         };
-        match thread::Builder::new().name("factor".into()).spawn(worker) {
+        match thread::Builder::new().name(W::THREAD.into()).spawn(worker) {
             Ok(_) => Self::Thread { to, from },
             Err(_) => Self::at_a_step(h),
         }
     }
 
-    /// Begins a factor. Only one factor may be begun at a time.
-    pub(super) fn begin(&mut self, mut refresher: Box<Refresher<T>>) {
+    /// Begins a piece of work. Only one piece may be begun at a time.
+    pub(super) fn begin(&mut self, mut work: W) {
         match self {
             Self::AtAStep { begun, steps } => {
-                let _ = refresher.work();
-                *begun = Some((*steps, refresher));
+                work.work();
+                *begun = Some((*steps, work));
             }
             Self::Thread { to, .. } => {
-                // If the thread has ended, the refresher is lost and the old factor stays in use.
-                let _ = to.send(refresher);
+                // If the thread has ended, the work is lost, and `done` says so.
+                let _ = to.send(Message::Do(work));
             }
         }
     }
 
-    /// The refresher that has finished since the last step, if any. Each is returned once.
-    pub(super) fn done(&mut self) -> Option<Box<Refresher<T>>> {
+    /// Called once a step: the work that has been done since the last step, if any. Each piece is returned once.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub(super) fn done(&mut self) -> Result<Option<W>, Lost> {
         match self {
-            Self::AtAStep { begun, .. } => match begun.take() {
-                Some((0 | 1, refresher)) => Some(refresher),
-                Some((steps, refresher)) => {
-                    *begun = Some((steps - 1, refresher));
+            Self::AtAStep { begun, .. } => Ok(match begun.take() {
+                Some((0 | 1, work)) => Some(work),
+                Some((steps, work)) => {
+                    *begun = Some((steps - 1, work));
                     None
                 }
                 None => None,
+            }),
+            Self::Thread { from, .. } => match from.try_recv() {
+                Ok(work) => Ok(Some(work)),
+                Err(TryRecvError::Empty) => Ok(None),
+                Err(TryRecvError::Disconnected) => Err(Lost),
             },
-            Self::Thread { from, .. } => from.try_recv().ok(),
         }
+    }
+
+    /// Drops a value, on the thread if there is one.
+    pub(super) fn drop(&mut self, spent: W) {
+        if let Self::Thread { to, .. } = self {
+            // If the thread has ended, the message is dropped here.
+            let _ = to.send(Message::Drop(spent));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts the calls of `work` and panics in the third.
+    struct Count(u32);
+
+    impl Work for Count {
+        const THREAD: &'static str = "count";
+        const TIME: f64 = 0.01;
+
+        fn work(&mut self) {
+            self.0 += 1;
+            assert!(self.0 < 3, "a panic on purpose");
+        }
+    }
+
+    #[test]
+    fn in_virtual_time_work_lands_at_its_step() {
+        let mut beside = Beside::new(false, 4e-3);
+        assert!(beside.done().unwrap().is_none());
+        beside.begin(Count(0));
+        let landed: Vec<bool> = (0..5).map(|_| beside.done().unwrap().is_some()).collect();
+        // 10 ms are two and a half steps, rounded up.
+        assert_eq!(landed, [false, false, true, false, false]);
+    }
+
+    fn wait(beside: &mut Beside<Count>) -> Result<Count, Lost> {
+        loop {
+            if let Some(work) = beside.done()? {
+                return Ok(work);
+            }
+            thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_thread_gives_each_piece_back_once_and_a_panic_is_noticed() {
+        let mut beside = Beside::new(true, 4e-3);
+        beside.begin(Count(0));
+        let work = wait(&mut beside).unwrap();
+        assert_eq!(work.0, 1);
+        assert!(beside.done().unwrap().is_none());
+        beside.drop(work);
+        beside.begin(Count(2));
+        assert_eq!(wait(&mut beside).err(), Some(Lost));
     }
 }

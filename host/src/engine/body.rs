@@ -1,14 +1,19 @@
 //! One body in the host's loop: the paths of its handles, its step, and the local model that it publishes.
 
+mod landing;
+
+use super::beside::Beside;
+use super::change::Rebuild;
 use super::clock::BodyClock;
 use super::path::HandlePath;
+use super::recipe::Recipe;
 use super::solver::Solver;
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use super::stored::Stored;
-use super::virtual_coupling::VirtualCoupling;
+use super::virtual_coupling::{Link, VirtualCoupling};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
-use physics::{Body, BodyError, Condensed, HandlePose, HandleReport};
+use physics::{Body, BodyError, BodyMap, Condensed, HandlePose, HandleReport};
 use rt_core::{
     HandleReference, LocalModel, MAX_HANDLES, Mat6, Pose, TickRecord, Twist, Vec3, Vec6, Wrench,
 };
@@ -30,6 +35,8 @@ pub struct HostBody {
     /// Length of a step (s).
     step: f64,
     clock: BodyClock,
+    /// The time of the newest record (ns); `None` before the first. A body that nobody holds has a time, too.
+    newest_ns: Option<u64>,
     /// The time at the end of the present step (ns); `None` before the first record.
     time_ns: Option<u64>,
     /// Whether a handle stays behind its hand in the present step.
@@ -41,6 +48,21 @@ pub struct HostBody {
     model: LocalModel,
     stored: Option<Stored>,
     coupling: Option<VirtualCoupling>,
+    /// How solvers of the body are made.
+    recipe: Recipe,
+    /// Cut-off of the handles' paths (Hz).
+    smoothing: f64,
+    /// Makes the solvers of changes; `None` before the first change.
+    beside: Option<Beside<Box<Rebuild>>>,
+    /// The hands that join with the change that is under way.
+    joining: Option<Vec<Joining>>,
+}
+
+/// A hand that is to hold a handle when a change lands.
+struct Joining {
+    device: u8,
+    link: Option<Link>,
+    path: HandlePath,
 }
 
 /// The parts of which a [`HostBody`] is made.
@@ -53,6 +75,10 @@ pub struct HostBodyParts {
     pub body: Body,
     /// The solver that steps and condenses the body.
     pub solver: Box<dyn Solver>,
+    /// How the solver is made again when the body's topology changes.
+    pub recipe: Recipe,
+    /// Cut-off of the handles' paths (Hz).
+    pub smoothing: f64,
     /// The handles' paths, in the body's order.
     pub paths: Vec<HandlePath>,
     /// The device of each handle.
@@ -101,11 +127,16 @@ impl HostBody {
             devices: parts.devices,
             step: parts.step,
             clock: BodyClock::new(parts.step),
+            newest_ns: None,
             time_ns: None,
             behind: false,
             sound: true,
             horizon: parts.horizon,
             model,
+            recipe: parts.recipe,
+            smoothing: parts.smoothing,
+            beside: None,
+            joining: None,
         }
     }
 
@@ -125,25 +156,33 @@ impl HostBody {
     }
 
     /// Gives the body the physics and the solver of `other` from now on. Its hands, paths and sequence of models
-    /// continue.
+    /// continue. A change that is under way is dropped, because it is a change of the old physics.
     ///
     /// # Errors
     /// [`BodyError`] if the two bodies are not of the same mesh. Nothing is changed in this case.
     pub fn exchange(&mut self, mut other: Self) -> Result<(), BodyError> {
-        other.body.continue_from(&self.body)?;
+        other
+            .body
+            .continue_from(&self.body, &BodyMap::identity(&self.body))?;
         if let Some(stored) = &mut self.stored {
             let [before, after] = [&self.body, &other.body].map(Body::elastic_energy);
             stored.exchange(&self.body, before, after, &self.model);
         }
         self.body = other.body;
         self.solver = other.solver;
+        self.recipe = other.recipe;
+        (self.beside, self.joining) = (None, None);
         Ok(())
     }
 
     /// Takes one tick's record.
     pub fn follow(&mut self, record: &TickRecord) {
+        self.newest_ns = Some(record.time_ns);
         for path in &mut self.paths {
             path.follow(record);
+        }
+        for hand in self.joining.iter_mut().flatten() {
+            hand.path.follow(record);
         }
     }
 
@@ -153,8 +192,7 @@ impl HostBody {
         watch: &impl Stopwatch,
         stats: &mut EngineStats,
     ) -> Result<(), StepFault> {
-        let newest = self.paths.iter().filter_map(HandlePath::time_ns).max();
-        self.time_ns = newest.map(|newest| self.clock.step(newest));
+        self.time_ns = self.newest_ns.map(|newest| self.clock.step(newest));
         self.behind = self.aim(self.time_ns.unwrap_or(0));
         self.sound = false;
         self.solver
@@ -203,10 +241,15 @@ impl HostBody {
         // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
         // time.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
-        if !publishes || told || self.behind {
+        // A body that nobody ever held has nothing to tell. After the last hand has let go, models without handles say
+        // so.
+        let unheld = self.devices.is_empty() && self.model.epoch == 0;
+        if !publishes || told || self.behind || unheld {
             return Ok(None);
         }
-        self.condense(stats)?;
+        if !self.devices.is_empty() {
+            self.condense(stats)?;
+        }
         self.model.sequence += 1;
         self.model.time_ns = time_ns;
         for (i, reference) in self

@@ -1,23 +1,15 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
-use super::beside::Beside;
 use super::body::{HostBody, HostBodyParts};
 use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
-use super::solver::{Assembled, Frozen, Solver};
-use super::stats::StepFault;
+use super::recipe::Recipe;
 use super::virtual_coupling::VirtualCoupling;
 use crate::bodies;
-use crate::scene::spec::{Scene, SolverName};
+use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
-use physics::{
-    Body, Condenser, FactorCode, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions,
-};
+use physics::FactorCode;
 use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
-
-/// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred. The limit
-/// keeps a condensation from delaying the steps for a small gain in accuracy.
-const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
 
 /// Options of a run that concern its bodies.
 #[derive(Clone, Copy, Debug, Default)]
@@ -82,7 +74,8 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
     let spec = &scene.bodies[index];
     let built = bodies::build_settled(loaded, index)?;
     let plan = BodyPlan::new(loaded, index, &built);
-    let solver = solver(scene, &built.body, &plan, how).map_err(|e| {
+    let recipe = Recipe::new(scene, &plan, how);
+    let solver = recipe.make(&built.body).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
@@ -113,6 +106,8 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         ),
         body: built.body,
         solver,
+        recipe,
+        smoothing: scene.host.smoothing,
         paths,
         devices,
         step: plan.step,
@@ -121,62 +116,4 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         tells_energy: plan.tells_energy,
         coupling: plan.links.map(VirtualCoupling::new),
     }))
-}
-
-/// The solver that `plan` chooses for `body`.
-fn solver(
-    scene: &Scene,
-    body: &Body,
-    plan: &BodyPlan,
-    how: How,
-) -> Result<Box<dyn Solver>, StepFault> {
-    let complete = Preconditioner::Complete;
-    let incomplete = Preconditioner::Incomplete;
-    Ok(match plan.choice.solver {
-        SolverName::Auto | SolverName::Frozen => {
-            Box::new(frozen::<f64>(scene, body, plan, complete, how)?)
-        }
-        SolverName::FrozenSingle => Box::new(frozen::<f32>(scene, body, plan, complete, how)?),
-        SolverName::Incomplete => Box::new(frozen::<f64>(scene, body, plan, incomplete, how)?),
-        SolverName::Assembled => {
-            let condenser = plan.condenses.then(|| Condenser::with_code(body, how.code));
-            Box::new(Assembled::new(condenser.transpose()?))
-        }
-    })
-}
-
-fn frozen<T: Real>(
-    scene: &Scene,
-    body: &Body,
-    plan: &BodyPlan,
-    preconditioner: Preconditioner,
-    how: How,
-) -> Result<Frozen<T>, StepFault> {
-    let h = plan.step;
-    let options = StepperOptions {
-        tolerance: scene.host.tolerance,
-        max_iterations: scene.host.max_iterations,
-        preconditioner,
-        code: how.code,
-        refresh: false,
-        ..StepperOptions::default()
-    };
-    let mut stepper = Stepper::new(body, options)?;
-    // The first factor is made before the run, so that the first step takes no longer than the others.
-    stepper.prepare(body, h)?;
-    let beside = if how.real {
-        Beside::thread(h)
-    } else {
-        Beside::at_a_step(h)
-    };
-    let shapes = plan.condenses.then(|| ShapeOptions {
-        max_iterations: match preconditioner {
-            Preconditioner::Complete => ShapeOptions::default().max_iterations,
-            Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
-        },
-        ..ShapeOptions::default()
-    });
-    let budget = how.real.then_some(scene.host.budget).flatten();
-    let budget_ns = budget.map(|budget| (budget * 1e9) as u64);
-    Ok(Frozen::new(stepper, beside, shapes, budget_ns))
 }

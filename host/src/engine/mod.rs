@@ -8,18 +8,21 @@
 mod beside;
 pub mod body;
 pub mod build;
+pub mod change;
 pub mod choice;
 mod clock;
 pub mod faults;
 pub mod pacer;
 mod path;
 pub mod plan;
+pub mod recipe;
 mod solver;
 pub mod stats;
 mod stored;
 pub mod virtual_coupling;
 
 use body::HostBody;
+use change::{ChangeError, Edit};
 use pacer::Due;
 use physics::BodyError;
 use rt_core::{LocalModel, TickRecord};
@@ -52,6 +55,24 @@ impl Engine {
         Ok(())
     }
 
+    /// Begins a change of a body: all `edits` in their order, as one change. The body and its solver go on as they are
+    /// until the new solver is ready; the change then lands at the start of a step. A change that turns out to be
+    /// impossible is counted as a fault, and the body continues as it was.
+    ///
+    /// This call copies the body, which takes about as long as reading it from memory. Everything else is done beside
+    /// the steps.
+    ///
+    /// # Errors
+    /// [`ChangeError`] for a body, a device or a link that does not exist, and while an earlier change of the same body
+    /// is under way.
+    pub fn change(&mut self, body: usize, edits: Vec<Edit>) -> Result<(), ChangeError> {
+        let count = self.bodies.len();
+        match self.bodies.get_mut(body) {
+            Some(body) => body.change(edits),
+            None => Err(ChangeError::NoBody { body, count }),
+        }
+    }
+
     /// Takes one tick's record with the poses of the hands. Records must come in order.
     pub fn follow(&mut self, record: &TickRecord) {
         for body in &mut self.bodies {
@@ -71,6 +92,12 @@ impl Engine {
     ) {
         self.stats.steps += 1;
         let stats = &mut self.stats;
+        for (index, body) in self.bodies.iter_mut().enumerate() {
+            match body.land() {
+                Ok(landed) => stats.changes += u64::from(landed),
+                Err(fault) => stats.fault(index, &fault),
+            }
+        }
         for (index, body) in self.bodies.iter_mut().enumerate() {
             if let Err(fault) = body.predict(watch, stats) {
                 stats.fault(index, &fault);

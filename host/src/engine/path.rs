@@ -17,6 +17,8 @@ pub struct HandlePath {
     /// Decay rate of the filter's memory (1/s).
     rate: f64,
     time_ns: Option<u64>,
+    /// Whether the path starts at the pose in the first record.
+    joins: bool,
     pose: Pose,
     twist: Twist,
 }
@@ -29,8 +31,17 @@ impl HandlePath {
             device,
             rate,
             time_ns: None,
+            joins: false,
             pose: start,
             twist: Twist::zero(),
+        }
+    }
+
+    /// Follows device number `device` from its first record on. Until then the path rests at `start`.
+    pub fn joining(device: usize, cutoff: f64, start: Pose) -> Self {
+        Self {
+            joins: true,
+            ..Self::new(device, cutoff, start)
         }
     }
 
@@ -40,6 +51,9 @@ impl HandlePath {
             return;
         };
         let Some(last_ns) = self.time_ns.replace(record.time_ns) else {
+            if self.joins {
+                self.pose = *target;
+            }
             return;
         };
         let dt = record.time_ns.saturating_sub(last_ns) as f64 * 1e-9;

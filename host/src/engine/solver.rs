@@ -1,9 +1,10 @@
 //! How a body is stepped and condensed: assembled, or on a frozen factor.
 
-use super::beside::Beside;
+use super::beside::{Beside, Work};
 use super::stats::{EngineStats, StepFault, Stopwatch};
 use physics::{
-    AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, ShapeOptions, Shapes, Stepper,
+    AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, Refresher, ShapeOptions,
+    Shapes, Stepper,
 };
 
 /// Steps and condenses one body. A step consists of four calls in this order. The engine makes each call for all
@@ -160,12 +161,23 @@ impl Solver for Assembled {
     }
 }
 
+/// A new factor.
+impl<T: Real> Work for Box<Refresher<T>> {
+    const THREAD: &'static str = "factor";
+    const TIME: f64 = 0.01;
+
+    fn work(&mut self) {
+        // A refresher that fails gives no new factor, and the old factor stays in use.
+        let _ = Refresher::work(self);
+    }
+}
+
 /// The solver with a frozen factor. The elements multiply without an assembled matrix.
 pub(super) struct Frozen<T> {
     /// Steps the body. It makes only the first factor itself.
     stepper: Stepper<T>,
     /// Makes the other factors.
-    beside: Beside<T>,
+    beside: Beside<Box<Refresher<T>>>,
     /// How the shapes are kept current; `None` where the scheme does not use them.
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
@@ -181,7 +193,7 @@ impl<T: Real> Frozen<T> {
     /// the shapes, if the scheme uses them. Under the real clock a step may take `budget_ns` (ns).
     pub(super) fn new(
         stepper: Stepper<T>,
-        beside: Beside<T>,
+        beside: Beside<Box<Refresher<T>>>,
         options: Option<ShapeOptions>,
         budget_ns: Option<u64>,
     ) -> Self {
@@ -204,7 +216,8 @@ impl<T: Real> Solver for Frozen<T> {
         watch: &dyn Stopwatch,
         stats: &mut EngineStats,
     ) -> Result<(), StepFault> {
-        if let Some(refresher) = self.beside.done() {
+        // If the thread has ended, the factor in use stays in use.
+        if let Ok(Some(refresher)) = self.beside.done() {
             self.stepper.give_back(refresher);
             stats.factors += 1;
         }

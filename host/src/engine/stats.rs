@@ -1,5 +1,6 @@
 //! Times and counts of the host's steps.
 
+use super::change::ChangeError;
 use physics::{CondenseError, StepError};
 use runner::latency::LatencyHistogram;
 
@@ -35,6 +36,9 @@ pub enum StepFault {
     /// The condensation failed; nothing was published.
     #[error("condensation: {0}")]
     Condense(#[from] CondenseError),
+    /// A change could not be made; the body continues as it was.
+    #[error("change: {0}")]
+    Change(#[from] ChangeError),
 }
 
 /// Counts and times over all bodies.
@@ -54,6 +58,8 @@ pub struct EngineStats {
     pub iterations: LatencyHistogram,
     /// Factors that were made beside the steps and then taken.
     pub factors: u64,
+    /// Changes of topology or constraints that have landed.
+    pub changes: u64,
     /// Steps that stopped at the iteration limit.
     pub unconverged: u64,
     /// Largest relative residual of any step.
@@ -80,6 +86,7 @@ impl EngineStats {
             condense: times(),
             iterations: LatencyHistogram::new(100_000),
             factors: 0,
+            changes: 0,
             unconverged: 0,
             worst_residual: 0.0,
             clipped: 0,

@@ -98,6 +98,29 @@ impl Stored {
         }
     }
 
+    /// The same account for a body that continues this one with other handles. `before` and `after` are the body with
+    /// its elastic energy (J), and `model` and `next` its model, on either side of the change. The body's own energy
+    /// does not jump: `c` takes up the weights of handles that were released.
+    pub(super) fn rebuilt(
+        &self,
+        (body, elastic, model): (&Body, f64, &LocalModel),
+        (next_body, next_elastic, next_model): (&Body, f64, &LocalModel),
+        origins: Vec<Vec3>,
+    ) -> Self {
+        let mut next = Self::new(origins);
+        next.released = self.released;
+        next.constant = self.constant.map(|constant| {
+            let own = elastic + self.potential(body, model) + constant;
+            own - next_elastic - next.potential(next_body, next_model)
+        });
+        next
+    }
+
+    /// The position of handle number `handle` from which the potential of its weight counts (m).
+    pub(super) fn origin(&self, handle: usize) -> Option<Vec3> {
+        self.origins.get(handle).copied()
+    }
+
     /// Potential of the loads, less that of the weights on the handles (J), but for a constant.
     fn potential(&self, body: &Body, model: &LocalModel) -> f64 {
         let weights = model.handles().zip(&self.origins);

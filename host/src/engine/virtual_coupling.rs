@@ -92,6 +92,11 @@ impl VirtualCoupling {
         }
     }
 
+    /// The links, by handle.
+    pub(super) fn links(&self) -> &[Link] {
+        &self.links
+    }
+
     /// Sets the lever arm `length` (m) at which the springs resist turns. The coupling does not resist the turns of a
     /// handle where the body does not resist them.
     pub(crate) fn set_length(&mut self, length: f64) {

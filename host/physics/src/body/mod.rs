@@ -7,7 +7,7 @@
 //! - `hold`: grab and release of handles, addition and lift of supports.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - `build`: the construction of a body at rest from a mesh, materials and handles. `exchange`: the replacement of a
-//!   body by one of another material.
+//!   moving body by one of another material, with other handles and supports, or with another mesh.
 //! - [`load`]: tractions as forces on vertices.
 //! - `energy`, `weight`, `memory`: sums over a body, and the memory that a body takes.
 //! - `guard`: a bound on the energy at the end of a step.
@@ -37,6 +37,7 @@ use state::State;
 use topology::Topology;
 
 pub use build::{SheetLawName, SolidLaw};
+pub use exchange::BodyMap;
 
 use crate::Vec3;
 use crate::body::handle::HandleReport;

@@ -79,6 +79,16 @@ impl Supports {
         Ok(support)
     }
 
+    /// Makes a support guide its vertices at their present positions `x` (m), without displacement.
+    pub(crate) fn settle(&mut self, support: usize, x: &[Vec3]) {
+        let entry = &mut self.list[support];
+        for (base, &node) in entry.base.iter_mut().zip(&entry.nodes) {
+            *base = x[node as usize];
+        }
+        entry.displacement = Vec3::zeros();
+        self.lay_out(self.mask.len());
+    }
+
     /// Removes a support.
     pub(crate) fn lift(&mut self, support: usize, free: usize) {
         self.list.remove(support);

@@ -16,7 +16,7 @@ use host::run::timeline::Host;
 use host::scene::LoadedScene;
 use nalgebra::Matrix3;
 use physics::linear::dense::Square;
-use physics::{Body, Condenser, HandlePose, Stepper, StepperOptions};
+use physics::{Body, BodyMap, Condenser, HandlePose, Stepper, StepperOptions};
 use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
 use rt_core::{DeviceState, MAX_DEVICES, Wrench};
@@ -75,7 +75,7 @@ impl<'a> Copy<'a> {
             self.softening = None;
             let mut others = Bodies::new(soft)?;
             for ((other, _), (body, _)) in others.0.iter_mut().zip(&self.bodies.0) {
-                other.continue_from(body)?;
+                other.continue_from(body, &BodyMap::identity(body))?;
             }
             self.bodies = others;
         }

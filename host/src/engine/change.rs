@@ -1,0 +1,240 @@
+//! A change of a body's handles, supports or mesh while the body moves.
+//!
+//! A change begins a topology epoch, and every epoch needs another solver: another order of elimination, another
+//! factor, other shapes. To make a solver takes many times as long as a step. So a change is worked beside the steps,
+//! on a copy of the body, while the body and its solver go on. When the new solver is ready, the new body continues
+//! the motion of the old one ([`Body::continue_from`]). Under the real clock the change lands with the first step after
+//! the work; in virtual time it lands at a fixed step.
+
+use super::beside::{Lost, Work};
+use super::recipe::Recipe;
+use super::solver::Solver;
+use super::stats::StepFault;
+use super::virtual_coupling::Link;
+use physics::{Body, BodyError, BodyMap, HandleSpec};
+use rt_core::{MAX_DEVICES, MAX_HANDLES};
+
+/// A handle that a hand is to hold.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grip {
+    /// The vertices and motions of the handle. The handle holds the vertices where they are when the change lands. Its
+    /// origin is then the hand; `origin` counts only if no record of the hand has come by then.
+    pub spec: HandleSpec,
+    /// The device that holds it.
+    pub device: u8,
+    /// The link between the device and its proxy, under a scheme with proxies.
+    pub link: Option<Link>,
+}
+
+/// Makes another body from a copy of the present one, such as one with a torn mesh, and the map that leads from the
+/// copy to it.
+pub type Replace = Box<dyn FnOnce(Body) -> Result<(Body, BodyMap), BodyError> + Send>;
+
+/// A part of a change.
+pub enum Edit {
+    /// Adds a handle. Its number is the number of handles before.
+    Grab(Grip),
+    /// Removes a handle. The numbers of later handles decrease by one.
+    Release {
+        /// The handle.
+        handle: usize,
+    },
+    /// Adds a support that guides vertices along the axes that are `true`, where they are when the change lands.
+    Guide {
+        /// The vertices.
+        vertices: Vec<u32>,
+        /// The guided world axes.
+        axes: [bool; 3],
+    },
+    /// Removes a support. The numbers of later supports decrease by one.
+    Lift {
+        /// The support.
+        support: usize,
+    },
+    /// Replaces the body.
+    Replace(Replace),
+}
+
+/// Why a change cannot be made. The body and its solver stay as they were.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ChangeError {
+    /// There is no such body.
+    #[error("there is no body {body}: the engine has {count}, counted from 0")]
+    NoBody {
+        /// The number of the requested body.
+        body: usize,
+        /// Number of bodies.
+        count: usize,
+    },
+    /// An earlier change of the same body has not landed.
+    #[error("an earlier change of the body is under way; ask again when it has landed")]
+    UnderWay,
+    /// A device that does not exist is to hold a handle.
+    #[error("device {device} cannot hold a handle: devices are 0 to {}", MAX_DEVICES - 1)]
+    NoDevice {
+        /// The number of the device.
+        device: u8,
+    },
+    /// The scheme couples devices through proxies, but a grip has no link to its proxy.
+    #[error(
+        "the grip of device {device} has no link, but the scheme couples devices through proxies"
+    )]
+    NoLink {
+        /// The number of the device.
+        device: u8,
+    },
+    /// The body would have more handles than a local model.
+    #[error("the body would have {found} handles; it may have {MAX_HANDLES}")]
+    TooManyHandles {
+        /// The number of handles after the change.
+        found: usize,
+    },
+    /// A replaced body has a handle that continues no handle.
+    #[error("no device holds handle {handle} of the new body; grab it in an edit of its own")]
+    Unheld {
+        /// The handle.
+        handle: usize,
+    },
+    /// An edit is refused by the physics.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// The work was lost.
+    #[error("the thread that makes solvers has ended")]
+    Lost,
+}
+
+impl From<Lost> for ChangeError {
+    fn from(_: Lost) -> Self {
+        Self::Lost
+    }
+}
+
+/// The source of a handle's hand after a change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hand {
+    /// The handle of the old body.
+    Kept(usize),
+    /// The grip of the change, by number.
+    Joined(usize),
+}
+
+/// The result of a change.
+pub(super) struct Made {
+    pub(super) body: Body,
+    pub(super) map: BodyMap,
+    /// For each handle of `body`, its hand.
+    pub(super) hands: Vec<Hand>,
+    pub(super) solver: Box<dyn Solver>,
+}
+
+/// A change as work beside the steps: edits of a copy of the body, and its new solver.
+pub(super) struct Rebuild {
+    recipe: Recipe,
+    /// The largest age at which models must be good (s).
+    horizon: f64,
+    /// The copy and the edits, until the work begins.
+    asked: Option<(Body, Vec<Edit>)>,
+    /// The result; `None` before the work has ended.
+    made: Option<Result<Made, StepFault>>,
+}
+
+impl Rebuild {
+    /// The work of `edits` on `body`, a copy.
+    pub(super) fn new(recipe: Recipe, horizon: f64, body: Body, edits: Vec<Edit>) -> Self {
+        Self {
+            recipe,
+            horizon,
+            asked: Some((body, edits)),
+            made: None,
+        }
+    }
+
+    /// Takes the result, once.
+    pub(super) fn take(&mut self) -> Option<Result<Made, StepFault>> {
+        self.made.take()
+    }
+
+    /// Keeps an old body and its solver until this value is dropped.
+    pub(super) fn keep(&mut self, spent: Made) {
+        self.made = Some(Ok(spent));
+    }
+}
+
+impl Work for Box<Rebuild> {
+    const THREAD: &'static str = "solver";
+    const TIME: f64 = 0.05;
+
+    fn work(&mut self) {
+        if let Some((body, edits)) = self.asked.take() {
+            self.made = Some(make(&self.recipe, self.horizon, body, edits));
+        }
+    }
+}
+
+fn make(
+    recipe: &Recipe,
+    horizon: f64,
+    mut body: Body,
+    edits: Vec<Edit>,
+) -> Result<Made, StepFault> {
+    let mut map = BodyMap::identity(&body);
+    let mut hands: Vec<Hand> = (0..body.handle_count()).map(Hand::Kept).collect();
+    let mut joined = 0;
+    for edit in edits {
+        match edit {
+            Edit::Grab(grip) => {
+                body.grab(&grip.spec).map_err(ChangeError::from)?;
+                map.handles.push(None);
+                hands.push(Hand::Joined(joined));
+                joined += 1;
+            }
+            Edit::Release { handle } => {
+                body.release(handle).map_err(ChangeError::from)?;
+                map.handles.remove(handle);
+                hands.remove(handle);
+            }
+            Edit::Guide { vertices, axes } => {
+                body.add_support(&vertices, axes)
+                    .map_err(ChangeError::from)?;
+                map.supports.push(None);
+            }
+            Edit::Lift { support } => {
+                body.lift_support(support).map_err(ChangeError::from)?;
+                map.supports.remove(support);
+            }
+            Edit::Replace(replace) => {
+                let before = body.clone();
+                let (after, step) = replace(body).map_err(ChangeError::from)?;
+                step.check(&before, &after).map_err(ChangeError::from)?;
+                hands = continued(&hands, &step)?;
+                map = map.then(&step);
+                body = after;
+            }
+        }
+    }
+    if hands.len() > MAX_HANDLES {
+        let found = hands.len();
+        return Err(ChangeError::TooManyHandles { found }.into());
+    }
+    let mut solver = recipe.make(&body)?;
+    // The first shapes take as long as many steps. If they fail here, they fail again and are reported after the
+    // change has landed.
+    let _ = solver.condense(&body, horizon);
+    Ok(Made {
+        body,
+        map,
+        hands,
+        solver,
+    })
+}
+
+/// The hands of a replaced body's handles.
+fn continued(hands: &[Hand], step: &BodyMap) -> Result<Vec<Hand>, ChangeError> {
+    let numbered = step.handles.iter().enumerate();
+    numbered
+        .map(|(handle, from)| {
+            from.and_then(|from| hands.get(from).copied())
+                .ok_or(ChangeError::Unheld { handle })
+        })
+        .collect()
+}

@@ -1,0 +1,92 @@
+//! How the solver of a body is made: before a run, and again beside the steps when the body's topology changes.
+
+use super::beside::Beside;
+use super::build::How;
+use super::plan::BodyPlan;
+use super::solver::{Assembled, Frozen, Solver};
+use super::stats::StepFault;
+use crate::scene::spec::{Scene, SolverName};
+use physics::{Body, Condenser, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
+
+/// Most iterations for a shape at a time on an incomplete factor. Large sheets take the most, some hundred. The limit
+/// keeps a condensation from delaying the steps for a small gain in accuracy.
+const INCOMPLETE_SHAPE_ITERATIONS: usize = 200;
+
+/// The choices of a plan that make the solver of a body.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe {
+    /// The solver: never `auto`.
+    solver: SolverName,
+    /// Options of the steps on a factor.
+    options: StepperOptions,
+    /// Length of a step (s).
+    step: f64,
+    /// Whether stiffness and damping are condensed.
+    condenses: bool,
+    /// Whether the run is under the real clock.
+    real: bool,
+    /// Time that a step may take under the real clock (ns).
+    budget_ns: Option<u64>,
+}
+
+impl Recipe {
+    /// The recipe of a body with the plan `plan`.
+    pub(super) fn new(scene: &Scene, plan: &BodyPlan, how: How) -> Self {
+        let budget = how.real.then_some(scene.host.budget).flatten();
+        Self {
+            solver: plan.choice.solver,
+            options: StepperOptions {
+                tolerance: scene.host.tolerance,
+                max_iterations: scene.host.max_iterations,
+                preconditioner: match plan.choice.solver {
+                    SolverName::Incomplete => Preconditioner::Incomplete,
+                    _ => Preconditioner::Complete,
+                },
+                code: how.code,
+                refresh: false,
+                ..StepperOptions::default()
+            },
+            step: plan.step,
+            condenses: plan.condenses,
+            real: how.real,
+            budget_ns: budget.map(|budget| (budget * 1e9) as u64),
+        }
+    }
+
+    /// Whether solvers work beside the steps on threads.
+    pub(super) fn is_real(&self) -> bool {
+        self.real
+    }
+
+    /// Makes the solver of `body`, with the first factor, so that the first step takes no longer than the others.
+    ///
+    /// # Errors
+    /// [`StepFault`] for a body whose matrix cannot be factorized.
+    pub(super) fn make(&self, body: &Body) -> Result<Box<dyn Solver>, StepFault> {
+        Ok(match self.solver {
+            SolverName::FrozenSingle => Box::new(self.frozen::<f32>(body)?),
+            SolverName::Assembled => {
+                let code = self.options.code;
+                let condenser = self.condenses.then(|| Condenser::with_code(body, code));
+                Box::new(Assembled::new(condenser.transpose()?))
+            }
+            SolverName::Auto | SolverName::Frozen | SolverName::Incomplete => {
+                Box::new(self.frozen::<f64>(body)?)
+            }
+        })
+    }
+
+    fn frozen<T: Real>(&self, body: &Body) -> Result<Frozen<T>, StepFault> {
+        let mut stepper = Stepper::new(body, self.options)?;
+        stepper.prepare(body, self.step)?;
+        let shapes = self.condenses.then(|| ShapeOptions {
+            max_iterations: match self.options.preconditioner {
+                Preconditioner::Complete => ShapeOptions::default().max_iterations,
+                Preconditioner::Incomplete => INCOMPLETE_SHAPE_ITERATIONS,
+            },
+            ..ShapeOptions::default()
+        });
+        let beside = Beside::new(self.real, self.step);
+        Ok(Frozen::new(stepper, beside, shapes, self.budget_ns))
+    }
+}
