@@ -9,7 +9,7 @@ use crate::bodies;
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
 use physics::FactorCode;
-use rt_core::{MAX_DEVICES, MAX_HANDLES, Pose};
+use rt_core::{MAX_DEVICES, Pose};
 
 /// Options of a run that concern its bodies.
 #[derive(Clone, Copy, Debug, Default)]
@@ -31,25 +31,18 @@ pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneErro
         .collect()
 }
 
-/// Checks the parts of a scene that only a run needs: devices, handles on every body, and supports at rest.
+/// Checks the parts of a scene that only a run needs: devices, and supports at rest. A body without handles is
+/// allowed: it moves, and no device feels it.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field.
 pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
     let scene = &loaded.scene;
-    let refuse = |field: &str, found: &str, allowed: &str| {
-        let allowed = format!("{allowed} (`palpate solve` needs none)");
-        Err(loaded.source.error(field, found, allowed))
-    };
     if scene.devices.is_empty() {
-        let allowed = format!("1 to {MAX_DEVICES} of them in a run");
-        return refuse("device", "none", &allowed);
+        let allowed = format!("1 to {MAX_DEVICES} of them in a run (`palpate solve` needs none)");
+        return Err(loaded.source.error("device", "none", allowed));
     }
     for (index, body) in scene.bodies.iter().enumerate() {
-        if body.handles.is_empty() {
-            let allowed = format!("1 to {MAX_HANDLES} handles in a run");
-            return refuse(&format!("body[{index}]"), "no handle", &allowed);
-        }
         for (number, support) in body.supports.iter().enumerate() {
             let field = format!("body[{index}].support[{number}]");
             let moved = support.displacement != [0.0; 3];
