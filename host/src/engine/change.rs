@@ -122,6 +122,8 @@ pub(super) enum Hand {
 pub(super) struct Made {
     pub(super) body: Body,
     pub(super) map: BodyMap,
+    /// Whether `body` is another body than a copy with other handles and supports.
+    pub(super) replaced: bool,
     /// For each handle of `body`, its hand.
     pub(super) hands: Vec<Hand>,
     pub(super) solver: Box<dyn Solver>,
@@ -179,7 +181,7 @@ fn make(
 ) -> Result<Made, StepFault> {
     let mut map = BodyMap::identity(&body);
     let mut hands: Vec<Hand> = (0..body.handle_count()).map(Hand::Kept).collect();
-    let mut joined = 0;
+    let (mut joined, mut replaced) = (0, false);
     for edit in edits {
         match edit {
             Edit::Grab(grip) => {
@@ -209,6 +211,7 @@ fn make(
                 hands = continued(&hands, &step)?;
                 map = map.then(&step);
                 body = after;
+                replaced = true;
             }
         }
     }
@@ -223,6 +226,7 @@ fn make(
     Ok(Made {
         body,
         map,
+        replaced,
         hands,
         solver,
     })

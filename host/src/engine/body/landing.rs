@@ -90,6 +90,7 @@ impl HostBody {
         let Made {
             mut body,
             map,
+            replaced,
             hands,
             solver,
         } = made;
@@ -111,7 +112,13 @@ impl HostBody {
         let model = self.renamed(&hands, &joining);
         if let Some(stored) = &mut self.stored {
             let origins = origins(stored, &hands, &body);
-            let [before, after] = [&self.body, &body].map(Body::elastic_energy);
+            // The elements of a copy store the same energy, and a sum over all of them takes as long as a step.
+            let before = self.solver.elastic_energy(&self.body);
+            let after = if replaced {
+                body.elastic_energy()
+            } else {
+                before
+            };
             *stored = stored.rebuilt(
                 (&self.body, before, &self.model),
                 (&body, after, &model),
@@ -130,6 +137,7 @@ impl HostBody {
             body: core::mem::replace(&mut self.body, body),
             solver: core::mem::replace(&mut self.solver, solver),
             map,
+            replaced,
             hands,
         })
     }
