@@ -32,15 +32,8 @@ impl Body {
                 });
             }
         }
-        // The two bodies may number their nodes differently.
-        let (mine, theirs) = (
-            &self.topology.node_of_vertex,
-            &other.topology.node_of_vertex,
-        );
-        for (&mine, &theirs) in mine.iter().zip(theirs) {
-            self.state.x[mine as usize] = other.state.x[theirs as usize];
-            self.state.v[mine as usize] = other.state.v[theirs as usize];
-        }
+        self.state.x.copy_from_slice(&other.state.x);
+        self.state.v.copy_from_slice(&other.state.v);
         for (mine, theirs) in self
             .constraints
             .handles

@@ -73,6 +73,7 @@ pub struct Integrator {
     newton: Newton,
     anchor: Vec<Vec3>,
     predicted: Vec<Vec3>,
+    /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
     /// State at the start of the substep.
     x: Vec<Vec3>,
@@ -127,7 +128,7 @@ impl Integrator {
             newton: Newton::new(body, options.newton)?,
             anchor: zeros.clone(),
             predicted: zeros.clone(),
-            held: vec![Vec3::zeros(); body.assembly.grip.len()],
+            held: Vec::with_capacity(body.assembly.grip.len()),
             x: zeros.clone(),
             v: zeros.clone(),
             middle: zeros.clone(),

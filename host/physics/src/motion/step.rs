@@ -16,7 +16,6 @@ use crate::body::Body;
 use crate::body::handle::{Handle, HandlePose, HandleReport, Wrench};
 use crate::error::StepError;
 use crate::linear::pcg::SolveReport;
-use crate::linear::step_matrix::StepMatrix;
 
 impl Body {
     /// Assembles and solves one step of `h` seconds.
@@ -58,19 +57,15 @@ impl Body {
         if !self.assembly.fresh {
             return Err(StepError::NotAssembled);
         }
-        let free = self.assembly.stiffness.free();
         let (mass_factor, stiffness_factor) = self.step_factors(h);
         self.see_missed();
 
-        for (u, v) in self.assembly.displacement[..free]
-            .iter_mut()
-            .zip(&self.state.v)
-        {
+        for (u, v) in self.assembly.displacement.iter_mut().zip(&self.state.v) {
             *u = v * h;
         }
         self.prescribe(targets);
-        for node in 0..free {
-            self.assembly.pcg.residual[node] =
+        for (place, node) in self.assembly.places.free_nodes().enumerate() {
+            self.assembly.pcg.residual[place] =
                 -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
         Ok(())
@@ -78,20 +73,8 @@ impl Body {
 
     /// Solves the step that has been laid out.
     pub(crate) fn solve_step(&mut self, h: f64) -> SolveReport {
-        let free = self.assembly.stiffness.free();
-        let (mass_factor, stiffness_factor) = self.step_factors(h);
-        let matrix = StepMatrix {
-            stiffness: &self.assembly.stiffness,
-            mass: &self.model.mass,
-            stiffness_factor,
-            mass_factor,
-            mask: self.constraints.supports.mask(),
-        };
-        self.assembly.pcg.solve(
-            &matrix,
-            &mut self.assembly.displacement[..free],
-            &self.model.config.budget(),
-        )
+        let factors = self.step_factors(h);
+        self.assembly.solve(factors, &self.model.config.budget())
     }
 
     /// Takes the solved step, as far as the energy allows.
@@ -146,10 +129,11 @@ impl Body {
     /// Stores the elastic forces that the step's linearization predicts for the step's end. The equation of the step
     /// already gives `K u`, so no product is needed.
     fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
-        let free = self.assembly.stiffness.free();
-        for node in 0..self.state.x.len() {
-            let left = match node.checked_sub(free) {
-                None => self.assembly.pcg.residual[node],
+        let free = self.assembly.places.free();
+        for (place, &node) in self.assembly.places.nodes().iter().enumerate() {
+            let node = node as usize;
+            let left = match place.checked_sub(free) {
+                None => self.assembly.pcg.residual[place],
                 Some(held) => -self.assembly.grip[held] - self.inertia(node, h),
             };
             let momentum = self.state.v[node] / h - self.assembly.displacement[node] * mass_factor;
@@ -184,7 +168,7 @@ impl Body {
     /// Sets the displacements that handles and supports prescribe.
     pub(crate) fn prescribe(&mut self, targets: &[HandlePose]) {
         for (handle, target) in self.constraints.handles.iter().zip(targets) {
-            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+            for (node, offset) in handle.nodes() {
                 self.assembly.displacement[node] =
                     target.position + target.rotation * offset - self.state.x[node];
             }
@@ -221,11 +205,10 @@ impl Body {
 
     /// Computes the forces of the hands. Returns an upper bound of their work (J).
     fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
-        let free = self.assembly.stiffness.free();
         let mut work = 0.0;
-        for node in free..self.state.x.len() {
+        for (held, node) in self.assembly.places.held_nodes().enumerate() {
             let force = self.imbalance(node, h, mass_factor, stiffness_factor);
-            self.assembly.grip[node - free] = force - self.inertia(node, h);
+            self.assembly.grip[held] = force - self.inertia(node, h);
             work += force.norm() * self.assembly.displacement[node].norm();
         }
         work
@@ -234,11 +217,10 @@ impl Body {
     /// Computes the forces of the hands for a step that was solved elsewhere, whose residual is `imbalance`. Returns an
     /// upper bound of the work of hands and supports (J).
     pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
-        let free = self.assembly.stiffness.free();
         let mut work = 0.0;
-        for node in free..self.state.x.len() {
+        for (held, node) in self.assembly.places.held_nodes().enumerate() {
             let force = imbalance(node);
-            self.assembly.grip[node - free] = force - self.inertia(node, h);
+            self.assembly.grip[held] = force - self.inertia(node, h);
             work += force.norm() * self.assembly.displacement[node].norm();
         }
         work + self
@@ -262,10 +244,7 @@ impl Body {
     /// hand on a handle node.
     fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
         let mass = self.model.mass[node];
-        self.assembly
-            .stiffness
-            .row_product(node, &self.assembly.displacement)
-            * stiffness_factor
+        self.assembly.row_product(node, &self.assembly.displacement) * stiffness_factor
             + self.assembly.displacement[node] * (mass_factor * mass)
             - self.state.v[node] * (mass / h)
             - self.assembly.internal[node]
@@ -294,15 +273,16 @@ impl Body {
     /// Writes the reports of handles and supports after a solve that has already moved the body, over a step of `h`
     /// from the velocities `before`. The forces are those assembled last. An infinite `h` means equilibrium.
     pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
-        let free = self.assembly.stiffness.free();
         self.forget_promise();
         let (alpha, beta) = (
             self.model.config.mass_damping,
             self.model.config.stiffness_damping,
         );
+        let mut grip = core::mem::take(&mut self.assembly.grip);
+        let mut supports = core::mem::take(&mut self.constraints.supports);
         let pull = |node: usize| {
             let damping = if beta > 0.0 {
-                self.assembly.stiffness.row_product(node, &self.state.v) * beta
+                self.assembly.row_product(node, &self.state.v) * beta
             } else {
                 Vec3::zeros()
             };
@@ -312,11 +292,9 @@ impl Body {
         };
         let inertia =
             |node: usize| (self.state.v[node] - before[node]) * (self.model.mass[node] / h);
-        let mut grip = core::mem::take(&mut self.assembly.grip);
-        for (held, force) in grip.iter_mut().enumerate() {
-            *force = pull(free + held);
+        for (force, node) in grip.iter_mut().zip(self.assembly.places.held_nodes()) {
+            *force = pull(node);
         }
-        let mut supports = core::mem::take(&mut self.constraints.supports);
         supports.collect_reactions(|node| pull(node) + inertia(node));
         self.constraints.supports = supports;
         self.assembly.grip = grip;
@@ -340,14 +318,14 @@ impl Body {
         target: &HandlePose,
         state: impl Fn(usize) -> (Vec3, Vec3),
     ) {
-        let free = self.assembly.stiffness.free();
+        let places = &self.assembly.places;
         let old = handle.report.pose;
         let mut grip = Wrench::default();
         let mut inertia = Wrench::default();
-        for node in handle.nodes() {
+        for (node, _) in handle.nodes() {
             let (position, force) = state(node);
             let arm = position - target.position;
-            grip.add(&self.assembly.grip[node - free], &arm);
+            grip.add(&self.assembly.grip[places.of(node) - places.free()], &arm);
             inertia.add(&force, &arm);
         }
         handle.report = HandleReport {

@@ -120,10 +120,7 @@ impl<T: Real> Stepper<T> {
             *at = x + u;
         }
         self.linearize();
-        let moving = body.assembly.displacement.iter().zip(&body.model.mass);
-        let kinetic: f64 = moving
-            .map(|(u, mass)| 0.5 * mass * (u / h).norm_squared())
-            .sum();
+        let kinetic = body.kinetic_energy_of(|node| body.assembly.displacement[node] / h);
         Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
     }
 
