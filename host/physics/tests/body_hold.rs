@@ -243,6 +243,9 @@ fn layout(body: &Body) -> (Vec<u64>, Vec<u32>) {
     (numbers, nodes.collect())
 }
 
+/// A change of the constraints of a body, and its name.
+type Change = (&'static str, Box<dyn Fn(&mut Body)>);
+
 #[test]
 fn a_node_keeps_its_number_through_every_change_of_the_constraints() {
     for (name, positions, build) in kinds() {
@@ -262,7 +265,6 @@ fn a_node_keeps_its_number_through_every_change_of_the_constraints() {
             before.1, vertices,
             "{name}: the elements have the mesh's vertices"
         );
-        type Change = (&'static str, Box<dyn Fn(&mut Body)>);
         let (last, axes) = (right.vertices.clone(), [true, false, true]);
         let changes: [Change; 5] = [
             (

@@ -1,7 +1,6 @@
-//! The data that solvers of the assembled equations work with, and the results of a step that the next step needs.
+//! The assembled equations of a body, and the data that their solvers work with.
 
 use super::constraints::Constraints;
-use super::guard::Guard;
 use super::model::Model;
 use crate::Vec3;
 use crate::element::bending::Bending;
@@ -10,8 +9,8 @@ use crate::linear::pcg::{Budget, Pcg, SolveReport};
 use crate::linear::places::Places;
 use crate::linear::step_matrix::StepMatrix;
 
-/// The assembled equations and the working memory of a step, for one topology epoch. Matrices, `mass` and `mask` are by
-/// place; the other vectors are by node.
+/// The assembled equations and the working memory of a step, for one topology epoch. `stiffness`,
+/// `mass`, `mask` and `pcg` are by place; the other vectors are by node.
 #[derive(Clone, Debug)]
 pub(crate) struct Assembly {
     pub(crate) places: Places,
@@ -23,12 +22,7 @@ pub(crate) struct Assembly {
     mask: Vec<Vec3>,
     /// Elastic forces at the state in which `assemble` last ran (N).
     pub(crate) internal: Vec<Vec3>,
-    /// Displacement over the step (m).
-    pub(crate) displacement: Vec<Vec3>,
     pub(crate) pcg: Pcg,
-    /// Force of the hand on each held node, less the node's inertia, in the last step (N), in the order of the held
-    /// places.
-    pub(crate) grip: Vec<Vec3>,
     /// The elastic forces that the last step's linearization predicted for its end (N). `promised_over` is the length
     /// of that step (s), if the whole step was taken.
     pub(crate) promised: Vec<Vec3>,
@@ -36,13 +30,10 @@ pub(crate) struct Assembly {
     /// The rate of change of the forces along the motion that the tangent does not predict (N/s); zero where it is
     /// unknown.
     pub(crate) missed: Vec<Vec3>,
-    pub(crate) guard: Guard,
     /// Positions at the end of the step, before the step is taken (m). During a solve, the displacement by place.
     pub(crate) ahead: Vec<Vec3>,
-    /// Whether stiffness and internal forces are those of the present state.
-    pub(crate) fresh: bool,
-    /// Whether `assemble` has ever run.
-    pub(crate) assembled: bool,
+    /// The number of motions of the body at which `assemble` last ran, or `None` before.
+    pub(crate) at: Option<u64>,
 }
 
 impl Assembly {
@@ -74,16 +65,12 @@ impl Assembly {
             places,
             stiffness,
             internal: zeros.clone(),
-            displacement: zeros.clone(),
             pcg: Pcg::new(free),
-            grip: vec![Vec3::zeros(); count - free],
             promised: zeros.clone(),
             promised_over: None,
             missed: zeros.clone(),
-            guard: Guard::default(),
             ahead: zeros,
-            fresh: false,
-            assembled: false,
+            at: None,
         };
         assembly.guide(constraints);
         assembly
@@ -110,13 +97,18 @@ impl Assembly {
             .row_product_of(self.places.of(node), |place| &x[nodes[place] as usize])
     }
 
-    /// Moves the free nodes by conjugate gradients to the solution of a step, from `displacement` and from the residual
-    /// in `pcg`. The factors are those of mass and stiffness in the matrix.
-    pub(crate) fn solve(&mut self, factors: (f64, f64), budget: &Budget) -> SolveReport {
+    /// Improves the `displacement` of the free nodes by conjugate gradients. The residual in `pcg` is that of
+    /// `displacement`. The factors are those of mass and stiffness in the matrix.
+    pub(crate) fn solve(
+        &mut self,
+        displacement: &mut [Vec3],
+        factors: (f64, f64),
+        budget: &Budget,
+    ) -> SolveReport {
         let (mass_factor, stiffness_factor) = factors;
         let u = &mut self.ahead[..self.places.free()];
         for (u, node) in u.iter_mut().zip(self.places.free_nodes()) {
-            *u = self.displacement[node];
+            *u = displacement[node];
         }
         let matrix = StepMatrix {
             stiffness: &self.stiffness,
@@ -127,7 +119,7 @@ impl Assembly {
         };
         let report = self.pcg.solve(&matrix, u, budget);
         for (u, node) in u.iter().zip(self.places.free_nodes()) {
-            self.displacement[node] = *u;
+            displacement[node] = *u;
         }
         report
     }
@@ -137,8 +129,6 @@ impl Assembly {
         let vectors = [
             &self.mask,
             &self.internal,
-            &self.displacement,
-            &self.grip,
             &self.promised,
             &self.missed,
             &self.ahead,

@@ -205,12 +205,7 @@ impl Body {
                 vertex_count: count,
                 epoch: 0,
             },
-            state: State {
-                x: positions.to_vec(),
-                v: vec![Vec3::zeros(); count],
-                clock: 0.0,
-                revision: 0,
-            },
+            state: State::at_rest(positions),
             constraints,
             model,
         })

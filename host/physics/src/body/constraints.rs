@@ -4,6 +4,7 @@
 
 use super::handle::Handle;
 use super::support::Supports;
+use crate::Vec3;
 use crate::linear::places::Places;
 
 /// Handles and supports.
@@ -49,11 +50,37 @@ impl Constraints {
     /// All nodes in the order of sums over a body: free nodes in the mesh's order, then those of each handle. A sum in
     /// this order does not depend on when the handles were grabbed.
     pub(crate) fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
+        self.free_nodes().chain(self.held_nodes())
+    }
+
+    /// The nodes that no handle holds, in the mesh's order.
+    pub(crate) fn free_nodes(&self) -> impl Iterator<Item = usize> + '_ {
         let marked = self.is_held.iter().enumerate();
-        let free = marked.filter(|(_, is_held)| !**is_held);
+        marked
+            .filter(|(_, is_held)| !**is_held)
+            .map(|(node, _)| node)
+    }
+
+    /// The held nodes, handle by handle.
+    pub(crate) fn held_nodes(&self) -> impl Iterator<Item = usize> + '_ {
         let held = self.handles.iter().flat_map(|handle| &handle.vertices);
-        free.map(|(node, _)| node)
-            .chain(held.map(|&node| node as usize))
+        held.map(|&node| node as usize)
+    }
+
+    /// The forces of the hands on the [held nodes](Self::held_nodes), less the inertia of the nodes, in the last step
+    /// (N).
+    pub(crate) fn grips(&self) -> impl Iterator<Item = &Vec3> {
+        self.handles.iter().flat_map(|handle| &handle.grip)
+    }
+
+    /// The same forces, to be changed.
+    pub(crate) fn grips_mut(&mut self) -> impl Iterator<Item = &mut Vec3> {
+        self.handles.iter_mut().flat_map(|handle| &mut handle.grip)
+    }
+
+    /// Sets the forces of the hands to zero: they are unknown.
+    pub(crate) fn forget_grips(&mut self) {
+        self.grips_mut().for_each(|grip| *grip = Vec3::zeros());
     }
 
     /// The places of the nodes in the matrices of solvers: the order of [`nodes`](Self::nodes).

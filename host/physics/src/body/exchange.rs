@@ -44,7 +44,7 @@ impl Body {
         }
         self.forget_promise();
         self.state.revision += 1;
-        self.assembly.fresh = false;
+        self.state.motions += 1;
         Ok(())
     }
 }

@@ -159,11 +159,11 @@ impl Body {
     /// Shortens the displacement over a step of `h` until the body ends with no more energy than it had and hands have
     /// supplied, at most `work` (J). Returns the fraction of the displacement that is held back, usually 0.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
-        let mut guard = self.assembly.guard;
+        let mut guard = self.state.guard;
         guard.begin(Energy::now(self));
         let held = guard.hold_back(self, work, |body| body.energy_ahead(h));
         guard.end(held.energy, work);
-        self.assembly.guard = guard;
+        self.state.guard = guard;
         1.0 - held.kept
     }
 
@@ -173,11 +173,11 @@ impl Body {
         for ((ahead, x), u) in ahead
             .iter_mut()
             .zip(&self.state.x)
-            .zip(&self.assembly.displacement)
+            .zip(&self.state.displacement)
         {
             *ahead = x + u;
         }
-        let energy = Energy::of(self, &ahead, |node| self.assembly.displacement[node] / h);
+        let energy = Energy::of(self, &ahead, |node| self.state.displacement[node] / h);
         self.assembly.ahead = ahead;
         energy
     }
@@ -187,15 +187,15 @@ impl Body {
         if !self.constraints.handles.is_empty() || !self.constraints.supports.list.is_empty() {
             return Vec3::zeros();
         }
-        let moved = |node: usize| self.assembly.displacement[node] * self.model.mass[node];
+        let moved = |node: usize| self.state.displacement[node] * self.model.mass[node];
         self.constraints.nodes().map(moved).sum::<Vec3>() / self.total_mass()
     }
 
     /// Multiplies the displacement, less `drift`, by `factor` along all axes that nothing prescribes.
     fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
         let mask = self.constraints.supports.mask();
-        for node in self.assembly.places.free_nodes() {
-            let u = &mut self.assembly.displacement[node];
+        for node in self.constraints.free_nodes() {
+            let u = &mut self.state.displacement[node];
             let change = (*u - drift) * (factor - 1.0);
             *u += mask.map_or(change, |mask| change.component_mul(&mask[node]));
         }

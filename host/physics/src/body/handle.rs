@@ -104,6 +104,8 @@ pub(crate) struct Handle {
     pub(crate) vertices: Vec<u32>,
     /// Vertices relative to the origin when the handle was made (m).
     pub(crate) offsets: Vec<Vec3>,
+    /// Force of the hand on each node, less the node's inertia, in the last step (N).
+    pub(crate) grip: Vec<Vec3>,
     pub(crate) freedom: Freedom,
     pub(crate) report: HandleReport,
 }
@@ -123,6 +125,7 @@ impl Handle {
         Self {
             vertices: spec.vertices.clone(),
             offsets: spec.vertices.iter().map(offset).collect(),
+            grip: vec![Vec3::zeros(); spec.vertices.len()],
             freedom: spec.freedom,
             report,
         }

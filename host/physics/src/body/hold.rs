@@ -127,8 +127,10 @@ impl Body {
         self.begin_epoch();
     }
 
-    /// Builds the matrix for the present handles.
+    /// Builds the matrix for the present handles, and discards what the last step left.
     fn follow_handles(&mut self) {
+        self.constraints.forget_grips();
+        self.state.forget_step();
         self.assembly = Assembly::new(&mut self.model, &self.constraints);
         self.begin_epoch();
     }

@@ -13,21 +13,17 @@ impl Body {
             size_of_val(handle)
                 + size_of_val(handle.offsets.as_slice())
                 + size_of_val(handle.vertices.as_slice())
+                + size_of_val(handle.grip.as_slice())
         };
-        let by_node = [
-            &self.model.rest,
-            &self.state.x,
-            &self.state.v,
-            &self.model.external,
-        ];
-        let nodes: usize = by_node.iter().map(|v| size_of_val(v.as_slice())).sum();
         size_of::<Self>()
             + elements
             + bending.map_or(0, size_of_val)
             + self.model.bent.as_ref().map_or(0, BentSheet::bytes)
             + self.constraints.handles.iter().map(handle).sum::<usize>()
             + self.constraints.supports.bytes()
-            + nodes
+            + self.state.bytes()
+            + size_of_val(self.model.rest.as_slice())
+            + size_of_val(self.model.external.as_slice())
             + size_of_val(self.model.mass.as_slice())
             + size_of_val(self.model.load.as_slice())
             + self.constraints.mask_bytes()

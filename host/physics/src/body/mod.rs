@@ -153,8 +153,7 @@ impl Body {
                 &mut self.assembly.stiffness,
             );
         }
-        self.assembly.fresh = true;
-        self.assembly.assembled = true;
+        self.assembly.at = Some(self.state.motions);
     }
 
     /// Number of vertices.
@@ -274,7 +273,7 @@ impl Body {
         self.state.x.copy_from_slice(positions);
         self.forget_promise();
         self.state.revision += 1;
-        self.assembly.fresh = false;
+        self.state.motions += 1;
         Ok(())
     }
 

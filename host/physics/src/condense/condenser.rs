@@ -99,7 +99,7 @@ impl Condenser {
         (mass_factor, stiffness_factor): (f64, f64),
         period: f64,
     ) -> Result<&Condensed, CondenseError> {
-        if !body.assembly.assembled {
+        if body.assembly.at.is_none() {
             return Err(CondenseError::NotAssembled);
         }
         if self.epoch != body.epoch() {

@@ -170,7 +170,7 @@ impl Reduction {
 
     /// Whether the reduction was made for a body of this topology.
     pub(crate) fn fits(&self, body: &Body) -> bool {
-        self.holder.len() == body.assembly.grip.len()
+        self.holder.len() == body.constraints.held_nodes().count()
             && self.range.len() == body.constraints.handles.len()
     }
 
@@ -350,7 +350,8 @@ impl Reduction {
                 raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
             }
         }
-        for (held, (arm, force)) in self.arms.iter().zip(&body.assembly.grip).enumerate() {
+        let grips = body.constraints.grips();
+        for (held, (arm, force)) in self.arms.iter().zip(grips).enumerate() {
             let own = self.range[self.holder[held] as usize].clone();
             for column in self.columns[own.clone()]
                 .iter()

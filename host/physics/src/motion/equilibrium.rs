@@ -75,7 +75,7 @@ impl Equilibrium {
             newton: Newton::new(body, options.newton)?,
             first: body.state.x.clone(),
             last: body.state.x.clone(),
-            held: Vec::with_capacity(body.assembly.grip.len()),
+            held: Vec::with_capacity(body.constraints.held_nodes().count()),
         })
     }
 
@@ -110,7 +110,7 @@ impl Equilibrium {
             body.state.x.copy_from_slice(&self.first);
             body.model.load_factor = load;
         }
-        body.assembly.fresh = false;
+        body.state.motions += 1;
         result
     }
 

@@ -157,7 +157,7 @@ impl Newton {
         body.constraints
             .supports
             .prescribe(&body.state.x, fraction, &mut self.step);
-        for (node, goal) in body.assembly.places.held_nodes().zip(held) {
+        for (node, goal) in body.constraints.held_nodes().zip(held) {
             self.step[node] = goal - body.state.x[node];
         }
         let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());

@@ -122,7 +122,7 @@ impl Integrator {
             .iter()
             .flat_map(Vec3::iter)
             .all(|v| v.is_finite());
-        body.assembly.fresh = false;
+        body.state.motions += 1;
         Ok(report)
     }
 
@@ -131,7 +131,7 @@ impl Integrator {
     fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
         let force = self.newton.residual();
         let moved = |node: usize| body.state.x[node] - from[node];
-        let held = body.assembly.places.held_nodes();
+        let held = body.constraints.held_nodes();
         let work: f64 = held
             .map(|node| force[node].norm() * moved(node).norm())
             .sum();
@@ -144,7 +144,7 @@ impl Integrator {
             let (now, then) = (&body.state.v[node], &self.v[node]);
             (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.model.mass[node])
         };
-        let held = body.assembly.places.held_nodes();
+        let held = body.constraints.held_nodes();
         let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
         work + body
             .constraints
@@ -202,17 +202,16 @@ impl Integrator {
         }
         if let Some(mask) = body.constraints.supports.mask() {
             // The goals of the guided axes, by the same rule as in the solver.
-            body.assembly.displacement.fill(Vec3::zeros());
+            body.state.displacement.fill(Vec3::zeros());
             body.constraints.supports.prescribe(
                 &body.state.x,
                 fraction,
-                &mut body.assembly.displacement,
+                &mut body.state.displacement,
             );
             for (node, mask) in mask.iter().enumerate() {
                 for axis in 0..3 {
                     if mask[axis] == 0.0 {
-                        let goal =
-                            body.state.x[node][axis] + body.assembly.displacement[node][axis];
+                        let goal = body.state.x[node][axis] + body.state.displacement[node][axis];
                         let velocity = (goal - self.x[node][axis]) / (part * h);
                         self.anchor[node][axis] = goal - velocity * g;
                         self.predicted[node][axis] = goal;
