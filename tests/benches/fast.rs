@@ -127,10 +127,12 @@ fn triangles_product<T: Real>(bencher: Bencher) {
 /// A factor of the matrix of a step of 10 ms, and its panels.
 fn panels(body: &mut Body) -> (Factor, Panels) {
     body.assemble();
-    let order = order(body.stiffness(), body.node_positions());
+    let places = body.places();
+    let order = order(body.stiffness(), &places.gather(body.node_positions()));
+    let masses = places.gather(body.node_masses());
     let mut factor = Factor::new(body.stiffness(), &order).expect("memory");
     factor
-        .factorize(body.stiffness(), body.node_masses(), 1e4, 11.0, None)
+        .factorize(body.stiffness(), &masses, 1e4, 11.0, None)
         .expect("positive definite");
     let panels = Panels::new(&factor);
     (factor, panels)

@@ -84,12 +84,12 @@ fn time(times: usize, mut run: impl FnMut()) -> [f64; 2] {
 
 fn show(name: &str, body: &mut Body) {
     body.assemble();
-    let (matrix, mass) = (body.stiffness(), body.node_masses());
+    let (matrix, mass) = (body.stiffness(), &body.places().gather(body.node_masses()));
     // Implicit Euler, 10 ms, Rayleigh damping 0.1 and 0.1.
     let (by_mass, by_stiffness) = (1e4 + 10.0, 11.0);
     // Column by column: no zeros among the entries.
     let degree = Cholesky::new(matrix, 1, FactorCode::Portable).unwrap();
-    let order = order(matrix, body.node_positions());
+    let order = order(matrix, &body.places().gather(body.node_positions()));
     let exact_entries = Factor::with_code(matrix, &order, FactorCode::Portable).unwrap();
     let mut factor = Factor::new(matrix, &order).unwrap();
     let repeat = 4_000_000 / degree.factor_entries() + 3;

@@ -40,6 +40,7 @@ pub use error::{BodyError, CondenseError, StepError};
 pub use lanes::{Node, Real};
 pub use linear::block_matrix::BlockMatrix;
 pub use linear::pcg::{Budget, SolveReport};
+pub use linear::places::Places;
 pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::FactorCode;
 pub use material::{Material, SolidMaterial, Tangent, ThreadMaterial, Weave};

@@ -232,6 +232,75 @@ fn a_body_supported_at_rest_is_one_built_so() {
     }
 }
 
+/// Positions, velocities and masses by node, and the nodes of every element.
+fn layout(body: &Body) -> (Vec<u64>, Vec<u32>) {
+    let masses = body.node_masses().iter().map(|mass| mass.to_bits());
+    let mut numbers = bits(body.node_positions().iter().copied());
+    numbers.extend(bits(body.velocities()));
+    numbers.extend(masses);
+    let elements = body.elements().iter();
+    let nodes = elements.flat_map(|set| (0..set.count()).flat_map(|e| set.nodes(e).to_vec()));
+    (numbers, nodes.collect())
+}
+
+/// A change of the constraints of a body, and its name.
+type Change = (&'static str, Box<dyn Fn(&mut Body)>);
+
+#[test]
+fn a_node_keeps_its_number_through_every_change_of_the_constraints() {
+    for (name, positions, build) in kinds() {
+        let [left, right, middle] = specs(&positions);
+        let free = build(&[]);
+        assert_eq!(free.node_positions(), positions, "{name}");
+        let (_, vertices) = layout(&free);
+
+        let mut body = build(std::slice::from_ref(&middle));
+        for step in 1..=4 {
+            let mut targets = poses(&body);
+            targets[0].position.z += 1e-4 * f64::from(step);
+            body.step(H, &targets).unwrap();
+        }
+        let before = layout(&body);
+        assert_eq!(
+            before.1, vertices,
+            "{name}: the elements have the mesh's vertices"
+        );
+        let (last, axes) = (right.vertices.clone(), [true, false, true]);
+        let changes: [Change; 5] = [
+            (
+                "grab",
+                Box::new(move |body| assert_eq!(body.grab(&left), Ok(1))),
+            ),
+            (
+                "add_support",
+                Box::new(move |body| assert_eq!(body.add_support(&last, axes), Ok(0))),
+            ),
+            ("release", Box::new(|body| body.release(0).unwrap())),
+            (
+                "lift_support",
+                Box::new(|body| body.lift_support(0).unwrap()),
+            ),
+            (
+                "grab again",
+                Box::new(move |body| assert_eq!(body.grab(&right), Ok(1))),
+            ),
+        ];
+        for (change, apply) in changes {
+            let epoch = body.epoch();
+            apply(&mut body);
+            assert_eq!(body.epoch(), epoch + 1, "{name}: {change}");
+            assert!(layout(&body) == before, "{name}: {change}");
+            assert!(body.positions().eq(body.node_positions().iter().copied()));
+        }
+        // Only the rows of the matrix are in another order: the held nodes come last.
+        let [left, right, _] = specs(&positions);
+        let held = [left.vertices, right.vertices].concat();
+        let places = body.places();
+        assert_eq!(places.nodes()[places.free()..], held, "{name}");
+        assert!(places.nodes()[..places.free()].is_sorted(), "{name}");
+    }
+}
+
 /// The farthest that a vertex is from where it was (m).
 fn moved(body: &Body, from: &[Vec3]) -> f64 {
     let ways = body

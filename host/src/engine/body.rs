@@ -241,15 +241,13 @@ impl HostBody {
         // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
         // time.
         let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
-        // A body that nobody ever held has nothing to tell. After the last hand has let go, models without handles say
-        // so.
-        let unheld = self.devices.is_empty() && self.model.epoch == 0;
-        if !publishes || told || self.behind || unheld {
+        // No hand feels a body that has no handle. When the last hand lets go, its force fades with the age of the last
+        // model.
+        let held = !self.devices.is_empty();
+        if !publishes || told || self.behind || !held {
             return Ok(None);
         }
-        if !self.devices.is_empty() {
-            self.condense(stats)?;
-        }
+        self.condense(stats)?;
         self.model.sequence += 1;
         self.model.time_ns = time_ns;
         for (i, reference) in self

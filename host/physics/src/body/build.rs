@@ -5,7 +5,6 @@ use super::constraints::Constraints;
 use super::handle::{Handle, HandleSpec};
 use super::model::Model;
 use super::state::State;
-use super::support::Supports;
 use super::topology::Topology;
 use super::{Body, BodyConfig};
 use crate::Vec3;
@@ -166,7 +165,7 @@ impl Body {
 
     fn build(
         positions: &[Vec3],
-        mut elements: Vec<Box<dyn Elements>>,
+        elements: Vec<Box<dyn Elements>>,
         bent: Option<BentSheet>,
         config: BodyConfig,
         handles: &[HandleSpec],
@@ -179,63 +178,35 @@ impl Body {
         for (handle, spec) in handles.iter().enumerate() {
             check_handle(handle, spec, &mut holder)?;
         }
-        let held = handles.iter().flat_map(|spec| &spec.vertices);
-        let (node_of_vertex, free) = Topology::number(count, held);
-        let node = |vertex: u32| node_of_vertex[vertex as usize];
-        for set in &mut elements {
-            set.renumber(&node_of_vertex);
-        }
         let mut mass = vec![0.0; count];
         let mut load = vec![0.0; count];
         for set in &elements {
             set.add_mass(&mut mass, &mut load);
         }
-        if let Some(vertex) = (0..count).find(|&vertex| mass[node(vertex as u32) as usize] == 0.0) {
+        if let Some(vertex) = mass.iter().position(|&mass| mass == 0.0) {
             return Err(BodyError::Unreferenced { vertex });
         }
-
-        let mut x = vec![Vec3::zeros(); count];
-        for (vertex, &position) in positions.iter().enumerate() {
-            x[node(vertex as u32) as usize] = position;
-        }
-        let mut first = free;
-        let handles: Vec<Handle> = handles
-            .iter()
-            .map(|spec| {
-                let offset = |&vertex: &u32| positions[vertex as usize] - spec.origin;
-                let handle = Handle::new(first, spec.vertices.iter().map(offset).collect(), spec);
-                first += spec.vertices.len();
-                handle
-            })
-            .collect();
-        let topology = Topology {
-            node_of_vertex,
-            epoch: 0,
-        };
+        let handles = handles.iter().map(|spec| Handle::new(positions, spec));
+        let constraints = Constraints::new(count, handles.collect());
         let mut model = Model {
             config,
             elements,
             bent,
             bending: None,
-            rest: x.clone(),
+            rest: positions.to_vec(),
             external: load.iter().map(|&load| config.gravity * load).collect(),
             load_factor: 1.0,
             mass,
             load,
         };
         Ok(Self {
-            assembly: Assembly::new(&mut model, &topology, free),
-            topology,
-            state: State {
-                x,
-                v: vec![Vec3::zeros(); count],
-                clock: 0.0,
-                revision: 0,
+            assembly: Assembly::new(&mut model, &constraints),
+            topology: Topology {
+                vertex_count: count,
+                epoch: 0,
             },
-            constraints: Constraints {
-                handles,
-                supports: Supports::default(),
-            },
+            state: State::at_rest(positions),
+            constraints,
             model,
         })
     }

@@ -1,18 +1,96 @@
 //! The constraints of a body: handles, which move vertices with a hand, and supports, which guide vertices along axes.
+//!
+//! Constraints are masks over the nodes. They renumber no node.
 
 use super::handle::Handle;
 use super::support::Supports;
+use crate::Vec3;
+use crate::linear::places::Places;
 
 /// Handles and supports.
 #[derive(Clone, Debug)]
 pub(crate) struct Constraints {
     pub(crate) handles: Vec<Handle>,
     pub(crate) supports: Supports,
+    /// By node, whether a handle holds it.
+    is_held: Vec<bool>,
 }
 
 impl Constraints {
-    /// The vertices of all handles, handle by handle, in the order of their nodes.
-    pub(crate) fn held(&self) -> impl Iterator<Item = &u32> + Clone {
-        self.handles.iter().flat_map(|handle| &handle.vertices)
+    /// Constraints of `count` nodes by `handles`.
+    pub(crate) fn new(count: usize, handles: Vec<Handle>) -> Self {
+        let mut constraints = Self {
+            handles,
+            supports: Supports::default(),
+            is_held: vec![false; count],
+        };
+        constraints.mark();
+        constraints
+    }
+
+    /// Adds a handle. No other handle may hold its nodes.
+    pub(crate) fn hold(&mut self, handle: Handle) {
+        self.handles.push(handle);
+        self.mark();
+    }
+
+    /// Removes a handle.
+    pub(crate) fn release(&mut self, handle: usize) {
+        self.handles.remove(handle);
+        self.mark();
+    }
+
+    fn mark(&mut self) {
+        self.is_held.fill(false);
+        for &node in self.handles.iter().flat_map(|handle| &handle.vertices) {
+            self.is_held[node as usize] = true;
+        }
+    }
+
+    /// All nodes in the order of sums over a body: free nodes in the mesh's order, then those of each handle. A sum in
+    /// this order does not depend on when the handles were grabbed.
+    pub(crate) fn nodes(&self) -> impl Iterator<Item = usize> + '_ {
+        self.free_nodes().chain(self.held_nodes())
+    }
+
+    /// The nodes that no handle holds, in the mesh's order.
+    pub(crate) fn free_nodes(&self) -> impl Iterator<Item = usize> + '_ {
+        let marked = self.is_held.iter().enumerate();
+        marked
+            .filter(|(_, is_held)| !**is_held)
+            .map(|(node, _)| node)
+    }
+
+    /// The held nodes, handle by handle.
+    pub(crate) fn held_nodes(&self) -> impl Iterator<Item = usize> + '_ {
+        let held = self.handles.iter().flat_map(|handle| &handle.vertices);
+        held.map(|&node| node as usize)
+    }
+
+    /// The forces of the hands on the [held nodes](Self::held_nodes), less the inertia of the nodes, in the last step
+    /// (N).
+    pub(crate) fn grips(&self) -> impl Iterator<Item = &Vec3> {
+        self.handles.iter().flat_map(|handle| &handle.grip)
+    }
+
+    /// The same forces, to be changed.
+    pub(crate) fn grips_mut(&mut self) -> impl Iterator<Item = &mut Vec3> {
+        self.handles.iter_mut().flat_map(|handle| &mut handle.grip)
+    }
+
+    /// Sets the forces of the hands to zero: they are unknown.
+    pub(crate) fn forget_grips(&mut self) {
+        self.grips_mut().for_each(|grip| *grip = Vec3::zeros());
+    }
+
+    /// The places of the nodes in the matrices of solvers: the order of [`nodes`](Self::nodes).
+    pub(crate) fn places(&self) -> Places {
+        let held = self.handles.iter().flat_map(|handle| &handle.vertices);
+        Places::new(&self.is_held, held.copied())
+    }
+
+    /// Memory of the mask (bytes).
+    pub(crate) fn mask_bytes(&self) -> usize {
+        size_of_val(self.is_held.as_slice())
     }
 }

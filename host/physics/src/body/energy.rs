@@ -1,36 +1,41 @@
 //! Sums over a body: mass, momentum and energy.
 
 use super::Body;
+use super::assembly::Assembly;
 use crate::Vec3;
 
 impl Body {
     /// Total mass (kg).
     pub fn total_mass(&self) -> f64 {
-        self.model.mass.iter().sum()
+        let nodes = self.constraints.nodes();
+        nodes.map(|node| self.model.mass[node]).sum()
     }
 
     /// Linear momentum (kg m/s).
     pub fn momentum(&self) -> Vec3 {
         let mut sum = Vec3::zeros();
-        for (v, &mass) in self.state.v.iter().zip(&self.model.mass) {
-            sum += v * mass;
+        for node in self.constraints.nodes() {
+            sum += self.state.v[node] * self.model.mass[node];
         }
         sum
     }
 
     /// Sum of gravity and the external forces, times the load factor (N).
     pub fn total_external_force(&self) -> Vec3 {
-        self.model.external.iter().sum::<Vec3>() * self.model.load_factor
+        let nodes = self.constraints.nodes();
+        let external = nodes.map(|node| self.model.external[node]);
+        external.sum::<Vec3>() * self.model.load_factor
     }
 
     /// Kinetic energy (J).
     pub fn kinetic_energy(&self) -> f64 {
-        self.state
-            .v
-            .iter()
-            .zip(&self.model.mass)
-            .map(|(v, &mass)| 0.5 * mass * v.norm_squared())
-            .sum()
+        self.kinetic_energy_of(|node| self.state.v[node])
+    }
+
+    /// Kinetic energy (J) for the velocity `v` of each node (m/s).
+    pub(crate) fn kinetic_energy_of(&self, v: impl Fn(usize) -> Vec3) -> f64 {
+        let energy = |node: usize| 0.5 * self.model.mass[node] * v(node).norm_squared();
+        self.constraints.nodes().map(energy).sum()
     }
 
     /// Elastic energy (J) at the present state, with bending.
@@ -41,7 +46,9 @@ impl Body {
     /// Elastic energy (J) at positions `x` (m) by node, with bending.
     pub(crate) fn elastic_energy_at(&self, x: &[Vec3]) -> f64 {
         let bending = self.model.bending.as_ref();
-        let bending = bending.map_or(0.0, |bending| bending.energy(&self.assembly.stiffness, x));
+        let bending = bending.map_or(0.0, |bending| {
+            bending.energy(&self.assembly.stiffness, self.assembly.places.nodes(), x)
+        });
         self.model
             .elements
             .iter()
@@ -53,7 +60,10 @@ impl Body {
     /// Bending energy (J) at the present state; 0 for a body without bending.
     pub fn bending_energy(&self) -> f64 {
         self.model.bending.as_ref().map_or(0.0, |bending| {
-            bending.energy(&self.assembly.stiffness, &self.state.x)
+            let Assembly {
+                stiffness, places, ..
+            } = &self.assembly;
+            bending.energy(stiffness, places.nodes(), &self.state.x)
         })
     }
 
@@ -65,8 +75,8 @@ impl Body {
 
     /// Potential energy (J) of the loads at positions `x` (m) by node.
     pub(crate) fn load_potential_at(&self, x: &[Vec3]) -> f64 {
-        let work = self.model.external.iter().zip(x).map(|(f, x)| f.dot(x));
-        -self.model.load_factor * work.sum::<f64>()
+        let work = |node: usize| self.model.external[node].dot(&x[node]);
+        -self.model.load_factor * self.constraints.nodes().map(work).sum::<f64>()
     }
 
     /// Sum of kinetic energy, elastic energy and potential energy of the loads (J).

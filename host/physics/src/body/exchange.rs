@@ -108,12 +108,9 @@ impl Body {
     /// changed then.
     pub fn continue_from(&mut self, old: &Self, map: &BodyMap) -> Result<(), BodyError> {
         map.check(old, self)?;
-        // The two bodies may number their nodes differently.
-        for (vertex, &from) in map.vertices.iter().enumerate() {
-            let mine = self.topology.node_of_vertex[vertex] as usize;
-            let theirs = old.topology.node_of_vertex[from as usize] as usize;
-            self.state.x[mine] = old.state.x[theirs];
-            self.state.v[mine] = old.state.v[theirs];
+        for (node, &from) in map.vertices.iter().enumerate() {
+            self.state.x[node] = old.state.x[from as usize];
+            self.state.v[node] = old.state.v[from as usize];
         }
         for (handle, from) in map.handles.iter().enumerate() {
             if let Some(from) = *from {
@@ -164,8 +161,7 @@ impl Body {
         held.report.angular_velocity = Vec3::zeros();
         let back = pose.rotation.inverse();
         for (offset, &vertex) in held.offsets.iter_mut().zip(&held.vertices) {
-            let node = self.topology.node_of_vertex[vertex as usize] as usize;
-            *offset = back * (self.state.x[node] - pose.position);
+            *offset = back * (self.state.x[vertex as usize] - pose.position);
         }
     }
 
@@ -173,6 +169,6 @@ impl Body {
     fn note_moved(&mut self) {
         self.forget_promise();
         self.state.revision += 1;
-        self.assembly.fresh = false;
+        self.state.motions += 1;
     }
 }

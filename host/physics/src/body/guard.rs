@@ -52,14 +52,10 @@ pub(crate) struct Energy {
 }
 
 impl Energy {
-    /// The energy at positions `x` (m) and velocities `v` (m/s) by node.
-    pub(crate) fn of(body: &Body, x: &[Vec3], v: impl Iterator<Item = Vec3>) -> Self {
-        let kinetic: f64 = v
-            .zip(&body.model.mass)
-            .map(|(v, mass)| 0.5 * mass * v.norm_squared())
-            .sum();
+    /// The energy at positions `x` (m) and velocities `v` (m/s) of the nodes.
+    pub(crate) fn of(body: &Body, x: &[Vec3], v: impl Fn(usize) -> Vec3) -> Self {
         Self::new(
-            kinetic + body.elastic_energy_at(x),
+            body.kinetic_energy_of(v) + body.elastic_energy_at(x),
             body.load_potential_at(x),
         )
     }
@@ -74,7 +70,7 @@ impl Energy {
     }
 
     pub(crate) fn now(body: &Body) -> Self {
-        Self::of(body, &body.state.x, body.state.v.iter().copied())
+        Self::of(body, &body.state.x, |node| body.state.v[node])
     }
 
     fn is_below(&self, other: &Self) -> bool {
@@ -163,11 +159,11 @@ impl Body {
     /// Shortens the displacement over a step of `h` until the body ends with no more energy than it had and hands have
     /// supplied, at most `work` (J). Returns the fraction of the displacement that is held back, usually 0.
     pub(crate) fn hold_back(&mut self, h: f64, work: f64) -> f64 {
-        let mut guard = self.assembly.guard;
+        let mut guard = self.state.guard;
         guard.begin(Energy::now(self));
         let held = guard.hold_back(self, work, |body| body.energy_ahead(h));
         guard.end(held.energy, work);
-        self.assembly.guard = guard;
+        self.state.guard = guard;
         1.0 - held.kept
     }
 
@@ -177,15 +173,11 @@ impl Body {
         for ((ahead, x), u) in ahead
             .iter_mut()
             .zip(&self.state.x)
-            .zip(&self.assembly.displacement)
+            .zip(&self.state.displacement)
         {
             *ahead = x + u;
         }
-        let energy = Energy::of(
-            self,
-            &ahead,
-            self.assembly.displacement.iter().map(|u| u / h),
-        );
+        let energy = Energy::of(self, &ahead, |node| self.state.displacement[node] / h);
         self.assembly.ahead = ahead;
         energy
     }
@@ -195,15 +187,15 @@ impl Body {
         if !self.constraints.handles.is_empty() || !self.constraints.supports.list.is_empty() {
             return Vec3::zeros();
         }
-        let moved = self.assembly.displacement.iter().zip(&self.model.mass);
-        moved.map(|(u, mass)| u * *mass).sum::<Vec3>() / self.total_mass()
+        let moved = |node: usize| self.state.displacement[node] * self.model.mass[node];
+        self.constraints.nodes().map(moved).sum::<Vec3>() / self.total_mass()
     }
 
     /// Multiplies the displacement, less `drift`, by `factor` along all axes that nothing prescribes.
     fn scale_motion(&mut self, factor: f64, drift: &Vec3) {
-        let free = self.assembly.stiffness.free();
         let mask = self.constraints.supports.mask();
-        for (node, u) in self.assembly.displacement[..free].iter_mut().enumerate() {
+        for node in self.constraints.free_nodes() {
+            let u = &mut self.state.displacement[node];
             let change = (*u - drift) * (factor - 1.0);
             *u += mask.map_or(change, |mask| change.component_mul(&mask[node]));
         }
@@ -212,13 +204,15 @@ impl Body {
 
 /// The rounding error of a sum of energies, of which `own` is kinetic and elastic (J).
 fn rounding(body: &Body, own: f64) -> f64 {
-    let free = body.assembly.stiffness.free();
+    let free = body.assembly.places.free();
     let (mut sum, mut places) = (0.0, 0.0);
-    for (node, x) in body.state.x.iter().enumerate() {
+    for (place, &node) in body.assembly.places.nodes().iter().enumerate() {
+        let node = node as usize;
+        let x = &body.state.x[node];
         sum += body.model.external[node].dot(x).abs();
-        if node < free {
-            let stiffness = body.assembly.stiffness.diagonal(node).amax();
-            let reach = rounding::reach(body, node);
+        if place < free {
+            let stiffness = body.assembly.stiffness.diagonal(place).amax();
+            let reach = rounding::reach(body, place);
             sum += stiffness * reach * reach;
             places += stiffness * (f64::EPSILON * x.amax()).powi(2);
         }

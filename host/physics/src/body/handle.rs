@@ -97,19 +97,23 @@ pub struct HandleReport {
     pub inertia: Wrench,
 }
 
-/// A handle of a body. Its vertices are nodes `first` to `first + offsets.len()`.
+/// A handle of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Handle {
-    pub(crate) first: usize,
+    /// The nodes that it holds.
     pub(crate) vertices: Vec<u32>,
     /// Vertices relative to the origin when the handle was made (m).
     pub(crate) offsets: Vec<Vec3>,
+    /// Force of the hand on each node, less the node's inertia, in the last step (N).
+    pub(crate) grip: Vec<Vec3>,
     pub(crate) freedom: Freedom,
     pub(crate) report: HandleReport,
 }
 
 impl Handle {
-    pub(crate) fn new(first: usize, offsets: Vec<Vec3>, spec: &HandleSpec) -> Self {
+    /// A handle that holds its vertices where they are: at `x` (m), by node.
+    pub(crate) fn new(x: &[Vec3], spec: &HandleSpec) -> Self {
+        let offset = |&vertex: &u32| x[vertex as usize] - spec.origin;
         let report = HandleReport {
             pose: HandlePose::at(spec.origin),
             linear_velocity: Vec3::zeros(),
@@ -119,15 +123,17 @@ impl Handle {
             inertia: Wrench::default(),
         };
         Self {
-            first,
             vertices: spec.vertices.clone(),
-            offsets,
+            offsets: spec.vertices.iter().map(offset).collect(),
+            grip: vec![Vec3::zeros(); spec.vertices.len()],
             freedom: spec.freedom,
             report,
         }
     }
 
-    pub(crate) fn nodes(&self) -> core::ops::Range<usize> {
-        self.first..self.first + self.offsets.len()
+    /// Its nodes, each with its offset from the origin when the handle was made (m).
+    pub(crate) fn nodes(&self) -> impl Iterator<Item = (usize, &Vec3)> {
+        let nodes = self.vertices.iter().map(|&vertex| vertex as usize);
+        nodes.zip(&self.offsets)
     }
 }

@@ -4,14 +4,12 @@
 //! guides its vertices there. Released vertices keep their velocity. At rest, before the first step, a call yields a
 //! body that is equal to the last bit to a body built with the same handles and supports.
 //!
-//! Each call begins a new topology epoch: solvers number held vertices last and leave out guided axes. Each solver
-//! builds its matrices and factors again in its next step.
+//! Each call changes the constraints and begins a new topology epoch. No vertex gets another number, and neither state
+//! nor model moves. In its next step each solver builds its matrices and factors again.
 
 use super::assembly::Assembly;
 use super::handle::{Handle, HandleSpec};
-use super::topology::Topology;
 use super::{Body, build};
-use crate::Vec3;
 use crate::error::BodyError;
 
 impl Body {
@@ -32,8 +30,7 @@ impl Body {
         }
         build::check_handle(handle, spec, &mut holder)?;
         for &vertex in &spec.vertices {
-            let node = self.topology.node_of_vertex[vertex as usize];
-            if let Some(support) = self.constraints.supports.owner_of(node) {
+            if let Some(support) = self.constraints.supports.owner_of(vertex) {
                 return Err(BodyError::HeldAndGuided {
                     vertex,
                     handle,
@@ -41,12 +38,8 @@ impl Body {
                 });
             }
         }
-        let at = |&vertex: &u32| {
-            self.state.x[self.topology.node_of_vertex[vertex as usize] as usize] - spec.origin
-        };
-        let offsets = spec.vertices.iter().map(at).collect();
-        self.constraints.handles.push(Handle::new(0, offsets, spec));
-        self.number_anew();
+        self.constraints.hold(Handle::new(&self.state.x, spec));
+        self.follow_handles();
         Ok(handle)
     }
 
@@ -60,8 +53,8 @@ impl Body {
         if handle >= count {
             return Err(BodyError::NoHandle { handle, count });
         }
-        self.constraints.handles.remove(handle);
-        self.number_anew();
+        self.constraints.release(handle);
+        self.follow_handles();
         Ok(())
     }
 
@@ -76,16 +69,14 @@ impl Body {
     /// [`BodyError::Support`], [`BodyError::HeldAndGuided`]; nothing has changed then.
     pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
         let support = self.constraints.supports.list.len();
-        let free = self.assembly.stiffness.free();
-        let mut nodes = Vec::with_capacity(vertices.len());
         for &vertex in vertices {
-            let Some(&node) = self.topology.node_of_vertex.get(vertex as usize) else {
+            if vertex as usize >= self.topology.vertex_count {
                 return Err(BodyError::Support {
                     support,
                     found: "it names a vertex that does not exist",
                 });
-            };
-            let holds = |handle: &Handle| handle.nodes().contains(&(node as usize));
+            }
+            let holds = |handle: &Handle| handle.vertices.contains(&vertex);
             if let Some(handle) = self.constraints.handles.iter().position(holds) {
                 return Err(BodyError::HeldAndGuided {
                     vertex,
@@ -93,11 +84,10 @@ impl Body {
                     support,
                 });
             }
-            nodes.push(node);
         }
         let supports = &mut self.constraints.supports;
-        let support = supports.add(&nodes, axes, free, &self.state.x)?;
-        self.begin_epoch();
+        let support = supports.add(vertices, axes, &self.state.x)?;
+        self.follow_supports();
         Ok(support)
     }
 
@@ -114,9 +104,8 @@ impl Body {
                 found: "it does not exist",
             });
         }
-        let free = self.assembly.stiffness.free();
-        self.constraints.supports.lift(support, free);
-        self.begin_epoch();
+        self.constraints.supports.lift(support);
+        self.follow_supports();
         Ok(())
     }
 
@@ -132,45 +121,17 @@ impl Body {
         self.forget_promise();
     }
 
-    /// Numbers the nodes for the present handles, and moves all data by node to the new numbers.
-    fn number_anew(&mut self) {
-        let count = self.vertex_count();
-        let (nodes, free) = Topology::number(count, self.constraints.held());
-        let mut place = vec![0; count];
-        for (&old, &new) in self.topology.node_of_vertex.iter().zip(&nodes) {
-            place[old as usize] = new;
-        }
-        self.topology.node_of_vertex = nodes;
-        for set in &mut self.model.elements {
-            set.renumber(&place);
-        }
-        for vectors in [
-            &mut self.state.x,
-            &mut self.state.v,
-            &mut self.model.rest,
-            &mut self.model.external,
-        ] {
-            *vectors = moved(vectors, &place, Vec3::zeros());
-        }
-        for numbers in [&mut self.model.mass, &mut self.model.load] {
-            *numbers = moved(numbers, &place, 0.0);
-        }
-        let mut first = free;
-        for handle in &mut self.constraints.handles {
-            handle.first = first;
-            first += handle.offsets.len();
-        }
-        self.constraints.supports.renumber(&place, free);
-        self.assembly = Assembly::new(&mut self.model, &self.topology, free);
+    /// Takes the mask of the present supports.
+    fn follow_supports(&mut self) {
+        self.assembly.guide(&self.constraints);
         self.begin_epoch();
     }
-}
 
-/// `values`, each moved to its new place.
-fn moved<V: Copy>(values: &[V], place: &[u32], zero: V) -> Vec<V> {
-    let mut moved = vec![zero; values.len()];
-    for (value, &place) in values.iter().zip(place) {
-        moved[place as usize] = *value;
+    /// Builds the matrix for the present handles, and discards what the last step left.
+    fn follow_handles(&mut self) {
+        self.constraints.forget_grips();
+        self.state.forget_step();
+        self.assembly = Assembly::new(&mut self.model, &self.constraints);
+        self.begin_epoch();
     }
-    moved
 }

@@ -13,31 +13,20 @@ impl Body {
             size_of_val(handle)
                 + size_of_val(handle.offsets.as_slice())
                 + size_of_val(handle.vertices.as_slice())
+                + size_of_val(handle.grip.as_slice())
         };
-        let by_node = [
-            &self.model.rest,
-            &self.state.x,
-            &self.state.v,
-            &self.model.external,
-            &self.assembly.internal,
-            &self.assembly.displacement,
-            &self.assembly.grip,
-            &self.assembly.promised,
-            &self.assembly.missed,
-            &self.assembly.ahead,
-        ];
-        let nodes: usize = by_node.iter().map(|v| size_of_val(v.as_slice())).sum();
         size_of::<Self>()
             + elements
             + bending.map_or(0, size_of_val)
             + self.model.bent.as_ref().map_or(0, BentSheet::bytes)
-            + self.assembly.stiffness.bytes()
             + self.constraints.handles.iter().map(handle).sum::<usize>()
             + self.constraints.supports.bytes()
-            + nodes
+            + self.state.bytes()
+            + size_of_val(self.model.rest.as_slice())
+            + size_of_val(self.model.external.as_slice())
             + size_of_val(self.model.mass.as_slice())
             + size_of_val(self.model.load.as_slice())
-            + size_of_val(self.topology.node_of_vertex.as_slice())
-            + self.assembly.pcg.bytes()
+            + self.constraints.mask_bytes()
+            + self.assembly.bytes()
     }
 }

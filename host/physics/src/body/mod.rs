@@ -1,7 +1,7 @@
 //! A body: its state, and the quantities that can be read from it.
 //!
-//! Nodes are the vertices as the solvers number them: free vertices first, in the mesh's order, then the vertices of
-//! each handle. Public functions count vertices in the mesh's order, unless their name or text says nodes.
+//! A node is a vertex: state, model and constraints are in the mesh's order, whatever handles and supports there are.
+//! Solvers order the rows of their matrices by [places](Places): free nodes first, then the nodes of each handle.
 //!
 //! - `topology`, `state`, `constraints`, `model`: the parts of a body. `assembly`: the data that solvers work with.
 //! - `hold`: grab and release of handles, addition and lift of supports.
@@ -45,6 +45,7 @@ use crate::element::elements::Elements;
 use crate::error::BodyError;
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::pcg::Budget;
+use crate::linear::places::Places;
 use crate::material::Tangent;
 
 /// Gravity, damping and bending of a body, and the limits of its solver.
@@ -138,6 +139,7 @@ impl Body {
             self.assembly.stiffness.load_scalar(bending.weights());
             bending.add_force(
                 &self.assembly.stiffness,
+                self.assembly.places.nodes(),
                 &self.state.x,
                 &mut self.assembly.internal,
             );
@@ -152,18 +154,17 @@ impl Body {
                 &mut self.assembly.stiffness,
             );
         }
-        self.assembly.fresh = true;
-        self.assembly.assembled = true;
+        self.assembly.at = Some(self.state.motions);
     }
 
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
-        self.state.x.len()
+        self.topology.vertex_count
     }
 
     /// Number of scalar unknowns of a solve: three per vertex, less those that handles and supports prescribe.
     pub fn unknown_count(&self) -> usize {
-        let free = 3 * self.assembly.stiffness.free();
+        let free = 3 * self.assembly.places.free();
         let mask = self.constraints.supports.mask().unwrap_or_default();
         let guided = mask.iter().flat_map(Vec3::iter).filter(|m| **m == 0.0);
         free - guided.count()
@@ -228,17 +229,14 @@ impl Body {
         Ok(())
     }
 
-    /// The stiffness that was assembled last, by node.
+    /// The stiffness that was assembled last, by [place](Self::places).
     pub fn stiffness(&self) -> &BlockMatrix {
         &self.assembly.stiffness
     }
 
-    /// The node of a vertex, or `None` past the last vertex.
-    pub fn node(&self, vertex: usize) -> Option<usize> {
-        self.topology
-            .node_of_vertex
-            .get(vertex)
-            .map(|&node| node as usize)
+    /// The places of the nodes in the [stiffness](Self::stiffness).
+    pub fn places(&self) -> &Places {
+        &self.assembly.places
     }
 
     /// Positions (m) by node.
@@ -251,26 +249,19 @@ impl Body {
         &self.model.mass
     }
 
-    fn by_vertex<'a>(&'a self, values: &'a [Vec3]) -> impl ExactSizeIterator<Item = Vec3> + 'a {
-        self.topology
-            .node_of_vertex
-            .iter()
-            .map(|&node| values[node as usize])
-    }
-
     /// Positions of the vertices (m).
     pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.state.x)
+        self.state.x.iter().copied()
     }
 
     /// Velocities of the vertices (m/s).
     pub fn velocities(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.state.v)
+        self.state.v.iter().copied()
     }
 
     /// Elastic forces on the vertices at the state in which [`assemble`](Self::assemble) last ran (N).
     pub fn internal_forces(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.by_vertex(&self.assembly.internal)
+        self.assembly.internal.iter().copied()
     }
 
     /// Replaces the positions (m), one per vertex. The vertices of a handle return to its pose in the next step.
@@ -280,10 +271,10 @@ impl Body {
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("positions", positions, self.state.x.len())?;
-        scatter(&self.topology.node_of_vertex, positions, &mut self.state.x);
+        self.state.x.copy_from_slice(positions);
         self.forget_promise();
         self.state.revision += 1;
-        self.assembly.fresh = false;
+        self.state.motions += 1;
         Ok(())
     }
 
@@ -294,7 +285,7 @@ impl Body {
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("velocities", velocities, self.state.x.len())?;
-        scatter(&self.topology.node_of_vertex, velocities, &mut self.state.v);
+        self.state.v.copy_from_slice(velocities);
         self.forget_promise();
         self.state.revision += 1;
         Ok(())
@@ -307,11 +298,7 @@ impl Body {
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
         check_vectors("external forces", forces, self.state.x.len())?;
-        scatter(
-            &self.topology.node_of_vertex,
-            forces,
-            &mut self.model.external,
-        );
+        self.model.external.copy_from_slice(forces);
         self.state.revision += 1;
         for (external, &load) in self.model.external.iter_mut().zip(&self.model.load) {
             *external += self.model.config.gravity * load;
@@ -371,12 +358,6 @@ impl Body {
             .list
             .get(support)
             .map(|s| s.reaction)
-    }
-}
-
-fn scatter(node_of_vertex: &[u32], values: &[Vec3], nodes: &mut [Vec3]) {
-    for (&node, value) in node_of_vertex.iter().zip(values) {
-        nodes[node as usize] = *value;
     }
 }
 

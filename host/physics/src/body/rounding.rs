@@ -19,7 +19,7 @@ const SUMS: f64 = 1e-13;
 /// The lengths on which a body's rounding depends, for one topology.
 #[derive(Clone, Debug)]
 pub(crate) struct Rounding {
-    /// By free node, the largest distance at rest to a node of the same element (m).
+    /// By free place, the largest distance at rest to a node of the same element (m).
     reach: Vec<f64>,
 }
 
@@ -35,38 +35,41 @@ pub(crate) struct Lost {
     pub(crate) work: f64,
 }
 
-/// The largest distance at rest from a node to a node of the same element (m).
-pub(crate) fn reach(body: &Body, node: usize) -> f64 {
-    let (columns, _) = body.assembly.stiffness.row(node);
-    let way = |column: &u32| (body.model.rest[*column as usize] - body.model.rest[node]).amax();
+/// The largest distance at rest from the node at a place to a node of the same element (m).
+pub(crate) fn reach(body: &Body, place: usize) -> f64 {
+    let (columns, _) = body.assembly.stiffness.row(place);
+    let rest = |place: usize| body.model.rest[body.assembly.places.node(place)];
+    let at = rest(place);
+    let way = |column: &u32| (rest(*column as usize) - at).amax();
     columns.iter().map(way).fold(0.0, f64::max)
 }
 
 impl Rounding {
     pub(crate) fn new(body: &Body) -> Self {
-        let nodes = 0..body.assembly.stiffness.free();
+        let free = 0..body.assembly.places.free();
         Self {
-            reach: nodes.map(|node| reach(body, node)).collect(),
+            reach: free.map(|place| reach(body, place)).collect(),
         }
     }
 
-    /// Uncertainty of the place of a free node (m).
-    pub(crate) fn of_place(&self, body: &Body, node: usize) -> f64 {
-        ROUNDING * (body.state.x[node].amax() + self.reach[node])
+    /// Uncertainty of the position of the node at a free place (m).
+    pub(crate) fn of_position(&self, body: &Body, place: usize) -> f64 {
+        let x = &body.state.x[body.assembly.places.node(place)];
+        ROUNDING * (x.amax() + self.reach[place])
     }
 
-    /// The rounding error of the energy of the elements at a free node of this stiffness (J).
-    pub(crate) fn of_element(&self, node: usize, stiffness: f64) -> f64 {
-        ROUNDING * stiffness * self.reach[node] * self.reach[node]
+    /// The rounding error of the energy of the elements at the node at a free place, which has this stiffness (J).
+    pub(crate) fn of_element(&self, place: usize, stiffness: f64) -> f64 {
+        ROUNDING * stiffness * self.reach[place] * self.reach[place]
     }
 
     /// Norm of the residual that rounding may cause (N), for a matrix `mass M + stiffness K`.
     pub(crate) fn of_forces(&self, body: &Body, mass: f64, stiffness: f64) -> f64 {
-        let square = |node: usize| {
-            let matrix = body.assembly.stiffness.diagonal(node).amax() * stiffness
-                + body.model.mass[node] * mass;
+        let square = |place: usize| {
+            let matrix = body.assembly.stiffness.diagonal(place).amax() * stiffness
+                + body.assembly.mass[place] * mass;
             // Neighbours are as uncertain as the node itself.
-            let force = 2.0 * matrix * self.of_place(body, node);
+            let force = 2.0 * matrix * self.of_position(body, place);
             force * force
         };
         libm::sqrt((0..self.reach.len()).map(square).sum())

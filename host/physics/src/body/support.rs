@@ -1,7 +1,7 @@
 //! Supports: vertices whose motion is prescribed along some of the world axes and free along the others.
 //!
 //! A handle holds its vertices along all three axes and rotates them with its pose. A support guides vertices: a face
-//! that may slide, a plane of symmetry, a prescribed displacement. Guided nodes are numbered among the free nodes; the
+//! that may slide, a plane of symmetry, a prescribed displacement. Guided nodes count as free nodes; the
 //! solvers leave out the guided axes (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
 
 use crate::Vec3;
@@ -24,9 +24,9 @@ pub(crate) struct Support {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Supports {
     pub(crate) list: Vec<Support>,
-    /// By free node and axis: 1 where the axis is free, 0 where it is guided.
+    /// By node and axis: 0 where a support guides the axis, 1 elsewhere.
     mask: Vec<Vec3>,
-    /// By free node and axis: the support that guides the axis, counted from 1; 0 for none.
+    /// By node and axis: the support that guides the axis, counted from 1; 0 for none.
     owner: Vec<[u16; 3]>,
     /// Guided nodes, in ascending order.
     guided: Vec<u32>,
@@ -48,13 +48,12 @@ impl Supports {
             + size_of_val(self.rest.as_slice())
     }
 
-    /// Adds a support of free nodes at their present positions `x` (m). Where several supports guide the same axis of a
+    /// Adds a support of nodes that no handle holds, at their present positions `x` (m). Where several supports guide the same axis of a
     /// node, the latest of them applies.
     pub(crate) fn add(
         &mut self,
         nodes: &[u32],
         axes: [bool; 3],
-        free: usize,
         x: &[Vec3],
     ) -> Result<usize, BodyError> {
         let support = self.list.len();
@@ -75,7 +74,7 @@ impl Supports {
             displacement: Vec3::zeros(),
             reaction: Vec3::zeros(),
         });
-        self.lay_out(free);
+        self.lay_out(x.len());
         Ok(support)
     }
 
@@ -90,17 +89,9 @@ impl Supports {
     }
 
     /// Removes a support.
-    pub(crate) fn lift(&mut self, support: usize, free: usize) {
+    pub(crate) fn lift(&mut self, support: usize) {
         self.list.remove(support);
-        self.lay_out(free);
-    }
-
-    /// Renumbers the nodes: each node moves to its `place`.
-    pub(crate) fn renumber(&mut self, place: &[u32], free: usize) {
-        for node in self.list.iter_mut().flat_map(|support| &mut support.nodes) {
-            *node = place[*node as usize];
-        }
-        self.lay_out(free);
+        self.lay_out(self.mask.len());
     }
 
     /// The support that guides a node along some axis.
@@ -110,12 +101,12 @@ impl Supports {
         Some(usize::from(*owner) - 1)
     }
 
-    /// Finds the support of each axis of the `free` nodes.
-    fn lay_out(&mut self, free: usize) {
-        let free = if self.list.is_empty() { 0 } else { free };
-        self.mask = vec![Vec3::repeat(1.0); free];
-        self.owner = vec![[0; 3]; free];
-        let mut base = vec![Vec3::zeros(); free];
+    /// Finds the support of each axis of `count` nodes.
+    fn lay_out(&mut self, count: usize) {
+        let count = if self.list.is_empty() { 0 } else { count };
+        self.mask = vec![Vec3::repeat(1.0); count];
+        self.owner = vec![[0; 3]; count];
+        let mut base = vec![Vec3::zeros(); count];
         for (support, entry) in self.list.iter().enumerate() {
             for (&node, at) in entry.nodes.iter().zip(&entry.base) {
                 for axis in 0..3 {
@@ -127,14 +118,14 @@ impl Supports {
                 }
             }
         }
-        self.guided = (0..free as u32)
+        self.guided = (0..count as u32)
             .filter(|&node| self.owner[node as usize] != [0; 3])
             .collect();
         let guided = self.guided.iter().map(|&node| base[node as usize]);
         self.rest = guided.collect();
     }
 
-    /// By free node and axis: 1 where it is free, 0 where it is guided; `None` without supports.
+    /// By node and axis: 0 where a support guides the axis, 1 elsewhere; `None` without supports.
     pub(crate) fn mask(&self) -> Option<&[Vec3]> {
         (!self.mask.is_empty()).then_some(&self.mask)
     }

@@ -1,32 +1,12 @@
-//! The vertices of a body, and the numbers that solvers give them.
+//! The vertices of a body, and the count of the changes of their connections.
 //!
-//! Solvers work on *nodes*: vertices numbered with free vertices first, in the mesh's order, then those of each handle.
+//! A node of a body is a vertex of its mesh and has the number of the vertex, whatever handles and supports there are.
 
-/// The vertices of a body and their nodes.
-#[derive(Clone, Debug)]
+/// The number of vertices, and the epoch.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Topology {
-    pub(crate) node_of_vertex: Vec<u32>,
+    pub(crate) vertex_count: usize,
     /// Number of changes of connectivity, handles and supports. Data that a solver made for one epoch are invalid in
     /// another.
     pub(crate) epoch: u64,
-}
-
-impl Topology {
-    /// Numbers `count` vertices: first the free ones, then those of `held` in its order. Returns the nodes of the
-    /// vertices and the number of free vertices.
-    pub(crate) fn number<'a>(
-        count: usize,
-        held: impl Iterator<Item = &'a u32> + Clone,
-    ) -> (Vec<u32>, usize) {
-        let mut free = vec![true; count];
-        for &vertex in held.clone() {
-            free[vertex as usize] = false;
-        }
-        let mut nodes = vec![0; count];
-        let unheld = (0..count as u32).filter(|&vertex| free[vertex as usize]);
-        for (node, vertex) in unheld.chain(held.copied()).enumerate() {
-            nodes[vertex as usize] = node as u32;
-        }
-        (nodes, free.iter().filter(|free| **free).count())
-    }
 }

@@ -15,7 +15,8 @@ impl Body {
     /// before the first step.
     pub fn handle_weights(&self) -> Vec<Vec3> {
         let gravity = self.model.config.gravity;
-        let whole = gravity.norm() * self.model.load.iter().sum::<f64>() * self.model.load_factor;
+        let load = self.constraints.nodes().map(|node| self.model.load[node]);
+        let whole = gravity.norm() * load.sum::<f64>() * self.model.load_factor;
         let down = gravity.try_normalize(0.0).unwrap_or_default();
         let each = self.constraints.handles.iter().map(|handle| {
             let borne = handle.report.wrench_on_hand.force.dot(&down);

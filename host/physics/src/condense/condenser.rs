@@ -99,7 +99,7 @@ impl Condenser {
         (mass_factor, stiffness_factor): (f64, f64),
         period: f64,
     ) -> Result<&Condensed, CondenseError> {
-        if !body.assembly.assembled {
+        if body.assembly.at.is_none() {
             return Err(CondenseError::NotAssembled);
         }
         if self.epoch != body.epoch() {
@@ -110,10 +110,10 @@ impl Condenser {
         }
         self.cholesky.factorize(
             &body.assembly.stiffness,
-            &body.model.mass,
+            &body.assembly.mass,
             mass_factor,
             stiffness_factor,
-            body.constraints.supports.mask(),
+            body.assembly.mask(),
         )?;
         self.solve_shapes(body, stiffness_factor)?;
 
@@ -128,7 +128,7 @@ impl Condenser {
 
     /// Computes the arms and `Psi_f = -A_ff^-1 A_fh S`.
     fn solve_shapes(&mut self, body: &Body, stiffness_factor: f64) -> Result<(), CondenseError> {
-        let free = body.assembly.stiffness.free();
+        let free = body.assembly.places.free();
         self.reduction.take_arms(body);
         let Reduction {
             columns,
@@ -140,18 +140,18 @@ impl Condenser {
         } = &mut self.reduction;
         let rows = 3 * free;
         shapes.fill(0.0);
-        for node in 0..free {
-            for (held, block) in body.assembly.stiffness.handle_blocks(node) {
+        for place in 0..free {
+            for (held, block) in body.assembly.stiffness.handle_blocks(place) {
                 let arm = &arms[held - free];
                 for c in range[holder[held - free] as usize].clone() {
                     let force = block * columns[c].at(arm) * stiffness_factor;
                     for axis in 0..3 {
-                        shapes[c * rows + 3 * node + axis] -= force[axis];
+                        shapes[c * rows + 3 * place + axis] -= force[axis];
                     }
                 }
             }
         }
-        if let Some(mask) = body.constraints.supports.mask() {
+        if let Some(mask) = body.assembly.mask() {
             for column in shapes.chunks_mut(rows.max(1)) {
                 for (value, free) in column.iter_mut().zip(mask.iter().flat_map(Vec3::iter)) {
                     *value *= free;
@@ -168,7 +168,7 @@ impl Condenser {
 
     /// Computes `K Psi` on the handle nodes.
     fn pull(&mut self, body: &Body) {
-        let free = body.assembly.stiffness.free();
+        let free = body.assembly.places.free();
         let rows = 3 * free;
         let Reduction {
             columns,
@@ -182,8 +182,8 @@ impl Condenser {
             let shape = &shapes[c * rows..(c + 1) * rows];
             for held in 0..holder.len() {
                 let mut force = Vec3::zeros();
-                for (node, block) in body.assembly.stiffness.free_blocks(free + held) {
-                    let at = 3 * node;
+                for (place, block) in body.assembly.stiffness.free_blocks(free + held) {
+                    let at = 3 * place;
                     force += block * Vec3::new(shape[at], shape[at + 1], shape[at + 2]);
                 }
                 for (other, block) in body.assembly.stiffness.handle_blocks(free + held) {

@@ -7,6 +7,7 @@ use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::Freedom;
 use crate::linear::dense::{Clip, Clipper, Square};
+use crate::linear::places::Places;
 
 /// The condensed matrices of all handles of a body.
 ///
@@ -82,8 +83,12 @@ const MOST_BESIDE: f64 = 0.25;
 /// Shapes of one body, and the matrices that follow from them.
 #[derive(Clone, Debug)]
 pub(crate) struct Reduction {
+    /// The places of the nodes, which number the rows of the shapes.
+    pub(crate) places: Places,
+    /// Lumped mass by place (kg).
+    mass: Vec<f64>,
     pub(crate) columns: Vec<Column>,
-    /// The handle of each handle node.
+    /// The handle of each handle node, in the order of the held places; pulls and arms have the same order.
     pub(crate) holder: Vec<u32>,
     /// For each handle, its columns as a range.
     pub(crate) range: Vec<core::ops::Range<usize>>,
@@ -125,10 +130,11 @@ impl Reduction {
             }
         }
         let size = 6 * body.constraints.handles.len();
-        let length = characteristic_length(squares, counted, &body.state.x);
+        let places = body.constraints.places();
+        let length = characteristic_length(squares, counted, &places.gather(&body.state.x));
         let zeros = || Square::zeros(size);
         Self {
-            shapes: vec![0.0; columns.len() * 3 * body.assembly.stiffness.free()],
+            shapes: vec![0.0; columns.len() * 3 * places.free()],
             pulls: vec![Vec3::zeros(); columns.len() * holder.len()],
             arms: vec![Vec3::zeros(); holder.len()],
             inner: Square::zeros(columns.len()),
@@ -143,6 +149,8 @@ impl Reduction {
                 at: f64::NAN,
                 ratio: f64::NAN,
             },
+            mass: places.gather(&body.model.mass),
+            places,
             columns,
             holder,
             range,
@@ -162,17 +170,16 @@ impl Reduction {
 
     /// Whether the reduction was made for a body of this topology.
     pub(crate) fn fits(&self, body: &Body) -> bool {
-        self.holder.len() == body.assembly.grip.len()
+        self.holder.len() == body.constraints.held_nodes().count()
             && self.range.len() == body.constraints.handles.len()
     }
 
     /// Computes the present arms.
     pub(crate) fn take_arms(&mut self, body: &Body) {
-        let free = body.assembly.stiffness.free();
-        for handle in &body.constraints.handles {
-            for node in handle.nodes() {
-                self.arms[node - free] = body.state.x[node] - handle.report.pose.position;
-            }
+        let handles = body.constraints.handles.iter();
+        let held = handles.flat_map(|handle| handle.nodes().map(move |(node, _)| (handle, node)));
+        for (arm, (handle, node)) in self.arms.iter_mut().zip(held) {
+            *arm = body.state.x[node] - handle.report.pose.position;
         }
     }
 
@@ -185,7 +192,7 @@ impl Reduction {
         period: f64,
         missed: &[Vec3],
     ) -> &Condensed {
-        self.products(body, ratio);
+        self.products(ratio);
         self.publish(body);
         self.foresee(body, ratio, period, missed);
         &self.condensed
@@ -212,7 +219,7 @@ impl Reduction {
     /// velocities at once, although the body follows with a lag. `beta` times the rate of `p` since the previous model
     /// corrects this.
     fn foresee(&mut self, body: &Body, ratio: f64, period: f64, missed: &[Vec3]) {
-        let rows = 3 * body.assembly.stiffness.free();
+        let rows = 3 * self.places.free();
         for (speed, column) in self.speeds.iter_mut().zip(&self.columns) {
             let report = &body.constraints.handles[column.handle].report;
             *speed = if column.motion < 3 {
@@ -245,9 +252,10 @@ impl Reduction {
         } else {
             0.0
         };
+        let masses = || self.places.free_nodes().zip(&self.mass);
         for (c, column) in self.columns.iter().enumerate() {
             let shape = &self.shapes[c * rows..(c + 1) * rows];
-            let mut sum = momentum(shape, &body.state.v, &body.model.mass);
+            let mut sum = momentum(shape, &body.state.v, masses());
             let (mut clipped, mut rate) = (0.0, 0.0);
             for (r, (other, speed)) in self.columns.iter().zip(&self.speeds).enumerate() {
                 let at = (column.slot(), other.slot());
@@ -256,12 +264,12 @@ impl Reduction {
                 rate += (stiffness[at] * speed).abs();
             }
             let inertia = ratio * sum;
-            let mut beside = along(shape, missed) + damped * (inertia - self.inertia[c]);
-            for ((&holder, arm), missed) in
-                self.holder.iter().zip(&self.arms).zip(&missed[rows / 3..])
-            {
+            let mut beside = along(shape, missed, self.places.free_nodes())
+                + damped * (inertia - self.inertia[c]);
+            let held = self.holder.iter().zip(&self.arms);
+            for ((&holder, arm), node) in held.zip(self.places.held_nodes()) {
                 if holder as usize == column.handle {
-                    beside += column.at(arm).dot(missed);
+                    beside += column.at(arm).dot(&missed[node]);
                 }
             }
             let most = MOST_BESIDE * rate;
@@ -275,15 +283,15 @@ impl Reduction {
     }
 
     /// Computes `Psi^T K Psi` and `Psi^T M Psi`, without the lever term.
-    fn products(&mut self, body: &Body, ratio: f64) {
-        let free = body.assembly.stiffness.free();
+    fn products(&mut self, ratio: f64) {
+        let free = self.places.free();
         let rows = 3 * free;
         let count = self.columns.len();
         for c in 0..count {
             for r in 0..=c {
                 let left = &self.shapes[r * rows..(r + 1) * rows];
                 let right = &self.shapes[c * rows..(c + 1) * rows];
-                let value = mass_product(left, right, &body.model.mass[..free]);
+                let value = mass_product(left, right, &self.mass[..free]);
                 self.inner[(r, c)] = value;
                 self.inner[(c, r)] = value;
             }
@@ -315,7 +323,7 @@ impl Reduction {
                 let shape = column.at(arm);
                 for motion in &self.columns[own.clone()] {
                     let at = (motion.slot(), column.slot());
-                    mass[at] += body.model.mass[row] * motion.at(arm).dot(&shape);
+                    mass[at] += self.mass[row] * motion.at(arm).dot(&shape);
                 }
             }
         }
@@ -342,7 +350,8 @@ impl Reduction {
                 raw_damping[(i, j)] = alpha * mass[(i, j)] + beta * raw_stiffness[(i, j)];
             }
         }
-        for (held, (arm, force)) in self.arms.iter().zip(&body.assembly.grip).enumerate() {
+        let grips = body.constraints.grips();
+        for (held, (arm, force)) in self.arms.iter().zip(grips).enumerate() {
             let own = self.range[self.holder[held] as usize].clone();
             for column in self.columns[own.clone()]
                 .iter()
@@ -377,20 +386,24 @@ fn mass_product(a: &[f64], b: &[f64], mass: &[f64]) -> f64 {
     sum[0] + sum[1] + sum[2]
 }
 
-/// `sum a_i . f_i` over the free nodes.
-fn along(shape: &[f64], force: &[Vec3]) -> f64 {
+/// `sum a_i . f_i` over the `free` nodes. `force` is by node.
+fn along(shape: &[f64], force: &[Vec3], free: impl Iterator<Item = usize>) -> f64 {
     let mut sum = Vec3::zeros();
-    for (a, f) in shape.chunks_exact(3).zip(force) {
-        sum += Vec3::new(a[0], a[1], a[2]).component_mul(f);
+    for (a, node) in shape.chunks_exact(3).zip(free) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(&force[node]);
     }
     sum.sum()
 }
 
-/// `sum m_i a_i . v_i` over the free nodes.
-fn momentum(shape: &[f64], velocity: &[Vec3], mass: &[f64]) -> f64 {
+/// `sum m_i a_i . v_i` over the `free` nodes, each with its mass. `velocity` is by node.
+fn momentum<'a>(
+    shape: &[f64],
+    velocity: &[Vec3],
+    free: impl Iterator<Item = (usize, &'a f64)>,
+) -> f64 {
     let mut sum = Vec3::zeros();
-    for ((a, v), &mass) in shape.chunks_exact(3).zip(velocity).zip(mass) {
-        sum += Vec3::new(a[0], a[1], a[2]).component_mul(v) * mass;
+    for (a, (node, &mass)) in shape.chunks_exact(3).zip(free) {
+        sum += Vec3::new(a[0], a[1], a[2]).component_mul(&velocity[node]) * mass;
     }
     sum.sum()
 }

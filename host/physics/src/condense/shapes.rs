@@ -220,10 +220,11 @@ impl<T: Real> Stepper<T> {
         let motion = reduction.columns[column];
         for place in 0..self.u.len() {
             let node = self.node[place] as usize;
-            let u = if node < free {
-                Vec3::new(shape[3 * node], shape[3 * node + 1], shape[3 * node + 2])
-            } else if reduction.holder[node - free] as usize == motion.handle {
-                motion.at(&reduction.arms[node - free])
+            let row = reduction.places.of(node);
+            let u = if row < free {
+                Vec3::new(shape[3 * row], shape[3 * row + 1], shape[3 * row + 2])
+            } else if reduction.holder[row - free] as usize == motion.handle {
+                motion.at(&reduction.arms[row - free])
             } else {
                 Vec3::zeros()
             };
@@ -241,19 +242,20 @@ impl<T: Real> Stepper<T> {
         let free = self.free;
         let Reduction {
             shapes: all,
+            places,
             pulls,
             holder,
             ..
         } = &mut shapes.reduction;
         let shape = &mut all[3 * free * column..3 * free * (column + 1)];
         for place in 0..self.u.len() {
-            let node = self.node[place] as usize;
+            let row = places.of(self.node[place] as usize);
             let u = to_vec(&self.u[place]);
-            if node < free {
-                shape[3 * node..3 * node + 3].copy_from_slice(u.as_slice());
+            if row < free {
+                shape[3 * row..3 * row + 3].copy_from_slice(u.as_slice());
             } else {
                 let force = -to_vec(&self.residual[place]) - u * (mass_factor * self.mass[place]);
-                pulls[column * holder.len() + node - free] = force / stiffness_factor;
+                pulls[column * holder.len() + row - free] = force / stiffness_factor;
             }
         }
     }

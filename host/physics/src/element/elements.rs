@@ -1,8 +1,8 @@
 //! The interface of a set of elements of one kind to a body.
 //!
 //! A body consists of one or more such sets over the same nodes. Each set has its own arrays and its own loops over its
-//! elements. The body calls functions of whole sets only, so there is no dispatch element by element. Constructors use
-//! the vertex numbers of the mesh. The body then renumbers vertices to nodes.
+//! elements. The body calls functions of whole sets only, so there is no dispatch element by element. Nodes are the
+//! vertices of the mesh. A solver may renumber a copy of the set to its own places.
 
 use super::VectorForm;
 use crate::linear::block_matrix::{BlockMatrix, ElementSlots};
@@ -18,11 +18,11 @@ pub trait Elements: fmt::Debug + Send + Sync {
     /// Nodes of an element.
     fn nodes(&self, element: usize) -> &[u32];
 
-    /// Replaces each vertex by its node.
-    fn renumber(&mut self, node_of_vertex: &[u32]);
+    /// Replaces each node by its place.
+    fn renumber(&mut self, place: &[u32]);
 
-    /// Looks up the slots of the elements' blocks in `matrix`.
-    fn bind(&mut self, matrix: &BlockMatrix);
+    /// Looks up the slots of the elements' blocks in `matrix`, whose rows are the places of the nodes.
+    fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]);
 
     /// Adds each node's lumped mass (kg) to `mass`, and the integral of the density times the node's shape function
     /// (kg) to `load`. A body force (m/s²) is multiplied by `load`. The two differ for quadratic elements.
@@ -65,10 +65,10 @@ impl Clone for Box<dyn Elements> {
     }
 }
 
-/// Replaces each vertex by its node.
-pub(crate) fn renumber<const N: usize>(elements: &mut [[u32; N]], node_of_vertex: &[u32]) {
+/// Replaces each node by its place.
+pub(crate) fn renumber<const N: usize>(elements: &mut [[u32; N]], place: &[u32]) {
     for nodes in elements {
-        *nodes = nodes.map(|vertex| node_of_vertex[vertex as usize]);
+        *nodes = nodes.map(|node| place[node as usize]);
     }
 }
 

@@ -80,6 +80,7 @@ pub(crate) fn kernel<T: Real>(
     if let Some(form) = elements.vector_form() {
         return form.kernel(matrix);
     }
-    elements.bind(matrix);
+    let places: Vec<u32> = (0..matrix.nodes() as u32).collect();
+    elements.bind(matrix, &places);
     Box::new(Assembled::new(elements, matrix, rest))
 }

@@ -1,9 +1,10 @@
 //! A symmetric sparse matrix of 3 x 3 blocks on a fixed pattern.
 //!
-//! The free nodes are numbered first, the handle nodes last. Both triangles are stored, and the columns of a row
-//! ascend. The product with the free part of a vector therefore uses a prefix of each row, the product with the
+//! Rows and columns are [places](Places): the free nodes first, the handle nodes last. Both triangles are stored, and
+//! the columns of a row ascend. The product with the free part of a vector therefore uses a prefix of each row, the product with the
 //! handle part the rest. One pointer per row marks the split.
 
+use super::places::Places;
 use crate::{Mat3, Vec3};
 
 /// The slots of the blocks of an element with `N` nodes in the matrix, by row and column.
@@ -52,6 +53,28 @@ impl BlockMatrix {
                 rows[node as usize].extend_from_slice(clique);
             }
         }
+        Self::from_rows(free, rows)
+    }
+
+    /// A zero matrix over `places` that couples every two nodes of each of `cliques`, and every node with itself.
+    pub(crate) fn with_places<'a>(
+        places: &Places,
+        cliques: impl Iterator<Item = &'a [u32]>,
+    ) -> Self {
+        let place = places.of_nodes();
+        let mut rows: Vec<Vec<u32>> = (0..place.len() as u32).map(|place| vec![place]).collect();
+        for clique in cliques {
+            for &node in clique {
+                let row = &mut rows[place[node as usize] as usize];
+                row.extend(clique.iter().map(|&other| place[other as usize]));
+            }
+        }
+        Self::from_rows(places.free(), rows)
+    }
+
+    /// A zero matrix with these columns in each row, in any order and repeated or not.
+    fn from_rows(free: usize, mut rows: Vec<Vec<u32>>) -> Self {
+        let nodes = rows.len();
         let mut matrix = Self {
             free,
             row_start: Vec::with_capacity(nodes + 1),
@@ -218,9 +241,15 @@ impl BlockMatrix {
     /// Row `row` times `x`, over all nodes.
     #[inline]
     pub fn row_product(&self, row: usize, x: &[Vec3]) -> Vec3 {
+        self.row_product_of(row, |column| &x[column])
+    }
+
+    /// Row `row` times the vector whose part at each column is `x`.
+    #[inline]
+    pub(crate) fn row_product_of<'a>(&self, row: usize, x: impl Fn(usize) -> &'a Vec3) -> Vec3 {
         let mut sum = [0.0; 3];
         for (column, block) in self.entries(self.row_start[row], self.row_start[row + 1]) {
-            add_product(&mut sum, block, &x[column]);
+            add_product(&mut sum, block, x(column));
         }
         Vec3::from(sum)
     }

@@ -2,6 +2,7 @@
 //!
 //! - [`block_matrix`]: symmetric matrices in 3 x 3 blocks on a fixed pattern.
 //! - `step_matrix`: the matrix of a step, as every solver reads it.
+//! - [`places`]: the rows of the nodes in a matrix.
 //! - [`dense`]: the small dense matrices between handles.
 //! - [`pcg`]: conjugate gradients on an assembled matrix; `vectors`: the same on padded nodes, pass by pass.
 //! - [`order`], [`supernodes`]: in which order nodes are eliminated, and which columns of the factor go together.
@@ -18,6 +19,7 @@ pub mod incomplete;
 pub mod order;
 pub mod panel;
 pub mod pcg;
+pub mod places;
 pub mod precondition;
 pub(crate) mod sparse_cholesky;
 pub(crate) mod step_matrix;

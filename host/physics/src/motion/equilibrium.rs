@@ -58,6 +58,7 @@ pub struct Equilibrium {
     newton: Newton,
     first: Vec<Vec3>,
     last: Vec<Vec3>,
+    /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
 }
 
@@ -74,7 +75,7 @@ impl Equilibrium {
             newton: Newton::new(body, options.newton)?,
             first: body.state.x.clone(),
             last: body.state.x.clone(),
-            held: vec![Vec3::zeros(); body.assembly.grip.len()],
+            held: Vec::with_capacity(body.constraints.held_nodes().count()),
         })
     }
 
@@ -109,7 +110,7 @@ impl Equilibrium {
             body.state.x.copy_from_slice(&self.first);
             body.model.load_factor = load;
         }
-        body.assembly.fresh = false;
+        body.state.motions += 1;
         result
     }
 
@@ -120,7 +121,6 @@ impl Equilibrium {
         load: f64,
         goal: f64,
     ) -> Result<EquilibriumReport, StepError> {
-        let free = body.assembly.stiffness.free();
         let mut report = EquilibriumReport::default();
         let widest = 1.0 / f64::from(self.options.load_steps.max(1));
         let narrowest = widest * libm::exp2(-f64::from(self.options.max_halvings));
@@ -138,11 +138,12 @@ impl Equilibrium {
             } else {
                 done + size
             };
+            self.held.clear();
             for (handle, target) in body.constraints.handles.iter().zip(targets) {
                 let pose = between(&handle.report.pose, target, next);
-                for (node, offset) in handle.nodes().zip(&handle.offsets) {
-                    self.held[node - free] = pose.position + pose.rotation * offset;
-                }
+                let goals = handle.offsets.iter();
+                self.held
+                    .extend(goals.map(|offset| pose.position + pose.rotation * offset));
             }
             body.model.load_factor = if next == 1.0 {
                 goal

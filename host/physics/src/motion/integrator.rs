@@ -73,6 +73,7 @@ pub struct Integrator {
     newton: Newton,
     anchor: Vec<Vec3>,
     predicted: Vec<Vec3>,
+    /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
     /// State at the start of the substep.
     x: Vec<Vec3>,
@@ -127,7 +128,7 @@ impl Integrator {
             newton: Newton::new(body, options.newton)?,
             anchor: zeros.clone(),
             predicted: zeros.clone(),
-            held: vec![Vec3::zeros(); body.assembly.grip.len()],
+            held: Vec::with_capacity(body.constraints.held_nodes().count()),
             x: zeros.clone(),
             v: zeros.clone(),
             middle: zeros.clone(),
@@ -140,7 +141,7 @@ impl Integrator {
             aims: reports.iter().map(|report| report.pose).collect(),
             reports,
             reactions: Vec::with_capacity(body.constraints.supports.list.len()),
-            grip: body.assembly.grip.clone(),
+            grip: body.constraints.grips().copied().collect(),
             guard: Guard::default(),
             work: 0.0,
         })
@@ -224,7 +225,8 @@ impl Integrator {
                 .iter()
                 .map(|support| support.reaction),
         );
-        self.grip.copy_from_slice(&body.assembly.grip);
+        self.grip.clear();
+        self.grip.extend(body.constraints.grips());
         let result = self.halve(body, h, targets);
         if result.is_err() {
             body.state.x.copy_from_slice(&self.kept.0);
@@ -241,8 +243,10 @@ impl Integrator {
             {
                 support.reaction = *reaction;
             }
-            body.assembly.grip.copy_from_slice(&self.grip);
-            body.assembly.fresh = false;
+            for (grip, kept) in body.constraints.grips_mut().zip(&self.grip) {
+                *grip = *kept;
+            }
+            body.state.motions += 1;
         }
         result
     }

@@ -98,6 +98,7 @@ pub(crate) struct Newton {
     velocity: Vec<Vec3>,
     step: Vec<Vec3>,
     start: Vec<Vec3>,
+    /// The direction by free place.
     flat: Vec<f64>,
     rounding: Rounding,
     /// Norm of the right-hand side of the last direction (N).
@@ -121,13 +122,14 @@ impl Newton {
             velocity: vec![Vec3::zeros(); count],
             step: vec![Vec3::zeros(); count],
             start: vec![Vec3::zeros(); count],
-            flat: vec![0.0; 3 * body.assembly.stiffness.free()],
+            flat: vec![0.0; 3 * body.assembly.places.free()],
             rounding: Rounding::new(body),
             asked: 0.0,
         })
     }
 
-    /// Moves the free nodes of `body` to the solution of the stage, and the nodes of handles to `held`. Guided axes
+    /// Moves the free nodes of `body` to the solution of the stage, and the nodes of handles to `held`, which is in the
+    /// order of the held places. Guided axes
     /// move by `fraction` of their remaining displacement. Forces and stiffness are assembled at the end.
     ///
     /// # Errors
@@ -140,7 +142,6 @@ impl Newton {
         held: &[Vec3],
         fraction: f64,
     ) -> Result<NewtonReport, StepError> {
-        let free = body.assembly.stiffness.free();
         let exact = stage.is_none() || body.model.config.stiffness_damping == 0.0;
         let factors = stage.map_or(
             Factors {
@@ -156,7 +157,7 @@ impl Newton {
         body.constraints
             .supports
             .prescribe(&body.state.x, fraction, &mut self.step);
-        for (node, goal) in (free..).zip(held) {
+        for (node, goal) in body.constraints.held_nodes().zip(held) {
             self.step[node] = goal - body.state.x[node];
         }
         let mut prescribed = self.step.iter().any(|u| *u != Vec3::zeros());
@@ -241,8 +242,8 @@ impl Newton {
             self.balance(body, stage);
             self.judge(body, stage, &mut report);
         }
-        let free = body.assembly.stiffness.free();
-        let open = self.step[..free].iter().map(Vec3::amax);
+        let free = body.assembly.places.free_nodes();
+        let open = free.map(|node| self.step[node].amax());
         // Coordinates are known only up to the spacing of numbers of their size.
         let place = body.state.x.iter().map(Vec3::amax).fold(0.0, f64::max);
         report.open = open.fold(0.5 * f64::EPSILON * place, f64::max);
@@ -277,7 +278,7 @@ impl Newton {
                 let drag = self.velocity[node] * body.model.config.mass_damping;
                 r += (acceleration + drag) * body.model.mass[node];
                 if damping > 0.0 {
-                    r += body.assembly.stiffness.row_product(node, &self.velocity) * damping;
+                    r += body.assembly.row_product(node, &self.velocity) * damping;
                 }
             }
             self.residual[node] = r;
@@ -286,13 +287,14 @@ impl Newton {
 
     /// Writes the norms of residual and reference forces into `report`.
     fn judge(&self, body: &Body, stage: Option<Stage<'_>>, report: &mut NewtonReport) {
-        let free = body.assembly.stiffness.free();
+        let free = body.assembly.places.free();
         let mask = body.constraints.supports.mask();
         let (mut residual, mut reference) = (0.0, 0.0);
-        for node in 0..body.state.x.len() {
+        for (place, &node) in body.assembly.places.nodes().iter().enumerate() {
+            let node = node as usize;
             let external = body.model.external[node] * body.model.load_factor;
             reference += body.assembly.internal[node].norm_squared() + external.norm_squared();
-            if node >= free {
+            if place >= free {
                 continue;
             }
             let r = self.residual[node];
@@ -325,25 +327,25 @@ impl Newton {
         } else if !exact {
             self.factorize_clipped(body, factors, stage)?;
         }
-        let free = body.assembly.stiffness.free();
         let mask = body.constraints.supports.mask();
         if !prescribed {
             self.step.fill(Vec3::zeros());
         }
-        for node in 0..free {
+        for (place, node) in body.assembly.places.free_nodes().enumerate() {
             let mut rhs = -self.residual[node];
             if prescribed {
-                rhs -= body.assembly.stiffness.row_product(node, &self.step) * factors.stiffness;
+                rhs -= body.assembly.row_product(node, &self.step) * factors.stiffness;
             }
             if let Some(mask) = mask {
                 rhs.component_mul_assign(&mask[node]);
             }
-            self.flat[3 * node..3 * node + 3].copy_from_slice(rhs.as_slice());
+            self.flat[3 * place..3 * place + 3].copy_from_slice(rhs.as_slice());
         }
         self.asked = libm::sqrt(self.flat.iter().map(|f| f * f).sum());
         self.cholesky.solve(&mut self.flat);
-        for (u, flat) in self.step.iter_mut().zip(self.flat.chunks_exact(3)) {
-            *u += Vec3::new(flat[0], flat[1], flat[2]);
+        let free = body.assembly.places.free_nodes();
+        for (node, flat) in free.zip(self.flat.chunks_exact(3)) {
+            self.step[node] += Vec3::new(flat[0], flat[1], flat[2]);
         }
         if self.flat.iter().all(|value| value.is_finite()) {
             Ok(())
@@ -368,10 +370,10 @@ impl Newton {
         };
         match self.cholesky.factorize(
             &body.assembly.stiffness,
-            &body.model.mass,
+            &body.assembly.mass,
             mass,
             factors.stiffness,
-            body.constraints.supports.mask(),
+            body.assembly.mask(),
         ) {
             Ok(()) => Ok(true),
             Err(CondenseError::NotPositiveDefinite { .. }) => Ok(false),
@@ -396,10 +398,10 @@ impl Newton {
             };
             match self.cholesky.factorize(
                 &body.assembly.stiffness,
-                &body.model.mass,
+                &body.assembly.mass,
                 factors.mass + extra,
                 factors.stiffness,
-                body.constraints.supports.mask(),
+                body.assembly.mask(),
             ) {
                 Ok(()) => return Ok(()),
                 Err(error) => last = error,
@@ -416,35 +418,33 @@ impl Newton {
         stage: Option<Stage<'_>>,
         report: &mut NewtonReport,
     ) -> bool {
-        let free = body.assembly.stiffness.free();
         let elastic = body.elastic_energy();
         let (mut slope, mut linear, mut quadratic) = (0.0, 0.0, 0.0);
         let mut lost = Lost::default();
-        for node in 0..free {
+        for (place, node) in body.assembly.places.free_nodes().enumerate() {
             let u = self.step[node];
-            let place = self.rounding.of_place(body, node);
-            let stiffness = body.assembly.stiffness.diagonal(node).amax();
+            let position = self.rounding.of_position(body, place);
+            let stiffness = body.assembly.stiffness.diagonal(place).amax();
             let matrix = stiffness * factors.stiffness + body.model.mass[node] * factors.mass;
-            lost.elastic += stiffness * place * place;
-            lost.elements += self.rounding.of_element(node, stiffness);
-            lost.work += (self.residual[node] + body.assembly.internal[node]).norm() * place
-                + matrix * place * u.norm();
+            lost.elastic += stiffness * position * position;
+            lost.elements += self.rounding.of_element(place, stiffness);
+            lost.work += (self.residual[node] + body.assembly.internal[node]).norm() * position
+                + matrix * position * u.norm();
             slope += self.residual[node].dot(&u);
             linear += (self.residual[node] + body.assembly.internal[node]).dot(&u);
             if stage.is_some() {
                 quadratic += factors.mass * body.model.mass[node] * u.norm_squared();
                 let damping = factors.stiffness - 1.0;
                 if damping > 0.0 {
-                    quadratic +=
-                        damping * u.dot(&body.assembly.stiffness.row_product(node, &self.step));
+                    quadratic += damping * u.dot(&body.assembly.row_product(node, &self.step));
                 }
             }
         }
         let slack = lost.of_energy(elastic);
         let mut fraction = 1.0;
         for _ in 0..40 {
-            for (node, x) in body.state.x.iter_mut().enumerate().take(free) {
-                *x = self.start[node] + self.step[node] * fraction;
+            for node in body.assembly.places.free_nodes() {
+                body.state.x[node] = self.start[node] + self.step[node] * fraction;
             }
             let change = body.elastic_energy() - elastic
                 + fraction * linear
@@ -474,10 +474,10 @@ pub(crate) fn check_digits(body: &Body, open: f64, moved: f64) -> Result<(), Ste
 
 /// Mean diagonal of the stiffness over the mean mass (1/s^2).
 fn stiffness_per_mass(body: &Body) -> f64 {
-    let free = body.assembly.stiffness.free();
+    let free = body.assembly.places.free();
     let diagonal: f64 = (0..free)
-        .map(|node| body.assembly.stiffness.diagonal(node).trace() / 3.0)
+        .map(|place| body.assembly.stiffness.diagonal(place).trace() / 3.0)
         .sum();
-    let mass: f64 = body.model.mass[..free].iter().sum();
+    let mass: f64 = body.assembly.mass[..free].iter().sum();
     if mass > 0.0 { diagonal / mass } else { 0.0 }
 }

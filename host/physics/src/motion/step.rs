@@ -16,7 +16,6 @@ use crate::body::Body;
 use crate::body::handle::{Handle, HandlePose, HandleReport, Wrench};
 use crate::error::StepError;
 use crate::linear::pcg::SolveReport;
-use crate::linear::step_matrix::StepMatrix;
 
 impl Body {
     /// Assembles and solves one step of `h` seconds.
@@ -55,22 +54,18 @@ impl Body {
 
     /// Sets the displacements that handles and supports prescribe, the start of the iterations, and the residual there.
     pub(crate) fn lay_out_step(&mut self, h: f64, targets: &[HandlePose]) -> Result<(), StepError> {
-        if !self.assembly.fresh {
+        if self.assembly.at != Some(self.state.motions) {
             return Err(StepError::NotAssembled);
         }
-        let free = self.assembly.stiffness.free();
         let (mass_factor, stiffness_factor) = self.step_factors(h);
         self.see_missed();
 
-        for (u, v) in self.assembly.displacement[..free]
-            .iter_mut()
-            .zip(&self.state.v)
-        {
+        for (u, v) in self.state.displacement.iter_mut().zip(&self.state.v) {
             *u = v * h;
         }
         self.prescribe(targets);
-        for node in 0..free {
-            self.assembly.pcg.residual[node] =
+        for (place, node) in self.assembly.places.free_nodes().enumerate() {
+            self.assembly.pcg.residual[place] =
                 -self.imbalance(node, h, mass_factor, stiffness_factor);
         }
         Ok(())
@@ -78,18 +73,10 @@ impl Body {
 
     /// Solves the step that has been laid out.
     pub(crate) fn solve_step(&mut self, h: f64) -> SolveReport {
-        let free = self.assembly.stiffness.free();
-        let (mass_factor, stiffness_factor) = self.step_factors(h);
-        let matrix = StepMatrix {
-            stiffness: &self.assembly.stiffness,
-            mass: &self.model.mass,
-            stiffness_factor,
-            mass_factor,
-            mask: self.constraints.supports.mask(),
-        };
-        self.assembly.pcg.solve(
-            &matrix,
-            &mut self.assembly.displacement[..free],
+        let factors = self.step_factors(h);
+        self.assembly.solve(
+            &mut self.state.displacement,
+            factors,
             &self.model.config.budget(),
         )
     }
@@ -103,20 +90,17 @@ impl Body {
     ) -> Result<SolveReport, StepError> {
         let (mass_factor, stiffness_factor) = self.step_factors(h);
         let mut work = self.take_grip(h, mass_factor, stiffness_factor);
-        let moves = self.assembly.displacement.iter().flat_map(Vec3::iter);
-        let grip = self.assembly.grip.iter().flat_map(Vec3::iter);
-        // The velocity overflows before the displacement does. A residual that has overflowed is no valid guide.
-        let mut all = moves.map(|u| u / h).chain(grip.copied());
-        if !(all.all(f64::is_finite) && report.final_residual.is_finite()) {
+        // A residual that has overflowed is no valid guide.
+        if !(self.is_step_finite(h) && report.final_residual.is_finite()) {
             // The forces do not belong to the state that is kept. With zero forces, a condensation has no lever term.
-            self.assembly.grip.fill(Vec3::zeros());
+            self.constraints.forget_grips();
             return Err(StepError::Diverged {
                 iterations: report.iterations,
             });
         }
         work += self.constraints.supports.work(
             |node| self.imbalance(node, h, mass_factor, stiffness_factor),
-            |node| self.assembly.displacement[node],
+            |node| self.state.displacement[node],
         );
         report.held_back = self.hold_back(h, work);
         if report.held_back > 0.0 {
@@ -134,31 +118,40 @@ impl Body {
             .x
             .iter_mut()
             .zip(&mut self.state.v)
-            .zip(&self.assembly.displacement)
+            .zip(&self.state.displacement)
         {
             *x += u;
             *v = u / h;
         }
-        self.assembly.fresh = false;
+        self.state.motions += 1;
         Ok(report)
+    }
+
+    /// Whether the motion over a step of `h` and the forces of the hands are finite. The velocity overflows before the
+    /// displacement does.
+    pub(crate) fn is_step_finite(&self, h: f64) -> bool {
+        let mut moves = self.state.displacement.iter().flat_map(Vec3::iter);
+        let mut grips = self.constraints.grips().flat_map(Vec3::iter);
+        moves.all(|u| (u / h).is_finite()) && grips.all(|f| f.is_finite())
     }
 
     /// Stores the elastic forces that the step's linearization predicts for the step's end. The equation of the step
     /// already gives `K u`, so no product is needed.
     fn promise(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) {
-        let free = self.assembly.stiffness.free();
-        for node in 0..self.state.x.len() {
-            let left = match node.checked_sub(free) {
-                None => self.assembly.pcg.residual[node],
-                Some(held) => -self.assembly.grip[held] - self.inertia(node, h),
-            };
-            let momentum = self.state.v[node] / h - self.assembly.displacement[node] * mass_factor;
+        let mut promised = core::mem::take(&mut self.assembly.promised);
+        let places = &self.assembly.places;
+        let free = places.free_nodes();
+        let free = free.zip(self.assembly.pcg.residual.iter().copied());
+        let held = places.held_nodes().zip(self.constraints.grips());
+        let held = held.map(|(node, grip)| (node, -grip - self.inertia(node, h)));
+        for (node, left) in free.chain(held) {
+            let momentum = self.state.v[node] / h - self.state.displacement[node] * mass_factor;
             let acting = self.assembly.internal[node]
                 + self.model.external[node] * self.model.load_factor
                 + momentum * self.model.mass[node];
-            self.assembly.promised[node] =
-                self.assembly.internal[node] - (acting - left) / stiffness_factor;
+            promised[node] = self.assembly.internal[node] - (acting - left) / stiffness_factor;
         }
+        self.assembly.promised = promised;
         self.assembly.promised_over = Some(h);
     }
 
@@ -184,14 +177,14 @@ impl Body {
     /// Sets the displacements that handles and supports prescribe.
     pub(crate) fn prescribe(&mut self, targets: &[HandlePose]) {
         for (handle, target) in self.constraints.handles.iter().zip(targets) {
-            for (node, offset) in handle.nodes().zip(&handle.offsets) {
-                self.assembly.displacement[node] =
+            for (node, offset) in handle.nodes() {
+                self.state.displacement[node] =
                     target.position + target.rotation * offset - self.state.x[node];
             }
         }
         self.constraints
             .supports
-            .prescribe(&self.state.x, 1.0, &mut self.assembly.displacement);
+            .prescribe(&self.state.x, 1.0, &mut self.state.displacement);
     }
 
     /// Refuses a step length or targets that are invalid.
@@ -221,30 +214,36 @@ impl Body {
 
     /// Computes the forces of the hands. Returns an upper bound of their work (J).
     fn take_grip(&mut self, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
-        let free = self.assembly.stiffness.free();
+        self.grip(h, |body, node| {
+            body.imbalance(node, h, mass_factor, stiffness_factor)
+        })
+    }
+
+    /// Computes the forces of the hands from the `force` of hand and inertia on a node. Returns an upper bound of their
+    /// work (J).
+    fn grip(&mut self, h: f64, force: impl Fn(&Self, usize) -> Vec3) -> f64 {
         let mut work = 0.0;
-        for node in free..self.state.x.len() {
-            let force = self.imbalance(node, h, mass_factor, stiffness_factor);
-            self.assembly.grip[node - free] = force - self.inertia(node, h);
-            work += force.norm() * self.assembly.displacement[node].norm();
+        let mut handles = core::mem::take(&mut self.constraints.handles);
+        for handle in &mut handles {
+            for (grip, &vertex) in handle.grip.iter_mut().zip(&handle.vertices) {
+                let node = vertex as usize;
+                let force = force(self, node);
+                *grip = force - self.inertia(node, h);
+                work += force.norm() * self.state.displacement[node].norm();
+            }
         }
+        self.constraints.handles = handles;
         work
     }
 
     /// Computes the forces of the hands for a step that was solved elsewhere, whose residual is `imbalance`. Returns an
     /// upper bound of the work of hands and supports (J).
     pub(crate) fn take_grip_from(&mut self, h: f64, imbalance: impl Fn(usize) -> Vec3) -> f64 {
-        let free = self.assembly.stiffness.free();
-        let mut work = 0.0;
-        for node in free..self.state.x.len() {
-            let force = imbalance(node);
-            self.assembly.grip[node - free] = force - self.inertia(node, h);
-            work += force.norm() * self.assembly.displacement[node].norm();
-        }
+        let work = self.grip(h, |_, node| imbalance(node));
         work + self
             .constraints
             .supports
-            .work(imbalance, |node| self.assembly.displacement[node])
+            .work(imbalance, |node| self.state.displacement[node])
     }
 
     /// Writes the reports of handles and supports for a step that was solved elsewhere, before the step is taken.
@@ -262,11 +261,8 @@ impl Body {
     /// hand on a handle node.
     fn imbalance(&self, node: usize, h: f64, mass_factor: f64, stiffness_factor: f64) -> Vec3 {
         let mass = self.model.mass[node];
-        self.assembly
-            .stiffness
-            .row_product(node, &self.assembly.displacement)
-            * stiffness_factor
-            + self.assembly.displacement[node] * (mass_factor * mass)
+        self.assembly.row_product(node, &self.state.displacement) * stiffness_factor
+            + self.state.displacement[node] * (mass_factor * mass)
             - self.state.v[node] * (mass / h)
             - self.assembly.internal[node]
             - self.model.external[node] * self.model.load_factor
@@ -274,16 +270,16 @@ impl Body {
 
     /// Mass times acceleration of a node over the step (N).
     fn inertia(&self, node: usize, h: f64) -> Vec3 {
-        (self.assembly.displacement[node] / h - self.state.v[node]) * (self.model.mass[node] / h)
+        (self.state.displacement[node] / h - self.state.v[node]) * (self.model.mass[node] / h)
     }
 
     fn report_handles(&mut self, h: f64, targets: &[HandlePose]) {
         self.state.clock += h;
         let mut handles = core::mem::take(&mut self.constraints.handles);
         for (handle, target) in handles.iter_mut().zip(targets) {
-            self.report_handle(handle, h, target, |node| {
+            report_handle(handle, h, target, |node| {
                 (
-                    self.state.x[node] + self.assembly.displacement[node],
+                    self.state.x[node] + self.state.displacement[node],
                     self.inertia(node, h),
                 )
             });
@@ -294,15 +290,16 @@ impl Body {
     /// Writes the reports of handles and supports after a solve that has already moved the body, over a step of `h`
     /// from the velocities `before`. The forces are those assembled last. An infinite `h` means equilibrium.
     pub(crate) fn report_stage(&mut self, h: f64, targets: &[HandlePose], before: &[Vec3]) {
-        let free = self.assembly.stiffness.free();
         self.forget_promise();
         let (alpha, beta) = (
             self.model.config.mass_damping,
             self.model.config.stiffness_damping,
         );
+        let mut supports = core::mem::take(&mut self.constraints.supports);
+        let mut handles = core::mem::take(&mut self.constraints.handles);
         let pull = |node: usize| {
             let damping = if beta > 0.0 {
-                self.assembly.stiffness.row_product(node, &self.state.v) * beta
+                self.assembly.row_product(node, &self.state.v) * beta
             } else {
                 Vec3::zeros()
             };
@@ -312,17 +309,15 @@ impl Body {
         };
         let inertia =
             |node: usize| (self.state.v[node] - before[node]) * (self.model.mass[node] / h);
-        let mut grip = core::mem::take(&mut self.assembly.grip);
-        for (held, force) in grip.iter_mut().enumerate() {
-            *force = pull(free + held);
+        for handle in &mut handles {
+            for (grip, &vertex) in handle.grip.iter_mut().zip(&handle.vertices) {
+                *grip = pull(vertex as usize);
+            }
         }
-        let mut supports = core::mem::take(&mut self.constraints.supports);
         supports.collect_reactions(|node| pull(node) + inertia(node));
         self.constraints.supports = supports;
-        self.assembly.grip = grip;
-        let mut handles = core::mem::take(&mut self.constraints.handles);
         for (handle, target) in handles.iter_mut().zip(targets) {
-            self.report_handle(handle, h, target, |node| {
+            report_handle(handle, h, target, |node| {
                 (
                     self.state.x[node],
                     (self.state.v[node] - before[node]) * (self.model.mass[node] / h),
@@ -331,38 +326,36 @@ impl Body {
         }
         self.constraints.handles = handles;
     }
+}
 
-    /// Sums the forces of a handle's nodes. `state` gives a node's position at the end of the step, and its inertia.
-    fn report_handle(
-        &self,
-        handle: &mut Handle,
-        h: f64,
-        target: &HandlePose,
-        state: impl Fn(usize) -> (Vec3, Vec3),
-    ) {
-        let free = self.assembly.stiffness.free();
-        let old = handle.report.pose;
-        let mut grip = Wrench::default();
-        let mut inertia = Wrench::default();
-        for node in handle.nodes() {
-            let (position, force) = state(node);
-            let arm = position - target.position;
-            grip.add(&self.assembly.grip[node - free], &arm);
-            inertia.add(&force, &arm);
-        }
-        handle.report = HandleReport {
-            pose: *target,
-            linear_velocity: (target.position - old.position) / h,
-            angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
-            wrench_on_hand: Wrench {
-                force: -grip.force,
-                moment: -grip.moment,
-            },
-            reaction: Wrench {
-                force: grip.force + inertia.force,
-                moment: grip.moment + inertia.moment,
-            },
-            inertia,
-        };
+/// Sums the forces of a handle's nodes. `state` gives a node's position at the end of the step, and its inertia.
+fn report_handle(
+    handle: &mut Handle,
+    h: f64,
+    target: &HandlePose,
+    state: impl Fn(usize) -> (Vec3, Vec3),
+) {
+    let old = handle.report.pose;
+    let mut grip = Wrench::default();
+    let mut inertia = Wrench::default();
+    for (&vertex, held) in handle.vertices.iter().zip(&handle.grip) {
+        let (position, force) = state(vertex as usize);
+        let arm = position - target.position;
+        grip.add(held, &arm);
+        inertia.add(&force, &arm);
     }
+    handle.report = HandleReport {
+        pose: *target,
+        linear_velocity: (target.position - old.position) / h,
+        angular_velocity: (target.rotation * old.rotation.inverse()).scaled_axis() / h,
+        wrench_on_hand: Wrench {
+            force: -grip.force,
+            moment: -grip.moment,
+        },
+        reaction: Wrench {
+            force: grip.force + inertia.force,
+            moment: grip.moment + inertia.moment,
+        },
+        inertia,
+    };
 }

@@ -63,7 +63,7 @@ pub(crate) struct Patch {
 }
 
 /// A sheet that resists bending: the facts from which the patches follow, over vertices. A body keeps these facts rather
-/// than the patches, which take ten times the memory and are needed only when its nodes are numbered.
+/// than the patches, which take ten times the memory and are needed only when a matrix is built.
 #[derive(Clone, Debug)]
 pub(crate) struct BentSheet {
     triangles: Vec<[u32; 3]>,
@@ -298,14 +298,14 @@ fn patches(x: &[Vec3], sheet: &BentSheet) -> Vec<Patch> {
 }
 
 /// The bending matrix `W`, scalar weights over the blocks of a [`BlockMatrix`]: each block is its weight
-/// times the identity. The energy is `x^T W x / 2`.
+/// times the identity. The energy is `x^T W x / 2`. `nodes` is the node of each row of the matrix.
 #[derive(Clone, Debug)]
 pub struct Bending {
     weights: Vec<f64>,
 }
 
 impl Bending {
-    /// Sums `patches`, given over nodes, on the pattern of `matrix`.
+    /// Sums `patches`, given over the rows of `matrix`, on its pattern.
     pub(crate) fn new(matrix: &BlockMatrix, patches: &[Patch]) -> Self {
         let mut weights = vec![0.0; matrix.block_count()];
         for patch in patches {
@@ -352,25 +352,28 @@ impl Bending {
     }
 
     /// Adds the bending force (N) at node positions `x` to `force`.
-    pub fn add_force(&self, matrix: &BlockMatrix, x: &[Vec3], force: &mut [Vec3]) {
-        for (row, force) in force.iter_mut().enumerate() {
+    pub fn add_force(&self, matrix: &BlockMatrix, nodes: &[u32], x: &[Vec3], force: &mut [Vec3]) {
+        for (row, &node) in nodes.iter().enumerate() {
             let (columns, start) = matrix.row(row);
+            let at = x[node as usize];
             let mut sum = Vec3::zeros();
             // Differences keep the digits of a sheet far from the origin.
             for (&column, &weight) in columns.iter().zip(&self.weights[start..]) {
-                sum += (x[row] - x[column as usize]) * weight;
+                sum += (at - x[nodes[column as usize] as usize]) * weight;
             }
-            *force += sum;
+            force[node as usize] += sum;
         }
     }
 
     /// Bending energy (J) at node positions `x`.
-    pub fn energy(&self, matrix: &BlockMatrix, x: &[Vec3]) -> f64 {
+    pub fn energy(&self, matrix: &BlockMatrix, nodes: &[u32], x: &[Vec3]) -> f64 {
         let mut energy = 0.0;
-        for row in 0..matrix.nodes() {
+        for (row, &node) in nodes.iter().enumerate() {
             let (columns, start) = matrix.row(row);
+            let at = x[node as usize];
             for (&column, &weight) in columns.iter().zip(&self.weights[start..]) {
-                energy -= 0.25 * weight * (x[row] - x[column as usize]).norm_squared();
+                let other = x[nodes[column as usize] as usize];
+                energy -= 0.25 * weight * (at - other).norm_squared();
             }
         }
         energy

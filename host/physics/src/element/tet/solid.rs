@@ -238,12 +238,16 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
         &self.nodes[element]
     }
 
-    fn renumber(&mut self, node_of_vertex: &[u32]) {
-        renumber(&mut self.nodes, node_of_vertex);
+    fn renumber(&mut self, place: &[u32]) {
+        renumber(&mut self.nodes, place);
     }
 
-    fn bind(&mut self, matrix: &BlockMatrix) {
-        self.slots = slots(self.nodes.iter().copied(), matrix);
+    fn bind(&mut self, matrix: &BlockMatrix, place: &[u32]) {
+        let places = self
+            .nodes
+            .iter()
+            .map(|nodes| nodes.map(|node| place[node as usize]));
+        self.slots = slots(places, matrix);
     }
 
     fn add_mass(&self, mass: &mut [f64], load: &mut [f64]) {

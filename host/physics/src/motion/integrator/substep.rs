@@ -122,7 +122,7 @@ impl Integrator {
             .iter()
             .flat_map(Vec3::iter)
             .all(|v| v.is_finite());
-        body.assembly.fresh = false;
+        body.state.motions += 1;
         Ok(report)
     }
 
@@ -131,7 +131,7 @@ impl Integrator {
     fn hands(&self, body: &Body, from: &[Vec3]) -> f64 {
         let force = self.newton.residual();
         let moved = |node: usize| body.state.x[node] - from[node];
-        let held = body.assembly.stiffness.free()..body.state.x.len();
+        let held = body.constraints.held_nodes();
         let work: f64 = held
             .map(|node| force[node].norm() * moved(node).norm())
             .sum();
@@ -144,7 +144,7 @@ impl Integrator {
             let (now, then) = (&body.state.v[node], &self.v[node]);
             (now.component_mul(now) - then.component_mul(then)) * (0.5 * body.model.mass[node])
         };
-        let held = body.assembly.stiffness.free()..body.state.x.len();
+        let held = body.constraints.held_nodes();
         let work: f64 = held.map(|node| gained(node).abs().sum()).sum();
         work + body
             .constraints
@@ -173,15 +173,10 @@ impl Integrator {
         if !self.ramped {
             return 0.0;
         }
-        let loads = self.loads.0.iter().zip(&self.loads.1);
-        let changed = loads.map(|(from, to)| (to - from).norm());
-        let moved = body
-            .state
-            .x
-            .iter()
-            .zip(&self.x)
-            .map(|(x, from)| (x - from).norm());
-        let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
+        let changed = |node: usize| (self.loads.1[node] - self.loads.0[node]).norm();
+        let moved = |node: usize| (body.state.x[node] - self.x[node]).norm();
+        let nodes = body.constraints.nodes();
+        let work: f64 = nodes.map(|node| changed(node) * moved(node)).sum();
         work * (self.span.1 - self.span.0) * body.model.load_factor.abs()
     }
 
@@ -194,30 +189,29 @@ impl Integrator {
         fraction: f64,
         h: f64,
     ) -> Result<NewtonReport, StepError> {
-        let free = body.assembly.stiffness.free();
+        self.held.clear();
         for (handle, aim) in body.constraints.handles.iter().zip(&self.aims) {
             let pose = between(&handle.report.pose, aim, part);
-            for (node, offset) in handle.nodes().zip(&handle.offsets) {
+            for (node, offset) in handle.nodes() {
                 let goal = pose.position + pose.rotation * offset;
                 let velocity = (goal - self.x[node]) / (part * h);
-                self.held[node - free] = goal;
+                self.held.push(goal);
                 self.anchor[node] = goal - velocity * g;
                 self.predicted[node] = goal;
             }
         }
         if let Some(mask) = body.constraints.supports.mask() {
             // The goals of the guided axes, by the same rule as in the solver.
-            body.assembly.displacement[..free].fill(Vec3::zeros());
+            body.state.displacement.fill(Vec3::zeros());
             body.constraints.supports.prescribe(
                 &body.state.x,
                 fraction,
-                &mut body.assembly.displacement,
+                &mut body.state.displacement,
             );
-            for node in 0..free {
+            for (node, mask) in mask.iter().enumerate() {
                 for axis in 0..3 {
-                    if mask[node][axis] == 0.0 {
-                        let goal =
-                            body.state.x[node][axis] + body.assembly.displacement[node][axis];
+                    if mask[axis] == 0.0 {
+                        let goal = body.state.x[node][axis] + body.state.displacement[node][axis];
                         let velocity = (goal - self.x[node][axis]) / (part * h);
                         self.anchor[node][axis] = goal - velocity * g;
                         self.predicted[node][axis] = goal;
@@ -240,8 +234,8 @@ fn acceleration(body: &Body, node: usize) -> Vec3 {
         + body.model.external[node] * body.model.load_factor
         - body.state.v[node] * (body.model.config.mass_damping * body.model.mass[node]);
     if body.model.config.stiffness_damping > 0.0 {
-        force -= body.assembly.stiffness.row_product(node, &body.state.v)
-            * body.model.config.stiffness_damping;
+        force -=
+            body.assembly.row_product(node, &body.state.v) * body.model.config.stiffness_damping;
     }
     force / body.model.mass[node]
 }

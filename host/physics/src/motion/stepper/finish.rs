@@ -41,10 +41,10 @@ impl<T: Real> Stepper<T> {
         });
         body.report_step(h, targets, |node| self.pull(node));
         body.state.x.copy_from_slice(&self.at);
-        for (v, u) in body.state.v.iter_mut().zip(&body.assembly.displacement) {
+        for (v, u) in body.state.v.iter_mut().zip(&body.state.displacement) {
             *v = u / h;
         }
-        body.assembly.fresh = false;
+        body.state.motions += 1;
         Ok(())
     }
 
@@ -56,22 +56,13 @@ impl<T: Real> Stepper<T> {
         report: &StepperReport,
     ) -> Result<f64, StepError> {
         for (u, &node) in self.u.iter().zip(&self.node) {
-            body.assembly.displacement[node as usize] = to_vec(u);
+            body.state.displacement[node as usize] = to_vec(u);
         }
         let work = body.take_grip_from(h, |node| self.pull(node));
-        let mut moves = body.assembly.displacement.iter().flat_map(Vec3::iter);
-        let sound = moves.all(|u| (u / h).is_finite())
-            && body
-                .assembly
-                .grip
-                .iter()
-                .flat_map(Vec3::iter)
-                .all(|f| f.is_finite())
-            && report.residual.is_finite();
-        if sound {
+        if body.is_step_finite(h) && report.residual.is_finite() {
             return Ok(work);
         }
-        body.assembly.grip.fill(Vec3::zeros());
+        body.constraints.forget_grips();
         Err(StepError::Diverged {
             iterations: report.iterations,
         })
@@ -92,7 +83,7 @@ impl<T: Real> Stepper<T> {
         (before, after): (Energy, Energy),
         work: f64,
     ) -> f64 {
-        let mut guard = body.assembly.guard;
+        let mut guard = body.state.guard;
         guard.begin(before);
         let mut whole = Some(after);
         let held = guard.hold_back(body, work, |body| {
@@ -105,7 +96,7 @@ impl<T: Real> Stepper<T> {
             held.energy
         };
         guard.end(after, work);
-        body.assembly.guard = guard;
+        body.state.guard = guard;
         1.0 - held.kept
     }
 
@@ -115,15 +106,12 @@ impl<T: Real> Stepper<T> {
             .at
             .iter_mut()
             .zip(&body.state.x)
-            .zip(&body.assembly.displacement)
+            .zip(&body.state.displacement)
         {
             *at = x + u;
         }
         self.linearize();
-        let moving = body.assembly.displacement.iter().zip(&body.model.mass);
-        let kinetic: f64 = moving
-            .map(|(u, mass)| 0.5 * mass * (u / h).norm_squared())
-            .sum();
+        let kinetic = body.kinetic_energy_of(|node| body.state.displacement[node] / h);
         Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))
     }
 
@@ -132,7 +120,7 @@ impl<T: Real> Stepper<T> {
         let drag = body.model.config.mass_damping / h;
         for (place, r) in self.residual.iter_mut().enumerate() {
             let node = self.node[place] as usize;
-            let u = body.assembly.displacement[node];
+            let u = body.state.displacement[node];
             let inertia = (body.state.v[node] - u / h) / h - u * drag;
             let external = body.model.external[node] * body.model.load_factor;
             *r = to_node(&(to_vec(&self.force[place]) + external + inertia * self.mass[place]));

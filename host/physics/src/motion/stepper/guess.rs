@@ -226,7 +226,7 @@ impl<T: Real> Stepper<T> {
         body.prescribe(targets);
         // The residual and `q` are free for other use until there is a guess.
         for ((u, v), &node) in self.u.iter_mut().zip(&mut self.residual).zip(&self.node) {
-            *u = to_node(&body.assembly.displacement[node as usize]);
+            *u = to_node(&body.state.displacement[node as usize]);
             *v = to_node(&body.state.v[node as usize]);
         }
         let (free_nodes, held_nodes) = self.history.split_at_mut(free);

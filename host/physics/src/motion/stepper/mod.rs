@@ -119,7 +119,8 @@ pub struct Stepper<T> {
 
 /// Memory of the complete factor of `body`'s step matrix (bytes), as counted by [`precondition::complete_bytes`].
 pub fn complete_bytes(body: &Body) -> usize {
-    precondition::complete_bytes(&body.assembly.stiffness, &body.model.rest)
+    let rest = body.assembly.places.gather(&body.model.rest);
+    precondition::complete_bytes(&body.assembly.stiffness, &rest)
 }
 
 /// Factors of mass and stiffness in the matrix of a step of `h` seconds.
@@ -130,10 +131,11 @@ fn factors(body: &Body, h: f64) -> (f64, f64) {
     )
 }
 
-/// The kernels of the element sets of `body` and of its bending, in the order of places.
+/// The kernels of the element sets of `body` and of its bending, in the order of places. `place` gives the place of each
+/// node, and `rank` that of each row of the stiffness.
 fn kernels<T: Real>(
     body: &Body,
-    place: &[u32],
+    (place, rank): (&[u32], &[u32]),
     matrix: &BlockMatrix,
     rest: &[Vec3],
 ) -> Vec<Box<dyn Kernel<T>>> {
@@ -144,7 +146,7 @@ fn kernels<T: Real>(
         kernels.push(element::kernel(set, matrix, rest));
     }
     if let Some(bending) = &body.model.bending {
-        kernels.push(bending.kernel(&body.assembly.stiffness, place, matrix));
+        kernels.push(bending.kernel(&body.assembly.stiffness, rank, matrix));
     }
     kernels
 }
@@ -158,21 +160,27 @@ impl<T: Real> Stepper<T> {
     /// [`CondenseError::Symbolic`].
     pub fn new(body: &Body, options: StepperOptions) -> Result<Self, CondenseError> {
         let count = body.state.x.len();
-        let free = body.assembly.stiffness.free();
-        let mut node = options
+        let rows = &body.assembly.places;
+        let free = rows.free();
+        let mut order = options
             .preconditioner
-            .order(&body.assembly.stiffness, &body.model.rest);
-        node.extend(free as u32..count as u32);
-        let mut place = vec![0; count];
-        for (at, &node) in node.iter().enumerate() {
+            .order(&body.assembly.stiffness, &rows.gather(&body.model.rest));
+        order.extend(free as u32..count as u32);
+        let node: Vec<u32> = order
+            .iter()
+            .map(|&row| rows.nodes()[row as usize])
+            .collect();
+        let (mut rank, mut place) = (vec![0; count], vec![0; count]);
+        for (at, (&row, &node)) in order.iter().zip(&node).enumerate() {
+            rank[row as usize] = at as u32;
             place[node as usize] = at as u32;
         }
         let by_place = |values: &[Vec3]| -> Vec<Vec3> {
             node.iter().map(|&node| values[node as usize]).collect()
         };
         let rest = by_place(&body.model.rest);
-        let matrix = body.assembly.stiffness.renumbered(&place);
-        let kernels = || kernels(body, &place, &matrix, &rest);
+        let matrix = body.assembly.stiffness.renumbered(&rank);
+        let kernels = || kernels(body, (&place, &rank), &matrix, &rest);
         let guided = body
             .constraints
             .supports
