@@ -9,7 +9,7 @@ use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState};
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
-use crate::local_model::{LocalModel, ModelFault};
+use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
@@ -137,7 +137,7 @@ impl Controller {
     ///
     /// # Errors
     /// The [`ModelFault`] for which the model was refused. Refusals are counted.
-    pub fn accept(&mut self, body: usize, model: &LocalModel) -> Result<(), ModelFault> {
+    pub fn accept(&mut self, body: usize, model: &impl PublishedModel) -> Result<(), ModelFault> {
         if let Some(coupling) = self.couplings.get_mut(body) {
             coupling.accept(model)
         } else {

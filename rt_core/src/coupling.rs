@@ -4,7 +4,8 @@
 //! such that at the present poses and velocities its wrench equals the wrench rendered before. Then wrench, stiffness
 //! and damping pass linearly to those of the new model. The blend takes half a publication period (as in the multirate
 //! study), or half the time since the last model if that is longer, and at least two ticks. A model that arrives during
-//! a blend starts from the blended model.
+//! a blend starts from the blended model. The force of a hand that the new model no longer names passes to zero in the
+//! same time.
 //!
 //! **Energy.** Under every scheme, the work of the hands is accounted for ([`crate::passivity`]). Under `capped`, the
 //! wrench is limited by that account. Under `classic`, hands that got more energy than they supplied are damped.
@@ -14,9 +15,10 @@
 //! there is only the safe hold, so a run also starts without a jump.
 
 mod capped;
+mod leaving;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
-use crate::local_model::{LocalModel, ModelFault};
+use crate::local_model::{LocalModel, ModelFault, PublishedModel};
 use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
 use crate::{MAX_DEVICES, MAX_HANDLES, count_one};
@@ -120,8 +122,11 @@ pub struct Coupling {
     config: CouplingConfig,
     /// The model rendered before the newest one, re-expressed at the reference of the newest.
     from: LocalModel,
-    /// The newest model, as the scheme reads it.
+    /// The newest model, as the scheme reads it. During a blend, handles of hands that leave follow the handles that
+    /// the model names.
     to: LocalModel,
+    /// Number of handles that the newest model names.
+    named: u8,
     /// The model that the next tick takes into use, if `is_pending`.
     pending: LocalModel,
     is_pending: bool,
@@ -148,6 +153,7 @@ impl Coupling {
             config,
             from: LocalModel::empty(),
             to: LocalModel::empty(),
+            named: 0,
             pending: LocalModel::empty(),
             is_pending: false,
             blend: 1.0,
@@ -166,23 +172,27 @@ impl Coupling {
     ///
     /// # Errors
     /// The [`ModelFault`] for which the model was refused. Refusals are counted.
-    pub fn accept(&mut self, model: &LocalModel) -> Result<(), ModelFault> {
-        let current = if self.is_pending {
-            &self.pending
+    pub fn accept(&mut self, model: &impl PublishedModel) -> Result<(), ModelFault> {
+        let (current, named) = if self.is_pending {
+            (&self.pending, self.pending.handle_count)
         } else {
-            &self.to
+            (&self.to, self.named)
         };
-        let seen_one = current.handle_count > 0;
+        let seen_one = named > 0;
         let checked = model.check().and_then(|()| {
             // After a clock was set back, the current model lies in the future. It must not block the models that
             // follow.
-            let later = model.time_ns > current.time_ns || self.is_to_come(current.time_ns);
-            let newer = later && model.epoch >= current.epoch;
-            if self.is_to_come(model.time_ns) {
+            let head = model.head();
+            let later = head.time_ns > current.time_ns || self.is_to_come(current.time_ns);
+            let newer = later && head.epoch >= current.epoch;
+            if self.is_to_come(head.time_ns) {
                 Err(ModelFault::ToCome)
             } else if seen_one && !newer {
                 Err(ModelFault::Outdated)
-            } else if seen_one && model.epoch == current.epoch && !same_handles(model, current) {
+            } else if seen_one
+                && head.epoch == current.epoch
+                && !(head.handle_count == named && same_devices(model, current))
+            {
                 // Only a change of topology may give a body other handles.
                 Err(ModelFault::Handles)
             } else {
@@ -206,6 +216,10 @@ impl Coupling {
     /// poses and twists of the proxies, by device index.
     pub fn tick(&mut self, now_ns: u64, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {
         self.ticked_ns = Some(now_ns);
+        if self.blend >= 1.0 {
+            // The force of hands that left is zero now.
+            self.to.handle_count = self.named;
+        }
         let steps = self
             .passivity
             .observe(devices.iter().map(|(pose, _)| *pose));
@@ -261,7 +275,8 @@ impl Coupling {
         self.passivity.withheld()
     }
 
-    /// The newest model in use, as the scheme reads it. Before the first model it has no handles.
+    /// The newest model in use, as the scheme reads it. Before the first model it has no handles. Hands that it no
+    /// longer names keep a handle at its end until their force has passed to zero.
     pub fn model(&self) -> &LocalModel {
         &self.to
     }
@@ -305,6 +320,8 @@ impl Coupling {
         let before = self.rendered(devices);
         let ahead = self.pending.ahead(now_ns);
         let ticks = self.blend_ticks();
+        self.named = self.pending.handle_count;
+        self.keep_leaving(&before, devices);
         // The stored energy follows from the models as they were, so it is computed first.
         let stored = self.stored_before(devices);
         self.re_express(ahead, &before, devices);
@@ -430,8 +447,12 @@ impl Coupling {
 
 /// Whether two models have the same handles, in the same hands.
 fn same_handles(a: &LocalModel, b: &LocalModel) -> bool {
-    a.handle_count == b.handle_count
-        && a.handles()
-            .zip(b.handles())
-            .all(|(a, b)| a.device == b.device)
+    a.handle_count == b.handle_count && same_devices(a, b)
+}
+
+/// Whether the handles of two models are in the same hands, as far as both models have handles.
+fn same_devices(a: &impl PublishedModel, b: &LocalModel) -> bool {
+    a.handles()
+        .zip(b.handles())
+        .all(|(a, b)| a.device == b.device)
 }

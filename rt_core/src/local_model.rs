@@ -17,11 +17,13 @@
 //! `p = w0' + K v0`: the part of the wrench's rate that the stiffness does not predict. A body that answers at once has
 //! no drift.
 
+mod packed;
 mod parts;
 
+use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
-use crate::{MAX_DEVICES, MAX_HANDLES};
 
+pub use packed::{ModelHead, PackedModel, PublishedModel};
 pub use parts::Parts;
 
 /// The reference state of one handle in a [`LocalModel`].
@@ -60,6 +62,7 @@ impl HandleReference {
         }
     }
 
+    #[inline]
     fn is_finite(&self) -> bool {
         self.pose.is_finite()
             && self.twist.is_finite()
@@ -88,7 +91,8 @@ impl HandleReference {
 /// 6 x 6 blocks between every pair of handles, by row, then by column.
 pub type PairBlocks = [[Mat6; MAX_HANDLES]; MAX_HANDLES];
 
-/// The linearized force of one body on its handles. The model is plain data of fixed size, made to pass through a ring.
+/// The linearized force of one body on its handles. The model is plain data of fixed size. Rings pass
+/// only its used part ([`PackedModel`]).
 ///
 /// ```
 /// use rt_core::geometry::Twist;
@@ -210,8 +214,7 @@ impl LocalModel {
 
     /// Copies the used part of another model. The unused part stays as it was. With one handle, the used part is a
     /// tenth of the whole.
-    pub fn copy_used_from(&mut self, other: &Self) {
-        let n = usize::from(other.handle_count);
+    pub fn copy_used_from(&mut self, other: &impl PublishedModel) {
         let Self {
             sequence,
             epoch,
@@ -225,19 +228,27 @@ impl LocalModel {
             stiffness,
             damping,
         } = self;
-        *sequence = other.sequence;
-        *epoch = other.epoch;
-        *time_ns = other.time_ns;
-        *period = other.period;
-        *horizon = other.horizon;
-        *energy = other.energy;
-        *released = other.released;
-        *handle_count = other.handle_count;
+        let head = other.head();
+        *sequence = head.sequence;
+        *epoch = head.epoch;
+        *time_ns = head.time_ns;
+        *period = head.period;
+        *horizon = head.horizon;
+        *energy = head.energy;
+        *released = head.released;
+        *handle_count = head.handle_count;
         for (mine, theirs) in handles.iter_mut().zip(other.handles()) {
             *mine = *theirs;
         }
-        copy_used_blocks(stiffness, &other.stiffness, n);
-        copy_used_blocks(damping, &other.damping, n);
+        other.copy_blocks(stiffness, damping);
+    }
+
+    /// The rows of blocks in use: those of the stiffness, then those of the damping.
+    pub fn rows(&self) -> impl Iterator<Item = &[Mat6]> {
+        let n = usize::from(self.handle_count);
+        let rows = self.stiffness.iter().take(n);
+        let rows = rows.chain(self.damping.iter().take(n));
+        rows.map(move |row| row.get(..n).unwrap_or(row))
     }
 
     /// The handles in use.
@@ -306,27 +317,7 @@ impl LocalModel {
     /// # Errors
     /// The first [`ModelFault`] found.
     pub fn check(&self) -> Result<(), ModelFault> {
-        let n = usize::from(self.handle_count);
-        if n == 0 || n > MAX_HANDLES {
-            return Err(ModelFault::Handles);
-        }
-        if self.handles().any(|h| usize::from(h.device) >= MAX_DEVICES) {
-            return Err(ModelFault::Handles);
-        }
-        let finite = self.period.is_finite()
-            && self.period > 0.0
-            && self.horizon.is_finite()
-            && self.horizon > 0.0
-            && self.energy.is_finite()
-            && self.released.is_finite()
-            && self.handles().all(HandleReference::is_finite)
-            && used_blocks(&self.stiffness, n).all(is_finite)
-            && used_blocks(&self.damping, n).all(is_finite);
-        if finite {
-            Ok(())
-        } else {
-            Err(ModelFault::NotFinite)
-        }
+        PublishedModel::check(self)
     }
 
     /// Bounds the damping of each handle alone by `most` (N s/m, N m s/rad) of its device. The blocks become
@@ -409,27 +400,21 @@ impl LocalModel {
     }
 }
 
-/// The blocks between the first `n` handles.
-fn used_blocks(blocks: &PairBlocks, n: usize) -> impl Iterator<Item = &Mat6> {
-    blocks
-        .iter()
-        .take(n)
-        .flat_map(move |row| row.iter().take(n))
-}
-
-fn copy_used_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, n: usize) {
-    for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
-        for (mine, theirs) in mine.iter_mut().zip(theirs).take(n) {
-            *mine = *theirs;
+/// Whether every number of these blocks is finite. Zero times a finite number is zero, and zero times any other number is
+/// not a number, so a sum of such products tells. Four sums suit vector instructions. The function reads all numbers,
+/// so the time does not depend on them.
+fn are_finite(blocks: &[Mat6]) -> bool {
+    let mut sums = [0.0; 4];
+    for block in blocks {
+        // The 36 numbers of a block leave no rest.
+        let (lanes, _) = block.as_slice().as_chunks::<4>();
+        for lane in lanes {
+            for (sum, x) in sums.iter_mut().zip(lane) {
+                *sum += x * 0.0;
+            }
         }
     }
-}
-
-/// Whether every number of a block is finite. The function reads all numbers. The time that takes does not depend on
-/// them, and is shorter than with an early exit.
-fn is_finite(block: &Mat6) -> bool {
-    let numbers = block.as_slice().iter();
-    numbers.fold(true, |finite, x| finite & x.is_finite())
+    sums.iter().all(|sum| *sum == 0.0)
 }
 
 fn mix_blocks(mine: &mut PairBlocks, theirs: &PairBlocks, fraction: f64, n: usize) {

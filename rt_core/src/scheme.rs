@@ -17,7 +17,7 @@
 
 use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Twist, Wrench};
-use crate::local_model::LocalModel;
+use crate::local_model::{LocalModel, PairBlocks};
 
 /// How the tick reads a local model between publications.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,14 +61,10 @@ impl Scheme {
             Self::Hold => (0.0, 0.0),
             Self::Thesis { stiffness, damping } => (stiffness, damping),
         };
-        let own = |value: f64| {
-            let mut block = Mat6::zeros();
-            block.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(value);
-            block
-        };
-        model.stiffness = diagonal(&own(stiffness));
-        model.damping = diagonal(&own(damping));
-        for handle in &mut model.handles {
+        let n = usize::from(model.handle_count);
+        own_translation(&mut model.stiffness, stiffness, n);
+        own_translation(&mut model.damping, damping, n);
+        for handle in model.handles.iter_mut().take(n) {
             // The damping acts on the whole velocity of the proxy, not on its change since the publication.
             handle.twist = Twist::zero();
             // These schemes hold the published wrench.
@@ -77,12 +73,12 @@ impl Scheme {
     }
 }
 
-fn diagonal(block: &Mat6) -> [[Mat6; MAX_HANDLES]; MAX_HANDLES] {
-    let mut blocks = [[Mat6::zeros(); MAX_HANDLES]; MAX_HANDLES];
-    for (i, row) in blocks.iter_mut().enumerate() {
+/// Leaves `value` on the translations of each of the first `n` handles alone.
+fn own_translation(blocks: &mut PairBlocks, value: f64, n: usize) {
+    for (i, row) in blocks.iter_mut().enumerate().take(n) {
+        *row = [Mat6::zeros(); MAX_HANDLES];
         if let Some(own) = row.get_mut(i) {
-            *own = *block;
+            own.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(value);
         }
     }
-    blocks
 }

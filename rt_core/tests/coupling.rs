@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig, HostState};
 use rt_core::local_model::ModelFault;
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, PassivityConfig, Pose, Scheme, Twist, Vec3,
-    Vec6, Wrench,
+    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, Pose, Scheme,
+    Twist, Vec3, Vec6, Wrench,
 };
 
 const MS: u64 = 1_000_000;
@@ -368,6 +368,80 @@ proptest! {
         for (a, b) in expected.iter().zip(&rendered).take(2) {
             prop_assert!((a.stacked() - b.stacked()).amax() < 1e-9);
         }
+    }
+}
+
+/// One tick, after which the devices hold the wrenches. Returns the force along x by device.
+fn held_tick(coupling: &mut Coupling, now: u64, at: &[(Pose, Twist)]) -> [f64; MAX_DEVICES] {
+    let wrenches = coupling.tick(now, at);
+    let mut held = [Wrench::zero(); MAX_DEVICES];
+    for (handle, wrench) in coupling.model().handles().zip(&wrenches) {
+        held[usize::from(handle.device)] = *wrench;
+    }
+    coupling.hold(&held, &[1.0; MAX_DEVICES]);
+    held.map(|wrench| wrench.force.x)
+}
+
+#[test]
+fn the_force_of_a_hand_that_leaves_passes_to_zero_without_a_jump() {
+    for scheme in [
+        Scheme::Hold,
+        Scheme::Linear,
+        Scheme::Classic,
+        Scheme::Capped,
+    ] {
+        let mut coupling = Coupling::new(config(scheme));
+        let at = |x: f64| hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1 + x, 0.0, 0.0), 0.0);
+        let mut model = spring(1, 0, 300.0, 0.0, 1.5);
+        // The pull is stored, so no scheme limits it.
+        model.energy = 1.0;
+        let mut now = 0;
+        for _ in 0..10 {
+            now += 20 * MS;
+            model.time_ns = now;
+            coupling.accept(&model).unwrap();
+            for tick in 0..20 {
+                held_tick(&mut coupling, now + tick * MS, &at(0.0));
+            }
+        }
+        now += 20 * MS;
+        let [_, before, ..] = held_tick(&mut coupling, now, &at(0.0));
+        assert!((before + 1.5).abs() < 1e-9, "{scheme:?} {before}");
+        // The second hand leaves.
+        let mut alone = model;
+        (alone.epoch, alone.handle_count, alone.energy) = (1, 1, 0.0);
+        let supplied = coupling.energy().supplied;
+        let (mut last, mut work, mut ticks) = (before, 0.0, 0);
+        while coupling.model().epoch == 0 || last != 0.0 {
+            if ticks == 0 || ticks == 5 {
+                // The second model comes during the blend. It is a model of the same handle.
+                alone.time_ns = now + ticks * MS;
+                assert_eq!(coupling.accept(&alone), Ok(()), "{scheme:?}");
+            }
+            // The hand goes along with its force.
+            let x = -1e-6 * ticks as f64;
+            let [_, force, ..] = held_tick(&mut coupling, now + ticks * MS, &at(x));
+            work += if ticks == 0 { 0.0 } else { last * -1e-6 };
+            // A blend takes ten ticks, half of the time since the last model. The spring of 300 N/m, which passes to
+            // zero with its force, answers the hand.
+            let most = before.abs() / 10.0 + 300.0 * 1e-6 * (ticks + 1) as f64;
+            assert!(
+                (force - last).abs() <= most,
+                "{scheme:?} {ticks}: {last} -> {force}"
+            );
+            assert!(ticks > 0 || (force - before).abs() < 1e-9, "{scheme:?}");
+            (last, ticks) = (force, ticks + 1);
+            assert!(ticks < 100, "{scheme:?}: the force never ends");
+        }
+        assert!(ticks >= 10, "{scheme:?} {ticks}");
+        assert_eq!(coupling.model().handles().count(), 1);
+        // What the force gave to the hand is in the account; the first hand stood still.
+        let given = supplied - coupling.energy().supplied;
+        assert!(
+            (given - work).abs() < 1e-12 && work > 0.0,
+            "{scheme:?} {given} {work}"
+        );
+        assert_eq!(coupling.counters().wrong_handles, 0);
     }
 }
 

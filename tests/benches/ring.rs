@@ -1,8 +1,8 @@
 //! The rings between the tick and the rest: `cargo bench --bench ring`.
 //!
-//! **divan**: both ends of a link of 1 kHz ticks and 60 Hz models in one thread. It measures the cost to push a record
-//! and to take it out again, without the transfer between two cores. Records are read in place. The benchmark of the
-//! tick includes the acceptance of a model.
+//! **divan**: both ends of a link of 1 kHz ticks and 60 Hz models of two handles in one thread. It measures the cost to
+//! push a record and to take it out again, without the transfer between two cores. Records are read in place. The
+//! benchmark of the tick includes the acceptance of a model.
 //!
 //! A **line** adds the transfer: one thread pushes a tick's record; another thread sees the record and publishes a
 //! model; the first thread waits until it has copied the model. Both threads spin. The line needs two free cores, and
@@ -12,10 +12,14 @@ mod common;
 
 use common::{Spread, tables_wanted};
 use divan::{Bencher, black_box};
+use palpate_tests::law::model;
 use rt_core::{LocalModel, Telemetry, TickRecord};
 use runner::link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 use std::cell::RefCell;
 use std::time::{Duration, Instant};
+
+/// Number of handles of the models.
+const HANDLES: usize = 2;
 
 fn main() {
     if tables_wanted() {
@@ -95,7 +99,7 @@ impl Publisher {
 
 fn publisher() -> (TickEnd, RefCell<Publisher>) {
     let (tick, host, _) = ends();
-    let model = LocalModel::empty();
+    let model = model(HANDLES, 1.0 / 60.0);
     (tick, RefCell::new(Publisher { host, model }))
 }
 
@@ -134,7 +138,7 @@ fn between_threads() {
         return;
     }
     let (mut tick, host, _) = ends();
-    let model = LocalModel::empty();
+    let model = model(HANDLES, 1.0 / 60.0);
     let mut other = Publisher { host, model };
     let times = std::thread::scope(|scope| {
         scope.spawn(move || {
@@ -157,7 +161,7 @@ fn between_threads() {
             let mut returned = false;
             while !returned {
                 tick.take_models(|_, model| {
-                    newest = *black_box(model);
+                    newest.copy_used_from(black_box(model));
                     returned = newest.time_ns == telemetry.time_ns;
                 });
                 std::hint::spin_loop();

@@ -12,7 +12,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The tick's entries, as `tests/no_panic/src/lib.rs` defines them.
-const ENTRIES: [&str; 4] = ["law_accept", "law_cycle", "law_record", "law_velocity"];
+const ENTRIES: [&str; 5] = [
+    "law_accept",
+    "law_accept_packed",
+    "law_cycle",
+    "law_record",
+    "law_velocity",
+];
 /// The functions of the device, which the tick must call.
 const DEVICE: [&str; 2] = ["device_read", "device_write"];
 /// The functions that the compiler may call to copy or compare plain data.

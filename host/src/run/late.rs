@@ -7,8 +7,19 @@ use runner::link::HostEnd;
 #[derive(Debug)]
 pub struct LateLink {
     end: HostEnd,
-    /// Time of arrival (ns), body and model, in the order of sending.
-    under_way: Vec<(u64, usize, LocalModel)>,
+    /// The models that have not arrived, in the order of sending.
+    under_way: Vec<Sent>,
+    /// Room for further models.
+    room: Vec<Box<LocalModel>>,
+}
+
+/// A model that has not arrived.
+#[derive(Debug)]
+struct Sent {
+    arrival_ns: u64,
+    body: usize,
+    /// The model in its used part.
+    model: Box<LocalModel>,
 }
 
 impl LateLink {
@@ -17,6 +28,7 @@ impl LateLink {
         Self {
             end,
             under_way: Vec::with_capacity(models),
+            room: (0..models).map(|_| Box::new(LocalModel::empty())).collect(),
         }
     }
 
@@ -27,21 +39,26 @@ impl LateLink {
 
     /// Sends a model of `body` that arrives at `arrival_ns`.
     pub fn send(&mut self, arrival_ns: u64, body: usize, model: &LocalModel) {
-        self.under_way.push((arrival_ns, body, *model));
+        let free = self.room.pop();
+        let mut copy = free.unwrap_or_else(|| Box::new(LocalModel::empty()));
+        copy.copy_used_from(model);
+        self.under_way.push(Sent {
+            arrival_ns,
+            body,
+            model: copy,
+        });
     }
 
-    /// Gives the tick, and `see`, the models that have arrived by `now_ns`, in the order of sending.
+    /// Gives the tick, and `see`, the models that have arrived by `now_ns`, in the order of sending. Only the used part
+    /// of a model is that of the model that was sent.
     pub fn deliver(&mut self, now_ns: u64, mut see: impl FnMut(usize, &LocalModel)) {
-        let end = &mut self.end;
-        self.under_way.retain(|(arrival_ns, body, model)| {
-            let arrived = *arrival_ns <= now_ns;
-            if arrived {
-                // The link counts a full ring.
-                let _ = end.publish(*body, model);
-                see(*body, model);
-            }
-            !arrived
-        });
+        let arrived = |sent: &mut Sent| sent.arrival_ns <= now_ns;
+        for Sent { body, model, .. } in self.under_way.extract_if(.., arrived) {
+            // The link counts a full ring.
+            let _ = self.end.publish(body, &model);
+            see(body, &model);
+            self.room.push(model);
+        }
     }
 
     /// The host's end alone. Models that have not arrived are lost.

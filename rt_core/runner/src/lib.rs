@@ -24,6 +24,7 @@ pub mod degradation;
 pub mod latency;
 pub mod link;
 pub mod memory;
+mod model_ring;
 #[cfg(feature = "mutations")]
 mod mutation;
 pub mod pace;

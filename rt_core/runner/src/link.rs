@@ -1,4 +1,5 @@
-//! The link between the tick and the host and log: wait-free rings of records of fixed size.
+//! The link between the tick and the host and log: wait-free rings of records of fixed size, and rings of models that
+//! pass the used part of a model (`crate::model_ring`).
 //!
 //! ```text
 //!              TickRecord            Telemetry
@@ -21,9 +22,11 @@
 //! body in constant time, however many models wait.
 
 use crate::memory::MemoryRange;
+use crate::model_ring::{ModelReader, ModelWriter, model_ring, prefaulted_model_ring};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
+use rt_core::local_model::PackedModel;
 use rt_core::{LocalModel, MAX_BODIES, Telemetry, TickRecord};
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer};
 
 /// Sizes of the rings of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,7 +74,7 @@ impl LinkConfig {
 /// for sequence in 1..=2 {
 ///     host.publish(0, &LocalModel { sequence, ..LocalModel::empty() })?;
 /// }
-/// tick.take_models(|body, model| assert_eq!((body, model.sequence), (0, 2)));
+/// tick.take_models(|body, model| assert_eq!((body, model.head.sequence), (0, 2)));
 /// assert_eq!(tick.counters().superseded_models, 1);
 /// # Ok::<(), runner::link::RingFull>(())
 /// ```
@@ -87,16 +90,16 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let mut inlets = Vec::new();
     let bodies = config.bodies.min(MAX_BODIES);
     for _ in 0..bodies {
-        let (producer, ring, used) = prefaulted(models, LocalModel::empty());
+        let (writer, ring, used) = prefaulted_model_ring(models);
         memory.extend(used);
-        to_tick.push(producer);
+        to_tick.push(writer);
         inlets.push(Inlet {
             ring,
             sequence: Sequence::from(1),
         });
     }
     // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
-    let (copies, to_replay) = RingBuffer::new(models * bodies);
+    let (copies, to_replay) = model_ring(models * bodies);
     let tick = TickEnd {
         to_host,
         to_log,
@@ -115,6 +118,7 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let log = LogEnd {
         telemetry,
         models: to_replay,
+        model: Box::new(LocalModel::empty()),
         sequence: Sequence::from(0),
     };
     (tick, host, log)
@@ -146,7 +150,7 @@ pub struct TickEnd {
 /// The tick's end of the ring of models of one body.
 #[derive(Debug)]
 struct Inlet {
-    ring: Consumer<LocalModel>,
+    ring: ModelReader,
     sequence: Sequence,
 }
 
@@ -161,15 +165,15 @@ impl TickEnd {
         }
     }
 
-    /// Calls `accept` with the newest model of each body that has a new model, and discards the older models. The time
-    /// does not depend on the number of models that wait.
-    pub fn take_models(&mut self, mut accept: impl FnMut(usize, &LocalModel)) {
+    /// Calls `accept` with the newest model of each body that has a new model, and discards the older models. The model
+    /// stays in the ring while `accept` reads it. The time does not depend on the number of models that wait.
+    pub fn take_models(&mut self, mut accept: impl FnMut(usize, &PackedModel<'_>)) {
         for (body, inlet) in self.inlets.iter_mut().enumerate() {
             let sequence = &mut inlet.sequence;
             let counters = &mut self.counters;
-            take_newest(&mut inlet.ring, |newest, waiting| {
+            inlet.ring.take_newest(|newest, waiting| {
                 let before = sequence.lost();
-                sequence.see(newest.sequence, waiting);
+                sequence.see(newest.head.sequence, waiting);
                 counters.lost_models += sequence.lost() - before;
                 counters.superseded_models += waiting - 1;
                 accept(body, newest);
@@ -220,8 +224,8 @@ pub struct RingFull {
 #[derive(Debug)]
 pub struct HostEnd {
     records: Consumer<TickRecord>,
-    to_tick: Vec<Producer<LocalModel>>,
-    copies: Producer<(u8, LocalModel)>,
+    to_tick: Vec<ModelWriter>,
+    copies: ModelWriter,
     sequence: Sequence,
     refused: u64,
     refused_copies: u64,
@@ -258,14 +262,14 @@ impl HostEnd {
             return Err(RingFull { body, capacity: 0 });
         };
         // The copy for the log is pushed first. The log then finds the model before any tick that used the model.
-        if !self.copies.is_abandoned() && self.copies.push((body as u8, *model)).is_err() {
+        if !self.copies.is_abandoned() && !self.copies.push(body as u8, model) {
             self.refused_copies += 1;
         }
-        if ring.push(*model).is_err() {
+        if !ring.push(body as u8, model) {
             self.refused += 1;
             return Err(RingFull {
                 body,
-                capacity: ring.buffer().capacity(),
+                capacity: ring.capacity(),
             });
         }
         Ok(())
@@ -297,7 +301,8 @@ impl HostEnd {
 pub enum LogRecord<'a> {
     /// The telemetry of a tick.
     Tick(&'a Telemetry),
-    /// A model that was published for the body of this index, whether the tick used or skipped the model.
+    /// A model that was published for the body of this index, whether the tick used or skipped the model. Only its used
+    /// part is that of the published model.
     Model(u8, &'a LocalModel),
 }
 
@@ -305,7 +310,9 @@ pub enum LogRecord<'a> {
 #[derive(Debug)]
 pub struct LogEnd {
     telemetry: Consumer<Telemetry>,
-    models: Consumer<(u8, LocalModel)>,
+    models: ModelReader,
+    /// The model that is being read.
+    model: Box<LocalModel>,
     sequence: Sequence,
 }
 
@@ -325,8 +332,10 @@ impl LogEnd {
     pub fn records(&mut self, mut see: impl FnMut(LogRecord<'_>)) -> usize {
         // The ticks are counted before the models are read, so the models that these ticks used have arrived by then.
         let ticks = self.telemetry.slots();
-        drain(&mut self.models, |(body, model)| {
-            see(LogRecord::Model(*body, model));
+        let model = &mut *self.model;
+        self.models.drain(|body, packed| {
+            model.copy_used_from(packed);
+            see(LogRecord::Model(body, model));
         });
         let sequence = &mut self.sequence;
         drain_up_to(ticks, &mut self.telemetry, |record| {

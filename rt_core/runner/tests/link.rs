@@ -1,6 +1,7 @@
 //! The rings: order, refusals, gaps, the newest of many, peers that leave, and capacities.
 
-use rt_core::{LocalModel, MAX_BODIES, Telemetry};
+use proptest::prelude::*;
+use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Mat6, Telemetry, Vec3};
 use runner::link::{HostEnd, LinkConfig, LogEnd, LogRecord, RingFull, TickEnd, link};
 use runner::ring::slots_for;
 
@@ -85,7 +86,7 @@ fn one_take_gives_the_newest_model_of_each_body() {
     }
     assert_eq!(host.publish(1, &model(1)), Ok(()));
     let mut taken = Vec::new();
-    tick.take_models(|body, model| taken.push((body, model.sequence)));
+    tick.take_models(|body, model| taken.push((body, model.head.sequence)));
     assert_eq!(taken, [(0, 3), (1, 1)]);
     assert_eq!(
         (
@@ -100,11 +101,116 @@ fn one_take_gives_the_newest_model_of_each_body() {
         assert_eq!(host.publish(0, &model(sequence)), Ok(()));
         if sequence % 3 == 0 || sequence == 20 {
             let mut newest = 0;
-            tick.take_models(|_, model| newest = model.sequence);
+            tick.take_models(|_, model| newest = model.head.sequence);
             assert_eq!(newest, sequence);
         }
     }
     assert_eq!(tick.counters().lost_models, 0);
+}
+
+/// A model of this number of handles. Each of its parts tells the model and the place of the part.
+fn sized(sequence: u64, handles: u8) -> LocalModel {
+    let mut model = model(sequence);
+    model.handle_count = handles;
+    let tell = |place: usize| sequence as f64 + 0.01 * place as f64;
+    for (i, handle) in model.handles.iter_mut().enumerate() {
+        handle.pose.position = Vec3::repeat(tell(i));
+        for j in 0..MAX_HANDLES {
+            model.stiffness[i][j] = Mat6::repeat(tell(10 * i + j));
+            model.damping[i][j] = Mat6::repeat(-tell(10 * i + j));
+        }
+    }
+    model
+}
+
+/// Whether the used part of a model is that of [`sized`].
+fn is_sized(model: &LocalModel) -> bool {
+    let mut expected = LocalModel::empty();
+    expected.copy_used_from(&sized(model.sequence, model.handle_count));
+    let mut found = LocalModel::empty();
+    found.copy_used_from(model);
+    found == expected
+}
+
+proptest! {
+    /// A ring of three models, and the copies of six for the log, under any order of writing and reading: only the
+    /// number of models that wait decides whether a model finds room, however many handles each has.
+    #[test]
+    fn models_of_any_size_pass_whole_and_in_order(
+        deeds in proptest::collection::vec((0..4_u8, 0..7_u8), 1..300),
+    ) {
+        let (mut tick, mut host, mut log) = small();
+        let (mut sequence, mut waiting, mut newest) = (0, 0, 0);
+        let mut copies = Vec::new();
+        for (deed, handles) in deeds {
+            match deed {
+                0 => {
+                    let mut taken = None;
+                    tick.take_models(|body, packed| {
+                        let mut model = LocalModel::empty();
+                        model.copy_used_from(packed);
+                        assert!(body == 0 && is_sized(&model));
+                        taken = Some(model.sequence);
+                    });
+                    prop_assert_eq!(taken, (waiting > 0).then_some(newest));
+                    waiting = 0;
+                }
+                1 => {
+                    let mut read = Vec::new();
+                    log.records(|record| if let LogRecord::Model(0, model) = record {
+                        assert!(is_sized(model));
+                        read.push(model.sequence);
+                    });
+                    prop_assert_eq!(&read, &copies);
+                    copies.clear();
+                }
+                _ => {
+                    sequence += 1;
+                    if copies.len() < 6 {
+                        copies.push(sequence);
+                    }
+                    // Six stands for a number of handles that no model can have.
+                    let handles = if handles == 6 { u8::MAX } else { handles };
+                    let refused = host.publish(0, &sized(sequence, handles)).is_err();
+                    prop_assert_eq!(refused, waiting == 3);
+                    if !refused {
+                        (waiting, newest) = (waiting + 1, sequence);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn models_cross_threads_whole() {
+    const MODELS: u64 = 20_000;
+    let (mut tick, mut host, log) = small();
+    drop(log);
+    let writer = std::thread::spawn(move || {
+        for sequence in 1..=MODELS {
+            // A full ring refuses the model.
+            let _ = host.publish(0, &sized(sequence, (sequence % 5) as u8));
+        }
+        host.refused_models()
+    });
+    let (mut taken, mut last) = (0, 0);
+    loop {
+        let over = tick.host_is_gone();
+        tick.take_models(|_, packed| {
+            let mut model = LocalModel::empty();
+            model.copy_used_from(packed);
+            assert!(is_sized(&model) && model.sequence > last);
+            last = model.sequence;
+            taken += 1;
+        });
+        if over {
+            break;
+        }
+        std::thread::yield_now();
+    }
+    let refused = writer.join().expect("the writer does not panic");
+    assert_eq!(taken + tick.counters().superseded_models + refused, MODELS);
 }
 
 #[test]
@@ -132,7 +238,7 @@ fn a_refused_model_is_named_counted_and_missed() {
     assert_eq!(host.refused_models(), 3);
     tick.take_models(|_, _| ());
     assert_eq!(host.publish(0, &model(6)), Ok(()));
-    tick.take_models(|_, model| assert_eq!(model.sequence, 6));
+    tick.take_models(|_, model| assert_eq!(model.head.sequence, 6));
     assert_eq!(
         (
             tick.counters().lost_models,
@@ -188,7 +294,7 @@ fn five_seconds_of_stall_fit() {
     });
     assert_eq!((read, log.drain(|_| ())), (5000, 5000));
     let mut taken = 0;
-    tick.take_models(|_, model| taken = model.sequence);
+    tick.take_models(|_, model| taken = model.head.sequence);
     assert_eq!((taken, tick.counters().superseded_models), (300, 299));
     let bytes: usize = tick
         .memory()
@@ -281,7 +387,7 @@ fn copies_of_models_that_the_log_has_no_room_for_are_counted_and_cost_the_tick_n
         host.publish(0, &model(sequence))
             .expect("the tick takes them");
         let mut taken = 0;
-        tick.take_models(|_, model| taken = model.sequence);
+        tick.take_models(|_, model| taken = model.head.sequence);
         assert_eq!(taken, sequence);
     }
     assert_eq!((host.refused_copies(), host.refused_models()), (3, 0));

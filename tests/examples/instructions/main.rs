@@ -9,16 +9,19 @@
 //! above `tests/instructions/expected.toml`, or where the most expensive tick of a scheme takes more than
 //! [`MOST_RATIO`] times the instructions of the cheapest. Times are printed beside the counts, without a limit.
 //!
-//! With the argument `count`, the program runs every case once for valgrind.
+//! With the argument `count`, the program runs every case once for valgrind; with `count-rings`, every passage of a
+//! model through the rings ([`rings`]).
 
 mod callgrind;
 mod cases;
 mod expected;
+mod rings;
 
 use callgrind::Count;
 use cases::{Case, Situation};
 use expected::Table;
 use palpate_tests::law::{HANDLES, SCHEMES};
+use rings::Passage;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -51,6 +54,7 @@ fn main() -> ExitCode {
         None => compare(),
         Some("--refresh") => refresh(),
         Some("count") => run_each(),
+        Some("count-rings") => pass_each(),
         Some(other) => Err(format!("found {other}, allowed: --refresh")),
     };
     match done {
@@ -77,34 +81,58 @@ fn run_each() -> Result<(), String> {
     Ok(())
 }
 
-/// Every case with its count.
-fn counted() -> Result<Vec<(Case, Count)>, String> {
+/// Runs every passage once.
+fn pass_each() -> Result<(), String> {
+    for passage in Passage::all() {
+        if !passage.prepare().run() {
+            return Err(format!("{}: the model was refused", passage.name()));
+        }
+    }
+    Ok(())
+}
+
+/// The counts of all calls of `function`, which this program with `argument` makes once for each of `all`.
+fn counted<T>(
+    argument: &str,
+    function: &str,
+    all: impl Iterator<Item = T>,
+) -> Result<Vec<(T, Count)>, String> {
     let program = std::env::current_exe().map_err(|e| format!("no path to myself: {e}"))?;
-    let (counts, _) = callgrind::count(&program, "count", cases::MEASURED)?;
-    let cases: Vec<Case> = Case::all().collect();
-    if counts.len() != cases.len() {
+    let (counts, _) = callgrind::count(&program, argument, function)?;
+    let all: Vec<T> = all.collect();
+    if counts.len() != all.len() {
         return Err(format!(
-            "valgrind counted {} ticks of {}",
+            "valgrind counted {} calls of {}",
             counts.len(),
-            cases.len()
+            all.len()
         ));
     }
-    Ok(cases.into_iter().zip(counts).collect())
+    Ok(all.into_iter().zip(counts).collect())
+}
+
+/// Every case with its count.
+fn ticks() -> Result<Vec<(Case, Count)>, String> {
+    counted("count", cases::MEASURED, Case::all())
+}
+
+/// Every passage with its count.
+fn passages() -> Result<Vec<(Passage, Count)>, String> {
+    counted("count-rings", rings::MEASURED, Passage::all())
 }
 
 /// The counts with their names in the table.
-fn named(counts: &[(Case, Count)]) -> Vec<(String, Count)> {
-    counts
-        .iter()
-        .map(|(case, count)| (case.name(), *count))
-        .collect()
+fn named(ticks: &[(Case, Count)], passages: &[(Passage, Count)]) -> Vec<(String, Count)> {
+    let ticks = ticks.iter().map(|(case, count)| (case.name(), *count));
+    let passages = passages.iter().map(|(case, count)| (case.name(), *count));
+    ticks.chain(passages).collect()
 }
 
 fn refresh() -> Result<(), String> {
-    let counts = counted()?;
-    print_table(&counts);
-    TABLE.refresh(&named(&counts))?;
-    ratios(&counts)
+    let (ticks, passages) = (ticks()?, passages()?);
+    print_table(&ticks);
+    print_passages(&passages);
+    TABLE.refresh(&named(&ticks, &passages))?;
+    ratios(&ticks)
 }
 
 fn compare() -> Result<(), String> {
@@ -114,10 +142,11 @@ fn compare() -> Result<(), String> {
         );
         return Ok(());
     }
-    let counts = counted()?;
-    print_table(&counts);
-    ratios(&counts)?;
-    TABLE.judge(&named(&counts))
+    let (ticks, passages) = (ticks()?, passages()?);
+    print_table(&ticks);
+    print_passages(&passages);
+    ratios(&ticks)?;
+    TABLE.judge(&named(&ticks, &passages))
 }
 
 /// Prints counts and times, one line for each scheme and number of handles.
@@ -148,19 +177,53 @@ fn print_table(counts: &[(Case, Count)]) {
     println!();
 }
 
+/// Prints counts and times of the passages, one line each.
+fn print_passages(counts: &[(Passage, Count)]) {
+    println!("A model through the rings, by number of handles: the same.\n");
+    for (passage, count) in counts {
+        println!(
+            "{}: {} (+{}), {}",
+            passage.name(),
+            count.instructions,
+            count.copies,
+            passage_nanoseconds(*passage)
+        );
+    }
+    println!();
+}
+
+/// Time of the passage (ns), including the clock's own.
+fn passage_nanoseconds(passage: Passage) -> u128 {
+    let mut ready = passage.prepare();
+    // The first passages touch the pages of the log's ring, which are not mapped in advance.
+    for _ in 0..20 * TIMED {
+        ready.again();
+        ready.run();
+    }
+    median(|| {
+        ready.again();
+        let start = Instant::now();
+        ready.run();
+        start.elapsed().as_nanos()
+    })
+}
+
+/// The median of [`TIMED`] times.
+fn median(mut time: impl FnMut() -> u128) -> u128 {
+    let mut times: Vec<u128> = (0..TIMED).map(|_| time()).collect();
+    times.sort_unstable();
+    times.get(TIMED / 2).copied().unwrap_or_default()
+}
+
 /// Time of the tick (ns), including the clock's own.
 fn nanoseconds(case: Case) -> u128 {
     let prepared = case.prepare();
-    let mut times: Vec<u128> = (0..TIMED)
-        .map(|_| {
-            let mut tick = prepared.clone();
-            let start = Instant::now();
-            tick.run();
-            start.elapsed().as_nanos()
-        })
-        .collect();
-    times.sort_unstable();
-    times.get(TIMED / 2).copied().unwrap_or_default()
+    median(|| {
+        let mut tick = prepared.clone();
+        let start = Instant::now();
+        tick.run();
+        start.elapsed().as_nanos()
+    })
 }
 
 /// Prints the ratio of the most expensive tick to the cheapest.

@@ -5,6 +5,7 @@
 #![no_std]
 
 use core::panic::PanicInfo;
+use rt_core::local_model::PackedModel;
 use rt_core::velocity::VelocityEstimator;
 use rt_core::{
     Capabilities, Controller, Device, DeviceError, DeviceState, LocalModel, Telemetry, TickRecord,
@@ -50,6 +51,12 @@ impl Device for Port {
 /// A model comes in: any model, for any body.
 #[unsafe(no_mangle)]
 pub fn law_accept(law: &mut Controller, body: usize, model: &LocalModel) -> bool {
+    law.accept(body, model).is_ok()
+}
+
+/// A model comes in from a ring.
+#[unsafe(no_mangle)]
+pub fn law_accept_packed(law: &mut Controller, body: usize, model: &PackedModel<'_>) -> bool {
     law.accept(body, model).is_ok()
 }
 
