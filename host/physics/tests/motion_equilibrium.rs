@@ -1,8 +1,8 @@
 //! Equilibria against reference forces and analytic solutions.
 
-mod fem_support;
+mod common;
 
-use fem_support::cube;
+use common::cube;
 use physics::mesh::TetMesh;
 use physics::{
     Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, HandlePose,

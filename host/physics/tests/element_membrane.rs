@@ -1,8 +1,8 @@
 //! The membrane against the theory of elasticity: patch tests, rotations, strips, energy and tangents.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::element::triangle::membrane::Membrane;
 use physics::mesh::TriMesh;

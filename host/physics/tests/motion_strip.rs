@@ -1,8 +1,8 @@
 //! Sheets in equilibrium: strips of every law, and the off-axis modulus of a woven one.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Split, grid, irregular};
+use common::{Split, grid, irregular};
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SheetLawName, Vec3, Weave};
 

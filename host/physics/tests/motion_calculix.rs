@@ -4,9 +4,9 @@
 //! Green strain and the second Piola-Kirchhoff stress, that is St. Venant-Kirchhoff. Where the program is
 //! not installed the test says so and passes.
 
-mod fem_support;
+mod common;
 
-use fem_support::block;
+use common::block;
 use physics::body::load::traction;
 use physics::mesh::{Cells, TetMesh};
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SolidLaw, SolidMaterial, Vec3};

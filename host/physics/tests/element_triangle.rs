@@ -1,10 +1,10 @@
 //! Triangles in blocks against `membrane`: forces, energy and the blocks of the tangent.
 
-mod fast_support;
-mod fem_support;
+mod common;
+mod common_kernels;
 
-use fast_support::{difference, dot, hash, nodes, vectors, zeros};
-use fem_support::{Random, Split, grid, irregular, rubber};
+use common::{Random, Split, grid, irregular, rubber};
+use common_kernels::{difference, dot, hash, nodes, vectors, zeros};
 use nalgebra::{Rotation3, Unit};
 use physics::element::VectorForm;
 use physics::element::triangle::membrane::Membrane;
@@ -166,7 +166,7 @@ fn a_turned_sheet_has_no_forces() {
         let d = displaced(&mesh, UNSTRETCHED, angle, 0.0, 0);
         let (force, energy) = linearize(&mut triangles, &d);
         // 1e3 N/m times edges of 0.1 m times a strain of rounding, some 1e-15, by six triangles.
-        let largest = fem_support::largest(force.into_iter());
+        let largest = common::largest(force.into_iter());
         assert!(largest < 5e-12, "{largest:e}");
         assert!(energy < 1e-25, "{energy:e}");
     }
@@ -201,7 +201,7 @@ fn the_product_is_that_of_the_blocks() {
     assert!(found < 1e-13, "{found:e}");
     let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
     let pushed = product(&triangles, 1.0, &shift);
-    assert_eq!(fem_support::largest(pushed.into_iter()), 0.0);
+    assert_eq!(common::largest(pushed.into_iter()), 0.0);
 }
 
 #[test]

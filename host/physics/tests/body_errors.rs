@@ -1,8 +1,8 @@
 //! Bad input: each kind is refused by name, and nothing panics.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, BodyError, Freedom, HandleSpec, Material, Vec3};
 

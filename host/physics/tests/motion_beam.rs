@@ -1,9 +1,9 @@
 //! Solids against solutions of beams. More of the kind, by mesh and order: `palpate bench accuracy`, whose
 //! study has its own tests.
 
-mod fem_support;
+mod common;
 
-use fem_support::{block, cube};
+use common::{block, cube};
 use physics::body::load::traction;
 use physics::mesh::{Cells, TetMesh};
 use physics::{Body, BodyConfig, Equilibrium, EquilibriumOptions, SolidLaw, SolidMaterial, Vec3};

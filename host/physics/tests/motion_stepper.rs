@@ -1,8 +1,8 @@
 //! The fast step is the step: same state, same forces on hands and supports, for every body.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, Split, block, grid, handle, rest_poses};
+use common::{Random, Split, block, grid, handle, rest_poses};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{

@@ -1,8 +1,8 @@
 //! The guard, the bound on the energy at the end of a step: it acts if a step would create energy, and only then.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, Split, block, cube, grid, handle, rest_poses};
+use common::{Random, Split, block, cube, grid, handle, rest_poses};
 use physics::{
     Body, BodyConfig, Freedom, Integrator, IntegratorOptions, Material, SolidLaw, SolidMaterial,
     TimeScheme, Vec3,

@@ -1,9 +1,9 @@
 //! Extreme motions of hands and extreme meshes of solids: every number stays finite, and no energy is created. This is
 //! the quick part of the stress suite.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, block, cube};
+use common::{Random, block, cube};
 use physics::mesh::TetMesh;
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,

@@ -1,8 +1,8 @@
 //! Tetrahedra against the theory of elasticity: laws, patch tests, rigid motions, tangents, momentum.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, cube};
+use common::{Random, cube};
 use nalgebra::Rotation3;
 use physics::material::law::{
     Corotational, Lame, Law, Linear, StVenantKirchhoff, StableNeoHookean,

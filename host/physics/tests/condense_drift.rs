@@ -1,8 +1,8 @@
 //! The wrench that a local model predicts for a steadily moving hand, against the steps that follow the model.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use physics::{
     Body, BodyConfig, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Real, ShapeOptions,
     Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,

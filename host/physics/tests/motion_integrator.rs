@@ -1,8 +1,8 @@
 //! Time schemes: order, energy, momentum, recovery, and the state after a step that fails.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, cube};
+use common::{Random, cube};
 use nalgebra::Rotation3;
 use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,

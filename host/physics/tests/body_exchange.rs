@@ -1,8 +1,8 @@
 //! The exchange of a body for another body of the same mesh and another material.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use physics::{
     Body, BodyConfig, BodyError, Freedom, HandlePose, Material, Stepper, StepperOptions, Vec3,
 };

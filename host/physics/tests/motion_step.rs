@@ -1,8 +1,8 @@
 //! The time step: momentum, weight, handles, stability and budgets.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use nalgebra::UnitQuaternion;
 use physics::Vec3;
 

@@ -1,8 +1,8 @@
 //! The condensation against perturbing a handle and running the step again, and its limits.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::{Clipper, Square};
 use physics::{

@@ -1,8 +1,8 @@
 //! Threads: forces against analytic ones, the tangent against differences, hanging and vibrating threads against theory.
 
-mod fem_support;
+mod common;
 
-use fem_support::Random;
+use common::Random;
 use nalgebra::UnitQuaternion;
 use physics::mesh::LineMesh;
 use physics::mesh::generate_thread::straight_thread;

@@ -2,9 +2,9 @@
 //! on a sheet with bending.
 #![allow(unsafe_code)]
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, rubber, tight};
+use common::{Random, rubber, tight};
 use physics::linear::cholesky::Cholesky;
 use physics::linear::factor::Factor;
 use physics::linear::order::{order, places};

@@ -1,8 +1,8 @@
 //! Loads per length as forces on vertices: totals, moments, and stress in balance with itself.
 
-mod fem_support;
+mod common;
 
-use fem_support::irregular;
+use common::irregular;
 use physics::body::load::edge_traction;
 use physics::mesh::MeshError;
 use physics::mesh::generate_plate::{HoledPlate, Rays, plate_with_hole};

@@ -1,10 +1,10 @@
 //! Linear tetrahedra in blocks against the exact form, and the properties of the stiffness.
 
-mod fast_support;
-mod fem_support;
+mod common;
+mod common_kernels;
 
-use fast_support::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
-use fem_support::{Random, block, cube};
+use common::{Random, block, cube};
+use common_kernels::{cells, difference, dot, hash, materials, nodes, tets, vectors, zeros};
 use physics::element::tet::shape::Tet4;
 use physics::element::tet::solid::Solid;
 use physics::element::tet4::Tets;
@@ -100,7 +100,7 @@ fn a_turned_body_has_no_forces() {
     for angle in [0.1, 1.0, 3.1] {
         let (force, energy) = forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
         // Moduli of 1e5 Pa times areas of 0.1 m^2 times a strain of rounding, a few 1e-16.
-        let largest = fem_support::largest(force.into_iter());
+        let largest = common::largest(force.into_iter());
         assert!(largest < 1e-10, "{largest:e}");
         assert!(energy.abs() < 1e-20, "{energy:e}");
     }
@@ -126,7 +126,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
     }
     assert!(least > 0.1 * largest, "{least} {largest}");
     let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
-    assert!(fem_support::largest(product(&tets, &shift).into_iter()) == 0.0);
+    assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
     // Turns are in the kernel where all elements have the body's rotation.
     let angle = 0.7;
@@ -138,7 +138,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         .iter()
         .zip(&d)
         .map(|(x, d)| axis.cross(&(x + d)));
-    let size = |u: &[Vec3]| fem_support::largest(product(&tets, u).into_iter());
+    let size = |u: &[Vec3]| common::largest(product(&tets, u).into_iter());
     let found = size(&turn.collect::<Vec<_>>()) / size(&field());
     // Rounding of terms that cancel, up to 10 times as large as the result for another field.
     assert!(found < 1e-14, "{found:e}");

@@ -1,9 +1,9 @@
 //! Laws of sheets against the theory of elasticity: derivatives, rotations, off-axis moduli, the limit of stability,
 //! and extreme gradients.
 
-mod fem_support;
+mod common;
 
-use fem_support::Random;
+use common::Random;
 use nalgebra::{Matrix3, Rotation3, SMatrix, Vector3};
 use physics::material::sheet_law::{
     CorotationalSheet, PlaneStiffness, SheetLaw, SheetModulus, StVenantKirchhoffSheet,

@@ -1,9 +1,9 @@
 //! Steps on the incomplete factor are those on the complete one, for less memory, and with few more iterations on finer
 //! meshes.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Split, block, grid, handle, rest_poses};
+use common::{Split, block, grid, handle, rest_poses};
 use physics::linear::dense::Square;
 use physics::mesh::generate_box::solid_box;
 use physics::{

@@ -1,9 +1,9 @@
 //! Triangles of woven sheets against the theory of elasticity: the isotropic membrane, derivatives, rigid motions,
 //! strips, and materials that are refused.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::element::triangle::membrane::{Element, Membrane};
 use physics::element::triangle::woven::Woven;

@@ -1,8 +1,8 @@
 //! Bending against plate theory: a cylinder, a saddle and a cap, and affine maps, which must not bend.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, BodyError, Material, Vec3};
 use proptest::prelude::*;

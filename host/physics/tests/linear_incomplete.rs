@@ -1,8 +1,8 @@
 //! The incomplete factor: exact for matrices without fill, symmetric, and positive definite for every matrix.
 
-mod fem_support;
+mod common;
 
-use fem_support::{Random, block};
+use common::{Random, block};
 use physics::linear::factor::Factor;
 use physics::linear::incomplete::Blocks;
 use physics::linear::incomplete::aggregates::aggregates;

@@ -1,10 +1,10 @@
 //! Quadratic tetrahedra in blocks, straight and curved, against the exact form, and the properties of the stiffness.
 
-mod fast_support;
-mod fem_support;
+mod common;
+mod common_kernels;
 
-use fast_support::{difference, dot, hash, materials, nodes, vectors, zeros};
-use fem_support::{Random, block, cube};
+use common::{Random, block, cube};
+use common_kernels::{difference, dot, hash, materials, nodes, vectors, zeros};
 use physics::element::VectorForm;
 use physics::element::tet::shape::Tet10;
 use physics::element::tet::solid::Solid;
@@ -141,7 +141,7 @@ fn a_turned_body_has_no_forces() {
         for angle in [0.1, 1.0, 3.1] {
             let (force, energy) = forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
             // Moduli of 1e5 Pa times areas of 0.1 m^2 times a strain of rounding, a few 1e-16.
-            let largest = fem_support::largest(force.into_iter());
+            let largest = common::largest(force.into_iter());
             assert!(largest < 1e-10, "{name}: {largest:e}");
             assert!(energy.abs() < 1e-20, "{name}: {energy:e}");
         }
@@ -212,14 +212,14 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         }
         assert!(least > 0.1 * largest, "{least} {largest}");
         let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
-        assert!(fem_support::largest(product(&tets, &shift).into_iter()) == 0.0);
+        assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
         // Turns are in the kernel where all points have the body's rotation.
         let d = displaced(&mesh, 0.7, 0.0, 0);
         forces(&mut tets, &d);
         let axis = Vec3::new(0.3, 0.2, -1.0);
         let turn: Vec<Vec3> = moved(&mesh, &d).iter().map(|x| axis.cross(x)).collect();
-        let size = |u: &[Vec3]| fem_support::largest(product(&tets, u).into_iter());
+        let size = |u: &[Vec3]| common::largest(product(&tets, u).into_iter());
         let found = size(&turn) / size(&field(count, &mut random));
         // Rounding of terms that cancel, up to 10 times as large as the result for another field.
         assert!(found < 1e-14, "{name}: {found:e}");

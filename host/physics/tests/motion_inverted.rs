@@ -1,8 +1,8 @@
 //! The realtime step on bodies that start mirrored: a body gains no energy, and a body whose law permits it recovers.
 
-mod fem_support;
+mod common;
 
-use fem_support::Random;
+use common::Random;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, BodyConfig, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3};
 
