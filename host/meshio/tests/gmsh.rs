@@ -251,7 +251,7 @@ fn what_stands_once_may_not_stand_twice_or_be_missing() {
     let twice = format!("{SMALL}\n$Nodes\n0 0 0 0\n$EndNodes\n");
     let error = parse(&twice).unwrap_err();
     assert!(
-        matches!(&error, GmshError::Repeated { what, .. } if what == "$Nodes"),
+        matches!(&error, GmshError::Repeated { item, .. } if item == "$Nodes"),
         "{error}"
     );
     assert!(

@@ -260,7 +260,7 @@ fn sizes_and_counts_that_make_no_plate_are_refused() {
         ] {
             let error = refused(&plate);
             assert!(
-                matches!(error, PlateError::Size { what: named, .. } if named == size),
+                matches!(error, PlateError::Size { dimension: named, .. } if named == size),
                 "{error}"
             );
         }

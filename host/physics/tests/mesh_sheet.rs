@@ -104,12 +104,24 @@ fn sizes_and_counts_that_make_no_sheet_are_refused() {
     for found in [0.0, -0.1, f64::NAN, f64::INFINITY] {
         let error = refused(found, 0.1, 1, 1);
         assert!(
-            matches!(error, SheetError::Size { what: "length", .. }),
+            matches!(
+                error,
+                SheetError::Size {
+                    dimension: "length",
+                    ..
+                }
+            ),
             "{error}"
         );
         let error = refused(0.1, found, 1, 1);
         assert!(
-            matches!(error, SheetError::Size { what: "width", .. }),
+            matches!(
+                error,
+                SheetError::Size {
+                    dimension: "width",
+                    ..
+                }
+            ),
             "{error}"
         );
     }

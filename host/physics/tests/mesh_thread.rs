@@ -1,7 +1,7 @@
 //! Meshes of lines: what is made has the length it should, what is wrong is named.
 
 use physics::Vec3;
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 use physics::mesh::generate_thread::{StraightError, straight_thread};
 use physics::mesh::{Field, Group, LineMesh, Mesh, MeshError, ThreadError};
 
@@ -89,8 +89,8 @@ fn every_fault_is_named_with_its_place() {
     };
     let error = with(&|mesh| mesh.lines.clear());
     assert_eq!(
-        (error.culprit(), error),
-        (Culprit::Mesh, ThreadError::Empty)
+        (error.location(), error),
+        (Location::Mesh, ThreadError::Empty)
     );
     let error = with(&|mesh| mesh.lines[1][1] = 9);
     let index = ThreadError::Index {
@@ -98,7 +98,7 @@ fn every_fault_is_named_with_its_place() {
         found: 9,
         vertices: 4,
     };
-    assert_eq!((error.culprit(), error), (Culprit::Cell(1), index));
+    assert_eq!((error.location(), error), (Location::Cell(1), index));
     let error = with(&|mesh| mesh.lines[2] = [3, 3]);
     assert_eq!(error, ThreadError::RepeatedVertex { line: 2, vertex: 3 });
     let error = with(&|mesh| mesh.positions[1] = mesh.positions[0]);
@@ -115,11 +115,11 @@ fn every_fault_is_named_with_its_place() {
     assert_eq!(error, ThreadError::Duplicate { line: 3, first: 0 });
     let error = with(&|mesh| mesh.positions.push(place(9.0, 9.0)));
     assert_eq!(
-        (error.culprit(), error),
-        (Culprit::Vertex(4), ThreadError::Unused { vertex: 4 })
+        (error.location(), error),
+        (Location::Vertex(4), ThreadError::Unused { vertex: 4 })
     );
     let error = with(&|mesh| mesh.positions[2].y = f64::NAN);
-    assert_eq!(error.culprit(), Culprit::Vertex(2));
+    assert_eq!(error.location(), Location::Vertex(2));
     let group = |members: Vec<u32>| Group {
         name: "g".to_owned(),
         members,

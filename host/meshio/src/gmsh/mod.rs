@@ -105,12 +105,12 @@ pub enum GmshError {
         first_name: &'static str,
     },
     /// A section, a field or a tag that may occur only once occurs again.
-    #[error("line {line}: expected {what} once, found it again, first in line {first}")]
+    #[error("line {line}: expected {item} once, found it again, first in line {first}")]
     Repeated {
         /// The line of the repetition.
         line: usize,
         /// The section, the field, or the kind of tag with its number.
-        what: String,
+        item: String,
         /// The line of the first occurrence.
         first: usize,
     },

@@ -84,10 +84,7 @@ fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
     let families = families.into_iter().chain([
         ("frozen, to a tolerance", frozen.to_vec()),
         ("frozen, single precision, to a tolerance", single.to_vec()),
-        (
-            "frozen, single precision, N iterations",
-            once.to_vec(),
-        ),
+        ("frozen, single precision, N iterations", once.to_vec()),
     ]);
     let mut curves = Vec::new();
     for (name, methods) in families {
