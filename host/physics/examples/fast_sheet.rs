@@ -66,7 +66,7 @@ fn row<T: Real>(what: &str, h: f64, options: StepperOptions) -> Result<(), Box<d
         .map(|report| report.wrench_on_hand.force);
     let force = force.unwrap_or_default().norm();
     times.sort_by(f64::total_cmp);
-    let quantile = |share: f64| times[(share * (times.len() - 1) as f64) as usize];
+    let quantile = |fraction: f64| times[(fraction * (times.len() - 1) as f64) as usize];
     println!(
         "{what:<22} {h:>6} s {:>8.1} {:>8.1} {:>8.1} {:>6.2} {most:>5} {force:>12.6}",
         quantile(0.1),

@@ -25,12 +25,12 @@ fn mirrored(law: SolidLaw, quadratic: bool, poisson: f64, shaken: f64) -> Body {
         stiffness_damping: 0.01,
         ..BodyConfig::default()
     };
-    let stuff = SolidMaterial {
+    let material = SolidMaterial {
         young: 1e4,
         poisson,
         density: 1000.0,
     };
-    let mut body = Body::solid(&mesh, &[stuff], law, config, &[]).unwrap();
+    let mut body = Body::solid(&mesh, &[material], law, config, &[]).unwrap();
     let mut random = Random(5);
     let mirror = |x: &Vec3| Vec3::new(-x.x, x.y, x.z) + random.vector() * shaken;
     let start: Vec<Vec3> = mesh.positions.iter().map(mirror).collect();

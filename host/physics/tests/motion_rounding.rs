@@ -241,14 +241,14 @@ fn tiny_steps_are_not_halved_for_rounding() {
                 stiffness_damping: beta,
                 ..BodyConfig::default()
             };
-            let stuff = SolidMaterial {
+            let material = SolidMaterial {
                 young: 1e4,
                 poisson: 0.3,
                 density: 1000.0,
             };
             let mesh = cube(2, 0.2, false);
             let mut body =
-                Body::solid(&mesh, &[stuff], SolidLaw::StableNeoHookean, config, &[]).unwrap();
+                Body::solid(&mesh, &[material], SolidLaw::StableNeoHookean, config, &[]).unwrap();
             let kick: Vec<Vec3> = mesh.positions.iter().map(|x| x * 0.1).collect();
             body.set_velocities(&kick).unwrap();
             let options = IntegratorOptions {

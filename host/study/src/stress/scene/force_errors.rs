@@ -14,7 +14,7 @@ const WINDOW: f64 = 0.5;
 
 /// The errors of the rendered force, each that of the worst device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Felt {
+pub struct ForceErrors {
     /// Error of the mean force of the last second, as a fraction of the mean of the body's own force.
     pub hold_error: f64,
     /// Error of the force over the whole run (RMS), as a fraction of the largest of the body's own force.
@@ -29,7 +29,7 @@ pub struct Felt {
     pub run_moment: f64,
 }
 
-impl Felt {
+impl ForceErrors {
     /// Measures `run`, along which the copies of the bodies were moved. The errors of the run exclude the times at
     /// which a device was absent, or at which the tick had not yet received a model of the softened body.
     pub(super) fn of(run: &Trace, reference: &Trace, draw: &Draw) -> Self {
@@ -137,14 +137,14 @@ mod tests {
         }
     }
 
-    fn felt(force: impl Fn(f64) -> f64) -> Felt {
+    fn errors(force: impl Fn(f64) -> f64) -> ForceErrors {
         let draw = Draw::untroubled(100.0, 0.0);
-        Felt::of(&run(force), &run(|_| 2.0), &draw)
+        ForceErrors::of(&run(force), &run(|_| 2.0), &draw)
     }
 
     #[test]
     fn a_force_is_measured_against_the_bodys_own() {
-        let found = felt(|_| 1.9);
+        let found = errors(|_| 1.9);
         // Sums of thousands of numbers of order one.
         let is = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} {b}");
         is(found.hold_error, 0.05);
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn an_early_error_counts_in_the_run_and_not_in_the_hold() {
         // Half a second in the middle shakes; the last second does not.
-        let found = felt(|time| {
+        let found = errors(|time| {
             let shakes = (1.5..2.0).contains(&time);
             2.0 + if shakes {
                 0.4 * (TAU * 60.0 * time).sin()
@@ -180,10 +180,10 @@ mod tests {
     fn ripple_that_the_reference_has_at_about_the_same_time_does_not_count() {
         let shaken = |time: f64| 2.0 + 0.4 * (TAU * 60.0 * time).sin();
         let draw = Draw::untroubled(100.0, 0.0);
-        let found = Felt::of(&run(shaken), &run(shaken), &draw);
+        let found = ForceErrors::of(&run(shaken), &run(shaken), &draw);
         assert!(found.worst_ripple < 1e-12);
         let early = |time: f64| if time < 1.0 { shaken(time) } else { 2.0 };
-        let found = Felt::of(&run(shaken), &run(early), &draw);
+        let found = ForceErrors::of(&run(shaken), &run(early), &draw);
         assert!(found.worst_ripple > 0.2, "{}", found.worst_ripple);
     }
 
@@ -192,6 +192,6 @@ mod tests {
         let mut limited = run(|_| 1.5);
         limited.devices[0].limited.fill(true);
         let draw = Draw::untroubled(100.0, 0.0);
-        assert!(Felt::of(&limited, &run(|_| 1.5), &draw).hold_error < 1e-12);
+        assert!(ForceErrors::of(&limited, &run(|_| 1.5), &draw).hold_error < 1e-12);
     }
 }
