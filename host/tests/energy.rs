@@ -128,7 +128,7 @@ fn every_trip_is_counted_and_reported_with_its_cause() -> Result<(), Box<dyn Err
         found
             .events
             .iter()
-            .any(|event| event.what.contains("force fading"))
+            .any(|event| event.description.contains("force fading"))
     );
     Ok(())
 }

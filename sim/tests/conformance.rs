@@ -49,7 +49,7 @@ fn devices_that_fail_on_time_conform() {
         (50 * MS..100 * MS, Fault::Silent),
         (120 * MS..150 * MS, Fault::Gone),
         (200 * MS..210 * MS, Fault::Corrupt(Corruption::CheckSum)),
-        (300 * MS..350 * MS, Fault::Deaf),
+        (300 * MS..350 * MS, Fault::RefusesCommands),
     ];
     for name in ["falcon", "virtuose6d"] {
         let make = || {
@@ -67,7 +67,7 @@ fn a_faulty_device_does_what_its_list_says() {
     let faults = vec![
         (10 * MS..20 * MS, Fault::Gone),
         (30 * MS..40 * MS, Fault::NotANumber),
-        (50 * MS..60 * MS, Fault::Deaf),
+        (50 * MS..60 * MS, Fault::RefusesCommands),
     ];
     let mut device = Faulty::new(Box::new(simulated("touch")), faults);
     let push = Wrench {

@@ -176,7 +176,7 @@ impl<'a> Settings<'a> {
             .and_then(Value::as_integer)
             .and_then(|n| n.try_into().ok());
         number.ok_or_else(|| {
-            let found = value.map_or("nothing".into(), said);
+            let found = value.map_or("nothing".into(), described);
             refused(field, found, "a whole number from 0 to 0xffff")
         })
     }
@@ -189,13 +189,13 @@ impl<'a> Settings<'a> {
         match self.get(field) {
             None => Ok(None),
             Some(Value::String(text)) => Ok(Some(text.clone())),
-            Some(other) => Err(refused(field, said(other), "a text in quotes")),
+            Some(other) => Err(refused(field, described(other), "a text in quotes")),
         }
     }
 }
 
 /// A value as a message quotes it: a scalar in full, any other value by its type.
-fn said(value: &Value) -> String {
+fn described(value: &Value) -> String {
     match value {
         Value::Integer(number) => number.to_string(),
         Value::Float(number) => format!("{number:?}"),
