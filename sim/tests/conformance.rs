@@ -230,7 +230,7 @@ fn the_suite_finds_a_state_that_is_not_a_number() {
 
 #[test]
 #[should_panic(expected = "200 states in 500 ticks")]
-fn the_suite_finds_a_device_that_says_too_little() {
+fn the_suite_finds_a_device_that_falls_silent() {
     let faults = vec![(200 * MS..u64::MAX, Fault::Silent)];
     Suite::new("broken")
         .check(|| Box::new(Faulty::new(Box::new(simulated("touch")), faults.clone())));

@@ -23,7 +23,7 @@ fn refusal(
 }
 
 #[test]
-fn meshes() {
+fn bad_meshes_are_refused_by_name() {
     let refusal = |mesh: &TriMesh| refusal(mesh, &[rubber(0.3)], tight(), &[]);
     assert_eq!(refusal(&TriMesh::default()), BodyError::Empty);
 
@@ -59,7 +59,7 @@ fn meshes() {
 }
 
 #[test]
-fn materials() {
+fn bad_materials_are_refused_by_name() {
     let refusal = |materials: &[Material]| refusal(&square(), materials, tight(), &[]);
     let good = rubber(0.3);
     let named = |material: Material| match refusal(&[good, material]) {
@@ -119,7 +119,7 @@ fn materials() {
 }
 
 #[test]
-fn configurations() {
+fn bad_configurations_are_refused_by_name() {
     let named = |config| match refusal(&square(), &[rubber(0.3)], config, &[]) {
         BodyError::Config { field, .. } => field,
         other => panic!("{other}"),
@@ -155,7 +155,7 @@ fn configurations() {
 }
 
 #[test]
-fn handles() {
+fn bad_handles_are_refused_by_name() {
     let spec = |vertices: &[u32]| HandleSpec {
         vertices: vertices.to_vec(),
         origin: Vec3::zeros(),
@@ -190,7 +190,7 @@ fn handles() {
 }
 
 #[test]
-fn arrays() {
+fn bad_arrays_are_refused_by_name() {
     let mut sheet = Body::sheet(&square(), &[rubber(0.3)], tight(), &[]).unwrap();
     let before: Vec<Vec3> = sheet.positions().collect();
     let short = [Vec3::zeros(); 3];

@@ -10,7 +10,7 @@ use physics::{
 const LX: f64 = 0.1;
 const STEP: f64 = 1e-3;
 
-/// A strip between two handles, of this fraction of rubber's stiffness.
+/// A strip between two handles. Its modulus is this fraction of that of rubber.
 fn strip(fraction: f64, cells: u32) -> (Body, Vec<HandlePose>) {
     let mesh = grid(cells, 4, LX, 0.04, Split::Right);
     let handles = [
@@ -50,7 +50,8 @@ fn an_exchange_for_the_same_material_changes_no_force() {
     for step in 101..=110 {
         body.step(STEP, &pulled(&rest, step)).unwrap();
         other.step(STEP, &pulled(&rest, step)).unwrap();
-        // The bound on a step's energy starts anew and is not met here: the very same arithmetic.
+        // The exchange restarts the bound on the energy of a step. No step here reaches that bound, so the arithmetic
+        // is the same.
         assert_eq!(body.handle_report(1), other.handle_report(1));
         assert_eq!(body.node_positions(), other.node_positions());
     }
@@ -65,7 +66,7 @@ fn a_softer_body_keeps_the_motion_and_the_energy_falls_with_its_modulus() {
     }
     soft.continue_from(&body).unwrap();
     assert_eq!(soft.momentum(), body.momentum());
-    // Membrane and bending are linear in Young's modulus: rounding of a few hundred sums.
+    // Membrane and bending are linear in Young's modulus. The difference is the rounding of a few hundred sums.
     let fraction = soft.elastic_energy() / body.elastic_energy();
     assert!((fraction - 0.25).abs() < 1e-12, "{fraction}");
     // At rest the handles pull with a quarter of the force, with either stepper.
@@ -76,7 +77,7 @@ fn a_softer_body_keeps_the_motion_and_the_energy_falls_with_its_modulus() {
         stepper.step(&mut soft, STEP, &targets, || false).unwrap();
     }
     let pull = |body: &Body| body.handle_report(1).unwrap().wrench_on_hand.force.x;
-    // The solver's tolerance of 1e-6, and the small motion that remains after 4 s.
+    // The tolerance of the solver is 1e-6, and a small motion remains after 4 s.
     assert!((pull(&soft) / pull(&body) - 0.25).abs() < 1e-4);
 }
 

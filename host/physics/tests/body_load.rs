@@ -9,7 +9,7 @@ use physics::mesh::generate_plate::{HoledPlate, Rays, plate_with_hole};
 use physics::{Mat3, Vec3};
 
 #[test]
-fn an_edge_takes_force_and_moment_of_a_quadratic_load_exactly() {
+fn an_edge_receives_the_exact_force_and_moment_of_a_quadratic_load() {
     let mesh = irregular(7, 4, 0.1, 0.04, 0.2, 3);
     let end: Vec<u32> = (0_u32..)
         .zip(&mesh.positions)
@@ -21,7 +21,7 @@ fn an_edge_takes_force_and_moment_of_a_quadratic_load_exactly() {
         Vec3::new(3.0 * at.y * at.y, 2.0, at.y)
     };
     let (forces, length) = edge_traction(&mesh, &end, load).unwrap();
-    // A handful of roundings.
+    // The tolerance is a few roundings.
     assert!((length - 0.04).abs() < 1e-15);
     let total: Vec3 = forces.iter().sum();
     assert!((total - Vec3::new(0.04_f64.powi(3), 0.08, 0.0008)).norm() < 1e-15);
@@ -30,7 +30,7 @@ fn an_edge_takes_force_and_moment_of_a_quadratic_load_exactly() {
         .zip(&mesh.positions)
         .map(|(f, x)| x.cross(f))
         .sum();
-    // About z: x f_y less the integral of y 3 y^2.
+    // The moment about z is x f_y less the integral of y 3 y^2.
     assert!((moment.z - (0.1 * 0.08 - 0.75 * 0.04_f64.powi(4))).abs() < 1e-15);
     let on_end = |vertex: u32| end.contains(&vertex);
     assert!(
@@ -41,7 +41,7 @@ fn an_edge_takes_force_and_moment_of_a_quadratic_load_exactly() {
 }
 
 #[test]
-fn a_uniform_stress_pulls_a_plate_with_a_hole_nowhere() {
+fn a_uniform_stress_on_a_plate_with_a_hole_has_no_resultant() {
     let plate = HoledPlate {
         width: 0.3,
         height: 0.2,
@@ -61,12 +61,12 @@ fn a_uniform_stress_pulls_a_plate_with_a_hole_nowhere() {
         .zip(&mesh.positions)
         .map(|(f, x)| x.cross(f))
         .sum();
-    // Rounding of sums of some fifty terms of 0.1.
+    // The sums have some fifty terms of 0.1, which round.
     assert!(
         total.norm() < 1e-14 && moment.norm() < 1e-14,
         "{total} {moment}"
     );
-    // Outward everywhere: the uniform pressure's virial is minus twice the area.
+    // The forces point outward everywhere. The virial of a uniform pressure is minus twice the area.
     let (forces, _) = edge_traction(&mesh, &all, |_, normal| -*normal).unwrap();
     let virial: f64 = forces
         .iter()

@@ -8,12 +8,12 @@ use physics::{
     Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
-/// A step (s).
+/// The length of a step (s).
 const H: f64 = 1e-3;
-/// Steps between models, and steps over which a model must be accurate.
+/// The number of steps between two models, and the number of steps over which a model must be accurate.
 const EVERY: u32 = 4;
 const AHEAD: u32 = 8;
-/// The hand presses the block this fast (m/s), for so many steps.
+/// The velocity at which the hand presses the block (m/s), and the number of steps.
 const SPEED: f64 = 0.2;
 const STEPS: u32 = 400;
 
@@ -129,8 +129,8 @@ fn models_of_a_pressed_block_predict_the_force_on_a_steady_hand() {
             frozen::<f32>(damping),
         ];
         println!("damping {damping} s: {errors:.4?}");
-        // Without the forces that the tangent misses the errors are 0.3 to 0.5 %. The models do not contain the change
-        // of the damping along the path.
+        // Without the term for the forces that the tangent misses, the errors would be 0.3 to 0.5 %. The remaining
+        // error is the change of the damping along the path, which the models do not contain.
         assert!(errors.iter().all(|&error| error < 0.0025), "{errors:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! The condensation against perturbing a handle and running the step again, and its limits.
+//! The condensation compared with perturbing a handle and running the step again, and the limits of the condensation.
 
 mod common;
 
@@ -20,12 +20,12 @@ fn three_handles(freedom: [Freedom; 3]) -> (Vec<HandleSpec>, physics::mesh::TriM
         handle(&mesh, freedom[1], |x| x.x > LX - 1e-9),
         handle(&mesh, freedom[2], middle),
     ];
-    // An origin away from the vertices, as a device's would be.
+    // The origin lies away from the vertices, as the origin of a device does.
     handles[1].origin += Vec3::new(0.01, 0.0, 0.02);
     (handles, mesh)
 }
 
-/// A strip stretched and twisted by its handles.
+/// A strip that its handles stretch and twist.
 fn loaded(config: BodyConfig, freedom: [Freedom; 3]) -> (Body, Vec<HandlePose>) {
     let (handles, mesh) = three_handles(freedom);
     let sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &handles).unwrap();
@@ -39,8 +39,8 @@ fn loaded(config: BodyConfig, freedom: [Freedom; 3]) -> (Body, Vec<HandlePose>) 
 /// Derivative of all reactions by every motion of every handle. The step is run again with the target moved in the
 /// positive and in the negative direction.
 fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Square {
-    // A step is linear in the vertices' displacement, a turn quadratic in its angle beyond that: the
-    // central difference errs by the angle squared, 1e-8.
+    // A step is linear in the displacement of the vertices. In the angle of a turn it has quadratic terms. The error of
+    // the central difference is the square of the angle, 1e-8.
     let by = 1e-4;
     let mut result = Square::zeros(6 * poses.len());
     for (handle, freedom) in freedom.iter().enumerate() {
@@ -73,8 +73,8 @@ fn rerun(sheet: &Body, poses: &[HandlePose], h: f64, freedom: &[Freedom]) -> Squ
     result
 }
 
-/// Largest difference of the rows and columns in `freedom`, over the largest entry; rotations are made
-/// comparable by `length`.
+/// The largest difference of the rows and columns in `freedom`, as a fraction of the largest entry. The factor `length`
+/// makes rotations comparable with translations.
 fn difference(a: &Square, b: &Square, length: f64, freedom: &[Freedom]) -> f64 {
     let unit = |slot: usize| if slot % 6 < 3 { 1.0 } else { length };
     let has = |slot: usize| slot % 6 < freedom[slot / 6].count();
@@ -110,7 +110,7 @@ fn config() -> BodyConfig {
 }
 
 #[test]
-fn at_the_step_s_own_period_it_is_a_rerun_of_the_step() {
+fn at_the_period_of_the_step_the_condensation_repeats_the_perturbed_step() {
     let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Translation];
     let (mut sheet, poses) = loaded(config(), freedom);
     settle(&mut sheet, &poses, 1.0, 60).unwrap();
@@ -120,7 +120,7 @@ fn at_the_step_s_own_period_it_is_a_rerun_of_the_step() {
         let condensed = condenser.condense(&sheet, h).unwrap();
         let rerun = rerun(&sheet, &poses, h, &freedom);
         let error = difference(&dynamic(condensed, h), &rerun, condensed.length, &freedom);
-        // Asked: 1 %. The rerun's own error is 1e-8.
+        // The required accuracy is 1 %. The perturbed steps have an error of 1e-8.
         assert!(error < 1e-6, "{h}: {error:e}");
     }
 }
@@ -156,7 +156,8 @@ fn portable_kernels_repeat_to_the_bit_and_differ_from_the_fastest_by_rounding() 
         ] {
             let (largest, apart) = entries(a, b);
             println!("{period}: {:.1e} of the largest entry", apart / largest);
-            // Rounding, times the condition of the step's matrix (worst at the longest period).
+            // The tolerance is the rounding times the condition number of the step's matrix, which is largest at the
+            // longest period.
             assert!(
                 apart < 1e-10 * largest,
                 "{period}: {apart:e} of {largest:e}"
@@ -166,7 +167,7 @@ fn portable_kernels_repeat_to_the_bit_and_differ_from_the_fastest_by_rounding() 
 }
 
 #[test]
-fn in_motion_too_for_translations() {
+fn in_motion_the_condensation_repeats_the_perturbed_step_for_translations() {
     let freedom = [Freedom::Fixed, Freedom::Translation, Freedom::Translation];
     let (mut sheet, mut poses) = loaded(config(), freedom);
     let h = 2e-3;
@@ -180,9 +181,10 @@ fn in_motion_too_for_translations() {
     let condensed = condenser.condense(&sheet, h).unwrap();
     let rerun = rerun(&sheet, &poses, h, &freedom);
     let error = difference(&dynamic(condensed, h), &rerun, condensed.length, &freedom);
-    // Linear, so exact to the solver's 1e-13 of the first residual over a motion of 1e-4.
+    // The step is linear, so the comparison is exact up to the solver's 1e-13 of the first residual over a motion of
+    // 1e-4.
     assert!(error < 1e-8, "{error:e}");
-    // A clamp has no rows, and a handle without rotations none for them.
+    // A clamp has no rows. A handle without rotations has no rows for rotations.
     for slot in (0..18).filter(|slot| *slot < 6 || slot % 6 >= 3) {
         for other in 0..18 {
             assert_eq!(condensed.stiffness[(slot, other)], 0.0);
@@ -192,7 +194,7 @@ fn in_motion_too_for_translations() {
 }
 
 #[test]
-fn in_the_static_limit_moving_all_handles_alike_costs_nothing() {
+fn in_the_static_limit_a_common_motion_of_the_handles_meets_no_stiffness() {
     let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Rigid];
     let (mut sheet, poses) = loaded(
         BodyConfig {
@@ -210,7 +212,8 @@ fn in_the_static_limit_moving_all_handles_alike_costs_nothing() {
     for i in (0..18).filter(|i| i % 6 < 3) {
         for axis in 0..3 {
             let sum: f64 = (0..3).map(|handle| k[(i, 6 * handle + axis)]).sum();
-            // The mass adds (1e4 s)^-2, which is negligible. The error is rounding times the matrix's condition.
+            // The mass adds (1e4 s)^-2, which is negligible. The error is the rounding times the condition number of
+            // the matrix.
             assert!(sum.abs() < 1e-9 * scale, "{i} {axis}: {sum:e} {scale:e}");
         }
     }
@@ -236,7 +239,7 @@ fn assert_definite(matrix: &Square, length: f64) {
                 energy += motion[i] * matrix[(i, j)] * motion[j];
             }
         }
-        // Clipping leaves 1e-12 of the largest eigenvalue, which a trace bounds.
+        // The clipping leaves 1e-12 of the largest eigenvalue, and the trace bounds that eigenvalue.
         assert!(energy >= -1e-11 * largest * size as f64, "{energy:e}");
     }
 }
@@ -256,7 +259,7 @@ fn the_published_matrices_are_symmetric_and_semidefinite() {
 
 #[test]
 fn a_loose_sheet_in_one_hand_has_a_local_model() {
-    // Flat, without bending, held at a corner: its static stiffness is singular.
+    // The sheet is flat, without bending, and held at a corner. Its static stiffness is singular.
     let mesh = grid(6, 6, LX, LX, Split::Right);
     let handles = [handle(&mesh, Freedom::Rigid, |x| x.x + x.y < 0.02)];
     let config = BodyConfig {
@@ -282,7 +285,7 @@ fn a_loose_sheet_in_one_hand_has_a_local_model() {
 }
 
 #[test]
-fn a_sheet_held_everywhere_or_nowhere_is_no_special_case() {
+fn a_sheet_held_everywhere_or_nowhere_has_a_local_model() {
     let mesh = grid(2, 2, LX, LX, Split::Right);
     let all = [handle(&mesh, Freedom::Rigid, |_| true)];
     let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], tight(), &all).unwrap();
@@ -290,7 +293,7 @@ fn a_sheet_held_everywhere_or_nowhere_is_no_special_case() {
     sheet.assemble();
     let mut condenser = Condenser::new(&sheet).unwrap();
     let condensed = condenser.condense(&sheet, 0.01).unwrap();
-    // A rigid body: no stiffness, only its mass.
+    // The body is rigid: it has mass and no stiffness.
     assert!((condensed.mass[(0, 0)] / sheet.total_mass() - 1.0).abs() < 1e-12);
     assert!(
         condensed
@@ -319,7 +322,7 @@ fn a_sheet_held_everywhere_or_nowhere_is_no_special_case() {
 
 #[test]
 fn clipping_gives_the_nearest_semidefinite_matrix() {
-    // Eigenvalues 3 and -1 along (1, 1) and (1, -1): clipped, only the first is left.
+    // The eigenvalues are 3 and -1 along (1, 1) and (1, -1). Clipping leaves only the first.
     let mut matrix = Square::zeros(2);
     matrix[(0, 0)] = 1.0;
     matrix[(1, 1)] = 1.0;
@@ -328,7 +331,7 @@ fn clipping_gives_the_nearest_semidefinite_matrix() {
     let mut clipper = Clipper::new(2);
     let clip = clipper.clip(&mut matrix, &[1.0, 1.0]);
     assert_eq!(clip.count, 1);
-    // Rounding of a rotation.
+    // The tolerance is the rounding of a rotation.
     assert!((clip.fraction - 1.0 / 3.0).abs() < 1e-15);
     assert!(
         matrix.as_slice().iter().all(|k| (k - 1.5).abs() < 1e-15),
@@ -339,7 +342,7 @@ fn clipping_gives_the_nearest_semidefinite_matrix() {
     assert_eq!(matrix, again);
 }
 
-/// A cube of quadratic tetrahedra between two plates, loaded, with a support on one side.
+/// A cube of quadratic tetrahedra under a load, between two plates, with a support on one side.
 fn cube_between_plates(law: SolidLaw) -> (Body, Vec<HandlePose>) {
     let mesh = cube(2, 0.1, true);
     let face = |axis: usize, at: f64| -> Vec<u32> {
@@ -374,7 +377,7 @@ fn cube_between_plates(law: SolidLaw) -> (Body, Vec<HandlePose>) {
 }
 
 #[test]
-fn a_solid_s_condensation_is_a_rerun_of_the_step() {
+fn the_condensation_of_a_solid_repeats_the_perturbed_step() {
     let freedom = [Freedom::Rigid; 2];
     for law in [SolidLaw::Corotational, SolidLaw::StableNeoHookean] {
         let (mut body, poses) = cube_between_plates(law);
@@ -387,7 +390,7 @@ fn a_solid_s_condensation_is_a_rerun_of_the_step() {
             let found = dynamic(condensed, h);
             let error = difference(&found, &rerun, condensed.length, &freedom);
             println!("{law:?} h = {h}: {error:.1e}");
-            // The central difference of the turns errs by 1e-8 of the largest entry.
+            // The central difference of the turns has an error of 1e-8 of the largest entry.
             assert!(error < 1e-7, "{law:?} {h} {error}");
         }
     }
@@ -418,7 +421,7 @@ fn static_condensation_is_the_response_of_the_body_at_rest() {
             largest = largest.max(slope[axis].abs());
         }
     }
-    // Residuals of 1e-9 of the forces, over displacements of 1e-5 of the edge: 1e-4 at worst, and less by
-    // Newton's last, quadratic iteration.
+    // The residuals are 1e-9 of the forces, and the displacements are 1e-5 of the edge. The error is at most 1e-4, and
+    // smaller after the last, quadratic iteration of Newton's method.
     assert!(error < 1e-5 * largest, "{error} {largest}");
 }

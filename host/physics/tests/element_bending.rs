@@ -1,4 +1,4 @@
-//! Bending against plate theory: a cylinder, a saddle and a cap, and affine maps, which must not bend.
+//! Bending compared with plate theory: a cylinder, a saddle and a cap, and affine maps, which must not bend the sheet.
 
 mod common;
 
@@ -37,7 +37,7 @@ fn roll(x: &Vec3, radius: f64, angle: f64) -> Vec3 {
     Vec3::new(radius * turn.sin(), along, radius * (1.0 - turn.cos()))
 }
 
-/// Energy over the exact one, less 1, for three meshes, each twice as fine as the last.
+/// The energy over the exact energy, less 1, for three meshes. Each mesh is twice as fine as the one before.
 fn errors(
     mesh: impl Fn(u32) -> TriMesh,
     exact: f64,
@@ -47,7 +47,7 @@ fn errors(
     [4, 8, 16].map(|cells| bending_energy(&mesh(cells), material, &shape) / exact - 1.0)
 }
 
-/// Meshes of a rectangle of every kind of cut, and an irregular one.
+/// Meshes of a rectangle with every pattern of diagonals, and an irregular mesh.
 fn meshes(lx: f64, ly: f64) -> Vec<Box<dyn Fn(u32) -> TriMesh>> {
     let mut meshes: Vec<Box<dyn Fn(u32) -> TriMesh>> = Vec::new();
     for split in [
@@ -66,9 +66,9 @@ fn meshes(lx: f64, ly: f64) -> Vec<Box<dyn Fn(u32) -> TriMesh>> {
     meshes
 }
 
-/// The energy lacks the strip at the border. This error is of the order of a cell over the width, 1/64 and 1/48 on both
-/// sides of the finest mesh, and halves with every refinement. The error by which patches near a conic are regularized
-/// does not halve. It is below a thousandth.
+/// The energy lacks the strip at the border. This error is of the order of a grid cell over the width, 1/64 and 1/48 on
+/// both sides of the finest mesh, and halves with every refinement. The regularization of patches near a conic causes
+/// another error, which does not halve. That error is below a thousandth.
 fn assert_convergent(errors: [f64; 3]) {
     assert!(errors[2].abs() < 0.03, "{errors:?}");
     assert!(
@@ -106,7 +106,7 @@ fn a_cap_and_a_saddle_store_the_energy_of_kirchhoff_s_plate() {
         let square = xx * xx + 2.0 * xy * xy + yy * yy;
         let density = (1.0 - material.poisson) * square + material.poisson * (xx + yy) * (xx + yy);
         let exact = 0.5 * material.bending_rigidity() * curvature * curvature * density * lx * ly;
-        // The model is quadratic in the positions, so a graph over the plane is exact at any height.
+        // The model is quadratic in the positions, so the energy of a graph over the plane is exact at any height.
         let shape = |x: &Vec3| {
             let q = 0.5 * xx * x.x * x.x + xy * x.x * x.y + 0.5 * yy * x.y * x.y;
             Vec3::new(x.x, x.y, curvature * q)
@@ -125,8 +125,8 @@ fn no_affine_map_bends() {
     let map = in_plane(1.5, 0.4, -0.3, 0.7);
     let shift = Vec3::new(0.5, -0.4, 0.3);
     let energy = bending_energy(&mesh, material, |x| tilt * (map * x) + shift);
-    // A roll to a radius of the sheet's own length, for comparison. The energy is a sum of terms of both
-    // signs of the size D / h^2 times h^2, with 16 digits: D times the number of blocks times 1e-16.
+    // For comparison, the sheet is rolled to a radius of its own length. The energy is a sum of terms of both signs of
+    // the size D / h^2 times h^2, with 16 digits. Its error is D times the number of blocks times 1e-16.
     let rolled = bending_energy(&mesh, material, |x| roll(x, 0.2, 0.3));
     assert!(energy.abs() < 1e-12 * rolled, "{energy:e} {rolled:e}");
 }
@@ -158,14 +158,14 @@ fn a_folded_rest_shape_is_refused_unless_bending_is_off() {
 }
 
 #[test]
-fn orientation_does_not_matter_but_three_triangles_at_an_edge_do() {
+fn any_orientation_bends_alike_and_three_triangles_at_an_edge_are_refused() {
     let mesh = grid(3, 2, 1.0, 1.0, Split::Right);
     let mut turned = mesh.clone();
     for triangle in turned.triangles.iter_mut().step_by(2) {
         triangle.swap(1, 2);
     }
     let energy = |mesh: &TriMesh| bending_energy(mesh, rubber(0.3), |x| roll(x, 1.0, 0.3));
-    // The same sums in another order.
+    // The sums have the same terms in another order.
     assert!((energy(&mesh) / energy(&turned) - 1.0).abs() < 1e-12);
 
     let mut fin = mesh.clone();
@@ -192,18 +192,19 @@ proptest! {
     #[test]
     fn a_sheet_with_bending_pulls_down_the_gradient_of_its_energy(seed in any::<u64>()) {
         let mesh = irregular(4, 3, 0.4, 0.3, 0.25, 29);
-        // A thick sheet, so that bending counts.
+        // The sheet is thick, so that bending matters.
         let mut sheet = sheet(&mesh, Material { thickness: 0.05, ..rubber(0.3) });
         let mut random = Random(seed);
         let x: Vec<Vec3> = mesh.positions.iter().map(|x| x + random.vector() * 0.03).collect();
         let direction: Vec<Vec3> = mesh.positions.iter().map(|_| random.vector()).collect();
         sheet.set_positions(&x).unwrap();
-        // A sum of squares, never negative.
+        // The energy is a sum of squares, so it is never negative.
         prop_assert!(sheet.bending_energy() > 0.0);
         sheet.assemble();
         let slope: f64 = sheet.internal_forces().zip(&direction).map(|(f, direction)| -f.dot(direction)).sum();
         let scale = largest(sheet.internal_forces());
-        // Central differences over cells of 0.1 m: truncation (1e-6 / 0.1)^2, rounding 1e-16 E / 1e-6.
+        // Central differences over grid cells of 0.1 m have a truncation error of (1e-6 / 0.1)^2 and a rounding error
+        // of 1e-16 E / 1e-6.
         let step = 1e-6;
         let mut energy = |by: f64| {
             let x: Vec<Vec3> = x.iter().zip(&direction).map(|(x, direction)| x + direction * by).collect();

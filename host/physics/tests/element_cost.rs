@@ -88,7 +88,8 @@ fn operations(work: impl FnOnce()) -> usize {
     OPERATIONS.get() - before
 }
 
-/// Displacements of four nodes, strained by about a hundredth; a little more with each number of `nodes`.
+/// The displacements of four nodes, strained by about a hundredth. The strain grows slightly with each number of
+/// `nodes`.
 fn displaced(scale: f64) -> Vec<Node<Counted>> {
     displacements(4, scale)
 }
@@ -102,15 +103,16 @@ fn displacements(nodes: i32, scale: f64) -> Vec<Node<Counted>> {
         .collect()
 }
 
-/// Operations on the padding of the nodes of an element of `nodes`: on each difference when it is read and when it is
-/// gathered, on each force added to its node, and on their sum at the first node.
+/// The operations on the padding of the nodes of an element of `nodes`: one on each difference when the kernel reads it
+/// and when the kernel gathers it, one on each force that is added to its node, and one on the sum of the forces at the
+/// first node.
 fn fill(nodes: usize) -> usize {
     let others = nodes - 1;
     2 * others + others + (others - 1) + 1
 }
 
 #[test]
-fn a_tetrahedron_takes_as_many_operations_as_are_said() {
+fn the_stated_operations_of_a_tetrahedron_are_the_counted_ones() {
     let gradients = [
         Vec3::repeat(-10.0),
         Vec3::x() * 10.0,
@@ -127,7 +129,8 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
     let mut tets = Tets::<Counted>::new([one; LANES].into_iter());
     let mut force = vec![[Counted(0.0); 4]; 4];
     let d = displaced(1.0);
-    // Until rotations are found, then once more from there: one Newton iteration each.
+    // The first pass finds the rotations. The second starts from these rotations and takes one Newton iteration for
+    // each.
     for _ in 0..2 {
         tets.linearize(&d, &mut force);
     }
@@ -135,10 +138,10 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
     let found = operations(|| {
         tets.linearize(&d, &mut force);
     });
-    // One for each lane more: energies are summed at the end.
+    // Each further lane adds one operation, because the energies are summed at the end.
     assert_eq!(found, expected);
 
-    // From further away a turn or more is added, of all.
+    // From a distant start, all lanes take one or more further turns.
     let found = operations(|| {
         tets.linearize(&displaced(3.0), &mut force);
     });
@@ -157,7 +160,7 @@ fn a_tetrahedron_takes_as_many_operations_as_are_said() {
 }
 
 #[test]
-fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
+fn the_stated_operations_of_a_quadratic_tetrahedron_are_the_counted_ones() {
     let one = QuadraticTet {
         nodes: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
         gradients: [[Vec3::x() * 10.0, Vec3::y() * 10.0, Vec3::z() * 10.0]; 4],
@@ -168,14 +171,15 @@ fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
     let mut tets = QuadraticTets::<Counted>::new(&[one; LANES]);
     let mut force = vec![[Counted(0.0); 4]; 10];
     let d = displacements(10, 1.0);
-    // Until rotations are found, then once more from there: one Newton iteration each.
+    // The first pass finds the rotations. The second starts from these rotations and takes one Newton iteration for
+    // each.
     for _ in 0..2 {
         tets.linearize(&d, &mut force);
     }
     let found = operations(|| {
         tets.linearize(&d, &mut force);
     });
-    // Energies are summed at the end.
+    // The energies are summed at the end.
     assert_eq!(found, LANES * (tet10::LINEARIZE_FLOPS + fill(10) + 1));
     let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
     assert_eq!(found, LANES * (tet10::PRODUCT_FLOPS + fill(10)));
@@ -189,7 +193,7 @@ fn a_quadratic_tetrahedron_takes_as_many_operations_as_are_said() {
 }
 
 #[test]
-fn a_triangle_takes_as_many_operations_as_are_said() {
+fn the_stated_operations_of_a_triangle_are_the_counted_ones() {
     let one = Triangle {
         nodes: [0, 1, 2],
         gradients: [[10.0, 0.0], [0.0, 10.0]],
@@ -203,13 +207,13 @@ fn a_triangle_takes_as_many_operations_as_are_said() {
     let found = operations(|| {
         triangles.linearize(&d, &mut force);
     });
-    // Energies are summed at the end.
+    // The energies are summed at the end.
     assert_eq!(found, LANES * (triangles::LINEARIZE_FLOPS + fill(3) + 1));
     let found = operations(|| triangles.product(Counted(2.0), &d, &mut force));
     assert_eq!(found, LANES * (triangles::PRODUCT_FLOPS + fill(3)));
 }
 
-/// A cube of `n` cells along the edge, held at its bottom.
+/// A cube with `n` grid cells along the edge, held at its bottom.
 fn held_cube(n: u32) -> Body {
     let mesh = solid_box([0.1; 3], [n; 3]).unwrap();
     let material = SolidMaterial {
@@ -232,7 +236,7 @@ fn held_cube(n: u32) -> Body {
 }
 
 #[test]
-fn parts_repeated_change_no_step() {
+fn repeating_a_part_changes_no_step() {
     let body = held_cube(4);
     let pose = body.handle_report(0).unwrap().pose;
     let run = |repeated: bool| {
@@ -258,8 +262,8 @@ fn parts_repeated_change_no_step() {
     let moved = plain.positions().map(|x| x.amax());
     assert!(moved.fold(0.0, f64::max) > 0.05);
     for (a, b) in plain.positions().zip(repeated.positions()) {
-        // A repeated Newton iteration for a rotation continues from the converged rotation, which has an error of
-        // 1e-13. A step of some millimetres keeps that many digits.
+        // A repeated Newton iteration for a rotation continues from the converged rotation, whose error is 1e-13. A
+        // step of some millimetres keeps that many digits.
         assert!((a - b).amax() < 1e-12, "{a} {b}");
     }
 }
@@ -272,8 +276,8 @@ fn costs_are_those_of_the_data() {
     let (elements, nodes) = (384, 125);
     let product = stepper.cost(Part::Product).unwrap();
     assert_eq!(product.flops, elements * tet4::PRODUCT_FLOPS);
-    // Four node numbers and ten numbers of eight bytes; 384 are twelve full blocks. The vector and the result, which
-    // is cleared first.
+    // An element has four node numbers and ten numbers of eight bytes; 384 elements fill twelve blocks. The pass also
+    // reads the vector, and clears and writes the result.
     assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
     assert_eq!(product.written, 2 * nodes * 32);
     assert_eq!(product.touched, elements * (16 + 80) + 2 * nodes * 32);
@@ -282,14 +286,16 @@ fn costs_are_those_of_the_data() {
     assert_eq!(half.flops, product.flops);
     let linearize = stepper.cost(Part::Linearize).unwrap();
     assert_eq!(linearize.flops, elements * tet4::LINEARIZE_FLOPS);
-    // Node numbers, nine gradients and a scale, four of a quaternion and the ratio of moduli.
+    // An element has its node numbers, nine gradients and a scale, four numbers of a quaternion, and the ratio of the
+    // moduli.
     assert_eq!(linearize.read, elements * (16 + 8 * 15) + 2 * nodes * 32);
     assert_eq!(linearize.written, elements * 8 * 13 + 2 * nodes * 32);
-    // A factorization takes the third power of a dense one's at most, and at least a product for each number.
+    // A factorization takes at most the operations of a dense one, the third power of the size, and at least one
+    // product for each number.
     let refresh = stepper.cost(Part::Refresh).unwrap();
     let unknowns: usize = 3 * 100;
     assert!(refresh.flops > unknowns * unknowns / 8 && refresh.flops < unknowns.pow(3));
-    // The memory of a stepper exceeds that which any part touches, and is smaller in single precision.
+    // The memory of a stepper exceeds the memory that any of its parts touches. In single precision it is smaller.
     assert!(stepper.bytes() > linearize.touched + refresh.touched);
     assert!(single.bytes() < stepper.bytes());
     assert!(body.bytes() > elements * size_of::<[Vec3; 4]>());

@@ -1,4 +1,4 @@
-//! The membrane against the theory of elasticity: patch tests, rotations, strips, energy and tangents.
+//! The membrane compared with the theory of elasticity: patch tests, rotations, strips, energy and tangents.
 
 mod common;
 
@@ -17,7 +17,7 @@ fn membrane(mesh: &TriMesh, poisson: f64) -> Membrane {
     Membrane::new(mesh, &[rubber(poisson)]).unwrap()
 }
 
-/// Forces at the mesh's vertices once these are at `x`.
+/// The forces at the vertices of the mesh when the vertices are at `x`.
 fn forces(sheet: &mut Body, x: &[Vec3]) -> Vec<Vec3> {
     sheet.set_positions(x).unwrap();
     sheet.assemble();
@@ -37,15 +37,16 @@ fn an_affine_map_strains_every_triangle_alike_and_leaves_the_inside_in_balance()
         let tilt = Rotation3::from_euler_angles(0.3, -0.8, 1.1).into_inner();
         let x: Vec<Vec3> = mesh.positions.iter().map(|x| tilt * map * x).collect();
         let f = forces(&mut sheet, &x);
-        // Principal stretches of a 2 x 2 map: sum^2 = |A|^2 + 2 det A, difference^2 = |A|^2 - 2 det A.
+        // The principal stretches of a 2 x 2 map follow from sum^2 = |A|^2 + 2 det A and difference^2 = |A|^2 - 2 det
+        // A.
         let square = map.fixed_view::<2, 2>(0, 0).norm_squared();
         let det = map.determinant();
         let (sum, difference) = ((square + 2.0 * det).sqrt(), (square - 2.0 * det).sqrt());
         let expected = [0.5 * (sum + difference), 0.5 * (sum - difference)];
         for triangle in 0..sheet.element_count() {
             let stretch = membrane.principal_stretches(triangle, &x);
-            // Strains of order 1 from coordinates with 16 digits, on triangles a tenth of the body wide
-            // and at worst a few times thinner than long: 1e-12 leaves a factor of a thousand.
+            // The strains are of order 1. The coordinates have 16 digits, and the triangles are a tenth as wide as the
+            // body and at worst a few times thinner than long. The tolerance 1e-12 leaves a factor of a thousand.
             assert!(
                 (stretch[0] - expected[0]).abs() < 1e-12,
                 "{stretch:?} {expected:?}"
@@ -55,7 +56,7 @@ fn an_affine_map_strains_every_triangle_alike_and_leaves_the_inside_in_balance()
                 "{stretch:?} {expected:?}"
             );
         }
-        // The same digits, times the scale of a force: E t L.
+        // The tolerance has the same digits, times the scale of a force, E t L.
         let scale = 1e6 * 1e-3 * lx;
         for (x, f) in mesh.positions.iter().zip(&f) {
             assert!(on_border(x, lx, ly) || f.norm() < 1e-12 * scale, "{f:?}");
@@ -67,8 +68,8 @@ fn an_affine_map_strains_every_triangle_alike_and_leaves_the_inside_in_balance()
 fn the_inside_returns_to_the_affine_map_of_its_border() {
     let (lx, ly) = (0.1, 0.08);
     let mesh = irregular(8, 6, lx, ly, 0.3, 11);
-    // Stretched both ways, so that every direction is in tension and the solution unique. Every border
-    // vertex is a handle of its own, since a handle is rigid.
+    // The sheet is stretched along both axes, so that every direction is in tension and the solution is unique. Every
+    // border vertex is a handle of its own, because a handle is rigid.
     let map = in_plane(1.2, 0.05, -0.02, 1.1);
     let border: Vec<u32> = (0..mesh.positions.len() as u32)
         .filter(|&vertex| on_border(&mesh.positions[vertex as usize], lx, ly))
@@ -100,13 +101,14 @@ fn the_inside_returns_to_the_affine_map_of_its_border() {
             .zip(&mesh.positions)
             .map(|(x, rest)| x - map * rest),
     );
-    // Newton's fixed point to the solver's 1e-13 of the body's size, with a margin for conditioning.
+    // Newton's method converges to the solver's 1e-13 of the size of the body. The tolerance has a margin for the
+    // condition number.
     assert!(error < 1e-12 * lx, "{error:e}");
 }
 
 #[test]
 fn a_free_strip_pulls_with_young_modulus_times_section_times_strain() {
-    // Reference: E w t (l - 1) = 8.0000 N for 1 MPa, 4 cm, 1 mm, stretch 1.2.
+    // The reference is E w t (l - 1) = 8.0000 N for 1 MPa, 4 cm, 1 mm and a stretch of 1.2.
     for poisson in [0.0, 0.3, 0.45] {
         let (lx, ly) = (0.1, 0.04);
         let mesh = irregular(10, 4, lx, ly, 0.25, 5);
@@ -119,16 +121,16 @@ fn a_free_strip_pulls_with_young_modulus_times_section_times_strain() {
             if x.x > lx - 1e-9 {
                 pull -= f;
             } else if x.x > 1e-9 {
-                // Inside and on the free sides: rounding of E t L = 100 N.
+                // Inside and on the free sides, the forces are the rounding of E t L = 100 N.
                 assert!(f.norm() < 1e-12 * 100.0, "{f:?}");
             }
         }
-        // A sum of a few exact forces: rounding only.
+        // The pull is a sum of a few exact forces, so its only error is rounding.
         assert!((pull - Vec3::new(8.0, 0.0, 0.0)).norm() < 1e-11, "{pull:?}");
     }
 }
 
-/// Pull of a strip with clamped ends, 10 x 4 cells, stretch 1.2.
+/// The pull of a strip of 10 x 4 grid cells with clamped ends at a stretch of 1.2.
 fn clamped_pull(split: Split, lx: f64, poisson: f64) -> f64 {
     let mesh = grid(10, 4, lx, 0.04, split);
     let handles = [
@@ -144,15 +146,15 @@ fn clamped_pull(split: Split, lx: f64, poisson: f64) -> f64 {
 
 #[test]
 fn a_clamped_strip_pulls_with_the_force_of_the_reference() {
-    // Reference: 8.13805 N, given to that many digits; 10 cm long, Poisson's ratio 0.3.
+    // The reference is 8.13805 N, given to that many digits, for a length of 10 cm and Poisson's ratio 0.3.
     let right = clamped_pull(Split::Right, 0.1, 0.3);
     assert!((right - 8.13805).abs() < 5e-6, "{right}");
-    // The mirrored mesh is the same strip; both are solved to about 1e-12.
+    // The mirrored mesh is the same strip. Both solutions have an error of about 1e-12.
     let left = clamped_pull(Split::Left, 0.1, 0.3);
     assert!((right - left).abs() < 1e-9, "{right} {left}");
 }
 
-/// A triangle of about a metre, stretched by 0.3 to 2.5 and turned somehow; the nodes are the vertices.
+/// A triangle of about a metre, stretched by 0.3 to 2.5 and turned by a random rotation. The nodes are the vertices.
 fn deformed_triangle(seed: u64) -> (Membrane, Vec<Vec3>) {
     let mut random = Random(seed);
     loop {
@@ -200,7 +202,8 @@ fn a_collapsed_triangle_has_a_finite_force_and_a_definite_tangent() {
     let membrane = &membrane(&mesh, 0.45);
     let far = Vec3::new(1.0, -2.0, 0.5);
     let states = [
-        // To a point, to lines (stretched and not), turned over, and nearly to a line.
+        // The triangle is collapsed to a point, to lines (stretched and not stretched), turned over, and collapsed
+        // nearly to a line.
         vec![far; 3],
         vec![far, far + Vec3::x(), far],
         vec![far, far, far + Vec3::y() * 3.0],
@@ -223,11 +226,11 @@ fn a_collapsed_triangle_has_a_finite_force_and_a_definite_tangent() {
                 .all(|f| f.is_finite()),
             "{x:?}"
         );
-        // 1000 N/m is E t; strains here are of order one to five.
+        // E t is 1000 N/m, and the strains here are of order one to five.
         assert!(largest(element.force.into_iter()) < 1e4, "{x:?}");
         let clipped = dense(membrane, &x, Tangent::Clipped);
         assert!(clipped.iter().all(|k| k.is_finite()), "{x:?}");
-        // Rounding of a 9 x 9 eigenvalue problem.
+        // The tolerance is the rounding of a 9 x 9 eigenvalue problem.
         assert!(
             smallest_eigenvalue(&clipped) > -1e-13 * clipped.norm(),
             "{x:?}"
@@ -253,7 +256,8 @@ proptest! {
         let turn = Rotation3::from_euler_angles(angles[0], angles[1], angles[2]);
         let x: Vec<Vec3> = mesh.positions.iter().map(|x| turn * x + Vec3::from(shift)).collect();
         let force = largest(forces(&mut sheet, &x).into_iter());
-        // Asked: 1e-10 of E t L. A shift of a metre costs a tenth-metre body one digit, cells another.
+        // The required accuracy is 1e-10 of E t L. A shift of a metre costs a body of 0.1 m one digit, and its grid
+        // cells another digit.
         prop_assert!(force < 1e-10 * 1e6 * 1e-3 * 0.1, "{force:e}");
     }
 
@@ -262,7 +266,7 @@ proptest! {
         let (membrane, x) = deformed_triangle(seed);
         let element = membrane.element(0, &x, Tangent::Exact);
         let scale = stiffness_scale(&membrane, &x);
-        // Central differences over a length of 1 m: truncation is step^2 = 1e-10, rounding
+        // Central differences over a length of 1 m have a truncation error of step^2 = 1e-10 and a rounding error of
         // 1e-16 / step = 1e-11.
         let step = 1e-5;
         for b in 0..3 {
@@ -279,7 +283,7 @@ proptest! {
                 for a in 0..3 {
                     let slope = (minus[a] - plus[a]) / (2.0 * step);
                     let column = element.stiffness[a][b].column(axis);
-                    // Asked: 1e-6.
+                    // The required accuracy is 1e-6.
                     prop_assert!((slope - column).norm() < 1e-6 * scale, "{slope} {column}");
                 }
             }
@@ -292,7 +296,7 @@ proptest! {
         let scale = stiffness_scale(&membrane, &x);
         let clipped = dense(&membrane, &x, Tangent::Clipped);
         let exact = dense(&membrane, &x, Tangent::Exact);
-        // Rounding of a 9 x 9 eigenvalue problem.
+        // The tolerance is the rounding of a 9 x 9 eigenvalue problem.
         prop_assert!((clipped - clipped.transpose()).norm() < 1e-13 * scale);
         prop_assert!(smallest_eigenvalue(&clipped) > -1e-13 * scale);
         prop_assert!(smallest_eigenvalue(&(clipped - exact)) > -1e-13 * scale);

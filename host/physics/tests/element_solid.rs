@@ -1,4 +1,4 @@
-//! Tetrahedra against the theory of elasticity: laws, patch tests, rigid motions, tangents, momentum.
+//! Tetrahedra compared with the theory of elasticity: laws, patch tests, rigid motions, tangents, momentum.
 
 mod common;
 
@@ -65,7 +65,7 @@ fn a_signed_decomposition_gives_back_its_matrix_and_turns_properly() {
     for f in cases {
         let d = svd(&f);
         let scale = f.amax();
-        // A dozen roundings of entries of order one.
+        // The tolerance is a dozen roundings of entries of order one.
         let back = d.u * Mat3::from_diagonal(&d.s) * d.v.transpose();
         assert!((back - f).amax() <= 1e-14 * scale, "{f} {d:?}");
         for r in [d.u, d.v] {
@@ -94,7 +94,7 @@ fn check_law<L: Law>(law: L, turns: bool) {
     for poisson in [0.0, 0.3, 0.45, 0.499] {
         let lame = Lame::new(1.0, poisson);
         let scale = lame.lambda + 2.0 * lame.mu;
-        // At rest: no stress, no energy, and linear elasticity's modulus, to rounding.
+        // At rest there is no stress and no energy, and the modulus is that of linear elasticity, up to rounding.
         let rest = Mat3::identity();
         assert!(law.stress(lame, &rest).amax() < 1e-15 * scale);
         assert!(law.energy(lame, &rest).abs() < 1e-15 * scale);
@@ -106,7 +106,8 @@ fn check_law<L: Law>(law: L, turns: bool) {
             if trial % 8 == 7 {
                 f.column_mut(0).neg_mut();
             }
-            // The floor under the corotational turn makes the tangent differ there, as it says.
+            // The floor under the coefficient of the corotational turn changes the tangent there, as its documentation
+            // states.
             let s = svd(&f).s;
             if s.y + s.z < 0.1 {
                 continue;
@@ -117,8 +118,8 @@ fn check_law<L: Law>(law: L, turns: bool) {
             assert!((response.stress - stress).amax() < 1e-13 * size);
             let exact = flat(&law, lame, &f, Tangent::Exact);
             assert!((exact - exact.transpose()).amax() < 1e-12 * exact.amax());
-            // Central differences: h^2 against rounding / h, about 1e-10 at h = 1e-5, and the curvature of
-            // a turn grows with the square of one over the sum of stretches, 100 here.
+            // The error of central differences is h^2 plus rounding / h, about 1e-10 at h = 1e-5. The curvature of a
+            // turn grows with the square of one over the sum of the stretches, here 100.
             let h = 1e-5;
             for c in 0..9 {
                 let mut step = Mat3::zeros();
@@ -134,7 +135,7 @@ fn check_law<L: Law>(law: L, turns: bool) {
             }
             let clipped = flat(&law, lame, &f, Tangent::Clipped);
             let eigenvalues = clipped.symmetric_eigenvalues();
-            // Rounding of a 9 x 9 eigenvalue problem.
+            // The tolerance is the rounding of a 9 x 9 eigenvalue problem.
             assert!(eigenvalues.min() > -1e-13 * eigenvalues.max().max(scale));
             if exact.symmetric_eigenvalues().min() > 0.0 {
                 assert!((clipped - exact).amax() < 1e-12 * exact.amax());
@@ -196,7 +197,7 @@ fn constant_strain_leaves_the_inside_in_balance() {
             let mut body = body(&mesh, law, 0.3);
             let x: Vec<Vec3> = mesh.positions.iter().map(|x| map * x).collect();
             let f = forces(&mut body, &x, Tangent::Exact);
-            // Stresses of order E times strains of a few hundredths, on faces of order one.
+            // The stresses are E times strains of a few hundredths, and act on faces of order one.
             for (x, f) in mesh.positions.iter().zip(&f) {
                 assert!(
                     border(x) || f.norm() < 1e-12 * YOUNG,
@@ -228,7 +229,8 @@ fn rigid_motions_give_no_force() {
             };
             let x: Vec<Vec3> = mesh.positions.iter().map(|x| turn * x + shift).collect();
             let f = forces(&mut body, &x, Tangent::Exact);
-            // E times the rounding of coordinates of order four, over cells of a half, on their faces.
+            // The tolerance is E times the rounding of coordinates of order four, over grid cells of a half, times the
+            // faces of the cells.
             assert!(
                 largest(&f) < 1e-13 * YOUNG * 10.0,
                 "{law:?} {}",
@@ -257,7 +259,7 @@ fn the_assembled_tangent_is_the_derivative_of_the_forces() {
             let more = forces(&mut body, &moved(h), Tangent::Exact);
             let less = forces(&mut body, &moved(-h), Tangent::Exact);
             forces(&mut body, &x, Tangent::Exact);
-            // No handles: nodes are vertices.
+            // There are no handles, so the nodes are the vertices.
             let mut product = vec![Vec3::zeros(); x.len()];
             body.stiffness().product(&d, &mut product);
             let size = largest(&product);

@@ -44,7 +44,8 @@ fn body(mesh: &TetMesh, law: SolidLaw) -> Body {
     Body::solid(mesh, &materials, law, config, &[]).unwrap()
 }
 
-/// Middles of edges moved by up to a twentieth of a cell: no two points of an element have the same gradients.
+/// The middles of edges are moved by up to a twentieth of a grid cell, so that no two points of an element have the
+/// same gradients.
 fn curved(mut mesh: TetMesh, n: f64) -> TetMesh {
     let mut random = Random(7);
     let middles: std::collections::BTreeSet<u32> = cells(&mesh)
@@ -65,7 +66,7 @@ fn meshes() -> [(&'static str, TetMesh); 2] {
     ]
 }
 
-/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `fraction` of the mesh.
+/// The body, turned by `angle` about an oblique axis, with every vertex moved by up to `fraction` of the mesh.
 fn displaced(mesh: &TetMesh, angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = nalgebra::Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
@@ -100,7 +101,7 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
         let (mut body, law) = (body(&mesh, SolidLaw::Corotational), law(&mesh));
         let mut inverted = 0;
         for (seed, fraction) in [1e-4, 0.02, 0.1].into_iter().enumerate() {
-            // Each case starts from the rotations of the previous case, far away.
+            // Each case starts from the rotations of the previous case, which are far away.
             let mut tets = QuadraticTets::<f64>::new(&list(&mesh));
             for angle in [0.0, 0.01, 1.0, 2.0, 3.0] {
                 let d = displaced(&mesh, angle, fraction, seed as u64);
@@ -111,7 +112,7 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
                 let expected: Vec<Vec3> = body.internal_forces().collect();
                 let (force, energy) = forces(&mut tets, &d);
                 let case = format!("{name}, angle {angle}, fraction {fraction}");
-                // As for linear elements; gradients are several times as large here.
+                // The tolerance is that of linear elements, but the gradients are several times as large here.
                 let bound = if fraction < 1e-2 { 1e-10 } else { 1e-12 };
                 let found = difference(&force, &expected);
                 assert!(found < bound, "{case}: forces {found:e}");
@@ -124,7 +125,7 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
                         let svd = svd::svd(f);
                         let gap = (svd.s[1] + svd.s[2]) / svd.s[0];
                         let found = (rotation - svd.u * svd.v.transpose()).amax();
-                        // Rounding of F, a few 1e-15, over the gap that decides the rotation.
+                        // The error is the rounding of F, a few 1e-15, over the gap that decides the rotation.
                         assert!(found < 2e-14 / gap, "{case}: {found:e}, gap {gap:e}");
                     }
                 }
@@ -140,7 +141,7 @@ fn a_turned_body_has_no_forces() {
         let mut tets = QuadraticTets::<f64>::new(&list(&mesh));
         for angle in [0.1, 1.0, 3.1] {
             let (force, energy) = forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
-            // Moduli of 1e5 Pa times areas of 0.1 m^2 times a strain of rounding, a few 1e-16.
+            // The moduli are 1e5 Pa, the areas 0.1 m^2, and the strain is rounding, a few 1e-16.
             let largest = common::largest(force.into_iter());
             assert!(largest < 1e-10, "{name}: {largest:e}");
             assert!(energy.abs() < 1e-20, "{name}: {energy:e}");
@@ -148,7 +149,8 @@ fn a_turned_body_has_no_forces() {
     }
 }
 
-/// From the deformation gradients of `fem` and the law alone: `dP = R (2 mu sym(R^T dF) + lambda tr(R^T dF))`.
+/// The product from the deformation gradients of `fem` and the law alone: `dP = R (2 mu sym(R^T dF) + lambda tr(R^T
+/// dF))`.
 #[test]
 fn the_product_is_that_of_the_warped_stiffness() {
     for mesh in [block([1, 1, 1], 0.0, true), curved(cube(1, 0.0, true), 1.0)] {
@@ -176,7 +178,7 @@ fn the_product_is_that_of_the_warped_stiffness() {
         let expected: Vec<Vec3> = (0..count)
             .map(|node| {
                 Vec3::from_fn(|axis, _| {
-                    // The work of a unit displacement.
+                    // This number is the work of a unit displacement.
                     let mut unit = vec![Vec3::zeros(); count];
                     unit[node][axis] = 1.0;
                     let work = |element: usize| -> f64 {
@@ -188,7 +190,7 @@ fn the_product_is_that_of_the_warped_stiffness() {
             })
             .collect();
         let found = difference(&product(&tets, &u), &expected);
-        // Rotations to 1e-14 and sums of 100 terms.
+        // The rotations are known to 1e-14, and the sums have 100 terms.
         assert!(found < 1e-13, "{found:e}");
     }
 }
@@ -205,7 +207,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
             let (u, v) = (field(count, &mut random), field(count, &mut random));
             let (ku, kv) = (product(&tets, &u), product(&tets, &v));
             let (uku, vku, ukv) = (dot(&u, &ku), dot(&v, &ku), dot(&u, &kv));
-            // A sum of 1000 products.
+            // The sum has 1000 products.
             assert!((vku - ukv).abs() < 1e-13 * uku, "{name}: {vku} {ukv}");
             least = least.min(uku);
             largest = largest.max(uku);
@@ -214,14 +216,14 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
         assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
-        // Turns are in the kernel where all points have the body's rotation.
+        // Turns are in the kernel where all points have the rotation of the body.
         let d = displaced(&mesh, 0.7, 0.0, 0);
         forces(&mut tets, &d);
         let axis = Vec3::new(0.3, 0.2, -1.0);
         let turn: Vec<Vec3> = moved(&mesh, &d).iter().map(|x| axis.cross(x)).collect();
         let size = |u: &[Vec3]| common::largest(product(&tets, u).into_iter());
         let found = size(&turn) / size(&field(count, &mut random));
-        // Rounding of terms that cancel, up to 10 times as large as the result for another field.
+        // The terms cancel. They are up to 10 times as large as the result for another field, and they round.
         assert!(found < 1e-14, "{name}: {found:e}");
     }
 }
@@ -240,10 +242,10 @@ fn the_stiffness_at_rest_is_the_derivative_of_the_forces_and_that_of_its_blocks(
         let both = ahead.iter().zip(&behind);
         let slope: Vec<Vec3> = both.map(|(a, b)| (b - a) / (2.0 * step)).collect();
         let found = difference(&slope, &ku);
-        // The third derivative times a strain of 1e-5 squared, and rounding: 1e-16 over 1e-5.
+        // The error is the third derivative times a squared strain of 1e-5, plus rounding: 1e-16 over 1e-5.
         assert!(found < 1e-9, "{name}: {found:e}");
 
-        // Turned and strained, by blocks.
+        // The body is turned and strained, block by block.
         forces(&mut tets, &displaced(&mesh, 1.0, 0.03, 1));
         let mut sum = vec![Vec3::zeros(); count];
         for element in 0..tets.len() {
@@ -257,7 +259,7 @@ fn the_stiffness_at_rest_is_the_derivative_of_the_forces_and_that_of_its_blocks(
             }
         }
         let found = difference(&product(&tets, &u), &sum);
-        // Sums of 1000 terms in two orders.
+        // The sums have 1000 terms in two orders.
         assert!(found < 1e-13, "{name}: {found:e}");
     }
 }
@@ -273,13 +275,13 @@ fn in_a_fixed_frame_the_law_is_linear() {
             body.assemble();
             let expected: Vec<Vec3> = body.internal_forces().collect();
             let (force, energy) = forces(&mut tets, &d);
-            // Rounding of F, a few 1e-16, over a strain of at least 1e-4.
+            // The error is the rounding of F, a few 1e-16, over a strain of at least 1e-4.
             let found = difference(&force, &expected);
             assert!(found < 1e-11, "{name}, {fraction}: {found:e}");
             let reference = body.elastic_energy();
             let found = (energy - reference).abs() / reference;
             assert!(found < 1e-11, "{name}, {fraction}: {found:e}");
-            // Forces are minus the product, and no rotation was looked for.
+            // The forces are minus the product, and the kernel searched for no rotation.
             let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
             assert_eq!(force, minus);
             assert_eq!(tets.rotations(0), [Mat3::identity(); 4]);
@@ -292,7 +294,7 @@ fn single_precision_agrees_to_its_digits() {
     for (name, mesh) in meshes() {
         let mut double = QuadraticTets::<f64>::new(&list(&mesh));
         let mut single = QuadraticTets::<f32>::new(&list(&mesh));
-        // As for linear elements, of gradients several times as large.
+        // The tolerance is that of linear elements, but the gradients are several times as large.
         let small = 5e-6;
         for (angle, fraction, bound) in [
             (0.0, 1e-4, small),
@@ -323,7 +325,7 @@ fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
         let d = displaced(&mesh, 0.1 * f64::from(step), 0.05, 8);
         let (from_last, _) = forces(&mut warm, &d);
         let (from_rest, _) = forces(&mut QuadraticTets::<f64>::new(&list(&mesh)), &d);
-        // Rotations are found to 1e-13 where the gap of the stretches is 0.02, and none drifts.
+        // The rotations are found to 1e-13 where the gap of the stretches is 0.02, and no rotation drifts.
         let found = difference(&from_last, &from_rest);
         assert!(found < 1e-12, "step {step}: {found:e}");
     }
@@ -333,7 +335,7 @@ fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
 fn any_number_of_elements_fills_its_blocks() {
     let mesh = curved(block([2, 1, 3], 0.2, true), 3.0);
     let all = list(&mesh);
-    // 36 elements: one block and four.
+    // The mesh has 36 elements: one full block and four elements.
     for count in [1, 2, 31, 32, 33, all.len()] {
         let some = &all[..count];
         let mut tets = QuadraticTets::<f64>::new(some);
@@ -341,7 +343,7 @@ fn any_number_of_elements_fills_its_blocks() {
         let d = displaced(&mesh, 0.4, 0.05, 1);
         let (force, energy) = forces(&mut tets, &d);
         let ku = product(&tets, &d);
-        // One by one.
+        // The elements are evaluated one by one.
         let mut sum = vec![Vec3::zeros(); d.len()];
         let (mut products, mut total) = (sum.clone(), 0.0);
         for (element, &tet) in some.iter().enumerate() {
@@ -353,7 +355,7 @@ fn any_number_of_elements_fills_its_blocks() {
             products.iter_mut().zip(ku).for_each(|(sum, f)| *sum += f);
             total += energy;
         }
-        // Another order of the sums.
+        // The sums have another order.
         assert!(difference(&force, &sum) < 1e-14, "{count}");
         assert!(difference(&ku, &products) < 1e-14, "{count}");
         assert!((energy - total).abs() < 1e-14 * total, "{count}");
@@ -376,7 +378,7 @@ fn bad_numbers_come_out_as_they_are_and_are_forgotten() {
         let found = difference(&forces(&mut tets, &d).0, &expected);
         assert!(found < 1e-13, "{bad}: {found:e}");
     }
-    // Crushed to a point, to a line, and turned inside out: finite.
+    // Elements that are crushed to a point, crushed to a line or turned inside out give finite numbers.
     for squash in [0.0, -1.0] {
         for keep in [0.0, 1.0] {
             let crush = |x: &Vec3| Vec3::new(x.x * keep, x.y * squash, x.z * squash) - x;
@@ -397,7 +399,8 @@ fn hashes<T: Real>() -> [u64; 2] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // Recorded with vectors of 512 bits, and found again with 256 and 128. They change where the arithmetic does.
+    // These hashes were recorded with vectors of 512 bits, and reproduced with 256 and 128. They change where the
+    // arithmetic changes.
     let recorded = [
         [13_371_203_822_940_903_211, 14_155_941_559_127_313_246],
         [10_191_363_930_477_554_124, 18_398_915_991_308_564_296],

@@ -23,7 +23,7 @@ fn solid(mesh: &TetMesh, law: SolidLaw) -> Body {
     Body::solid(mesh, &materials, law, config, &[]).unwrap()
 }
 
-/// The whole turned by `angle` about a crooked axis, and every vertex moved by up to `fraction` of the mesh.
+/// The body, turned by `angle` about an oblique axis, with every vertex moved by up to `fraction` of the mesh.
 fn displaced(mesh: &TetMesh, angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = nalgebra::Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
@@ -53,7 +53,7 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
     let law = law.unwrap();
     let mut inverted = 0;
     for (seed, fraction) in [0.0, 1e-4, 0.02, 0.1, 0.3].into_iter().enumerate() {
-        // Each case starts from the rotations of the previous case, far away.
+        // Each case starts from the rotations of the previous case, which are far away.
         let mut tets = Tets::<f64>::new(tets(&mesh).into_iter());
         for angle in [0.0, 0.01, 1.0, 2.0, 3.0] {
             if fraction == 0.0 && angle == 0.0 {
@@ -68,9 +68,9 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
             let (force, energy) = forces(&mut tets, &d);
             let case = format!("angle {angle}, fraction {fraction}");
             if fraction > 0.0 {
-                // Rounding of F gives a stress of 1e-15 of the moduli. With the rounding of the rotation and a
-                // strain of at least 1e-4 the error is 1e-11 of the force. Elements near the line where the
-                // rotation jumps (stretches s2 + s3 = 1e-3) enlarge 1e-15 to 1e-12.
+                // The rounding of F gives a stress of 1e-15 of the moduli. With the rounding of the rotation and a
+                // strain of at least 1e-4, the error is 1e-11 of the force. Elements near the line where the rotation
+                // jumps (stretches s2 + s3 = 1e-3) enlarge 1e-15 to 1e-12.
                 let bound = if fraction < 1e-2 { 1e-10 } else { 1e-12 };
                 let found = difference(&force, &expected);
                 assert!(found < bound, "{case}: forces {found:e}");
@@ -82,7 +82,7 @@ fn forces_energy_and_rotations_are_those_of_the_body() {
                 let svd = svd::svd(&law.deformation(element, &x)[0]);
                 let gap = (svd.s[1] + svd.s[2]) / svd.s[0];
                 let found = (tets.rotation(element) - svd.u * svd.v.transpose()).amax();
-                // Rounding of F, 1e-15, over the gap that decides the rotation.
+                // The error is the rounding of F, 1e-15, over the gap that decides the rotation.
                 assert!(
                     found < 5e-15 / gap,
                     "{case}: rotation {found:e}, gap {gap:e}"
@@ -99,7 +99,7 @@ fn a_turned_body_has_no_forces() {
     let mut tets = Tets::<f64>::new(tets(&mesh).into_iter());
     for angle in [0.1, 1.0, 3.1] {
         let (force, energy) = forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
-        // Moduli of 1e5 Pa times areas of 0.1 m^2 times a strain of rounding, a few 1e-16.
+        // The moduli are 1e5 Pa, the areas 0.1 m^2, and the strain is rounding, a few 1e-16.
         let largest = common::largest(force.into_iter());
         assert!(largest < 1e-10, "{largest:e}");
         assert!(energy.abs() < 1e-20, "{energy:e}");
@@ -119,7 +119,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         let (u, v) = (field(), field());
         let (ku, kv) = (product(&tets, &u), product(&tets, &v));
         let (uku, vku, ukv) = (dot(&u, &ku), dot(&v, &ku), dot(&u, &kv));
-        // A sum of 200 products.
+        // The sum has 200 products.
         assert!((vku - ukv).abs() < 1e-13 * uku, "{vku} {ukv}");
         least = least.min(uku);
         largest = largest.max(uku);
@@ -128,7 +128,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
     let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
     assert!(common::largest(product(&tets, &shift).into_iter()) == 0.0);
 
-    // Turns are in the kernel where all elements have the body's rotation.
+    // Turns are in the kernel where all elements have the rotation of the body.
     let angle = 0.7;
     forces(&mut tets, &displaced(&mesh, angle, 0.0, 0));
     let d = displaced(&mesh, angle, 0.0, 0);
@@ -140,7 +140,7 @@ fn the_stiffness_is_symmetric_and_positive_and_has_rigid_motions_for_its_kernel(
         .map(|(x, d)| axis.cross(&(x + d)));
     let size = |u: &[Vec3]| common::largest(product(&tets, u).into_iter());
     let found = size(&turn.collect::<Vec<_>>()) / size(&field());
-    // Rounding of terms that cancel, up to 10 times as large as the result for another field.
+    // The terms cancel. They are up to 10 times as large as the result for another field, and they round.
     assert!(found < 1e-14, "{found:e}");
 }
 
@@ -162,10 +162,10 @@ fn the_stiffness_at_rest_is_the_derivative_of_the_forces_and_that_of_its_blocks(
         .map(|(a, b)| (b - a) / (2.0 * step))
         .collect();
     let found = difference(&slope, &ku);
-    // The third derivative times a strain of 1e-5 squared, and rounding: 1e-16 over 1e-5.
+    // The error is the third derivative times a squared strain of 1e-5, plus rounding: 1e-16 over 1e-5.
     assert!(found < 1e-9, "{found:e}");
 
-    // Turned and strained, by blocks.
+    // The body is turned and strained, block by block.
     forces(&mut tets, &displaced(&mesh, 1.0, 0.05, 1));
     let mut sum = vec![Vec3::zeros(); count];
     for element in 0..tets.len() {
@@ -180,7 +180,7 @@ fn the_stiffness_at_rest_is_the_derivative_of_the_forces_and_that_of_its_blocks(
         }
     }
     let found = difference(&product(&tets, &u), &sum);
-    // Sums of 100 terms in two orders.
+    // The sums have 100 terms in two orders.
     assert!(found < 1e-13, "{found:e}");
 }
 
@@ -202,7 +202,7 @@ fn a_guess_takes_off_the_product() {
         .collect();
     let mut residual = zeros(count);
     let found = tets.linearize_with(&nodes(&d), &nodes(&u), factor, &mut residual);
-    // One more Newton iteration moves the rotations by rounding.
+    // One further Newton iteration changes the rotations by rounding.
     assert!((found - energy).abs() <= 1e-13 * energy);
     let found = difference(&vectors(&residual), &expected);
     assert!(found < 1e-13, "{found:e}");
@@ -221,13 +221,13 @@ fn in_a_fixed_frame_the_law_is_linear() {
         body.assemble();
         let expected: Vec<Vec3> = body.internal_forces().collect();
         let (force, energy) = forces(&mut tets, &d);
-        // Rounding of F, 1e-16, over a strain of at least 1e-4.
+        // The error is the rounding of F, 1e-16, over a strain of at least 1e-4.
         let found = difference(&force, &expected);
         assert!(found < 1e-11, "{fraction}: {found:e}");
         let reference = body.elastic_energy();
         let found = (energy - reference).abs() / reference;
         assert!(found < 1e-11, "{fraction}: {found:e}");
-        // Forces are minus the product, and no rotation was looked for.
+        // The forces are minus the product, and the kernel searched for no rotation.
         let minus: Vec<Vec3> = product(&tets, &d).iter().map(|f| -f).collect();
         assert_eq!(force, minus);
         assert_eq!(tets.rotation(0), Mat3::identity());
@@ -239,7 +239,7 @@ fn in_a_fixed_frame_the_law_is_linear() {
     let mut residual = zeros(count);
     let found = tets.linearize_with(&nodes(&d), &nodes(&u), 0.37, &mut residual);
     assert!(found == energy);
-    // Another order of the sums.
+    // The sums have another order.
     assert!(difference(&vectors(&residual), &expected) < 1e-14);
 }
 
@@ -251,7 +251,7 @@ fn single_precision_agrees_to_its_digits() {
         Tets::<f32>::new(tets(&mesh).into_iter()),
     );
     // Small strains without a rotation keep their digits. With a rotation, `R^T F - I` has an error of about 2e-7. The
-    // relative error of the force is that over the strain, here about 5 times the fraction.
+    // relative error of the force is that error over the strain, here about 5 times the fraction.
     let small = 2e-6;
     for (angle, fraction, bound) in [
         (0.0, 1e-4, small),
@@ -281,7 +281,7 @@ fn a_warm_start_and_a_cold_start_give_the_same_rotations() {
         let d = displaced(&mesh, 0.1 * f64::from(step), 0.15, 8);
         let (from_last, _) = forces(&mut warm, &d);
         let (from_rest, _) = forces(&mut Tets::<f64>::new(tets(&mesh).into_iter()), &d);
-        // Rotations are found to 1e-13 where the gap of the stretches is 0.02, and none drifts.
+        // The rotations are found to 1e-13 where the gap of the stretches is 0.02, and no rotation drifts.
         let found = difference(&from_last, &from_rest);
         assert!(found < 1e-12, "step {step}: {found:e}");
     }
@@ -299,7 +299,7 @@ fn any_number_of_elements_fills_its_blocks() {
             let d = displaced(&mesh, 0.4, 0.1, 1);
             let (force, energy) = forces(&mut tets, &d);
             let ku = product(&tets, &d);
-            // One by one.
+            // The elements are evaluated one by one.
             let (mut sum, mut products, mut total) = (d.clone(), d.clone(), 0.0);
             sum.fill(Vec3::zeros());
             products.fill(Vec3::zeros());
@@ -312,7 +312,7 @@ fn any_number_of_elements_fills_its_blocks() {
                 products.iter_mut().zip(ku).for_each(|(sum, f)| *sum += f);
                 total += energy;
             }
-            // Another order of the sums.
+            // The sums have another order.
             assert!(difference(&force, &sum) < 1e-14, "{n:?} {count}");
             assert!(difference(&ku, &products) < 1e-14, "{n:?} {count}");
             assert!((energy - total).abs() < 1e-14 * total, "{n:?} {count}");
@@ -341,7 +341,7 @@ fn bad_numbers_come_out_as_they_are_and_are_forgotten() {
         let found = difference(&forces(&mut tets, &d).0, &expected);
         assert!(found < 1e-13, "{bad}: {found:e}");
     }
-    // Crushed to a point, to a line, and turned inside out: finite.
+    // Elements that are crushed to a point, crushed to a line or turned inside out give finite numbers.
     for squash in [0.0, -1.0] {
         for keep in [0.0, 1.0] {
             let crush = |x: &Vec3| Vec3::new(x.x * keep, x.y * squash, x.z * squash) - x;
@@ -368,8 +368,8 @@ fn hashes<T: Real>() -> [u64; 3] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // Recorded with vectors of 128 bits, and found again with 256 and 512. They change where the arithmetic
-    // does.
+    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change where the
+    // arithmetic changes.
     let recorded = [
         [
             6_982_058_669_032_132_808,

@@ -13,7 +13,7 @@ use physics::lanes::block::LANES;
 use physics::mesh::TriMesh;
 use physics::{Elements, Real, Tangent, Vec3};
 
-/// A crooked sheet that lies askew in space, so that every component takes part.
+/// An irregular sheet in an oblique plane, so that every component matters.
 fn mesh() -> TriMesh {
     let mut mesh = irregular(9, 5, 0.9, 0.5, 0.25, 3);
     let axis = Unit::new_normalize(Vec3::new(0.3, -1.0, 0.4));
@@ -25,7 +25,7 @@ fn mesh() -> TriMesh {
 }
 
 fn membrane(mesh: &TriMesh) -> Membrane {
-    // Two materials in turn.
+    // Two materials alternate.
     let material = |triangle: usize| {
         rubber(if triangle.is_multiple_of(2) {
             0.4
@@ -48,8 +48,8 @@ fn triangles<T: Real>(mesh: &TriMesh) -> Triangles<T> {
     Triangles::new(&list(mesh))
 }
 
-/// Stretched by `stretch` along the axes of the plane, turned by `angle` about a crooked axis, and every vertex moved
-/// by up to `fraction`.
+/// The sheet, stretched by `stretch` along the axes of its plane and turned by `angle` about an oblique axis, with
+/// every vertex moved by up to `fraction`.
 fn displaced(mesh: &TriMesh, stretch: [f64; 3], angle: f64, fraction: f64, seed: u64) -> Vec<Vec3> {
     let mut random = Random(seed);
     let axis = Unit::new_normalize(Vec3::new(1.0, -2.0, 0.5));
@@ -118,13 +118,13 @@ fn forces_energy_and_tangent_are_those_of_the_membrane() {
         [20.0, 10.0, 0.1],
     ] {
         for angle in [0.0, 0.01, 1.0, 3.1] {
-            // By edges of 0.1 m: strains of a hundredth, of a third, and crumpled.
+            // The edges are 0.1 m long. The strains are a hundredth and a third, and the last sheet is crumpled.
             for fraction in [1e-3, 0.03, 0.3] {
                 seed += 1;
                 let d = displaced(&mesh, stretch, angle, fraction, seed);
                 let [force, energy, tangent] = compare::<f64>(&mesh, &d);
                 let case = format!("{stretch:?} {angle} {fraction}");
-                // Strains are known to some 1e-16 of the largest stretch, 1e-14 of those that are smallest here.
+                // Strains are known to some 1e-16 of the largest stretch, which is 1e-14 of the smallest stretch here.
                 assert!(force < 1e-12, "{case}: forces {force:e}");
                 assert!(energy < 1e-12, "{case}: energy {energy:e}");
                 assert!(tangent < 1e-12, "{case}: tangent {tangent:e}");
@@ -133,7 +133,7 @@ fn forces_energy_and_tangent_are_those_of_the_membrane() {
     }
 }
 
-/// Small strains are computed from displacements, so they lose no digits to the rest positions.
+/// The kernel computes small strains from displacements, so the rest positions cost no digits.
 #[test]
 fn small_strains_keep_their_digits() {
     let mesh = mesh();
@@ -148,7 +148,7 @@ fn small_strains_keep_their_digits() {
         let d: Vec<Vec3> = u.iter().map(|u| u * size).collect();
         let (force, energy) = linearize(&mut triangles, &d);
         let expected: Vec<Vec3> = linear.iter().map(|f| f * size).collect();
-        // The next term of the series, by strains of 10 times the size, and rounding.
+        // The error is the next term of the series, at strains 10 times as large, plus rounding.
         let bound = 100.0 * size + 1e-13;
         let found = difference(&force, &expected);
         assert!(found < bound, "{size:e}: {found:e}");
@@ -165,7 +165,7 @@ fn a_turned_sheet_has_no_forces() {
     for angle in [0.1, 1.0, 3.1] {
         let d = displaced(&mesh, UNSTRETCHED, angle, 0.0, 0);
         let (force, energy) = linearize(&mut triangles, &d);
-        // 1e3 N/m times edges of 0.1 m times a strain of rounding, some 1e-15, by six triangles.
+        // The force is 1e3 N/m times edges of 0.1 m times a strain of rounding, some 1e-15, from six triangles.
         let largest = common::largest(force.into_iter());
         assert!(largest < 5e-12, "{largest:e}");
         assert!(energy < 1e-25, "{energy:e}");
@@ -197,7 +197,7 @@ fn the_product_is_that_of_the_blocks() {
         }
     }
     let found = difference(&product(&triangles, factor, &u), &sum);
-    // Sums of some 50 terms in two orders.
+    // The sums have some 50 terms in two orders.
     assert!(found < 1e-13, "{found:e}");
     let shift = vec![Vec3::new(1.0, 2.0, -3.0); count];
     let pushed = product(&triangles, 1.0, &shift);
@@ -220,7 +220,7 @@ fn the_tangent_is_positive() {
                 blocks[i / 3][j / 3][(i % 3, j % 3)]
             });
             let values = whole.symmetric_eigenvalues();
-            // Rounding of the largest.
+            // The tolerance is the rounding of the largest eigenvalue.
             assert!(values.min() > -1e-13 * values.max(), "{stretch:?} {values}");
         }
     }
@@ -229,8 +229,8 @@ fn the_tangent_is_positive() {
 #[test]
 fn single_precision_agrees_to_its_digits() {
     let mesh = mesh();
-    // Strains that are not small against the rotation keep all but the last digits. With a rotation, `C - I` has an
-    // error of about 2e-7. The relative error of the force is that over the strain, here about 20 times the fraction.
+    // Strains that are not small against the rotation lose only the last digits. With a rotation, `C - I` has an error
+    // of about 2e-7. The relative error of the force is that error over the strain, here about 20 times the fraction.
     let small = 4e-6;
     for (stretch, angle, fraction, bound) in [
         (UNSTRETCHED, 0.0, 1e-6, small),
@@ -242,7 +242,7 @@ fn single_precision_agrees_to_its_digits() {
         (UNSTRETCHED, 1.0, 1e-3, 1e-4),
         (UNSTRETCHED, 2.5, 1e-3, 1e-4),
     ] {
-        // Displacements that single precision holds.
+        // Single precision represents these displacements exactly.
         let d: Vec<Vec3> = displaced(&mesh, stretch, angle, fraction, 6)
             .iter()
             .map(|d| d.map(|c| f64::from(c as f32)))
@@ -253,8 +253,8 @@ fn single_precision_agrees_to_its_digits() {
     }
 }
 
-/// A triangle that is shrunk to a line has a normal by the membrane's convention, unless rounding decides between two
-/// normals. Rounding decides along an axis, by symmetry, and in a point.
+/// A triangle that is collapsed to a line has a normal by the convention of the membrane, unless rounding decides
+/// between two normals. Rounding decides along an axis, by symmetry, and in a point.
 #[test]
 fn collapsed_triangles_stay_finite() {
     let (crooked, even) = (mesh(), grid(6, 3, 0.6, 0.3, Split::Alternating));
@@ -271,7 +271,7 @@ fn collapsed_triangles_stay_finite() {
         (&even, displaced(&even, [0.0; 3], 0.0, 0.0, 0), false),
     ] {
         let [force, energy, tangent] = compare::<f64>(mesh, &d);
-        // As above.
+        // The tolerance is that of the cases above.
         assert!(energy < 1e-12, "{energy:e}");
         assert!(
             !unique || (force < 1e-12 && tangent < 1e-12),
@@ -323,7 +323,7 @@ fn any_number_of_elements_fills_its_blocks() {
             sum.iter_mut().zip(force).for_each(|(sum, f)| *sum += f);
             total += energy;
         }
-        // Another order of the sums.
+        // The sums have another order.
         assert!(difference(&force, &sum) < 1e-14, "{count}");
         assert!((energy - total).abs() < 1e-14 * total, "{count}");
     }
@@ -345,8 +345,8 @@ fn hashes<T: Real>() -> [u64; 3] {
 
 #[test]
 fn bytes_do_not_depend_on_the_width_of_vectors() {
-    // Recorded with vectors of 128 bits, and found again with 256 and 512. They change where the arithmetic
-    // does.
+    // These hashes were recorded with vectors of 128 bits, and reproduced with 256 and 512. They change where the
+    // arithmetic changes.
     let recorded = [
         [
             2_770_978_872_323_474_846,

@@ -1,4 +1,5 @@
-//! Threads: forces against analytic ones, the tangent against differences, hanging and vibrating threads against theory.
+//! Threads: forces compared with analytic ones, the tangent compared with differences, hanging and vibrating threads
+//! compared with theory.
 
 mod common;
 
@@ -13,9 +14,9 @@ use physics::{
 use physics::{Mat3, Vec3};
 use std::f64::consts::PI;
 
-/// Stiffness of a cross-section, `EA` (N), in all tests.
+/// The stiffness of a cross-section, `EA` (N), in all tests.
 const EA: f64 = 100.0;
-/// Mass per length at rest (kg/m).
+/// The mass per length at rest (kg/m).
 const LINEAR_DENSITY: f64 = 0.01;
 
 fn material(tension_only: bool) -> ThreadMaterial {
@@ -42,7 +43,7 @@ fn thread(mesh: &LineMesh, tension_only: bool, config: BodyConfig) -> Body {
     Body::thread(mesh, &[material(tension_only)], config, &[]).expect("a body")
 }
 
-/// Eight vertices in space, all joined.
+/// Eight vertices in space, with a bar between any two.
 fn net() -> LineMesh {
     let mut random = Random(7);
     let positions: Vec<Vec3> = (0..8).map(|_| random.vector()).collect();
@@ -52,14 +53,14 @@ fn net() -> LineMesh {
     LineMesh::new(positions, lines).expect("a mesh")
 }
 
-/// The net with its vertices moved by up to a tenth of its size: some bars are longer, others shorter.
+/// The net with its vertices moved by up to a tenth of its size, so that some bars are longer and others shorter.
 fn moved(mesh: &LineMesh) -> Vec<Vec3> {
     let mut random = Random(11);
     let moved = mesh.positions.iter().map(|x| x + random.vector() * 0.1);
     moved.collect()
 }
 
-/// Elastic forces at `x`, by vertex.
+/// The elastic forces at `x`, by vertex.
 fn forces(body: &mut Body, x: &[Vec3], tangent: Tangent) -> Vec<Vec3> {
     body.set_positions(x).expect("positions");
     body.assemble_with(tangent);
@@ -77,11 +78,11 @@ fn a_stretched_bar_pulls_with_ea_times_its_strain_along_its_axis() {
     for tension_only in [false, true] {
         let mut body = thread(&mesh, tension_only, weightless());
         assert_eq!(body.total_mass(), LINEAR_DENSITY * 0.2);
-        // Turned away from where it was made, and a tenth longer: EA / 10.
+        // The bar is turned away from its rest direction and is a tenth longer, so its tension is EA / 10.
         let axis = Vec3::new(2.0, -1.0, 2.0) / 3.0;
         let start = Vec3::new(5.0, 6.0, 7.0);
         let force = forces(&mut body, &[start, start + axis * 0.22], Tangent::Exact);
-        // Ten places: the coordinates of some metres are good to 1e-15 m, of 0.02 m of elongation.
+        // The tolerance is ten digits. Coordinates of some metres are exact to 1e-15 m, and the elongation is 0.02 m.
         assert!(
             (force[0] - axis * 0.1 * EA).norm() < 1e-10 * EA,
             "{force:?}"
@@ -90,10 +91,10 @@ fn a_stretched_bar_pulls_with_ea_times_its_strain_along_its_axis() {
             (force[1] + axis * 0.1 * EA).norm() < 1e-10 * EA,
             "{force:?}"
         );
-        // k (l - L0)^2 / 2 with k = EA / L0.
+        // The energy is k (l - L0)^2 / 2 with k = EA / L0.
         let energy = 0.5 * EA / 0.2 * 0.02 * 0.02;
         assert!((body.elastic_energy() - energy).abs() < 1e-10 * energy);
-        // EA times the strain over the cross-section, along the axis.
+        // The stress is EA times the strain over the cross-section, along the axis.
         let stress = body.elements()[0].stress(0, body.node_positions());
         let expected = axis * axis.transpose() * (0.1 * EA / 1e-6);
         assert!((stress - expected).norm() < 1e-9 * expected.norm());
@@ -110,7 +111,7 @@ fn the_tangent_is_the_derivative_of_the_forces() {
         let direction: Vec<Vec3> = x.iter().map(|_| random.vector()).collect();
         forces(&mut body, &x, Tangent::Exact);
         let mut product = vec![Vec3::zeros(); x.len()];
-        // Without handles nodes are vertices.
+        // Without handles, the nodes are the vertices.
         body.stiffness().product(&direction, &mut product);
         let step = 1e-6;
         let mut at = |sign: f64| {
@@ -125,7 +126,8 @@ fn the_tangent_is_the_derivative_of_the_forces() {
         let difference = |(a, b): (&Vec3, &Vec3)| (b - a) / (2.0 * step);
         let by_differences: Vec<Vec3> = ahead.iter().zip(&behind).map(difference).collect();
         let wrong = product.iter().zip(&by_differences).map(|(k, d)| k - d);
-        // Rounding of forces over the step, 1e-16 * EA / 1e-6, and the step's square: 1e-8 at most.
+        // The error is the rounding of forces over the step, 1e-16 * EA / 1e-6, plus the square of the step: 1e-8 at
+        // most.
         let relative = largest(wrong) / largest(by_differences.iter().copied());
         assert!(relative < 1e-8, "tension only {tension_only}: {relative:e}");
     }
@@ -146,7 +148,7 @@ fn forces_are_minus_the_gradient_of_the_energy() {
     };
     let slope = (energy(1e-6) - energy(-1e-6)) / 2e-6;
     let work: f64 = force.iter().zip(&direction).map(|(f, d)| f.dot(d)).sum();
-    // Rounding of the energy, some 1e-15 J, over the step.
+    // The error is the rounding of the energy, some 1e-15 J, over the step.
     assert!((slope + work).abs() < 1e-7 * work.abs(), "{slope} {work}");
 }
 
@@ -157,7 +159,7 @@ fn a_clipped_tangent_has_no_negative_part() {
     let pressed = [Vec3::zeros(), Vec3::new(0.8, 0.0, 0.0)];
     let across = |body: &Body| body.stiffness().diagonal(0)[(1, 1)];
     forces(&mut body, &pressed, Tangent::Exact);
-    // N / l with N = -0.2 EA.
+    // The negative part is N / l with N = -0.2 EA.
     assert!((across(&body) + 0.25 * EA).abs() < 1e-12 * EA);
     forces(&mut body, &pressed, Tangent::Clipped);
     assert_eq!(across(&body), 0.0);
@@ -174,7 +176,7 @@ fn a_rigid_motion_gives_no_force() {
             .iter()
             .map(|x| turn * x + Vec3::new(0.3, 0.2, -0.1))
             .collect();
-        // Rounding of lengths of a metre.
+        // The error is the rounding of lengths of a metre.
         assert!(largest(forces(&mut body, &x, Tangent::Exact)) < 1e-14 * EA);
     }
 }
@@ -189,7 +191,7 @@ fn forces_of_a_free_thread_add_up_to_no_force_and_no_moment() {
     assert!(size > 0.01 * EA, "{size}");
     let sum: Vec3 = force.iter().sum();
     let moment: Vec3 = x.iter().zip(&force).map(|(x, f)| x.cross(f)).sum();
-    // Rounding of sums of 28 bars.
+    // The error is the rounding of sums over 28 bars.
     assert!(sum.norm() < 1e-13 * size && moment.norm() < 1e-13 * size);
 }
 
@@ -219,14 +221,14 @@ fn a_slack_thread_exerts_nothing_and_has_no_stiffness() {
     );
     assert_eq!(body.elastic_energy(), 0.0);
     assert_eq!(body.stiffness().diagonal(0), Mat3::zeros());
-    // Even with its ends at one place, where it has no direction.
+    // The thread exerts no force even with both ends at one place, where the thread has no direction.
     let nowhere = [Vec3::zeros(); 2];
     for tension_only in [false, true] {
         let mut body = thread(&mesh, tension_only, weightless());
         let force = forces(&mut body, &nowhere, Tangent::Exact);
         assert_eq!(force, [Vec3::zeros(); 2]);
     }
-    // A rod of the same length pushes back.
+    // A rod of the same length pushes its ends apart.
     let mut rod = thread(&mesh, false, weightless());
     let force = forces(&mut rod, &shorter, Tangent::Exact);
     assert!(force[1].x > 0.0 && force[1].y > 0.0);
@@ -248,16 +250,17 @@ fn energy_and_force_are_continuous_where_a_thread_becomes_taut_and_the_tangent_j
     };
     let (slack, taut) = (at(1.0 - small), at(1.0 + small));
     assert_eq!(slack, (0.0, 0.0, 0.0));
-    // Force of first order in the elongation, energy of second.
+    // The force is of first order in the elongation, the energy of second order.
     assert!(taut.1 > 0.0 && taut.1 < 2.0 * EA * small);
     assert!(taut.0 > 0.0 && taut.0 < EA * small * small);
     assert!((taut.2 - EA).abs() < 1e-12 * EA);
-    // At rest it is taut: a straight thread starts with a stiffness.
+    // At rest the thread is taut, so a straight thread starts with a stiffness.
     assert_eq!(at(1.0), (0.0, 0.0, EA));
 }
 
-/// Half a symmetric elastic catenary (H. M. Irvine, "Cable structures", 1981, section 1.4): horizontal and vertical
-/// distance from the lowest point, `along` the thread at rest, for the horizontal tension.
+/// Half a symmetric elastic catenary (H. M. Irvine, "Cable structures", 1981, section 1.4). The function returns the
+/// horizontal and the vertical distance from the lowest point, after the length `along` of the thread at rest, for a
+/// horizontal tension.
 fn catenary(along: f64, tension: f64, weight: f64) -> [f64; 2] {
     let slope = weight * along / tension;
     [
@@ -273,7 +276,7 @@ fn a_hanging_thread_is_an_elastic_catenary_to_second_order() {
     const SPAN: f64 = 0.7;
     let gravity = 9.81;
     let weight = LINEAR_DENSITY * gravity;
-    // The tension whose catenary has this span, by bisection: the span grows with the tension.
+    // Bisection finds the tension whose catenary has this span, because the span grows with the tension.
     let (mut low, mut high) = (1e-6, 10.0);
     for _ in 0..200 {
         let middle = 0.5 * (low + high);
@@ -300,8 +303,8 @@ fn a_hanging_thread_is_an_elastic_catenary_to_second_order() {
                 let support = body.add_support(&[end], [true; 3]).expect("a support");
                 body.set_support(support, by).expect("moved");
             }
-            // Near the solution: a thread that is slack all along has no stiffness to start from. A little lower and
-            // narrower than the catenary, so that the solver has work.
+            // The start is near the solution, because a thread that is slack everywhere has no stiffness. The start is
+            // slightly lower and narrower than the catenary, so that the solver has to move the thread.
             let start: Vec<Vec3> = mesh
                 .positions
                 .iter()
@@ -334,7 +337,7 @@ fn a_hanging_thread_is_an_elastic_catenary_to_second_order() {
             (lowest.z + sag).abs() / sag
         })
         .collect();
-    // Three times finer costs; 32 segments are within a thousandth.
+    // A mesh three times as fine would take long. With 32 segments the error is within a thousandth.
     assert!(errors[2] < 1e-3, "{errors:?}");
     for pair in errors.windows(2) {
         let order = (pair[0] / pair[1]).log2();
@@ -355,7 +358,8 @@ fn a_taut_string_sounds_at_its_first_frequency() {
         let support = body.add_support(&[end], [true; 3]).expect("a support");
         body.set_support(support, by).expect("moved");
     }
-    // Pulled aside by a ten-thousandth: the tension grows by less than one in a hundred thousand.
+    // The thread is displaced sideways by a ten-thousandth, so that the tension grows by less than one part in a
+    // hundred thousand.
     let pulled: Vec<Vec3> = mesh
         .positions
         .iter()
@@ -384,7 +388,7 @@ fn a_taut_string_sounds_at_its_first_frequency() {
             .nth(SEGMENTS as usize / 2)
             .map_or(0.0, |x| x.y)
     };
-    // A quarter of a period to the first crossing, half of one to the second.
+    // The first crossing is after a quarter of a period, the second half a period later.
     let mut crossings = Vec::new();
     let mut before = middle(&body);
     for step in 0..320 {
@@ -397,13 +401,14 @@ fn a_taut_string_sounds_at_its_first_frequency() {
     }
     let period = 2.0 * (crossings[1] - crossings[0]);
     let relative = (1.0 / period - frequency) / frequency;
-    // A chain of n masses is lower by (pi / 2n)^2 / 6 = 4e-4; 400 steps a period lengthen it by some 1e-5.
+    // The frequency of a chain of n masses is lower by (pi / 2n)^2 / 6 = 4e-4. With 400 steps a period, the step
+    // lengthens the period by some 1e-5.
     assert!((relative + 4e-4).abs() < 1e-4, "{relative}");
 }
 
 #[test]
 fn the_realtime_step_takes_a_thread() {
-    // As a step that is linearized anew, to the tolerance of either.
+    // The reference is a step that is linearized anew. Each is solved to its tolerance.
     let mesh = straight_thread(0.3, 12).expect("a thread");
     let config = BodyConfig {
         gravity: Vec3::new(0.0, 0.0, -9.81),
@@ -440,7 +445,7 @@ fn the_realtime_step_takes_a_thread() {
 }
 
 #[test]
-fn what_makes_no_thread_is_refused() {
+fn invalid_threads_are_refused() {
     let mesh = straight_thread(1.0, 2).expect("a thread");
     let good = material(true);
     let built = |materials: &[ThreadMaterial]| Body::thread(&mesh, materials, weightless(), &[]);

@@ -1,4 +1,5 @@
-//! Which kernel the realtime step takes for each kind of element: a wrong one would pass every test of forces, more slowly.
+//! The kernel that the realtime step takes for each kind of element. With a wrong kernel the step would be slower, and
+//! every test of forces would still pass.
 
 use physics::element::VectorForm;
 use physics::material::law::Frame;
@@ -27,7 +28,7 @@ fn solid(quadratic: bool, law: SolidLaw) -> Option<VectorForm> {
 #[test]
 fn solids_have_a_kernel_by_shape_and_law() {
     use VectorForm::{HookeanQuadraticTets, HookeanTets, IsotropicQuadraticTets, IsotropicTets};
-    // A box of one cell is six tetrahedra.
+    // A box of one grid cell has six tetrahedra.
     for (law, frame) in [
         (SolidLaw::Linear, Frame::Fixed),
         (SolidLaw::Corotational, Frame::Turning),

@@ -1,5 +1,5 @@
-//! Triangles of woven sheets against the theory of elasticity: the isotropic membrane, derivatives, rigid motions,
-//! strips, and materials that are refused.
+//! Triangles of woven sheets compared with the theory of elasticity: the isotropic membrane, derivatives, rigid
+//! motions, strips, and materials that are refused.
 
 mod common;
 
@@ -13,7 +13,7 @@ use physics::material::sheet_law::{
 use physics::mesh::TriMesh;
 use physics::{BodyError, Elements, Tangent, Vec3, Weave};
 
-/// A cotton-like cloth: stiff warp, softer weft, and almost no resistance to shear.
+/// A cloth similar to cotton: its warp is stiff, its weft softer, and it hardly resists shear.
 fn cloth() -> Weave {
     Weave {
         warp: Vec3::x(),
@@ -26,7 +26,7 @@ fn cloth() -> Weave {
     }
 }
 
-/// The rubber of the membrane's tests, written as a weave.
+/// The rubber of the tests of the membrane, written as a weave.
 fn isotropic(poisson: f64, warp: Vec3) -> Weave {
     let rubber = rubber(poisson);
     Weave {
@@ -40,7 +40,7 @@ fn isotropic(poisson: f64, warp: Vec3) -> Weave {
     }
 }
 
-/// The sheet of `mesh`, all of one material.
+/// The sheet of `mesh`, with one material everywhere.
 fn woven<L: SheetLaw>(mesh: &TriMesh, weave: &Weave) -> Woven<L> {
     let mut sheet = Woven::with_capacity(mesh.triangles.len());
     for triangle in &mesh.triangles {
@@ -60,7 +60,7 @@ fn dense_element(element: &Element) -> SMatrix<f64, 9, 9> {
     SMatrix::from_fn(|i, j| element.stiffness[i / 3][j / 3][(i % 3, j % 3)])
 }
 
-/// A triangle of about a metre at rest, and a state of it with stretches between 0.3 and 2.5.
+/// A triangle of about a metre at rest, and a deformation with stretches between 0.3 and 2.5.
 fn triangle(random: &mut Random) -> (TriMesh, Vec<Vec3>) {
     loop {
         let mesh = TriMesh {
@@ -91,7 +91,7 @@ fn an_isotropic_corotational_sheet_is_the_membrane() {
         let (mesh, x) = triangle(&mut random);
         let poisson = 0.49 * random.signed();
         let membrane = Membrane::new(&mesh, &[rubber(poisson)]).unwrap();
-        // Whatever the warp: an isotropic sheet has none.
+        // The direction of the warp has no effect on an isotropic sheet.
         let woven = woven::<CorotationalSheet>(&mesh, &isotropic(poisson, random.vector()));
         let energy = membrane.energy(&x);
         assert!((woven.energy(&x) - energy).abs() < 1e-12 * energy, "{case}");
@@ -102,7 +102,7 @@ fn an_isotropic_corotational_sheet_is_the_membrane() {
             );
             let scale = dense_element(&a).norm();
             for v in 0..3 {
-                // Sizes are about a metre, so one scale does for both.
+                // The sizes are about a metre, so one scale serves for both.
                 assert!((a.force[v] - b.force[v]).norm() < 1e-12 * scale, "{case}");
             }
             let error = (dense_element(&a) - dense_element(&b)).norm();
@@ -120,7 +120,8 @@ fn the_element_is_the_derivative_of_its_energy<L: SheetLaw>() {
         let element = sheet.element(0, &x, Tangent::Exact);
         assert_eq!(element.force, sheet.force(0, &x));
         let scale = dense_element(&element).norm();
-        // Truncation step^2 = 1e-10 of third derivatives, which thin triangles raise; rounding 1e-11.
+        // The truncation error is step^2 = 1e-10 times third derivatives, which are larger in thin triangles. The
+        // rounding error is 1e-11.
         let step = 1e-5;
         for b in 0..3 {
             for axis in 0..3 {
@@ -141,10 +142,10 @@ fn the_element_is_the_derivative_of_its_energy<L: SheetLaw>() {
             }
         }
         let clipped = dense_element(&sheet.element(0, &x, Tangent::Clipped));
-        // Rounding of a 9 x 9 eigenvalue problem.
+        // The tolerance is the rounding of a 9 x 9 eigenvalue problem.
         assert!((clipped - clipped.transpose()).norm() < 1e-13 * scale);
         assert!(clipped.symmetric_eigenvalues().min() > -1e-13 * scale);
-        // Turning the rest shape together with its warp changes nothing.
+        // A common rotation of rest shape and warp changes nothing.
         let turn = Rotation3::new(random.vector() * 3.0);
         let turned = TriMesh {
             positions: mesh.positions.iter().map(|x| turn * x).collect(),
@@ -164,7 +165,7 @@ fn the_element_is_the_derivative_of_its_energy<L: SheetLaw>() {
 }
 
 #[test]
-fn elements() {
+fn the_elements_of_woven_sheets_have_exact_derivatives() {
     the_element_is_the_derivative_of_its_energy::<CorotationalSheet>();
     the_element_is_the_derivative_of_its_energy::<StVenantKirchhoffSheet>();
 }
@@ -178,19 +179,19 @@ fn a_rigid_motion_gives_no_force<L: SheetLaw>() {
         let (turn, shift) = (Rotation3::new(random.vector() * 3.0), random.vector());
         let x: Vec<Vec3> = mesh.positions.iter().map(|x| turn * x + shift).collect();
         let force = largest(forces(&sheet, &x).into_iter());
-        // Rounding 1e-16 m at a shift of a metre, over cells of a hundredth, on E t w = 40e6 * 5e-4 * 0.01
-        // of a cell: 2e-12 of it, and a margin.
+        // The rounding is 1e-16 m at a shift of a metre, over grid cells of a hundredth, times E t w = 40e6 * 5e-4 *
+        // 0.01 of a cell. That is 2e-12 of the force, and the tolerance has a margin.
         assert!(force < 1e-10 * 200.0, "{force:e}");
     }
 }
 
 #[test]
-fn rigid_motions() {
+fn rigid_motions_of_a_woven_sheet_give_no_force() {
     a_rigid_motion_gives_no_force::<CorotationalSheet>();
     a_rigid_motion_gives_no_force::<StVenantKirchhoffSheet>();
 }
 
-/// Pull (N) of a free strip of `cloth` at stretch `l` along the warp, and across it at `across`.
+/// The pull (N) of a free strip of `cloth` at the stretch `l` along the warp and the stretch `across` along the weft.
 fn pull<L: SheetLaw>(l: f64, across: f64) -> f64 {
     let (lx, ly) = (0.1, 0.04);
     let mesh = irregular(10, 4, lx, ly, 0.25, 5);
@@ -202,7 +203,7 @@ fn pull<L: SheetLaw>(l: f64, across: f64) -> f64 {
         if x.x > lx - 1e-9 {
             pull -= f;
         } else if x.x > 1e-9 {
-            // Inside and on the free sides: rounding of E t L = 2000 N.
+            // Inside and on the free sides, the forces are the rounding of E t L = 2000 N.
             assert!(f.norm() < 1e-12 * 2000.0, "{f:?}");
         }
     }
@@ -220,8 +221,8 @@ fn a_free_strip_pulls_with_the_force_of_its_law() {
     } = cloth();
     let section = e * t * 0.04;
     for l in [0.9, 1.05, 1.2, 1.5] {
-        // The sides are free at the contraction nu of each law's own strain. Sums of a few exact forces of
-        // up to E t w = 800 N: rounding only.
+        // The sides are free at the contraction nu of the strain of each law. The pull is a sum of a few exact forces
+        // of up to E t w = 800 N, so its only error is rounding.
         let corotational = pull::<CorotationalSheet>(l, 1.0 - poisson * (l - 1.0));
         assert!(
             (corotational - section * (l - 1.0)).abs() < 1e-10,
@@ -266,7 +267,7 @@ fn bad_weaves_are_refused_by_name() {
     assert_eq!(bad(|w| w.thickness = f64::NAN), "thickness");
     assert_eq!(bad(|w| w.density = 0.0), "density");
     assert_eq!(bad(|w| w.poisson = f64::NAN), "poisson");
-    // sqrt(40 / 12) = 1.8257.
+    // The limit is sqrt(40 / 12) = 1.8257.
     assert_eq!(bad(|w| w.poisson = 1.826), "poisson");
     assert_eq!(bad(|w| w.poisson = -1.826), "poisson");
     assert_eq!(

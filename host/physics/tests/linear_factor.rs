@@ -1,5 +1,5 @@
-//! The frozen factor and its panels against the factorization by `faer` with its own order, on a solid and
-//! on a sheet with bending.
+//! The frozen factor and its panels compared with the factorization by `faer` with its own order, on a solid and on a
+//! sheet with bending.
 #![allow(unsafe_code)]
 
 mod common;
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Implicit Euler with a step of 10 ms and Rayleigh damping of 0.1 and 0.1.
+/// Implicit Euler with a step of 10 ms, and Rayleigh damping of 0.1 and 0.1.
 const BY_MASS: f64 = 1e4 + 10.0;
 const BY_STIFFNESS: f64 = 11.0;
 
@@ -86,7 +86,7 @@ fn cloth() -> Body {
     body
 }
 
-/// A solid, a sheet, a bar that falls into many parts of one node, and a body of one free node.
+/// A solid, a sheet, a bar that separates into many parts of one node, and a body with one free node.
 fn bodies() -> [(&'static str, Body); 4] {
     [
         ("solid", solid([6, 5, 7])),
@@ -96,7 +96,7 @@ fn bodies() -> [(&'static str, Body); 4] {
     ]
 }
 
-/// Two cells along each axis, all but the middle held.
+/// A cube with two grid cells along each axis. All vertices but the middle one are held.
 fn one_node() -> Body {
     let mesh = solid_box([0.1; 3], [2; 3]).unwrap();
     let outer: Vec<u32> = (0..27).filter(|&vertex| vertex != 13).collect();
@@ -126,7 +126,7 @@ fn right_side(unknowns: usize) -> Vec<f64> {
     (0..unknowns).map(|_| random.signed()).collect()
 }
 
-/// The solution of `faer` with its own order, by nodes.
+/// The solution by `faer` with its own order, by nodes.
 fn reference(body: &Body, mask: Option<&[Vec3]>, b: &[f64]) -> Vec<f64> {
     let (matrix, mass) = (body.stiffness(), body.node_masses());
     let mut cholesky = Cholesky::new(matrix, 1, FactorCode::Fastest).unwrap();
@@ -138,7 +138,7 @@ fn reference(body: &Body, mask: Option<&[Vec3]>, b: &[f64]) -> Vec<f64> {
     x
 }
 
-/// Three numbers a node, numbered anew.
+/// A vector of three numbers per node, in the new order of the nodes.
 fn renumbered(x: &[f64], from: &[u32]) -> Vec<f64> {
     from.iter()
         .flat_map(|&at| x[3 * at as usize..3 * at as usize + 3].to_vec())
@@ -155,7 +155,7 @@ fn difference(a: &[f64], b: &[f64]) -> f64 {
     norm(&mut a.iter().zip(b).map(|(a, b)| a - b)) / norm(&mut b.iter().copied())
 }
 
-/// The panels' solution by places.
+/// The solution by the panels, by places.
 fn by_panels(panels: &mut Panels, b: &[f64]) -> Vec<f64> {
     let mut r = padded(b);
     panels.solve(&mut r);
@@ -165,7 +165,7 @@ fn by_panels(panels: &mut Panels, b: &[f64]) -> Vec<f64> {
         .collect()
 }
 
-/// The condition number, from power iterations on the matrix and on its inverse (within some per cent).
+/// The condition number from power iterations on the matrix and on its inverse, exact to some per cent.
 fn condition(matrix: &BlockMatrix, mass: &[f64], factor: &mut Factor) -> f64 {
     let free = matrix.free();
     let norm = |x: &[Vec3]| x.iter().map(Vec3::norm_squared).sum::<f64>().sqrt();
@@ -217,7 +217,8 @@ fn the_order_fills_less_than_minimum_degree_on_solids() {
     let cholesky = Cholesky::new(body.stiffness(), 1, FactorCode::Portable).unwrap();
     let order = order(body.stiffness(), body.node_positions());
     let factor = Factor::with_code(body.stiffness(), &order, FactorCode::Portable).unwrap();
-    // Column by column neither stores zeros. Measured: 537,426 against 631,224 entries, 15 % fewer.
+    // A factorization column by column stores no zeros in either order. Measured: 537,426 against 631,224 entries, 15 %
+    // fewer.
     let fraction = factor.factor_entries() as f64 / cholesky.factor_entries() as f64;
     assert!(fraction < 0.9, "{fraction}");
 }
@@ -242,12 +243,12 @@ fn the_factor_solves_as_the_factorization_by_minimum_degree() {
         let b = right_side(factor.unknowns());
         let expected = reference(&body, None, &b);
         let mut x = renumbered(&b, factor.order());
-        // Seven at once: more than are solved in one go.
+        // Seven right-hand sides are more than one pass solves.
         x = x.repeat(7);
         factor.solve(&mut x);
         for x in x.chunks_exact(b.len()) {
             let error = difference(&renumbered(x, factor.places()), &expected);
-            // Rounding of two factorizations, 1e-16 times a condition number of up to 3e5.
+            // The error is the rounding of two factorizations, 1e-16, times a condition number of up to 3e5.
             assert!(error < 1e-10, "{name}: {error:e}");
         }
     }
@@ -264,12 +265,12 @@ fn panels_solve_with_the_accuracy_of_single_precision() {
             &by_panels(&mut panels, &renumbered(&b, factor.order())),
             &expected,
         );
-        // A product with rounded inverses errs by about the rounding times the square root of the
-        // condition number (the norm of a triangular factor times that of its inverse), in either pass.
+        // In either pass, a product with rounded inverses has an error of about the rounding times the square root of
+        // the condition number (the norm of a triangular factor times that of its inverse).
         let condition = condition(body.stiffness(), body.node_masses(), &mut factor);
         let bound = 2.0 * f64::from(f32::EPSILON) * condition.sqrt();
         assert!(error < bound, "{name}: {error:e}, {bound:e}, {condition:e}");
-        // And they are not f64 by mistake.
+        // The lower bound shows that the panels are not in double precision by mistake.
         assert!(error > 1e-10, "{name}: {error:e}");
     }
 }
@@ -285,7 +286,7 @@ fn the_solution_is_symmetric_and_linear() {
     let (x, y) = (by_panels(&mut panels, &a), by_panels(&mut panels, &b));
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let scale = dot(&a, &x).abs() + dot(&b, &y).abs();
-    // Forward and backward pass use the same rounded panels: only sums round, some 1e-7 each.
+    // The forward and the backward pass use the same rounded panels. Only sums round, by some 1e-7 each.
     assert!((dot(&b, &x) - dot(&a, &y)).abs() < 1e-6 * scale);
     let sum: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 2.0 * a - b).collect();
     let both: Vec<f64> = x.iter().zip(&y).map(|(x, y)| 2.0 * x - y).collect();
@@ -293,7 +294,7 @@ fn the_solution_is_symmetric_and_linear() {
 }
 
 #[test]
-fn three_at_once_are_three_in_turn() {
+fn three_solves_at_once_are_three_solves_in_turn() {
     for (name, body) in bodies() {
         let factor = factor_of(&body, None);
         let mut panels = Panels::new(&factor);
@@ -306,7 +307,7 @@ fn three_at_once_are_three_in_turn() {
         for r in &mut in_turn {
             panels.solve(r);
         }
-        // The same sums in the same order.
+        // The sums have the same terms in the same order.
         assert_eq!(together, in_turn, "{name}");
     }
 }
@@ -375,18 +376,18 @@ fn guided_axes_keep_their_right_hand_side() {
     factor.solve(&mut x);
     let x = renumbered(&x, factor.places());
     let rough = renumbered(&rough, factor.places());
-    // As without a mask.
+    // The tolerances are those of the test without a mask.
     assert!(difference(&x, &expected) < 1e-10);
     assert!(difference(&rough, &expected) < 1e-5);
     for at in (0..b.len()).filter(|&at| mask[at / 3][at % 3] == 0.0) {
-        // An uncoupled row: one, and zeros.
+        // A row without coupling has a one on the diagonal, and zeros.
         assert_eq!(x[at], b[at]);
         assert_eq!(rough[at], f64::from(b[at] as f32));
     }
 }
 
 #[test]
-fn either_kernels_give_the_same_panels_up_to_rounding() {
+fn portable_and_fastest_kernels_give_the_same_panels_up_to_rounding() {
     let body = solid([6, 5, 7]);
     let (matrix, mass) = (body.stiffness(), body.node_masses());
     let order = order(matrix, body.node_positions());
@@ -402,7 +403,7 @@ fn either_kernels_give_the_same_panels_up_to_rounding() {
         &solution(FactorCode::Portable),
         &solution(FactorCode::Fastest),
     );
-    // The factors differ in f64: a number in 1e8 may round to the other neighbour in f32.
+    // The factors differ in double precision. One number in 1e8 may round to the other neighbour in single precision.
     assert!(error < 1e-6, "{error:e}");
 }
 
@@ -422,7 +423,7 @@ fn a_matrix_that_is_not_positive_leaves_the_panels_usable() {
         );
     }
     assert_eq!(by_panels(&mut panels, &b), before);
-    // The factor itself recovers.
+    // A later factorization on the same factor succeeds.
     factor
         .factorize(matrix, mass, BY_MASS, BY_STIFFNESS, None)
         .unwrap();

@@ -30,7 +30,7 @@ fn any(random: &mut Random) -> Mat3 {
     Mat3::from_columns(&[random.vector(), random.vector(), random.vector()])
 }
 
-/// `sum B B^T` over the pairs of a chain: positive definite and block-tridiagonal.
+/// The sum `B B^T` over the pairs of a chain. It is positive definite and block-tridiagonal.
 fn chain(nodes: u32, random: &mut Random) -> BlockMatrix {
     let mut blocks = Vec::new();
     for i in 0..nodes {
@@ -59,14 +59,14 @@ fn flat(nodes: &[Node<f32>]) -> Vec<f64> {
     numbers.copied().map(f64::from).collect()
 }
 
-/// Largest difference as a fraction of the largest number.
+/// The largest difference as a fraction of the largest number.
 fn off(a: &[f64], b: &[f64]) -> f64 {
     let difference = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     difference.fold(0.0, f64::max) / b.iter().map(|b| b.abs()).fold(0.0, f64::max)
 }
 
 #[test]
-fn without_fill_it_is_the_complete_factor_and_solves() {
+fn without_fill_the_incomplete_factor_is_the_complete_one_and_solves() {
     let mut random = Random(11);
     let nodes = 200;
     let matrix = chain(nodes, &mut random);
@@ -86,13 +86,14 @@ fn without_fill_it_is_the_complete_factor_and_solves() {
         blocks.solve(&mut ours);
         assert!(ours.iter().all(|node| node[3] == 0.0));
         factor.solve(&mut exact);
-        // Rounding of single precision, some tens of times: the matrix's condition is about that.
+        // The tolerance is the rounding of single precision, some tens of times, because the condition number of the
+        // matrix is about that.
         let off = off(&flat(&ours), &exact);
         assert!(off < 1e-5, "{off:e}");
     }
 }
 
-/// Assembled at rest, held by nothing.
+/// The matrix at rest of a body that nothing holds.
 fn solid() -> Body {
     let material = SolidMaterial {
         young: 2e4,
@@ -107,7 +108,7 @@ fn solid() -> Body {
 }
 
 #[test]
-fn it_is_symmetric() {
+fn the_preconditioner_is_symmetric() {
     let body = solid();
     let places = order(body.stiffness());
     let mut blocks = Blocks::new(body.stiffness());
@@ -124,18 +125,18 @@ fn it_is_symmetric() {
     };
     let (forth, back) = (product(&a, &b), product(&b, &a));
     let scale = (product(&a, &a) * product(&b, &b)).sqrt();
-    // Single precision.
+    // The tolerance is that of single precision.
     assert!((forth - back).abs() < 1e-5 * scale, "{forth} {back}");
 }
 
 /// Kershaw's matrix ("The incomplete Cholesky-conjugate gradient method for the iterative solution of systems of linear
-/// equations", 1978): positive definite, and its incomplete factor without a shift has a pivot of -5.
+/// equations", 1978). It is positive definite, and its incomplete factor without a shift has a pivot of -5.
 #[test]
 fn bad_pivots_enlarge_the_diagonal_and_leave_a_positive_preconditioner() {
     let one = Mat3::identity();
     let turn = *nalgebra::Rotation3::from_scaled_axis(Vec3::new(0.4, 1.0, -0.3)).matrix();
     for turn in [one, turn] {
-        // Turned from node to node, which changes no eigenvalue.
+        // Each node has its own rotation, which changes no eigenvalue.
         let entries = [(0, 1, -2.0), (1, 2, -2.0), (2, 3, -2.0), (0, 3, 2.0)];
         let mut blocks: Vec<_> = (0..4).map(|i| (i, i, one * 3.0)).collect();
         let turns: [Mat3; 4] = core::array::from_fn(|i| (0..i).fold(one, |all, _| all * turn));
@@ -179,7 +180,7 @@ fn a_matrix_that_is_not_positive_definite_is_refused() {
     factor.factorize(&good, &[1.0; 6], 1.0, 1.0, None).unwrap();
 }
 
-/// Two chains that touch nowhere, and a node alone.
+/// Two chains without contact, and a single node.
 #[test]
 fn orders_and_patches_have_every_node() {
     let mut random = Random(8);
@@ -189,7 +190,7 @@ fn orders_and_patches_have_every_node() {
     }
     let matrix = matrix(220, &blocks);
     let mut order = order(&matrix);
-    // Along a chain neighbours follow each other.
+    // The nodes of a chain are numbered one after another.
     let steps = order
         .windows(2)
         .filter(|pair| pair[0].abs_diff(pair[1]) == 1);
@@ -201,7 +202,7 @@ fn orders_and_patches_have_every_node() {
     for &patch in &patch {
         sizes[patch as usize] += 1;
     }
-    // Pieces of sixty and the rest of each chain, and nodes that touch nothing.
+    // The patches are pieces of sixty nodes, the rest of each chain, and single nodes without neighbours.
     assert!(
         sizes.iter().all(|&size| size <= 75 && size > 0),
         "{sizes:?}"

@@ -1,5 +1,5 @@
-//! Laws of sheets against the theory of elasticity: derivatives, rotations, off-axis moduli, the limit of stability,
-//! and extreme gradients.
+//! Laws of sheets compared with the theory of elasticity: derivatives, rotations, off-axis moduli, the limit of
+//! stability, and extreme gradients.
 
 mod common;
 
@@ -11,7 +11,8 @@ use physics::material::sheet_law::{
 use physics::{Tangent, Vec3};
 use proptest::prelude::*;
 
-// A cotton-like cloth: stiff warp, softer weft, and almost no resistance to shear (Pa); half a millimetre.
+// A cloth similar to cotton: its warp is stiff, its weft softer, and it hardly resists shear (Pa). It is half a
+// millimetre thick.
 const E1: f64 = 40e6;
 const E2: f64 = 12e6;
 const NU: f64 = 0.4;
@@ -22,7 +23,7 @@ fn cloth() -> PlaneStiffness {
     PlaneStiffness::orthotropic(E1, E2, NU, G, THICKNESS).unwrap()
 }
 
-/// Some positive definite stiffness of order 1 N/m, in a frame that is not its own.
+/// A random positive definite stiffness of order 1 N/m, in a frame whose axes are not those of the stiffness.
 fn some_stiffness(random: &mut Random) -> PlaneStiffness {
     let mut between = |low: f64, high: f64| low + (high - low) * 0.5 * (random.signed() + 1.0);
     let (warp, weft) = (between(0.5, 2.0), between(0.1, 1.0));
@@ -32,13 +33,13 @@ fn some_stiffness(random: &mut Random) -> PlaneStiffness {
         .rotated(between(-3.0, 3.0))
 }
 
-/// Largest and smallest stretch of `f`.
+/// The largest and the smallest stretch of `f`.
 fn stretches(f: &[Vec3; 2]) -> [f64; 2] {
     let values = SMatrix::<f64, 3, 2>::from_columns(f).singular_values();
     [values.max(), values.min()]
 }
 
-/// Some gradient with stretches between 0.3 and 2.5, in tension and compression, turned somehow.
+/// A random gradient with stretches between 0.3 and 2.5, in tension and compression, with a random rotation.
 fn some_gradient(random: &mut Random) -> [Vec3; 2] {
     loop {
         let f = [random.vector() * 2.0, random.vector() * 2.0];
@@ -72,8 +73,8 @@ fn stress_is_the_gradient_of_energy_and_the_modulus_that_of_stress<L: SheetLaw>(
     let exact = dense(&response.modulus);
     let scale = exact.norm();
     assert!((exact - exact.transpose()).norm() < 1e-14 * scale);
-    // Central differences of numbers of order one: truncation is step^2 = 1e-10 times third derivatives
-    // (up to about 1 / 0.3^2), rounding 1e-16 / step = 1e-11.
+    // The numbers are of order one. The truncation error of central differences is step^2 = 1e-10 times third
+    // derivatives (up to about 1 / 0.3^2), and the rounding error is 1e-16 / step = 1e-11.
     let step = 1e-5;
     for l in 0..2 {
         for k in 0..3 {
@@ -106,7 +107,7 @@ fn the_clipped_modulus_is_the_positive_part<L: SheetLaw>(seed: u64) -> bool {
     let positive = eigen.eigenvalues.map(|value| value.max(0.0));
     let part =
         eigen.eigenvectors * SMatrix::from_diagonal(&positive) * eigen.eigenvectors.transpose();
-    // The eigenvalue problem's own rounding, and that of the terms under U^-1, up to 1 / 0.3.
+    // The eigenvalue problem rounds, and so do the terms under U^-1, up to 1 / 0.3.
     let rounding = 1e-13 * exact.norm();
     assert!((clipped - part).norm() < rounding, "{clipped} {part}");
     assert!((clipped - clipped.transpose()).norm() < rounding);
@@ -124,7 +125,7 @@ fn turning_the_body_turns_the_stress<L: SheetLaw>(seed: u64) {
         law.energy(&d, &f),
         dense(&law.respond(&d, &f, Tangent::Exact).modulus).norm(),
     );
-    // Rounding of products of numbers up to 2.5^3.
+    // The error is the rounding of products of numbers up to 2.5^3.
     assert!((law.energy(&d, &turned) - energy).abs() < 1e-13 * scale);
     for tangent in [Tangent::Exact, Tangent::Clipped] {
         let (here, there) = (
@@ -139,7 +140,7 @@ fn turning_the_body_turns_the_stress<L: SheetLaw>(seed: u64) {
             }
         }
     }
-    // The other frame: the same cloth, described along axes turned in the plane.
+    // The other frame describes the same cloth along axes that are turned in the plane.
     let angle = 3.0 * random.signed();
     let (s, c) = angle.sin_cos();
     let seen = [f[0] * c + f[1] * s, f[1] * c - f[0] * s];
@@ -149,13 +150,13 @@ fn turning_the_body_turns_the_stress<L: SheetLaw>(seed: u64) {
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
     #[test]
-    fn derivatives(seed in any::<u64>()) {
+    fn stress_and_modulus_are_derivatives(seed in any::<u64>()) {
         stress_is_the_gradient_of_energy_and_the_modulus_that_of_stress::<CorotationalSheet>(seed);
         stress_is_the_gradient_of_energy_and_the_modulus_that_of_stress::<StVenantKirchhoffSheet>(seed);
     }
 
     #[test]
-    fn objectivity(seed in any::<u64>()) {
+    fn laws_are_objective(seed in any::<u64>()) {
         turning_the_body_turns_the_stress::<CorotationalSheet>(seed);
         turning_the_body_turns_the_stress::<StVenantKirchhoffSheet>(seed);
     }
@@ -164,7 +165,7 @@ proptest! {
 #[test]
 fn clipping_leaves_the_positive_part() {
     let count = |check: fn(u64) -> bool| (0..500).filter(|&seed| check(seed)).count();
-    // Both kinds of state must occur for the test to say anything.
+    // The test is valid only if both kinds of state occur.
     for definite in [
         count(the_clipped_modulus_is_the_positive_part::<CorotationalSheet>),
         count(the_clipped_modulus_is_the_positive_part::<StVenantKirchhoffSheet>),
@@ -173,13 +174,13 @@ fn clipping_leaves_the_positive_part() {
     }
 }
 
-/// Strain along the pull, per stress resultant, of a cloth pulled at `angle` to its warp, by Newton's method
-/// on the law alone.
+/// The strain along the pull, per stress resultant, of a cloth that is pulled at `angle` to its warp, computed by
+/// Newton's method on the law alone.
 fn compliance<L: SheetLaw>(d: &PlaneStiffness, angle: f64, pull: f64) -> f64 {
     let law = L::default();
     let (s, c) = angle.sin_cos();
     let pulled = [c * c * pull, s * s * pull, s * c * pull];
-    // F symmetric in the plane: entries 11, 22 and 12. Then P is symmetric up to the strain's square.
+    // F is symmetric in the plane, with the entries 11, 22 and 12. P is then symmetric up to the square of the strain.
     let gradient = |u: &Vector3<f64>| {
         [
             Vec3::new(1.0 + u[0], u[2], 0.0),
@@ -195,7 +196,7 @@ fn compliance<L: SheetLaw>(d: &PlaneStiffness, angle: f64, pull: f64) -> f64 {
             p[1].y - pulled[1],
             0.5 * (p[0].y + p[1].x) - pulled[2],
         );
-        // Rows: P_11, P_22 and the mean of P_21 and P_12; columns: u_11, u_22, and u_12 = u_21.
+        // The rows are P_11, P_22 and the mean of P_21 and P_12. The columns are u_11, u_22, and u_12 = u_21.
         let row = |j: usize, i: usize| {
             Vector3::new(
                 m[j][0][(i, 0)],
@@ -218,7 +219,7 @@ fn compliance<L: SheetLaw>(d: &PlaneStiffness, angle: f64, pull: f64) -> f64 {
 fn the_modulus_off_axis_is_that_of_the_textbook() {
     // Jones, section 2.6: 1/E = cos^4/E1 + sin^4/E2 + (1/G - 2 nu12/E1) sin^2 cos^2.
     let d = cloth();
-    // Strains of 1e-7: errors of that order from large strains, 1e-9 from rounding.
+    // The strains are 1e-7, so large strains cause errors of that order, and rounding causes errors of 1e-9.
     let pull = 1e-7 * G * THICKNESS;
     for degrees in 0..=18 {
         let angle = f64::from(5 * degrees).to_radians();
@@ -228,17 +229,17 @@ fn the_modulus_off_axis_is_that_of_the_textbook() {
         for found in [
             compliance::<CorotationalSheet>(&d, angle, pull),
             compliance::<StVenantKirchhoffSheet>(&d, angle, pull),
-            // Along the first axis of a frame that is turned instead.
+            // The third case pulls along the first axis of a frame that is turned instead.
             compliance::<CorotationalSheet>(&d.rotated(angle), 0.0, pull),
         ] {
             let error = found * THICKNESS / expected - 1.0;
-            // Asked: 1e-5.
+            // The required accuracy is 1e-5.
             assert!(error.abs() < 1e-6, "{degrees}: {error:e}");
         }
     }
 }
 
-/// The smallest eigenvalue at a stretch along the warp and one across it, in units of that in shear.
+/// The smallest eigenvalue at one stretch along the warp and one across it, in units of that in shear.
 fn smallest<L: SheetLaw>(d: &PlaneStiffness, along: f64, across: f64) -> f64 {
     let f = [Vec3::x() * along, Vec3::y() * across];
     let response = L::default().respond(d, &f, Tangent::Exact);
@@ -248,15 +249,15 @@ fn smallest<L: SheetLaw>(d: &PlaneStiffness, along: f64, across: f64) -> f64 {
 #[test]
 fn under_tension_only_the_corotational_cloth_loses_its_stability_at_the_stated_strain() {
     let d = cloth();
-    // Pulled along the warp and free across it. Out of the plane nothing then resists a slope across the
-    // pull, so that one eigenvalue is 0, up to rounding of E / G = 40.
+    // The cloth is pulled along the warp and free across it. No force then resists a slope out of the plane across the
+    // pull, so that one eigenvalue is 0, up to the rounding of E / G = 40.
     let corotational =
         |strain: f64| smallest::<CorotationalSheet>(&d, 1.0 + strain, 1.0 - NU * strain);
     let critical = 4.0 * G / (E1 - 4.0 * G);
     assert!(corotational(0.999 * critical) > -1e-12);
     assert!(corotational(1.001 * critical) < -1e-5);
     for strain in [0.01, 0.1, 0.3] {
-        // Short of the free contraction: taut both ways.
+        // The cloth contracts less than a free cloth would, so it is taut in both directions.
         let across = (1.0 - 0.9 * NU * strain * (2.0 + strain)).sqrt();
         assert!(smallest::<StVenantKirchhoffSheet>(&d, 1.0 + strain, across) > 1e-6);
     }
@@ -268,7 +269,8 @@ fn any_gradient_gives_numbers<L: SheetLaw>() {
     let d = cloth().rotated(0.4);
     let diagonal = Vec3::new(1.0, 1.0, 1.0);
     let mut states = vec![
-        // To a point; to lines, stretched and not; turned over; skewed; nearly to a line.
+        // The gradient is collapsed to a point, collapsed to lines (stretched and not stretched), turned over, skewed,
+        // and collapsed nearly to a line.
         [Vec3::zeros(); 2],
         [x, Vec3::zeros()],
         [Vec3::zeros(), y * 3.0],
@@ -304,8 +306,9 @@ fn any_gradient_gives_numbers<L: SheetLaw>() {
             assert!(response.stress.iter().all(finite), "{f:?}");
             let modulus = dense(&response.modulus);
             assert!(modulus.iter().all(|k| k.is_finite()), "{f:?}");
-            // Scaled first, since the eigenvalue routine squares; its rounding. A St. Venant-Kirchhoff
-            // sheet in a point has no stiffness left once it is clipped.
+            // The matrix is scaled first, because the eigenvalue routine squares its entries. The tolerance is the
+            // rounding of that routine. A St. Venant-Kirchhoff sheet that is collapsed to a point has no stiffness left
+            // after clipping.
             let modulus = modulus / modulus.amax().max(f64::MIN_POSITIVE);
             assert!((modulus - modulus.transpose()).amax() < 1e-13, "{f:?}");
             if tangent == Tangent::Clipped {
@@ -320,14 +323,14 @@ fn finite(v: &Vec3) -> bool {
 }
 
 #[test]
-fn nothing_but_numbers() {
+fn every_gradient_gives_finite_numbers() {
     any_gradient_gives_numbers::<CorotationalSheet>();
     any_gradient_gives_numbers::<StVenantKirchhoffSheet>();
 }
 
 #[test]
 fn a_crushed_corotational_sheet_is_no_stiffer_than_its_floor_allows() {
-    // 1 / 0.01 is the most that the floor lets a division add to moduli of order one.
+    // The floor allows a division to add at most 1 / 0.01 to moduli of order one.
     let d = PlaneStiffness::isotropic(1.0, 0.3, 1.0).unwrap();
     let mut random = Random(2);
     for _ in 0..1000 {

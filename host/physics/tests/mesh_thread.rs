@@ -1,4 +1,4 @@
-//! Meshes of lines: what is made has the length it should, what is wrong is named.
+//! Meshes of lines: a generated thread has its length, and an error names each fault.
 
 use physics::Vec3;
 use physics::mesh::check::Location;
@@ -25,7 +25,7 @@ fn a_straight_thread_has_its_length_its_ends_and_equal_segments() {
     let mesh = straight_thread(0.3, 7).expect("a thread");
     assert_eq!(mesh.validate(), Ok(()));
     assert_eq!((mesh.positions.len(), mesh.lines.len()), (8, 7));
-    // Sums of seven lengths of 0.04 m.
+    // The sum has seven lengths of 0.04 m.
     assert!((mesh.length() - 0.3).abs() < 1e-15);
     for line in 0..7 {
         let length = mesh.line_length(line).expect("a line");
@@ -57,7 +57,7 @@ fn a_thread_that_cannot_be_made_is_refused() {
             vertices: 1 << 32
         })
     );
-    // Far beyond the coordinates that are allowed.
+    // The length is far beyond the allowed coordinates.
     let error = straight_thread(1e10, 2).expect_err("too long");
     assert!(
         matches!(
@@ -147,7 +147,7 @@ fn every_fault_is_named_with_its_place() {
 }
 
 #[test]
-fn a_mesh_of_any_kind_tells_what_it_holds() {
+fn a_mesh_of_any_kind_reports_its_contents() {
     let mut thread = bent();
     thread.line_fields.push(Field {
         name: "area".to_owned(),

@@ -1,5 +1,5 @@
-//! Solids against solutions of beams. More of the kind, by mesh and order: `palpate bench accuracy`, whose
-//! study has its own tests.
+//! Solids compared with solutions of beams. `palpate bench accuracy` has more such comparisons, by mesh and order, and
+//! its study has its own tests.
 
 mod common;
 
@@ -23,7 +23,7 @@ fn vertices(mesh: &TetMesh, chosen: impl Fn(&Vec3) -> bool) -> Vec<u32> {
         .collect()
 }
 
-/// Displacements at equilibrium under `forces`, with `fixed` vertices held.
+/// The displacements at equilibrium under `forces`. The vertices `fixed` are held.
 fn displaced(
     mesh: &TetMesh,
     law: SolidLaw,
@@ -50,8 +50,8 @@ fn displaced(
         .collect()
 }
 
-/// A beam along x, 1 m long with a square section of edge `thick`, one end held, its other end pulled down
-/// by `force`: mean displacement of the free end.
+/// A beam along x, 1 m long, with a square section of edge `thick`. One end is held, and `force` pulls the other end
+/// down. The function returns the mean displacement of the free end.
 fn cantilever(law: SolidLaw, thick: f64, poisson: f64, force: f64, cells: [usize; 3]) -> Vec3 {
     let mut mesh = block(cells, 0.0, true);
     for x in &mut mesh.positions {
@@ -77,13 +77,13 @@ fn a_cantilever_bends_as_timoshenko_s_beam() {
     let inertia = f64::powi(thick, 4) / 12.0;
     for poisson in [0.0, 0.3] {
         let shear = 1e6 / (2.0 * (1.0 + poisson));
-        // Cowper's coefficient for a rectangle.
+        // This is Cowper's coefficient for a rectangle.
         let kappa = 10.0 * (1.0 + poisson) / (12.0 + 11.0 * poisson);
         let expected = force / (3.0 * 1e6 * inertia) + force / (kappa * shear * thick * thick);
         let found = -cantilever(SolidLaw::Linear, thick, poisson, force, [20, 2, 2]).z;
         println!("nu {poisson}: {found:.6e} m, Timoshenko {expected:.6e} m");
-        // The held end may not contract sideways, which the beam does not know: of the order of nu^2 times
-        // the thickness over the length.
+        // The held end may not contract sideways, which the theory of beams ignores. The effect is of the order of nu^2
+        // times the thickness over the length.
         let tolerance = 0.003 + 0.1 * poisson * poisson;
         assert!(
             (found / expected - 1.0).abs() < tolerance,
@@ -94,8 +94,8 @@ fn a_cantilever_bends_as_timoshenko_s_beam() {
 
 #[test]
 fn a_cantilever_under_large_loads_bends_as_the_elastica() {
-    // Mattiasson, "Numerical results from large deflection beam and frame problems analysed by means of
-    // elliptic integrals", 1981: deflection and shortening at P L^2 / (E I) = 1, 2, 5.
+    // Mattiasson, "Numerical results from large deflection beam and frame problems analysed by means of elliptic
+    // integrals", 1981, lists deflection and shortening at P L^2 / (E I) = 1, 2, 5.
     let thick: f64 = 0.02;
     let inertia = thick.powi(4) / 12.0;
     for (load, down, back) in [
@@ -109,8 +109,8 @@ fn a_cantilever_under_large_loads_bends_as_the_elastica() {
                 "{law:?} {load}: {:.5} {:.5}, elastica {down} {back}",
                 -u.z, -u.x
             );
-            // The elastica neither shears nor stretches: of the order of the slenderness squared, 4e-4; and
-            // straight-edged elements bend through 2 degrees each.
+            // The elastica neither shears nor stretches, an error of the order of the slenderness squared, 4e-4.
+            // Elements with straight edges bend through 2 degrees each.
             assert!((-u.z - down).abs() < 2e-3, "{law:?} {load} {u}");
             assert!((-u.x - back).abs() < 2e-3, "{law:?} {load} {u}");
         }
@@ -118,7 +118,7 @@ fn a_cantilever_under_large_loads_bends_as_the_elastica() {
 }
 
 #[test]
-fn cells_of_both_kinds_say_what_they_are() {
+fn a_generated_cube_has_cells_of_the_requested_order() {
     assert!(matches!(cube(1, 0.0, false).cells, Cells::Linear(cells) if cells.len() == 6));
     assert!(matches!(cube(1, 0.0, true).cells, Cells::Quadratic(cells) if cells.len() == 6));
 }

@@ -1,8 +1,7 @@
-//! The same meshes, materials and loads in CalculiX, an independent program (Debian: `calculix-ccx`).
-//!
-//! Linear elasticity, and large displacements: with `NLGEOM` and `*ELASTIC` version 2.20 computes with the
-//! Green strain and the second Piola-Kirchhoff stress, that is St. Venant-Kirchhoff. Where the program is
-//! not installed the test says so and passes.
+//! The same meshes, materials and loads in CalculiX, an independent program (Debian: `calculix-ccx`): linear
+//! elasticity, and large displacements. With `NLGEOM` and `*ELASTIC`, version 2.20 uses the Green strain and the second
+//! Piola-Kirchhoff stress, which is the St. Venant-Kirchhoff law. Where the program is not installed, the test reports
+//! it and passes.
 
 mod common;
 
@@ -19,7 +18,7 @@ const MATERIAL: SolidMaterial = SolidMaterial {
     density: 1000.0,
 };
 
-/// A twisted block, so that no symmetry hides an error.
+/// A twisted block. It has no symmetry that could hide an error.
 fn mesh(quadratic: bool) -> TetMesh {
     let mut mesh = block([6, 2, 2], 0.2, quadratic);
     for x in &mut mesh.positions {
@@ -41,12 +40,12 @@ fn near_end(mesh: &TetMesh, at: f64) -> Vec<u32> {
 }
 
 fn deck(mesh: &TetMesh, fixed: &[u32], forces: &[Vec3], large: bool) -> String {
-    // Its numbers may have twenty characters.
+    // CalculiX reads numbers of at most twenty characters.
     let mut text = String::from("*NODE, NSET=ALL\n");
     for (node, x) in (1..).zip(&mesh.positions) {
         writeln!(text, "{node}, {:.12e}, {:.12e}, {:.12e}", x.x, x.y, x.z).unwrap();
     }
-    // Its quadratic tetrahedron orders the middles of edges as VTK does.
+    // The quadratic tetrahedron of CalculiX orders the middles of edges as VTK does.
     let kind = if matches!(mesh.cells, Cells::Linear(_)) {
         "C3D4"
     } else {
@@ -80,7 +79,7 @@ fn deck(mesh: &TetMesh, fixed: &[u32], forces: &[Vec3], large: bool) -> String {
     text
 }
 
-/// Displacements at the last increment, or `None` where CalculiX is not installed.
+/// The displacements at the last increment, or `None` where CalculiX is not installed.
 fn calculix(name: &str, deck: &str, count: usize) -> Option<Vec<Vec3>> {
     if Command::new("ccx").arg("-v").output().is_err() {
         println!("SKIPPED: CalculiX is not installed (apt-get install calculix-ccx)");
@@ -167,7 +166,7 @@ fn compare(quadratic: bool, law: SolidLaw, pull: Vec3, tolerance: f64) {
 #[test]
 fn linear_elasticity_agrees_to_five_digits() {
     for quadratic in [false, true] {
-        // Its file gives seven digits.
+        // The output file of CalculiX has seven digits.
         compare(
             quadratic,
             SolidLaw::Linear,
@@ -180,7 +179,7 @@ fn linear_elasticity_agrees_to_five_digits() {
 #[test]
 fn large_displacements_agree_with_st_venant_kirchhoff() {
     for quadratic in [false, true] {
-        // Its increments stop at residuals of 1e-8 of the mean force.
+        // The increments of CalculiX end at residuals of 1e-8 of the mean force.
         compare(
             quadratic,
             SolidLaw::StVenantKirchhoff,

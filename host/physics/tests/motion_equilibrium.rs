@@ -1,4 +1,4 @@
-//! Equilibria against reference forces and analytic solutions.
+//! Equilibria compared with reference forces and analytic solutions.
 
 mod common;
 
@@ -27,7 +27,7 @@ fn weightless() -> BodyConfig {
     }
 }
 
-/// The cube of the reference figures: 10 cm, in n^3 cells.
+/// The cube of the reference figures: 10 cm, in n^3 grid cells.
 fn small_cube(n: usize, quadratic: bool) -> TetMesh {
     let mut mesh = cube(n, 0.0, quadratic);
     for x in &mut mesh.positions {
@@ -49,7 +49,7 @@ fn solve(body: &mut Body, targets: &[HandlePose]) -> Result<EquilibriumReport, S
     equilibrium.solve(body, targets, 1.0)
 }
 
-/// Force (N) that presses the bonded cube down by 10 %.
+/// The force (N) that compresses the bonded cube by 10 %.
 fn bonded(n: usize, law: SolidLaw) -> f64 {
     let mesh = small_cube(n, false);
     let handles = [0.0, EDGE].map(|at| HandleSpec {
@@ -72,7 +72,7 @@ fn bonded(n: usize, law: SolidLaw) -> f64 {
 
 #[test]
 fn a_bonded_cube_has_the_force_of_an_independent_program() {
-    // facts.md, on the same meshes; to its four decimals.
+    // These forces are those of an independent program on the same meshes, to its four decimals.
     for (n, linear, corotational) in [
         (6, 21.8183, 21.6604),
         (8, 21.6490, 21.4799),
@@ -84,13 +84,13 @@ fn a_bonded_cube_has_the_force_of_an_independent_program() {
         ] {
             let found = bonded(n, law);
             println!("n {n} {law:?}: {found:.6} N, reference {expected}");
-            // Half of the last decimal given, and the solver's residual below it.
+            // The tolerance is half of the last decimal that is given. The residual of the solver is below that.
             assert!((found - expected).abs() < 0.6e-4, "n {n} {law:?}: {found}");
         }
     }
 }
 
-/// Stretches a cube whose faces slide by `stretch` along z; force on the upper face, and the body.
+/// Stretches a cube with sliding faces by `stretch` along z. Returns the force on the upper face, and the body.
 fn sliding(law: SolidLaw, quadratic: bool, poisson: f64, stretch: f64) -> (f64, Body) {
     let mesh = small_cube(3, quadratic);
     let mut body = Body::solid(&mesh, &[gelatine(poisson)], law, weightless(), &[]).unwrap();
@@ -112,10 +112,10 @@ fn a_cube_between_sliding_faces_presses_back_exactly() {
         for poisson in [0.0, 0.3, 0.499] {
             for law in [SolidLaw::Linear, SolidLaw::Corotational] {
                 let (force, _) = sliding(law, quadratic, poisson, 0.9);
-                // E A strain: 20 N; the residual is 1e-9 of the forces that balance.
+                // The force is E A times the strain: 20 N. The residual is 1e-9 of the forces that balance.
                 assert!((force + 20.0).abs() < 1e-7, "{law:?} {poisson} {force}");
             }
-            // St. Venant-Kirchhoff with free sides: E A l (l^2 - 1) / 2.
+            // Under the St. Venant-Kirchhoff law with free sides, the force is E A l (l^2 - 1) / 2.
             for stretch in [0.9, 1.2] {
                 let (force, _) = sliding(SolidLaw::StVenantKirchhoff, quadratic, poisson, stretch);
                 let area = EDGE * EDGE;
@@ -131,7 +131,7 @@ fn a_cube_between_sliding_faces_presses_back_exactly() {
 
 #[test]
 fn newton_ends_quadratically_on_the_exact_tangent() {
-    // Each iteration squares the relative error: from a strain of 0.2 to 1e-9 in a handful.
+    // Each iteration squares the relative error, so a handful of iterations reduce a strain of 0.2 to 1e-9.
     for law in [
         SolidLaw::Corotational,
         SolidLaw::StVenantKirchhoff,
@@ -174,7 +174,7 @@ fn handles_and_supports_carry_the_weight() {
         body.set_load_factor(0.0).unwrap();
         solve(&mut body, &[HandlePose::at(Vec3::zeros())]).unwrap();
         let report = body.handle_report(0).unwrap();
-        // 1 kg, up to the residual.
+        // The mass is 1 kg. The tolerance is the residual.
         assert!(
             (report.reaction.force - Vec3::z() * 9.81).norm() < 1e-7 * 9.81,
             "{report:?}"
@@ -183,7 +183,7 @@ fn handles_and_supports_carry_the_weight() {
 }
 
 #[test]
-fn a_free_body_under_its_weight_has_no_equilibrium_and_says_so() {
+fn a_free_body_under_its_weight_is_reported_to_have_no_equilibrium() {
     let mesh = small_cube(2, false);
     let law = SolidLaw::Corotational;
     let mut body = Body::solid(&mesh, &[gelatine(0.3)], law, BodyConfig::default(), &[]).unwrap();
@@ -218,7 +218,7 @@ fn a_free_body_without_loads_stays_where_it_is() {
 }
 
 #[test]
-fn a_body_held_all_over_is_refused_what_is_no_number() {
+fn a_body_without_free_nodes_refuses_numbers_that_are_not_finite() {
     let mesh = small_cube(1, false);
     let handles = [0.0, EDGE].map(|at| HandleSpec {
         vertices: face(&mesh, 2, at),
@@ -229,9 +229,9 @@ fn a_body_held_all_over_is_refused_what_is_no_number() {
     let config = BodyConfig::default();
     let mut body = Body::solid(&mesh, &[gelatine(0.3)], law, config, &handles).unwrap();
     let before: Vec<Vec3> = body.positions().collect();
-    let felt = *body.handle_report(0).unwrap();
+    let report = *body.handle_report(0).unwrap();
     let mut equilibrium = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
-    // No node is free, so that no residual tells of either.
+    // No node is free, so no residual reveals either number.
     let here = HandlePose::at(Vec3::zeros());
     let error = equilibrium.solve(&mut body, &[here; 2], f64::INFINITY);
     assert_eq!(
@@ -240,7 +240,7 @@ fn a_body_held_all_over_is_refused_what_is_no_number() {
             found: f64::INFINITY
         }
     );
-    // Stress grows with the cube of the stretch.
+    // The stress grows with the cube of the stretch.
     let far = HandlePose::at(Vec3::z() * 1e200);
     let error = equilibrium.solve(&mut body, &[here, far], 1.0);
     assert!(
@@ -248,5 +248,5 @@ fn a_body_held_all_over_is_refused_what_is_no_number() {
         "{error:?}"
     );
     assert_eq!(body.positions().collect::<Vec<_>>(), before);
-    assert_eq!(*body.handle_report(0).unwrap(), felt);
+    assert_eq!(*body.handle_report(0).unwrap(), report);
 }

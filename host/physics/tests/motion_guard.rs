@@ -1,4 +1,4 @@
-//! The guard, the bound on the energy at the end of a step: it acts if a step would create energy, and only then.
+//! The guard, the bound on the energy at the end of a step. The guard acts only if a step would create energy.
 
 mod common;
 
@@ -64,7 +64,7 @@ fn tr_bdf2_is_replaced_where_it_would_create_energy() {
     let mesh = cube(2, 0.2, false);
     for law in BENT {
         let mut body = Body::solid(&mesh, &[jelly(0.499)], law, quiet(), &[]).unwrap();
-        // The speed of sound: in a step of 0.1 s a vertex flies through the whole body.
+        // At the speed of sound, a vertex crosses the whole body in a step of 0.1 s.
         kick(&mut body, 10.0);
         let start = energy(&body);
         let mut integrator = tr_bdf2(&body);
@@ -74,7 +74,8 @@ fn tr_bdf2_is_replaced_where_it_would_create_energy() {
             // The bound lets the energy of a second-order scheme oscillate by half a percent.
             assert!(energy(&body) <= 1.005 * start, "{law:?}: {}", energy(&body));
         }
-        // Otherwise this test would show nothing. (Without the bound: 3.2 to 3.8 times the start's.)
+        // If no step were replaced, this test would show nothing. (Without the bound, the energy is 3.2 to 3.8 times
+        // the initial energy.)
         assert!(damped > 0, "{law:?}");
     }
 }
@@ -83,7 +84,7 @@ fn tr_bdf2_is_replaced_where_it_would_create_energy() {
 fn a_linearized_step_withholds_motion_that_would_create_energy_and_keeps_momentum() {
     let mesh = grid(6, 6, 1.0, 1.0, Split::Alternating);
     for bending in [0.0, 1.0] {
-        // Momentum is as exact as the solve: here the guess's forces are (c h / cell)^2 = 4e5 times those that
+        // The momentum is as exact as the solve. Here the forces of the guess are (c h / cell)^2 = 4e5 times those that
         // move the body.
         let config = BodyConfig {
             bending,
@@ -99,7 +100,7 @@ fn a_linearized_step_withholds_motion_that_would_create_energy_and_keeps_momentu
             held_back = held_back.max(body.step(0.1, &[]).unwrap().held_back);
             assert!(energy(&body) <= 1.005 * start, "{}", energy(&body));
             let off = (body.momentum() - momentum).norm();
-            // 1e-14 of 4e5, in each of fifty steps.
+            // The error is 1e-14 of 4e5, in each of fifty steps.
             assert!(off < 2e-7 * scale, "{:e}", off / scale);
         }
         assert!(held_back > 0.5, "{held_back}");
@@ -116,7 +117,7 @@ fn the_work_of_a_hand_does_not_count_as_created_energy() {
     let mut body = Body::sheet(&mesh, &[membrane(1e5)], quiet(), &handles).unwrap();
     let mut poses = rest_poses(&handles);
     for step in 0..100 {
-        // Out to twice the length, back, and round.
+        // The hand moves along an ellipse, up to twice the length of the sheet away.
         let angle = 0.1 * f64::from(step);
         poses[1].position =
             handles[1].origin + Vec3::new(1.0 - angle.cos(), 0.4 * angle.sin(), 0.0);
@@ -155,7 +156,7 @@ fn ordinary_motion_is_left_alone() {
     let solid = cube(2, 0.2, false);
     for law in BENT {
         let mut body = Body::solid(&solid, &[jelly(0.3)], law, quiet(), &[]).unwrap();
-        // Strains of a few hundredths, in steps of a hundredth of the time in which sound passes.
+        // The strains are a few hundredths. A step is a hundredth of the time in which sound crosses the body.
         kick(&mut body, 0.5);
         let mut integrator = tr_bdf2(&body);
         for step in 0..200 {

@@ -10,7 +10,8 @@ use physics::{
 /// The largest displacement of each motion (m).
 const REACH: f64 = 0.01;
 
-/// A cube of 10 cm times `scale`, held below and above; stiffness and density are such that it moves alike.
+/// A cube of 10 cm times `scale`, held below and above. Stiffness and density are such that cubes of all scales have
+/// the same motion.
 fn cube(scale: f64) -> Body {
     let edge = 0.1 * scale;
     let mesh = solid_box([edge; 3], [5; 3]).unwrap();
@@ -38,7 +39,8 @@ fn cube(scale: f64) -> Body {
     Body::solid(&mesh, &[material], SolidLaw::Corotational, config, &handles).unwrap()
 }
 
-/// Iterations of each step of a motion of the upper face (m by time in s), and where each vertex ends (m).
+/// The iterations of each step of a motion of the upper face (m as a function of the time in s), and the final position
+/// of each vertex (m).
 fn drive<T: Real>(
     scale: f64,
     options: StepperOptions,
@@ -71,7 +73,7 @@ fn options(guess: Guess) -> StepperOptions {
     }
 }
 
-/// Iterations with each guess: fitted, and at constant velocity and acceleration.
+/// The iterations with each guess: the fitted guess, and the guesses of constant velocity and constant acceleration.
 fn each<T: Real>(
     tolerance: f64,
     time: (f64, u32),
@@ -99,7 +101,7 @@ fn tremor(t: f64) -> Vec3 {
     press(t) + Vec3::new(2e-4, 0.0, 5e-4) * (core::f64::consts::TAU * 10.0 * t).sin()
 }
 
-/// Down, aside and back, each in a straight line, with a rest after each.
+/// A motion down, aside and back. Each part is a straight line with a rest after it.
 fn corners(t: f64) -> Vec3 {
     let line = |from: f64| ((t - from) / 0.1).clamp(0.0, 1.0);
     Vec3::new(line(0.2) - line(0.4), 0.0, line(0.4) - line(0.0)) * REACH
@@ -118,7 +120,7 @@ fn a_smooth_motion_takes_fewer_iterations() {
         let found = each::<f64>(1e-6, (h, 100), motion);
         let [fitted, velocity, acceleration] = [0, 1, 2].map(|i| late(&found[i]));
         println!("{h} s: {fitted}, {velocity}, {acceleration} iterations");
-        // By a fifth at least.
+        // The number decreases by at least a fifth.
         assert!(5 * fitted <= 4 * velocity.min(acceleration), "{found:?}");
         let found = each::<f32>(1e-3, (h, 100), motion);
         let [fitted, velocity, _] = [0, 1, 2].map(|i| late(&found[i]));
@@ -133,7 +135,7 @@ fn the_guess_follows_no_trend_where_a_motion_turns() {
     println!("{fitted:?}\n{velocity:?}\n{acceleration:?}");
     for corner in [0, 10, 20, 30, 40, 50] {
         let around = |iterations: &[usize]| iterations[corner..corner + 6].iter().sum::<usize>();
-        // At most one iteration more than with the velocity alone in one of six steps.
+        // In at most one step of six, the fitted guess needs one iteration more than the velocity alone.
         assert!(around(&fitted) <= around(&velocity) + 1, "at {corner}");
     }
     let most = |iterations: &[usize]| iterations.iter().max().copied();

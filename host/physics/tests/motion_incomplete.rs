@@ -1,5 +1,5 @@
-//! Steps on the incomplete factor are those on the complete one, for less memory, and with few more iterations on finer
-//! meshes.
+//! Steps on the incomplete factor are those on the complete factor. The incomplete factor takes less memory, and on
+//! finer meshes it needs few more iterations.
 
 mod common;
 
@@ -23,7 +23,7 @@ fn options(preconditioner: Preconditioner) -> StepperOptions {
 }
 
 fn config() -> BodyConfig {
-    // Weightless, a body can be kept at small strains.
+    // Without weight, a body can be kept at small strains.
     BodyConfig {
         gravity: Vec3::zeros(),
         mass_damping: 0.1,
@@ -33,7 +33,7 @@ fn config() -> BodyConfig {
     }
 }
 
-/// A cube of 10 cm between two plates, its core so many times stiffer than the rest.
+/// A cube of 10 cm between two plates. Its core is stiffer than the rest by the given factor.
 fn cube(n: u32, contrast: f64) -> Body {
     let mesh = solid_box([0.1; 3], [n; 3]).unwrap();
     let material = |cell: &[u32]| {
@@ -67,7 +67,7 @@ fn cube(n: u32, contrast: f64) -> Body {
     body
 }
 
-/// A bar held by a support along two axes at one end, by a hand at the other; a law without a kernel of its own.
+/// A bar that a support holds along two axes at one end, and a hand at the other end. Its law has no kernel of its own.
 fn guided() -> Body {
     let mesh = block([6, 3, 3], 0.1, false);
     let end = |far: bool| -> Vec<u32> {
@@ -115,7 +115,7 @@ fn bodies() -> Vec<(&'static str, Body)> {
     ]
 }
 
-/// The last handle moves and turns, by a few percent of the body.
+/// The last handle moves and turns by a few percent of the body.
 fn poses(body: &Body, step: u32) -> Vec<HandlePose> {
     let mut poses = handle_poses(body);
     if let Some(last) = poses.last_mut() {
@@ -146,7 +146,7 @@ fn steps_are_those_on_the_complete_factor() {
             assert!(exact.converged && report.converged, "{name}: {report:?}");
             let moved = a.positions().zip(b.positions());
             let off = moved.map(|(a, b)| (a - b).amax()).fold(0.0, f64::max);
-            // Both are solved to 1e-12 of the forces, twenty times; bending is 1e4 times softer than stretching.
+            // Both bodies are solved to 1e-12 of the forces, twenty times. Bending is 1e4 times softer than stretching.
             assert!(off < 1e-8 * 0.006, "{name} step {step}: {off:e}");
             let hand = body_force(&a);
             let off = (hand - body_force(&b)).norm();
@@ -183,7 +183,7 @@ fn finer_meshes_take_few_more_iterations() {
     };
     let (coarse, fine) = (iterations(10), iterations(20));
     println!("iterations: {coarse} at 10 cells along an edge, {fine} at 20");
-    // Patches of one size leave an increase of a quarter.
+    // Patches of constant size leave an increase of a quarter.
     assert!(fine < 1.5 * coarse, "{coarse} {fine}");
 }
 
@@ -202,7 +202,7 @@ fn memory_is_counted_and_grows_as_the_mesh() {
     println!(
         "bytes a tetrahedron: {small:.0}, {large:.0}; {complete_small:.0}, {complete_large:.0}"
     );
-    // Only the fraction of cells at the rim changes. The complete factor grows at least by eight to the power 0.3.
+    // Only the fraction of cells at the surface changes. The complete factor grows at least by eight to the power 0.3.
     assert!(large < 1.15 * small, "{small} {large}");
     assert!(complete_large > 1.7 * complete_small);
     // The counted memory is a part of the memory of a stepper on the complete factor, and most of its growth.
@@ -248,7 +248,7 @@ fn a_factor_may_be_lent_and_costs_are_known() {
 fn local_models_are_those_of_a_factorization() {
     for (name, mut body) in bodies() {
         if name == "core" {
-            // A cube like the first.
+            // This body is a cube like the first one.
             continue;
         }
         let handles = body.handle_count();
@@ -274,7 +274,7 @@ fn local_models_are_those_of_a_factorization() {
                 .unwrap();
             assert!(report.residual <= 1e-11, "{name}: {report:?}");
             let off = square_off(&ours.stiffness, &exact.stiffness);
-            // The tolerance of the shapes times the condition of the condensed matrix.
+            // The error is the tolerance of the shapes times the condition number of the condensed matrix.
             assert!(off < 1e-7, "{name}: {off:e}");
             // The next iterations start from the previous shapes.
             if step > 0 {

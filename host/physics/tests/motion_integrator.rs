@@ -36,7 +36,7 @@ fn options(scheme: TimeScheme) -> IntegratorOptions {
     }
 }
 
-/// A cube that hangs by one face, struck; stepped for a tenth of a second.
+/// A cube that hangs by one face and receives an impulse. It is stepped for a tenth of a second.
 fn swing(law: SolidLaw, scheme: TimeScheme, steps: u32, config: BodyConfig) -> Vec<Vec3> {
     let mesh = cube(1, 0.0, true);
     let mut body = Body::solid(&mesh, &[RUBBER], law, config, &[]).unwrap();
@@ -81,7 +81,7 @@ fn schemes_have_the_order_they_state() {
                 let error = |steps| distance(&swing(law, scheme, steps, config), &exact);
                 let found = (error(steps) / error(2 * steps)).log2();
                 println!("{law:?} {scheme:?}: order {found:.3}");
-                // The next term of the error is of the step's size against the fastest motion resolved.
+                // The next term of the error is of the order of the step over the fastest motion that is resolved.
                 assert!(
                     (found - order).abs() < 0.1,
                     "{law:?} {scheme:?} {config:?}: {found}"
@@ -109,7 +109,7 @@ fn the_energy_of_a_linear_body_never_grows() {
                 for _ in 0..200 {
                     integrator.step(&mut body, h, &[]).unwrap();
                     let energy = body.kinetic_energy() + body.elastic_energy();
-                    // Rounding of the sums and the solver's residual.
+                    // The tolerance is the rounding of the sums plus the residual of the solver.
                     assert!(
                         energy <= last + 1e-11 * start,
                         "{scheme:?} {damping} {h}: {energy} > {last}"
@@ -154,7 +154,7 @@ fn angular_momentum_drifts_with_the_order_of_the_scheme() {
         let v: Vec<Vec3> = mesh.positions.iter().map(|x| spin.cross(x)).collect();
         body.set_velocities(&v).unwrap();
         let angular = |body: &Body| -> Vec3 {
-            // No handles: nodes are vertices.
+            // There are no handles, so the nodes are the vertices.
             let masses = body.node_masses();
             body.positions()
                 .zip(body.velocities())
@@ -174,7 +174,7 @@ fn angular_momentum_drifts_with_the_order_of_the_scheme() {
     for (scheme, order) in [(TimeScheme::ImplicitEuler, 1.0), (TimeScheme::TrBdf2, 2.0)] {
         let found = (drift(scheme, 200) / drift(scheme, 400)).log2();
         println!("{scheme:?}: drift of order {found:.3}");
-        // At least the scheme's.
+        // The order is at least that of the scheme.
         assert!(found > order - 0.1, "{scheme:?} {found}");
     }
 }
@@ -260,7 +260,7 @@ fn a_step_that_fails_leaves_the_body_as_it_was() {
             .collect::<Vec<_>>(),
         before
     );
-    // The same step in as many parts as it takes.
+    // The same step is taken in as many parts as it needs.
     let more = IntegratorOptions {
         newton: NewtonOptions {
             tolerance: 1e-9,
@@ -304,25 +304,25 @@ fn a_refused_attempt_leaves_no_trace_at_the_handles() {
     let below = HandlePose::at(handles[0].origin);
     let to = |z: f64| [below, HandlePose::at(handles[1].origin + Vec3::z() * z)];
 
-    // Pressed to a tenth, the whole step turns cells inside out, and its halves do not.
+    // The cube is compressed to a tenth. The whole step inverts elements, and its halves do not.
     let report = integrator.step(&mut body, 1.0, &to(-0.9)).unwrap();
     assert!(report.refused > 0 && report.substeps > 1, "{report:?}");
-    let felt = *body.handle_report(1).unwrap();
-    // Constant velocity over the step; exact up to the rounding of a difference of positions.
-    let off = (felt.linear_velocity - Vec3::z() * -0.9).norm();
+    let before = *body.handle_report(1).unwrap();
+    // The velocity is constant over the step. It is exact up to the rounding of a difference of positions.
+    let off = (before.linear_velocity - Vec3::z() * -0.9).norm();
     assert!(off < 1e-14, "{off}");
 
-    // Pulled through the other face, no part of the step does without.
+    // The upper face is pulled through the other face. Every part of that step inverts elements.
     let result = integrator.step(&mut body, 0.01, &to(-2.0));
     assert!(
         matches!(result, Err(StepError::Inverted { .. })),
         "{result:?}"
     );
-    assert_eq!(*body.handle_report(1).unwrap(), felt);
+    assert_eq!(*body.handle_report(1).unwrap(), before);
 }
 
-/// A cube held below, from rest under forces on its upper face that grow as the square of time, in a tenth of a
-/// second; `jumps` sets the forces of each step's end before it instead.
+/// A cube that is held below and at rest. Forces on its upper face grow with the square of time for a tenth of a
+/// second. With `jumps`, the forces of the end of each step act during the whole step instead.
 fn loaded(law: SolidLaw, scheme: TimeScheme, steps: u32, jumps: bool) -> Vec<Vec3> {
     let mesh = cube(1, 0.0, true);
     let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.5, 0.005), &[]).unwrap();
@@ -355,7 +355,7 @@ fn schemes_keep_their_order_under_growing_loads() {
         for (scheme, jumps, order) in [
             (TimeScheme::TrBdf2, false, 2.0),
             (TimeScheme::ImplicitEuler, false, 1.0),
-            // The purpose of loads at the time of each stage.
+            // The third case shows the purpose of loads at the time of each stage.
             (TimeScheme::TrBdf2, true, 1.0),
         ] {
             let error = |steps| distance(&loaded(law, scheme, steps, jumps), &exact);
@@ -364,7 +364,7 @@ fn schemes_keep_their_order_under_growing_loads() {
             println!(
                 "{law:?} {scheme:?} jumps {jumps}: errors {coarse:.2e}, {fine:.2e}, order {found:.3}"
             );
-            // The next term of the error is of the step's length: a few hundredths of the order.
+            // The next term of the error is of the order of the step: a few hundredths of the order of the scheme.
             assert!(
                 (found - order).abs() < 0.15,
                 "{law:?} {scheme:?} {jumps}: {found}"

@@ -6,7 +6,7 @@ use common::Random;
 use physics::mesh::generate_box::solid_box;
 use physics::{Body, BodyConfig, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3};
 
-/// A cube of edge 1 of cells no two of which are alike, mirrored along x, and each vertex moved by up to `shaken`.
+/// A cube of edge 1 whose grid cells all differ, mirrored along x, with each vertex moved by up to `shaken`.
 fn mirrored(law: SolidLaw, quadratic: bool, poisson: f64, shaken: f64) -> Body {
     let mut mesh = solid_box([1.0; 3], [if quadratic { 1 } else { 2 }; 3]).unwrap();
     let mut random = Random(3);
@@ -40,8 +40,8 @@ fn mirrored(law: SolidLaw, quadratic: bool, poisson: f64, shaken: f64) -> Body {
 
 #[test]
 fn a_body_in_equilibrium_up_to_rounding_does_not_move() {
-    // Under this law the mirror image has no strain, so all its energy is rounding: a few cells' 1e4 J times 1e-16
-    // squared. A displacement by one digit multiplies that energy.
+    // Under this law the mirror image has no strain, so all its energy is rounding: 1e4 J times 1e-16 squared, for a
+    // few grid cells. A displacement by one digit multiplies that energy.
     let mut body = mirrored(SolidLaw::StVenantKirchhoff, true, 0.3, 0.0);
     let start: Vec<Vec3> = body.positions().collect();
     let energy = body.total_energy();
@@ -56,8 +56,8 @@ fn a_body_in_equilibrium_up_to_rounding_does_not_move() {
 
 #[test]
 fn a_mirrored_body_recovers() {
-    // With one linearization everywhere one of the 48 cells stays inside out here, with 3.3 % of the energy: a balance
-    // that no accurate scheme reaches from this start.
+    // With a single linearization in every step, one of the 48 elements remains inverted here, with 3.3 % of the
+    // energy. No accurate scheme reaches that equilibrium from this start.
     for (poisson, shaken) in [(0.3, 0.01), (0.45, 0.01), (0.45, 0.0)] {
         let mut body = mirrored(SolidLaw::StableNeoHookean, false, poisson, shaken);
         let start = body.total_energy();

@@ -10,9 +10,9 @@ use physics::{
     Vec3,
 };
 
-/// Edge of the block (m).
+/// The edge of the block (m).
 const EDGE: f64 = 0.1;
-/// How far away a body may be moved (m).
+/// The distance by which a body may be moved (m).
 const FAR: f64 = 1000.0;
 const STEEL: SolidMaterial = SolidMaterial {
     young: 2.1e11,
@@ -27,8 +27,8 @@ fn weightless() -> BodyConfig {
     }
 }
 
-/// A steel block whose lower face is fixed, moved by `off`, under a force (N) along x that is distributed over its
-/// upper face; and the displacements of its vertices (m).
+/// A steel block whose lower face is fixed, moved by `off`. A force (N) along x is distributed over its upper face. The
+/// function also returns the displacements of the vertices (m).
 fn block(
     law: SolidLaw,
     off: f64,
@@ -80,7 +80,7 @@ fn distance(a: &[Vec3], b: &[Vec3]) -> f64 {
 
 #[test]
 fn a_steel_block_moves_under_a_tenth_of_a_millinewton() {
-    // A linear body moves in proportion: 1 N has ten thousand times the digits of 1e-4 N.
+    // The displacement of a linear body is proportional to the force: 1 N has ten thousand times the digits of 1e-4 N.
     let (large, _) = block(SolidLaw::Linear, 0.0, 1.0, 1e-9).unwrap();
     for law in [
         SolidLaw::Linear,
@@ -99,8 +99,9 @@ fn a_steel_block_moves_under_a_tenth_of_a_millinewton() {
                 report.last.rounded,
                 report.last.open,
             );
-            // Strains are known to 1.1e-16 of one, where 1e-4 N strains by 1e-4 N / (E A) = 4.8e-14: 0.23 %, and
-            // positions of up to 0.1 m to 0.7e-17 m of 1.5e-14 m. Three times both.
+            // Strains are known to 1.1e-16 of one, and 1e-4 N strains the block by 1e-4 N / (E A) = 4.8e-14: an error
+            // of 0.23 %. Positions of up to 0.1 m are known to 0.7e-17 m of 1.5e-14 m. The tolerance is three times
+            // both errors.
             let digits = 1e-2 * (1e-4 / force);
             assert!(error < digits.max(1e-7), "{law:?} {force} N: {error:e}");
         }
@@ -122,10 +123,10 @@ fn a_load_below_rounding_is_not_reported_as_balanced() {
             assert!(error.to_string().contains(advice), "{error}");
         }
     }
-    // A kilometre away 1 MN moves the block by 1e-4 m, which has nine digits.
+    // At a distance of a kilometre, 1 MN moves the block by 1e-4 m, which has nine digits.
     let (near, _) = block(SolidLaw::Linear, 0.0, 1e6, 1e-9).unwrap();
     let (far, _) = block(SolidLaw::Linear, FAR, 1e6, 1e-9).unwrap();
-    // The rest shape itself is rounded to 1e-13 m, of a cell of 25 mm.
+    // The rest shape itself is rounded to 1e-13 m, with grid cells of 25 mm.
     assert!(distance(&near, &far) < 1e-9 * norm(&near));
 }
 
@@ -170,7 +171,8 @@ fn a_motion_without_digits_is_distinguished_from_a_gentle_start() {
     }
 }
 
-/// A strip of 0.2 m by 0.05 m whose end is pulled by a tenth and turned aside; positions less `off`.
+/// A strip of 0.2 m by 0.05 m. Its end is pulled by a tenth and turned sideways. The function returns positions less
+/// `off`.
 fn strip(off: f64, scheme: Option<TimeScheme>) -> Vec<Vec3> {
     let mut mesh = grid(8, 2, 0.2, 0.05, Split::Right);
     let ends = [
@@ -227,8 +229,8 @@ fn a_strip_a_kilometre_away_deforms_as_at_the_origin() {
         let rest = grid(8, 2, 0.2, 0.05, Split::Right).positions;
         let error = distance(&near, &far) / distance(&near, &rest);
         println!("{scheme:?}: {error:.2e}");
-        // Coordinates are kept to 1.1e-13 m / 2 and the strip moves by 0.02 m: 3e-12. The sheet bends a thousand times
-        // as easily as it stretches, and strains of rounding press it aside by as much more.
+        // The coordinates are kept to 1.1e-13 m / 2, and the strip moves by 0.02 m: 3e-12. The sheet bends a thousand
+        // times as easily as it stretches, so that strains of rounding displace it sideways by as much again.
         assert!(error < 3e-9, "{scheme:?}: {error:e}");
     }
 }

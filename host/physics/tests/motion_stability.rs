@@ -90,16 +90,16 @@ fn free_bodies_of_any_stiffness_and_step_gain_no_energy() {
                         let material = material(young, poisson);
                         let mut body =
                             Body::solid(&mesh, &[material], law, config(0.0), &[]).unwrap();
-                        // A hundredth of the speed of sound: strains of a few hundredths.
+                        // At a hundredth of the speed of sound, the strains are a few hundredths.
                         body.set_velocities(&kick(&mesh, 0.01 * (young / 1000.0).sqrt()))
                             .unwrap();
                         let (good, worst) = run(&mut body, scheme, h, 20, |_| Vec::new());
                         let case = format!("{law:?} {scheme:?} E {young} nu {poisson} h {h}");
                         assert_eq!(good, 20, "{case}");
-                        // The bound for laws that are not linear; linear ones never grow.
-                        // Up to rounding: a velocity is a difference of positions over the step, here at
-                        // worst known to 1e-16 / (1e-4 s 3e-4 m/s) = 3e-9 in each of the steps, and ten
-                        // times that where TR-BDF2 extrapolates.
+                        // The bound of 1 % is for laws that are not linear. The energy of a linear body never grows, up
+                        // to rounding. A velocity is a difference of positions over the step. At worst it is known here
+                        // to 1e-16 / (1e-4 s 3e-4 m/s) = 3e-9 in each of the steps, and to ten times that where TR-BDF2
+                        // extrapolates.
                         let linear = law == SolidLaw::Linear;
                         let bound = if linear { 1.0 + 1e-6 } else { 1.01 };
                         assert!(worst <= bound, "{case}: {worst}");
@@ -207,7 +207,7 @@ fn a_handle_jerked_by_ten_body_lengths_leaves_a_body_that_can_be_stepped() {
         );
         if matches!(law, SolidLaw::StableNeoHookean | SolidLaw::Linear) {
             assert_eq!(body.inverted_count(), 0, "{law:?}");
-            // Its damping takes three seconds for that.
+            // The damping of the body needs three seconds for that.
             let left = body.elastic_energy() / largest;
             assert!(left < 1e-4, "{law:?} {left}");
         }

@@ -42,7 +42,7 @@ fn a_free_sheet_keeps_its_momentum() {
     for _ in 0..1000 {
         sheet.step(1e-3, &[]).unwrap();
     }
-    // Each step leaves 1e-13 of its first residual, and rounding of the same size: over 1000 steps, 1e-10.
+    // Each step leaves 1e-13 of its first residual, and rounding of the same size. Over 1000 steps the error is 1e-10.
     let change = (sheet.momentum() - before).norm() / before.norm();
     assert!(change < 1e-10, "{change:e}");
 }
@@ -65,12 +65,13 @@ fn handles_bear_the_weight_that_supports_leave_them() {
     settle(&mut sheet, &poses);
     let carried = sheet.handle_weights();
     for carried in &carried {
-        // Equilibrium leaves a billionth of the forces, of which the strip's tension is the largest part.
+        // The residual at equilibrium is a billionth of the forces, of which the tension of the strip is the largest
+        // part.
         assert!((carried.z / -weight - 0.5).abs() < 1e-5, "{carried}");
         assert!(carried.x == 0.0 && carried.y == 0.0, "along gravity only");
     }
 
-    // A support bears the other half.
+    // A support bears the other half of the weight.
     let mesh = grid(10, 4, LX, 0.04, Split::Right);
     let held = [handle(&mesh, Freedom::Fixed, |x| x.x > LX - 1e-9)];
     let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &held).unwrap();
@@ -97,7 +98,7 @@ fn at_rest_the_handles_carry_the_weight() {
         on_hands += sheet.handle_report(i).unwrap().wrench_on_hand.force;
     }
     let weight = Vec3::new(0.0, 0.0, -9.81 * sheet.total_mass());
-    // What remains of motion after settling is inertia that no hand carries: below 1e-9 of the weight.
+    // The remaining motion is inertia that no hand carries. It is below 1e-9 of the weight.
     assert!(
         (on_hands - weight).norm() < 1e-9 * weight.norm(),
         "{on_hands:?} {weight:?}"
@@ -134,14 +135,14 @@ fn in_motion_the_momentum_account_closes_every_step() {
             let report = sheet.handle_report(handle).unwrap();
             let account =
                 report.reaction.force + report.wrench_on_hand.force - report.inertia.force;
-            // The three are sums of the same numbers.
+            // The three numbers are sums of the same terms.
             assert!(account.norm() <= 1e-12 * (1e-3 + report.reaction.force.norm()));
             given += report.reaction.force;
             scale += report.reaction.force.norm();
         }
         let change = (sheet.momentum() - before) / h;
-        // The solver leaves 1e-13 of a first residual that a jerk makes ten times the final forces, on
-        // hundreds of nodes.
+        // The solver leaves 1e-13 of the first residual, on hundreds of nodes. A jerk makes that residual ten times as
+        // large as the final forces.
         assert!(
             (given - change).norm() < 1e-9 * scale,
             "step {i}: {given:?} {change:?}"
@@ -164,12 +165,12 @@ fn a_handle_moves_its_vertices_as_a_rigid_body() {
     for (old, new) in before.iter().zip(sheet.positions()) {
         if old.x > LX - 1e-9 {
             let expected = targets[1].position + turn * (old - rest[1].position);
-            // Coordinates of a tenth of a metre, rounded a few times.
+            // The coordinates are a tenth of a metre, and are rounded a few times.
             assert!((new - expected).norm() < 1e-16, "{new:?} {expected:?}");
         }
     }
     let report = sheet.handle_report(1).unwrap();
-    // Rounding of quotients by h.
+    // The error is the rounding of quotients by h.
     assert!((report.linear_velocity - Vec3::new(0.1, 0.0, 0.0)).norm() < 1e-13);
     assert!((report.angular_velocity - turn.scaled_axis() / h).norm() < 1e-13);
     assert_eq!(report.pose, targets[1]);
@@ -197,7 +198,7 @@ fn the_sheet_stays_bounded_under_fast_jerks() {
             let mut targets = rest.clone();
             if i < 500 {
                 for target in &mut targets {
-                    // Jumps of up to 5 cm and half a radian, every millisecond or in bursts.
+                    // The hands jump by up to 5 cm and half a radian, every millisecond or in bursts.
                     if i % 7 < 4 {
                         target.position += random.vector() * 0.05;
                         target.rotation = UnitQuaternion::from_scaled_axis(random.vector() * 0.5);
@@ -205,11 +206,12 @@ fn the_sheet_stays_bounded_under_fast_jerks() {
                 }
             }
             sheet.step(1e-3, &targets).unwrap();
-            // Nothing flies: two hands 10 cm apart that shake by 5 cm hold a sheet of 10 cm.
+            // The sheet stays near the hands: two hands at a distance of 10 cm that shake by 5 cm hold a sheet of 10
+            // cm.
             assert!(largest(sheet.positions()) < 1.0, "step {i}");
         }
-        // The hands rest for a second, with damping. The remaining motion is the slow swing under gravity, at most that
-        // of a fall by the sheet's own length.
+        // The hands rest for a second, with damping. The remaining motion is the slow swing under gravity. It is at
+        // most that of a fall by the length of the sheet.
         let fall = sheet.total_mass() * 9.81 * LX;
         assert!(
             sheet.kinetic_energy() < 0.1 * fall,
@@ -229,7 +231,7 @@ fn at_rest_there_is_nothing_to_solve() {
     let (mut sheet, targets) = held_strip(tight(), Freedom::Fixed);
     let report = sheet.step(1e-3, &targets).unwrap();
     assert!(report.converged);
-    // The rest shape's own forces are rounding of E t L = 100 N.
+    // At rest, the forces are the rounding of E t L = 100 N.
     assert!(report.initial_residual < 1e-12 * 100.0, "{report:?}");
     let mut none = report;
     none.initial_residual = 0.0;
@@ -312,7 +314,7 @@ fn a_velocity_beyond_all_numbers_is_refused() {
     )
     .unwrap();
     let support = sheet.add_support(&[0, 1, 2, 3], [true; 3]).unwrap();
-    // The move is a number, its speed is not.
+    // The displacement is finite. The speed is not.
     sheet.set_support(support, Vec3::x() * 1e306).unwrap();
     let before: Vec<Vec3> = sheet.positions().collect();
     assert_eq!(

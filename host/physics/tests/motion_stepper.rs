@@ -1,4 +1,5 @@
-//! The fast step is the step: same state, same forces on hands and supports, for every body.
+//! The realtime step is the assembled step: it gives the same state and the same forces on hands and supports for every
+//! body.
 
 mod common;
 
@@ -36,7 +37,7 @@ fn options() -> StepperOptions {
     }
 }
 
-/// A solid with a handle at either end, or held by a support at the left.
+/// A solid with a handle at either end, or with a support at the left end.
 fn solid(law: SolidLaw, quadratic: bool, guided: bool) -> (Body, Vec<HandleSpec>) {
     let mesh = block([4, 2, 2], 0.15, quadratic);
     let end = |far: bool| -> Vec<u32> {
@@ -59,7 +60,7 @@ fn solid(law: SolidLaw, quadratic: bool, guided: bool) -> (Body, Vec<HandleSpec>
         poisson: 0.35,
         density: 1000.0,
     };
-    // Weightless, a body can be kept at small strains.
+    // Without weight, a body can be kept at small strains.
     let config = BodyConfig {
         gravity: Vec3::zeros(),
         ..config()
@@ -106,7 +107,7 @@ fn largest(a: impl Iterator<Item = Vec3>, b: impl Iterator<Item = Vec3>) -> f64 
     a.zip(b).map(|(a, b)| (a - b).amax()).fold(0.0, f64::max)
 }
 
-/// Steps both and compares all that a step reports, as a fraction of the motion's size (m).
+/// Takes both steps and compares all that a step reports, as a fraction of the size of the motion (m).
 fn compare(
     body: &Body,
     handles: &[HandleSpec],
@@ -155,7 +156,7 @@ fn compare(
 }
 
 #[test]
-fn every_solid_is_stepped_as_before() {
+fn the_realtime_step_of_every_solid_is_the_assembled_step() {
     for law in LAWS {
         for quadratic in [false, true] {
             for guided in [false, true] {
@@ -174,7 +175,7 @@ fn every_solid_is_stepped_as_before() {
 }
 
 #[test]
-fn a_sheet_with_bending_is_stepped_as_before() {
+fn the_realtime_step_of_a_sheet_with_bending_is_the_assembled_step() {
     let (body, handles) = sheet();
     compare(&body, &handles, (0.2, 1.0), options(), 1e-9);
 }
@@ -191,7 +192,7 @@ fn the_result_of_a_step_does_not_depend_on_its_guess() {
 /// Updated shapes against recomputed shapes.
 #[test]
 fn local_models_are_those_of_a_factorization() {
-    // Strains as above: small for a tangent that leaves out a part.
+    // The strains are as above: small, because the tangent of the kernels omits a part.
     let (small, large) = ((1e-9, 1e-9), (0.2, 1.0));
     for (law, quadratic, (size, turn)) in [
         (SolidLaw::Corotational, false, small),
@@ -258,7 +259,7 @@ fn off(a: &Square, b: &Square) -> f64 {
 
 /// The equilibrium of a body does not depend on the tangent.
 #[test]
-fn both_come_to_rest_in_one_place() {
+fn both_steps_come_to_rest_at_the_same_place() {
     let (body, handles) = solid(SolidLaw::Corotational, false, true);
     let targets = poses(&handles, 20.0, 1.0, 1.0);
     let (mut slow, mut fast, mut single) = (body.clone(), body.clone(), body);
@@ -273,7 +274,8 @@ fn both_come_to_rest_in_one_place() {
     }
     let off = largest(slow.positions(), fast.positions());
     assert!(off < 1e-10, "{off:e}");
-    // Single precision resolves strains of 1e-7, and forces of half of the cells' stiffness times those.
+    // Single precision resolves strains of 1e-7, and forces of half of the stiffness of the elements times these
+    // strains.
     let off = largest(slow.positions(), single.positions());
     assert!(off < 1e-5, "{off:e}");
     let force = |body: &Body| body.support_reaction(0).unwrap();
@@ -296,7 +298,7 @@ fn shapes_updated_in_turn_have_a_small_error() {
     };
     let mut worst = 0.0_f64;
     for step in 1..=100 {
-        // In 0.1 s some centimetres and 0.1 rad.
+        // In 0.1 s the hand moves by some centimetres and turns by 0.1 rad.
         stepper
             .step(
                 &mut body,
@@ -336,11 +338,11 @@ fn a_factor_may_be_made_beside_the_steps() {
         let report = stepper.step(&mut beside, 5e-3, &targets, || false).unwrap();
         assert!(report.converged);
         let off = largest(inline.positions(), beside.positions());
-        // Both are solved to 1e-13, sixty times.
+        // Both bodies are solved to 1e-13, sixty times.
         assert!(off < 1e-9, "step {step}: {off:e}");
         match lent.take() {
             None => lent = stepper.lend().map(|refresher| (step, refresher)),
-            // Seven steps later.
+            // The factor arrives seven steps later.
             Some((since, mut refresher)) if step >= since + 7 => {
                 std::thread::scope(|scope| {
                     scope.spawn(|| refresher.work().unwrap());
@@ -357,13 +359,13 @@ fn a_factor_may_be_made_beside_the_steps() {
     assert!(taken >= 2, "{taken}");
 }
 
-/// Stopped after any iteration, a step is the best found so far, and says so.
+/// A step that is stopped after any iteration is the best found so far, and reports its true residual.
 #[test]
 fn a_step_that_runs_out_of_time_reports_its_true_residual() {
     let (body, handles) = solid(SolidLaw::Corotational, false, false);
     let step = |iterations: usize| {
         let mut body = body.clone();
-        // With the factor of the first step: many iterations.
+        // With the factor of the first step, the solve needs many iterations.
         let patience = usize::MAX;
         let mut stepper = Stepper::<f64>::new(
             &body,
@@ -392,7 +394,7 @@ fn a_step_that_runs_out_of_time_reports_its_true_residual() {
     let mut last = f64::INFINITY;
     for iterations in 1..full.iterations {
         let (report, body) = step(iterations);
-        // Never later than the iteration that ran out of time.
+        // The step never ends later than with the iteration that ran out of time.
         assert_eq!(report.iterations, iterations);
         assert!(!report.converged && report.residual < report.reference);
         let off = largest(body.positions(), exact.positions());
@@ -412,11 +414,11 @@ fn bodies_sleep_and_wake_exactly() {
     let (mut sleeper, mut reference) = (body.clone(), body);
     let mut stepper = Stepper::<f64>::new(&sleeper, StepperOptions::default()).unwrap();
     let mut other = Stepper::<f64>::new(&reference, awake).unwrap();
-    // Long steps damp: it comes to rest soon.
+    // Long steps damp the motion, so the body soon comes to rest.
     let h = 0.02;
     let mut asleep = Vec::new();
     for step in 0..6000_u32 {
-        // A move, a long rest, a tiny move, a rest, and a push by a force.
+        // The schedule is a motion, a long rest, a tiny motion, a rest, and a push by a force.
         let t = f64::from(step.min(50)) * 0.1 + f64::from(step.clamp(3000, 3001) - 3000) * 1e-4;
         let targets = poses(&handles, t, 0.2, 0.2);
         if step == 5000 {
@@ -429,12 +431,12 @@ fn bodies_sleep_and_wake_exactly() {
         if asleep.last().is_none_or(|(_, last)| *last != report.asleep) {
             asleep.push((step, report.asleep));
         }
-        // What is left of the creep, 1e-7 m/s over the slowest time constant, about a second.
+        // The difference is the remaining creep, 1e-7 m/s times the slowest time constant, about a second.
         let off = largest(sleeper.positions(), reference.positions());
         assert!(off < 1e-7, "step {step}: {off:e}");
         let force = |body: &Body| body.handle_report(1).unwrap().wrench_on_hand.force;
         let off = (force(&sleeper) - force(&reference)).norm();
-        // The same as a strain of the body, 1e-7, times E A = 2e4 N.
+        // The difference is the same as a strain of the body, 1e-7, times E A = 2e4 N.
         assert!(off < 2e-3, "step {step}: {off:e}");
     }
     let wakes: Vec<u32> = asleep

@@ -16,7 +16,7 @@ fn config() -> BodyConfig {
     }
 }
 
-/// The strip of the reference figures: 1 MPa, 1 mm, as a weave that is the same in all directions.
+/// The strip of the reference figures: 1 MPa, 1 mm, written as a weave that is the same in all directions.
 fn plain(poisson: f64) -> Weave {
     Weave {
         warp: Vec3::new(1.0, 0.4, 0.0),
@@ -29,7 +29,7 @@ fn plain(poisson: f64) -> Weave {
     }
 }
 
-/// Force that stretches a strip along x with sides that may slide and contract; and its body.
+/// The force that stretches a strip along x, and the body. The sides may slide and contract.
 fn pulled(mesh: &TriMesh, weave: Weave, law: SheetLawName, stretch: f64) -> f64 {
     let mut body = Body::woven(mesh, &[weave], law, config(), &[]).unwrap();
     let at = |chosen: &dyn Fn(&Vec3) -> bool| -> Vec<u32> {
@@ -62,8 +62,8 @@ fn pulled(mesh: &TriMesh, weave: Weave, law: SheetLawName, stretch: f64) -> f64 
 fn a_strip_with_free_sides_pulls_with_the_force_of_its_law() {
     let mesh = irregular(10, 4, LENGTH, WIDTH, 0.2, 5);
     for poisson in [0.0, 0.3] {
-        // E w t (l - 1) and E w t l (l^2 - 1) / 2, facts.md: 8.0000 N and 10.5600 N. The residual is 1e-9 of
-        // the forces.
+        // The forces are E w t (l - 1) and E w t l (l^2 - 1) / 2: 8.0000 N and 10.5600 N. The residual is 1e-9 of the
+        // forces.
         let found = pulled(&mesh, plain(poisson), SheetLawName::Corotational, 1.2);
         assert!((found - 8.0).abs() < 1e-7, "{found}");
         let found = pulled(&mesh, plain(poisson), SheetLawName::StVenantKirchhoff, 1.2);
@@ -89,15 +89,16 @@ fn a_woven_strip_has_the_off_axis_modulus() {
             };
             let force = pulled(&mesh, weave, law, 1.0 + strain);
             let found = force / (strain * WIDTH * 1e-3);
-            // Jones, "Mechanics of composite materials", equation 2.97: the ends may slide, so the stress is
-            // uniform.
+            // The reference is Jones, "Mechanics of composite materials", equation 2.97. The ends may slide, so the
+            // stress is uniform.
             let compliance =
                 c.powi(4) / e1 + s.powi(4) / e2 + (1.0 / g - 2.0 * nu / e1) * (s * c).powi(2);
             println!(
                 "{law:?} {degrees}: {found:.6e} Pa, {:.6e}",
                 1.0 / compliance
             );
-            // The strain, times a factor for its shear; forces to 1e-9 and their rounding.
+            // The tolerance is the strain, times a factor for the shear. The forces are exact to 1e-9 and their
+            // rounding.
             assert!(
                 (found * compliance - 1.0).abs() < 1e-5,
                 "{law:?} {degrees} {found}"

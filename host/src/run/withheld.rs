@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lasts_is_told_with_its_size_and_what_is_short_or_small_is_not() {
+    fn a_lasting_difference_is_reported_with_its_size_and_a_short_or_small_one_is_not() {
         let within = |a: f64, b: f64, t: f64| (a..b).contains(&t);
         assert_eq!(stretches(|_| 0.015), []);
         assert_eq!(

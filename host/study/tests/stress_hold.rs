@@ -49,8 +49,8 @@ fn a_scheme_that_renders_another_force_is_detected() {
     let (found, outcome) = run(corotational, SchemeName::Proxy, "proxy");
     assert!(failures(&found, "proxy").contains(&Failure::Hold));
     assert!(outcome.force_errors.hold_error > 0.05, "{outcome:?}");
-    // The force of the last publication, held until the next one: the error of the run is large, and on a stiff body
-    // the force throws the hand.
+    // The force of the last publication is held until the next one. The error of the run is large, and on a stiff body
+    // the force accelerates the hand away.
     let stiff = (FIRST..FIRST + 100)
         .filter(|cell| {
             let draw = Study::new(SEED).draw(*cell).expect("it is drawn");

@@ -7,20 +7,20 @@ use physics::{
     Body, BodyConfig, Freedom, HandlePose, HandleSpec, Mat3, Material, SolveReport, StepError, Vec3,
 };
 
-/// How each cell of a grid is cut into triangles.
+/// The pattern of the diagonals of the grid cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Split {
-    /// All from the lower left to the upper right.
+    /// All diagonals go from the lower left to the upper right.
     Right,
-    /// All from the upper left to the lower right.
+    /// All diagonals go from the upper left to the lower right.
     Left,
-    /// In turn, like a chessboard.
+    /// The directions alternate like the colours of a chessboard.
     Alternating,
-    /// Into four, with a vertex in the middle.
+    /// Each grid cell has four triangles, with a vertex in the middle.
     Crossed,
 }
 
-/// A rectangle [0, lx] x [0, ly] in the plane z = 0, in nx x ny cells; vertices row by row along x.
+/// The rectangle [0, lx] x [0, ly] in the plane z = 0, in nx x ny grid cells. The vertices go row by row along x.
 pub(crate) fn grid(nx: u32, ny: u32, lx: f64, ly: f64, split: Split) -> TriMesh {
     let mut mesh = TriMesh::default();
     for j in 0..=ny {
@@ -82,11 +82,11 @@ pub(crate) fn irregular(nx: u32, ny: u32, lx: f64, ly: f64, fraction: f64, seed:
     mesh
 }
 
-/// A linear congruential generator (Knuth's constants): the same numbers on every machine.
+/// A linear congruential generator (Knuth's constants). It gives the same numbers on every machine.
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    /// Between -1 and 1.
+    /// A number between -1 and 1.
     pub(crate) fn signed(&mut self) -> f64 {
         self.0 = self
             .0
@@ -100,7 +100,7 @@ impl Random {
     }
 }
 
-/// The strip of the reference figures: 1 MPa, 1 mm; Poisson's ratio as given.
+/// The strip of the reference figures: 1 MPa, 1 mm, and the given Poisson's ratio.
 pub(crate) fn rubber(poisson: f64) -> Material {
     Material {
         young: 1e6,
@@ -110,7 +110,7 @@ pub(crate) fn rubber(poisson: f64) -> Material {
     }
 }
 
-/// No gravity, no damping, no bending; the solver as tight as double precision gives.
+/// No gravity, no damping, no bending, and a solver tolerance at the limit of double precision.
 pub(crate) fn tight() -> BodyConfig {
     BodyConfig {
         gravity: Vec3::zeros(),
@@ -121,7 +121,7 @@ pub(crate) fn tight() -> BodyConfig {
     }
 }
 
-/// A handle on every vertex that `chosen` picks, its origin in their middle.
+/// A handle of every vertex for which `chosen` holds. Its origin is their middle.
 pub(crate) fn handle(
     mesh: &TriMesh,
     freedom: Freedom,
@@ -141,7 +141,7 @@ pub(crate) fn handle(
     }
 }
 
-/// The poses that leave handles where they were made.
+/// The poses of the handles of a body at rest.
 pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
     handles
         .iter()
@@ -149,9 +149,8 @@ pub(crate) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
         .collect()
 }
 
-/// Steps of `h` towards static equilibrium: with a long step each is one Newton iteration.
-///
-/// Velocities are cleared so that no inertia is carried along.
+/// Takes steps of `h` towards static equilibrium. A long step is one Newton iteration. Velocities are cleared after
+/// each step, so that no inertia remains.
 pub(crate) fn settle(
     sheet: &mut Body,
     targets: &[HandlePose],
@@ -177,13 +176,13 @@ pub(crate) fn in_plane(xx: f64, xy: f64, yx: f64, yy: f64) -> Mat3 {
     Mat3::new(xx, xy, 0.0, yx, yy, 0.0, 0.0, 0.0, 1.0)
 }
 
-/// A cube of edge 1 in `n`^3 cells of six tetrahedra (Kuhn), its inner vertices moved by up to `fraction` of a
-/// cell.
+/// A cube of edge 1 in `n`^3 grid cells of six tetrahedra (Kuhn). Its inner vertices are moved by up to `fraction` of a
+/// grid cell.
 pub(crate) fn cube(n: usize, fraction: f64, quadratic: bool) -> TetMesh {
     block([n; 3], fraction, quadratic)
 }
 
-/// The same in `n` cells along each axis.
+/// The same block with `n` grid cells along each axis.
 pub(crate) fn block(n: [usize; 3], fraction: f64, quadratic: bool) -> TetMesh {
     let mut random = Random(3);
     let vertex = |at: [usize; 3]| ((at[2] * (n[1] + 1) + at[1]) * (n[0] + 1) + at[0]) as u32;

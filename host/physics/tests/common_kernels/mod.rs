@@ -1,4 +1,4 @@
-//! From meshes to the elements and node vectors of the fast step.
+//! Builds the elements and the node vectors of the realtime step from meshes.
 #![allow(dead_code)]
 
 use physics::element::tet4::Tet;
@@ -11,7 +11,7 @@ pub(crate) fn largest(values: impl Iterator<Item = Vec3>) -> f64 {
     values.map(|value| value.norm()).fold(0.0, f64::max)
 }
 
-/// Two materials in turn.
+/// A list of materials in which two materials alternate.
 pub(crate) fn materials(count: usize) -> Vec<SolidMaterial> {
     let material = |element: usize| SolidMaterial {
         young: if element.is_multiple_of(2) { 1e4 } else { 3e4 },
@@ -21,7 +21,7 @@ pub(crate) fn materials(count: usize) -> Vec<SolidMaterial> {
     (0..count).map(material).collect()
 }
 
-/// Linear cells.
+/// The cells of a linear mesh.
 pub(crate) fn cells(mesh: &TetMesh) -> &[[u32; 4]] {
     match &mesh.cells {
         Cells::Linear(cells) => cells,
@@ -29,7 +29,7 @@ pub(crate) fn cells(mesh: &TetMesh) -> &[[u32; 4]] {
     }
 }
 
-/// The cells with those materials, vertices for nodes.
+/// The cells with these materials. The vertices are the nodes.
 pub(crate) fn tets(mesh: &TetMesh) -> Vec<Tet> {
     let tet = |(nodes, material): (&[u32; 4], SolidMaterial)| {
         let x = nodes.map(|node| mesh.positions[node as usize]);
@@ -59,7 +59,7 @@ pub(crate) fn zeros<T: Real>(count: usize) -> Vec<Node<T>> {
     vec![[T::ZERO; 4]; count]
 }
 
-/// Vectors without the padding, which must be zero still.
+/// Vectors without the padding, which must still be zero.
 pub(crate) fn vectors<T: Real>(nodes: &[Node<T>]) -> Vec<Vec3> {
     assert!(nodes.iter().all(|node| node[3] == T::ZERO));
     let vector = |v: &Node<T>| Vec3::new(v[0].to_f64(), v[1].to_f64(), v[2].to_f64());
@@ -70,7 +70,7 @@ pub(crate) fn dot(a: &[Vec3], b: &[Vec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(b)).sum()
 }
 
-/// Largest difference as a fraction of the largest of `b`.
+/// The largest difference as a fraction of the largest entry of `b`.
 pub(crate) fn difference(a: &[Vec3], b: &[Vec3]) -> f64 {
     let scale = largest(b.iter().copied());
     largest(a.iter().zip(b).map(|(a, b)| a - b)) / scale
