@@ -195,7 +195,7 @@ fn bad_arrays_are_refused_by_name() {
     let before: Vec<Vec3> = sheet.positions().collect();
     let short = [Vec3::zeros(); 3];
     let expected = BodyError::Length {
-        what: "positions",
+        quantity: "positions",
         found: 3,
         expected: 4,
     };
@@ -203,7 +203,7 @@ fn bad_arrays_are_refused_by_name() {
     let mut bad = [Vec3::zeros(); 4];
     bad[2].z = f64::NAN;
     let expected = BodyError::NotFinite {
-        what: "velocities",
+        quantity: "velocities",
         vertex: 2,
     };
     assert_eq!(sheet.set_velocities(&bad), Err(expected));

@@ -235,11 +235,11 @@ fn supporting_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_support() 
 
 /// The largest distance of a vertex from its earlier position (m).
 fn moved(body: &Body, from: &[Vec3]) -> f64 {
-    let ways = body
+    let distances = body
         .positions()
         .zip(from)
         .map(|(x, from)| (x - from).norm());
-    ways.fold(0.0, f64::max)
+    distances.fold(0.0, f64::max)
 }
 
 #[test]

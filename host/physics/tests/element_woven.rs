@@ -289,7 +289,10 @@ fn bad_weaves_are_refused_by_name() {
         (Vec3::new(f64::INFINITY, 1.0, 0.0), false),
     ] {
         match refusal(&Weave { warp, ..cloth() }, &corners) {
-            BodyError::Warp { triangle: 1, share } => assert_eq!(share.is_finite(), known),
+            BodyError::Warp {
+                triangle: 1,
+                fraction,
+            } => assert_eq!(fraction.is_finite(), known),
             error => panic!("{error}"),
         }
     }

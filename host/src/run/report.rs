@@ -6,7 +6,7 @@ use super::summary::{
     RunSummary, SCHEMA, TickSummary, TripSummary,
 };
 use super::{Clock, Parts, RunOptions, clock_name, setup};
-use crate::engine::plan::tells_energy;
+use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
@@ -121,7 +121,7 @@ pub(super) fn summarize(
 }
 
 fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {
-    let publishes = tells_energy(scene);
+    let publishes = publishes_energy(scene);
     let bodies = scene.bodies.iter().zip(accounts);
     let summaries = bodies.map(|(body, account)| EnergySummary {
         body: body.name.clone(),

@@ -12,7 +12,7 @@ impl Body {
     ///
     /// [`BodyError::Length`] where the numbers of vertices or handles differ; nothing has changed then.
     pub fn continue_from(&mut self, other: &Self) -> Result<(), BodyError> {
-        for (what, found, expected) in [
+        for (quantity, found, expected) in [
             (
                 "vertices to continue",
                 other.state.x.len(),
@@ -26,7 +26,7 @@ impl Body {
         ] {
             if found != expected {
                 return Err(BodyError::Length {
-                    what,
+                    quantity,
                     found,
                     expected,
                 });

@@ -379,10 +379,14 @@ fn scatter(node_of_vertex: &[u32], values: &[Vec3], nodes: &mut [Vec3]) {
     }
 }
 
-fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result<(), BodyError> {
+fn check_vectors(
+    quantity: &'static str,
+    values: &[Vec3],
+    expected: usize,
+) -> Result<(), BodyError> {
     if values.len() != expected {
         return Err(BodyError::Length {
-            what,
+            quantity,
             found: values.len(),
             expected,
         });
@@ -391,7 +395,7 @@ fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result
         .iter()
         .position(|value| !value.iter().all(|c| c.is_finite()))
     {
-        Some(vertex) => Err(BodyError::NotFinite { what, vertex }),
+        Some(vertex) => Err(BodyError::NotFinite { quantity, vertex }),
         None => Ok(()),
     }
 }

@@ -38,8 +38,9 @@ pub(crate) struct Lost {
 /// The largest distance at rest from a node to a node of the same element (m).
 pub(crate) fn reach(body: &Body, node: usize) -> f64 {
     let (columns, _) = body.assembly.stiffness.row(node);
-    let way = |column: &u32| (body.model.rest[*column as usize] - body.model.rest[node]).amax();
-    columns.iter().map(way).fold(0.0, f64::max)
+    let distance =
+        |column: &u32| (body.model.rest[*column as usize] - body.model.rest[node]).amax();
+    columns.iter().map(distance).fold(0.0, f64::max)
 }
 
 impl Rounding {
@@ -90,8 +91,10 @@ impl Lost {
 impl Body {
     /// The largest displacement of a node from rest along an axis (m).
     pub(crate) fn moved(&self) -> f64 {
-        let ways = self.state.x.iter().zip(&self.model.rest);
-        ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)
+        let places = self.state.x.iter().zip(&self.model.rest);
+        places
+            .map(|(x, rest)| (x - rest).amax())
+            .fold(0.0, f64::max)
     }
 
     /// Longest edge of the box around the body at rest (m).

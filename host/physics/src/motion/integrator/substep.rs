@@ -181,7 +181,10 @@ impl Integrator {
             .iter()
             .zip(&self.x)
             .map(|(x, from)| (x - from).norm());
-        let work: f64 = changed.zip(moved).map(|(force, way)| force * way).sum();
+        let work: f64 = changed
+            .zip(moved)
+            .map(|(force, displacement)| force * displacement)
+            .sum();
         work * (self.span.1 - self.span.0) * body.model.load_factor.abs()
     }
 
