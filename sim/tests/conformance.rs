@@ -63,7 +63,7 @@ fn devices_that_fail_on_time_conform() {
 }
 
 #[test]
-fn a_faulty_device_does_what_its_list_says() {
+fn a_faulty_device_follows_its_list() {
     let faults = vec![
         (10 * MS..20 * MS, Fault::Gone),
         (30 * MS..40 * MS, Fault::NotANumber),

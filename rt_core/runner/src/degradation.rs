@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_reads_as_one_line() {
+    fn a_degradation_is_one_line() {
         let degradation = Degradation {
             missing: "not pinned".into(),
             reason: "core 9 does not exist".into(),

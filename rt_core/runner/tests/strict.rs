@@ -89,7 +89,7 @@ fn memory_from_the_system_is_noted_but_given() {
 }
 
 #[test]
-fn a_panic_is_still_told() {
+fn a_panic_under_the_filter_is_still_reported() {
     let Some((result, _)) = run(Trick::Panic(10)) else {
         return;
     };
