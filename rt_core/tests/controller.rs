@@ -174,7 +174,7 @@ proptest! {
         let mut given = 0.0;
         let mut telemetry = None;
         for (k, (one, other)) in steps.into_iter().enumerate() {
-            // The device rests when it goes away, and is elsewhere when it comes back: no force is felt between.
+            // The device rests when it vanishes, and is at another place when it returns. No force acts meanwhile.
             let away = (30..30 + 2 * PATIENCE as usize).contains(&k);
             let moved = [one, if away { 0.0 } else { other }];
             if k == 30 + 2 * PATIENCE as usize {

@@ -26,7 +26,7 @@ pub(crate) struct Cells<'a> {
     wanted: Wanted,
     points: Array<'a>,
     positions: Vec<Vec3>,
-    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then passed over.
+    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then skipped.
     lines: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
     /// `Some` from the first tetrahedron on. Triangles are skipped from then on.
@@ -163,7 +163,7 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// Whether a cell is kept or passed over, or else an error at `place`. With the first triangle, what was kept of lines
+    /// Whether a cell is kept or skipped, or else an error at `place`. With the first triangle, what was kept of lines
     /// is dropped; with the first tetrahedron, what was kept of either.
     fn judge(
         &mut self,

@@ -326,7 +326,7 @@ const GRID: &str = r#"<?xml version="1.0"?>
 #[test]
 fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
     assert!(is_square(&read("x.vtu", GRID.as_bytes())?));
-    // A piece of the file, what stands there instead, the error that follows.
+    // A piece of the file, its replacement, and the resulting error.
     let cases = [
         (
             "1 1 0 0 1 0",

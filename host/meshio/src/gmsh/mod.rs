@@ -52,7 +52,7 @@ pub enum GmshError {
         line: usize,
         /// What should stand there.
         expected: String,
-        /// What stands there, shortened.
+        /// The text of the line, shortened.
         found: String,
     },
     /// The file is in another version of the format, or binary.
