@@ -17,8 +17,8 @@
 //!   surfaces, a vertex group and, in a sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
 //!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored.
 //! - An `$ElementData` with one component becomes a field of the lines of a thread, the triangles of a
-//!   sheet or the cells of a solid. It has to name each of them once; what it says of other elements is passed over, and so is one
-//!   without a name or with more components.
+//!   sheet or the cells of a solid. It has to name each of them once. Values of other elements are skipped, and so is an
+//!   `$ElementData` without a name or with more components.
 //!
 //! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
 //! Memory is allocated in proportion to the size of the text, never to a number in the text.

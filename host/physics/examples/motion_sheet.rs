@@ -1,7 +1,7 @@
-//! Times of the fast step on a strip of 1,404 triangles with bending, held at both ends, one of which pulls, lifts
-//! and turns it; one thread.
+//! Times of the realtime step on a strip of 1,404 triangles with bending, on one thread. Two hands hold the ends of the
+//! strip, and one of them pulls, lifts and turns its end.
 //!
-//! `cargo run --release -p palpate-physics --example fast_sheet`
+//! `cargo run --release -p palpate-physics --example motion_sheet`
 
 use nalgebra::UnitQuaternion;
 use physics::mesh::generate::{Pattern, sheet};

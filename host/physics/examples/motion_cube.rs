@@ -1,4 +1,7 @@
-//! Times of the fast step on the reference cube.
+//! Times of the realtime step on the reference cube.
+//!
+//! `cargo run --release -p palpate-physics --example motion_cube`
+
 use physics::mesh::generate_box::solid_box;
 use physics::{
     Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw, SolidMaterial,

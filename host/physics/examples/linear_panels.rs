@@ -1,7 +1,7 @@
-//! How long the frozen factor takes: factorization, refresh of the panels, solve, in microseconds (the
-//! least and the median of many), with the numbers stored.
+//! Times of the frozen factor in microseconds: factorization, refresh of the panels, solve (the least and the median of
+//! many), with the number of stored entries.
 //!
-//! `cargo run --release -p palpate-physics --example fast_panels`
+//! `cargo run --release -p palpate-physics --example linear_panels`
 
 use physics::linear::cholesky::Cholesky;
 use physics::linear::factor::Factor;
