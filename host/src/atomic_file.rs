@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_replaced_and_nothing_is_left_beside_it() {
+    fn a_file_is_replaced_and_no_temporary_file_remains() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("plot.svg");
         write_atomically(&path, b"old and longer").expect("first");

@@ -169,7 +169,10 @@ fn all_hands_let_go_and_one_takes_hold_again() {
     let before = rig.published.len();
     // The force fades with the age of the last model: no hand feels the body, so nothing more is published.
     steps(&mut rig, 6);
-    assert_eq!((rig.published.len(), rig.engine.stats().changes), (before, 1));
+    assert_eq!(
+        (rig.published.len(), rig.engine.stats().changes),
+        (before, 1)
+    );
     let edit = grab(&rig, None);
     rig.engine.change(0, vec![edit]).unwrap();
     steps(&mut rig, LANDING + 5);

@@ -68,7 +68,7 @@ fn without_faults_the_cap_changes_the_force_by_less_than_a_hand_can_notice()
     assert_eq!(linear.len(), 2 * 6000);
     let off = rms(linear.iter().zip(&capped).map(|(a, b)| a - b)) / rms(linear.iter().copied());
     println!("off by {:.3} %", 100.0 * off);
-    // A tenth of the just-noticeable difference.
+    // The limit is a tenth of the just-noticeable difference.
     assert!(off < 0.01, "{off}");
     assert!(off > 0.0, "the two schemes were the same");
     Ok(())
@@ -83,8 +83,8 @@ fn the_work_of_the_hands_is_the_work_taken_by_the_motors() -> Result<(), Box<dyn
         let found = summary(&scene, 6.0)?;
         let motors: f64 = found.devices.iter().filter_map(|d| d.port_work).sum();
         let supplied: f64 = found.energy.iter().map(|body| body.supplied).sum();
-        // Encoders err by half a count at most, so every change of force changes the work by that displacement. The
-        // account does not yet contain the last tick, of some newtons at some centimetres a second.
+        // Encoders have an error of at most half a count, so every change of the force changes the work by that
+        // displacement. The account does not yet contain the last tick, of some newtons at some centimetres a second.
         let forces = forces(&scene, 6.0)?;
         let changes = forces
             .iter()
@@ -128,7 +128,7 @@ fn every_trip_is_counted_and_reported_with_its_cause() -> Result<(), Box<dyn Err
         found
             .events
             .iter()
-            .any(|event| event.what.contains("force fading"))
+            .any(|event| event.description.contains("force fading"))
     );
     Ok(())
 }

@@ -6,7 +6,7 @@ use host::scene::{Scene, recording};
 use std::io;
 
 #[test]
-fn scenes() -> io::Result<()> {
+fn no_scene_of_the_corpus_panics() -> io::Result<()> {
     for input in inputs("scene")? {
         let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = Scene::parse(&text, "scene.toml") {
@@ -17,7 +17,7 @@ fn scenes() -> io::Result<()> {
 }
 
 #[test]
-fn devices() -> io::Result<()> {
+fn no_device_file_of_the_corpus_panics() -> io::Result<()> {
     for input in inputs("device")? {
         let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = sim::DeviceFile::parse(&text) {
@@ -28,7 +28,7 @@ fn devices() -> io::Result<()> {
 }
 
 #[test]
-fn recordings() -> io::Result<()> {
+fn no_recording_of_the_corpus_panics() -> io::Result<()> {
     for input in inputs("recording")? {
         let text = String::from_utf8_lossy(&input.bytes);
         if let Err(error) = recording::parse(&text, "hand.csv") {
@@ -39,7 +39,7 @@ fn recordings() -> io::Result<()> {
 }
 
 #[test]
-fn logs() -> io::Result<()> {
+fn no_log_of_the_corpus_panics() -> io::Result<()> {
     for input in inputs("log")? {
         let _ = read_log(&input.bytes);
     }

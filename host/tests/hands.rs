@@ -77,7 +77,7 @@ fn hands_perform_their_tasks_and_seeds_vary_them() -> Outcome {
     let again = shown(&scene("falcon", press, press)?, 2)?;
     assert_ne!(again[399][0].pose.position, left.pose.position);
 
-    // The hands of `move_together` move alike under every seed.
+    // The hands of `move_together` have the same motion under every seed.
     let round = "grip = \"firm\", task = \"move_together\", direction = [1, 0, 0]";
     let loaded = scene("falcon", round, round)?;
     let (a, b) = (shown(&loaded, 1)?, shown(&loaded, 2)?);

@@ -16,7 +16,7 @@ use rt_core::Vec3;
 const FASTEST: f64 = 1.0;
 /// Displacement of the hand during the stall (m).
 const FAR: f64 = 0.02;
-/// Ticks between two host steps: 250 Hz.
+/// The number of ticks between two host steps: 250 Hz.
 const TICKS: u64 = 4;
 const STEP: f64 = 4e-3;
 
@@ -77,7 +77,7 @@ fn a_handle_catches_up_no_faster_than_a_hand_and_then_publishes() {
 fn a_fast_hand_is_followed_and_published_in_every_step() {
     let mut rig = rested();
     let start = rig.tick;
-    // To and fro by 20 mm, at 0.5 m/s at most: the speed at which a handle may catch up. No model is withheld.
+    // The hand oscillates by 20 mm, at 0.5 m/s at most. A handle may catch up at that speed, and no model is withheld.
     let omega = 25.0;
     let away = |tick: u64| 0.02 * (omega * (tick - start) as f64 * 1e-3).sin();
     for step in 0..100 {

@@ -21,7 +21,8 @@ fn logged(instructions: FactorCode) -> Result<Vec<u8>, Box<dyn Error>> {
 }
 
 #[test]
-fn each_choice_reproduces_its_bytes_and_the_two_differ_by_rounding() -> Result<(), Box<dyn Error>> {
+fn each_choice_of_instructions_repeats_its_bytes_and_the_choices_differ_by_rounding()
+-> Result<(), Box<dyn Error>> {
     let (fastest, portable) = (logged(FactorCode::Fastest)?, logged(FactorCode::Portable)?);
     assert!(fastest == logged(FactorCode::Fastest)?, "two runs differ");
     assert!(

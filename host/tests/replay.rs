@@ -83,7 +83,8 @@ fn a_log_needs_no_other_file() -> Outcome {
     Ok(())
 }
 
-/// In ms: it falls silent, sends damaged reports and once a state that is not a number, and is gone for a moment.
+/// The device is silent, sends damaged reports and once a state that is not a number, and is gone for a moment. Times
+/// are in ms.
 const FAULTS: [(Range<u64>, Fault); 4] = [
     (100..130, Fault::Silent),
     (150..155, Fault::Corrupt(Corruption::Length)),

@@ -90,18 +90,18 @@ fn check(cases: &str) {
 }
 
 #[test]
-fn depth_is_bounded() {
+fn deep_nesting_is_refused() {
     let found = error(&format!("{}a = {}", BASE, "[".repeat(100_000)));
     assert!(found.starts_with("x.toml:51: not valid TOML: "), "{found}");
 }
 
 #[test]
-fn the_base_is_right() {
+fn the_base_scene_is_valid() {
     assert_eq!(error(BASE), "no error");
 }
 
 #[test]
-fn values_out_of_range() {
+fn values_out_of_range_are_refused() {
     check(
         r"
 young = 1e6
@@ -181,7 +181,7 @@ hand = {}
 }
 
 #[test]
-fn wrong_types() {
+fn values_of_another_type_are_refused() {
     check(
         r#"
 young = 1e6
@@ -240,7 +240,7 @@ sines = [{
 }
 
 #[test]
-fn wrong_mesh_sources() {
+fn invalid_mesh_sources_are_refused() {
     check(
         r#"
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
@@ -293,7 +293,7 @@ cells = [4, 2]
 }
 
 #[test]
-fn names_of_fields() {
+fn unknown_and_missing_fields_are_named() {
     check(
         r#"
 step_rate = 250.0
@@ -331,7 +331,7 @@ hand = {}
 }
 
 #[test]
-fn not_toml() {
+fn text_that_is_not_toml_is_refused_with_its_line() {
     check(
         r#"
 name = "base"
@@ -360,7 +360,7 @@ young = 1e6
 }
 
 #[test]
-fn parts_that_do_not_fit() {
+fn fields_that_contradict_each_other_are_refused() {
     check(
         r#"
 publish_rate = 125.0

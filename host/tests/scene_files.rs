@@ -231,7 +231,7 @@ fn a_recording_is_read() -> Outcome {
 }
 
 #[test]
-fn wrong_recordings() {
+fn invalid_recordings_are_refused() {
     let cases = [
         (
             "",

@@ -1,4 +1,4 @@
-//! `palpate solve`: scenes with supports and loads against reference forces, statics and beam theory.
+//! `palpate solve`: scenes with supports and loads, compared with reference forces, statics and the theory of beams.
 
 mod solve_support;
 
@@ -26,13 +26,13 @@ fn the_force_of_a_bonded_cube_agrees_with_the_reference() {
             .unwrap();
         let body = body(&text[..cut]);
         let [bottom, top] = ["bottom", "top"].map(|name| force(&body, name)[2]);
-        // Half a unit of the reference's last digit.
+        // The tolerance is half a unit of the reference's last digit.
         assert!((bottom - expected).abs() < 5.1e-5, "{law}: {bottom}");
         assert!((bottom + top).abs() < 1e-6 * expected, "{law}: {top}");
     }
 }
 
-/// A plate with a hole is equivalent to the quarter that its symmetries leave.
+/// A plate with a hole has twice the force of the quarter that its two symmetries leave.
 #[test]
 fn a_quarter_of_a_plate_with_a_hole_carries_half_of_its_force() {
     let plate = |quarter: bool, supports: &str| {
@@ -69,7 +69,7 @@ axes = ["z"]
         true,
         &(support("x", "symmetry_x", "x", 0.0) + &support("y", "symmetry_y", "y", 0.0)),
     );
-    // Only its own symmetry and Newton's shift keep the whole plate from sliding along y.
+    // Only the symmetry of the plate and the shift of Newton's method keep the whole plate from sliding along y.
     let whole = plate(false, &support("left", "left", "x", -0.001));
     assert!(
         (whole - 2.0 * quarter).abs() < 1e-8 * whole,
@@ -79,7 +79,7 @@ axes = ["z"]
     assert!((0.6..1.0).contains(&whole), "{whole}");
 }
 
-/// Without friction the strain is uniform: the force is exactly E A times the strain.
+/// Without friction the strain is uniform, and the force is exactly E A times the strain.
 #[test]
 fn the_force_of_a_sliding_cube_is_exact() {
     for law in ["linear", "corotational"] {
@@ -96,7 +96,7 @@ fn the_force_of_a_sliding_cube_is_exact() {
     }
 }
 
-/// A loaded block that hangs from the ceiling: the ceiling carries weight and load, and their moment.
+/// A loaded block that hangs from the ceiling. The ceiling carries weight and load, and their moment.
 #[test]
 fn a_support_carries_weight_and_loads() {
     for order in [1, 2] {
@@ -328,7 +328,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
     }
 }
 
-/// A woven strip pulled along its warp, free to contract: E A times the force of the Green strain.
+/// A woven strip is pulled along its warp and free to contract. The force is E A times the force of the Green strain.
 #[test]
 fn a_woven_strip_pulls_back_along_its_warp() {
     let body = body(
@@ -363,7 +363,7 @@ box = [[-1, -1, -1], [1, 1, 1]]
 axes = ["z"]
 "#,
     );
-    // E w t l (l^2 - 1) / 2 at a stretch of 1.2.
+    // The force is E w t l (l^2 - 1) / 2 at a stretch of 1.2.
     let found = force(&body, "right")[0];
     assert!((found - 10.56).abs() < 1e-6, "{found}");
 }

@@ -36,8 +36,8 @@ fn forces_are_the_same_under_every_solver() -> Result<(), Box<dyn Error>> {
             assert_eq!(found.host.faults + found.host.unconverged_steps, 0);
             assert_eq!(found.host.steps, assembled.host.steps);
             for (ours, other) in found.devices.iter().zip(&assembled.devices) {
-                // The tangents differ by a few percent of the strain in strained cells, and models are a step newer. A
-                // hundredth is a tenth of the just-noticeable difference.
+                // The tangents differ by a few percent of the strain in strained elements, and models are a step newer.
+                // A hundredth is a tenth of the just-noticeable difference.
                 let off = (ours.peak_force - other.peak_force).abs();
                 assert!(off < 0.01 * other.peak_force, "{scene} {solver}: {off}");
                 let off = (ours.reach - other.reach).abs();
@@ -61,7 +61,7 @@ fn factors_are_made_beside_the_steps_of_frozen_solvers_only() -> Result<(), Box<
 
 #[test]
 fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn Error>> {
-    // A nanosecond: every step ends after its first iteration.
+    // The budget is a nanosecond, so every step ends after its first iteration.
     let scene = with("stretch.toml", "solver = \"frozen\"\nbudget = 1e-9")?;
     let options = RunOptions {
         duration: Some(0.5),
@@ -70,7 +70,7 @@ fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn 
     let real = run(&scene, &options, |_| {})?;
     assert_eq!(real.host.iterations[2], 1, "one iteration, never more");
     assert!(real.host.unconverged_steps > 0);
-    // Virtual time has no budget: two runs are the same.
+    // Virtual time has no budget, so the two runs are the same.
     let exact = summary(&scene, 0.5)?;
     assert_eq!(exact.host.unconverged_steps, 0);
     Ok(())

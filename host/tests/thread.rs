@@ -63,14 +63,14 @@ fn a_pulled_thread_resists_with_its_stiffness() {
     let body = solved(&loaded);
     assert_eq!(body.kind, Kind::Thread);
     assert_eq!((body.elements, body.vertices_of_element), (4, 2));
-    // EA = 2 N, extended by a tenth. The residual of the solver is below 1e-8.
+    // EA is 2 N, and the thread is extended by a tenth. The residual of the solver is below 1e-8.
     let [x, y, z] = force(&body, "right");
     assert!(
         (x - 0.2).abs() < 1e-8 && y == 0.0 && z == 0.0,
         "{x} {y} {z}"
     );
     assert!((force(&body, "left")[0] + 0.2).abs() < 1e-8);
-    // k (l - L0)^2 / 2 with k = EA / L0 = 10 N/m.
+    // The energy is k (l - L0)^2 / 2 with k = EA / L0 = 10 N/m.
     assert!((body.elastic_energy - 0.002).abs() < 1e-9);
     assert!((body.mass - 1000.0 * 1e-6 * 0.2).abs() < 1e-12);
 }
@@ -101,7 +101,7 @@ fn a_file_of_lines_is_a_thread_and_may_contain_its_cross_section() {
     let material = "area = 1, fields = { area = \"section\" }";
     let text = pulled("file = \"t.vtk\"", material, right, 0.03);
     let body = solved(&load(&text, &[("t.vtk", file())]));
-    // Springs of 20 and 40 N/m in series.
+    // The thread consists of springs of 20 and 40 N/m in series.
     let [x, ..] = force(&body, "right");
     assert!((x - 0.03 * 20.0 * 40.0 / 60.0).abs() < 1e-8, "{x}");
 }
@@ -111,7 +111,7 @@ fn a_region_has_another_cross_section() {
     let region = "[[body.region]]\nbox = [[0, -1, -1], [0.1, 1, 1]]\narea = 2e-6\n";
     let text = pulled(GENERATED, "area = 1e-6", RIGHT, 0.03) + region;
     let [x, ..] = force(&solved(&load(&text, &[])), "right");
-    // Half of the thread is twice as stiff: 20 and 40 N/m.
+    // Half of the thread is twice as stiff: its halves have 20 and 40 N/m.
     assert!((x - 0.4).abs() < 1e-8, "{x}");
 }
 

@@ -1,8 +1,8 @@
 //! The controller: one tick, in order.
 //!
-//! `read -> proxy -> coupling with the local model -> safety -> write`. All devices are read, then the
-//! wrenches are computed, then all devices are written, so that two hands on one body are felt at the same
-//! instant. [`Controller::tick`] is the law; [`cycle`] puts the device calls around it.
+//! `read -> proxy -> coupling with the local model -> safety -> write`. All devices are read, then all wrenches are
+//! computed, then all devices are written, so that the wrenches on two hands of one body belong to the same instant.
+//! [`Controller::tick`] is the law; [`cycle`] adds the calls of the devices.
 
 use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};

@@ -343,9 +343,9 @@ impl Coupling {
     /// than `capped`, and before the first model: then the energy that the body stores is its own, though its force is
     /// yet to come.
     fn stored_before(&self, devices: &[(Pose, Twist)]) -> Option<f64> {
-        let told = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
+        let has_energy = self.config.scheme == Scheme::Capped && self.to.handle_count > 0;
         let still = [Vec6::zeros(); MAX_HANDLES];
-        told.then(|| self.parts(devices, &still, &still).stored)
+        has_energy.then(|| self.parts(devices, &still, &still).stored)
     }
 
     /// Makes `from` the model rendered so far, re-expressed at the references of the pending model. The reference

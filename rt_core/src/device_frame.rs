@@ -9,6 +9,23 @@ use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use nalgebra::{Quaternion, UnitQuaternion};
 
 /// An affine map from a device's axes to the scene's.
+///
+/// ```
+/// use rt_core::device_frame::DeviceFrame;
+/// use rt_core::{DeviceState, Pose, Vec3, Wrench};
+///
+/// // A device whose origin lies 0.1 m beside that of the scene, and whose motions are doubled.
+/// let mut frame = DeviceFrame::at(Vec3::new(0.1, 0.0, 0.0));
+/// frame.motion_scale = 2.0;
+/// let mut state = DeviceState::resting();
+/// state.pose = Pose::at(Vec3::new(0.0, 0.0, 0.01));
+/// let (pose, _) = frame.to_scene(&state);
+/// assert_eq!(pose.position, Vec3::new(0.1, 0.0, 0.02));
+///
+/// // The device renders twice the force, so that its work is the work in the scene.
+/// let wrench = Wrench { force: Vec3::new(0.0, 0.0, -3.0), moment: Vec3::zeros() };
+/// assert_eq!(frame.to_device(&wrench).force, Vec3::new(0.0, 0.0, -6.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceFrame {
     /// Where the device's origin lies in the scene (m).
@@ -106,7 +123,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_clutch_leaves_its_fraction_behind(
+        fn a_slipping_clutch_omits_its_fraction_of_the_motion(
             axes in vector(), place in vector(), turned in vector(), displacement in vector(), turn in vector(),
             scale in 0.1..10.0, fraction in 0.0..1.0,
         ) {

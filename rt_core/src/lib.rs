@@ -72,7 +72,7 @@ pub use scheme::Scheme;
 pub const MAX_DEVICES: usize = 4;
 /// Largest number of handles on one connected body.
 pub const MAX_HANDLES: usize = 4;
-/// Largest number of connected bodies that are felt at the same time.
+/// Largest number of connected bodies that the tick renders at the same time.
 pub const MAX_BODIES: usize = 4;
 
 /// Increments a counter. The counter saturates at its largest value.

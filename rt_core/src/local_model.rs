@@ -131,7 +131,7 @@ pub struct LocalModel {
     /// that sags further, for instance, gives the potential of its weight to the hands. The value only grows. Zero is
     /// always safe.
     pub released: f64,
-    /// How many of `handles` are in use.
+    /// The number of entries of `handles` in use.
     pub handle_count: u8,
     /// The handles, the first `handle_count` of them in use.
     pub handles: [HandleReference; MAX_HANDLES],

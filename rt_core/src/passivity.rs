@@ -242,7 +242,7 @@ impl Passivity {
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
-            hand.crept = Vec3::zeros();
+            hand.rest_count = Vec3::zeros();
             hand.pace = 1.0;
             for last in &mut hand.last_steps {
                 last.since = last.since.saturating_add(1);
@@ -264,7 +264,7 @@ impl Passivity {
             let [last, last_turn] = &mut hand.last_steps;
             if translation != Vec3::zeros() {
                 if last.since > 1 && translation.norm() < 1.5 * port.count {
-                    hand.crept = translation;
+                    hand.rest_count = translation;
                     hand.pace = f64::from(last.since);
                 }
                 note_turns(&mut hand.onward, &translation, &hand.heading, port.count);

@@ -15,7 +15,7 @@ pub struct TickRecord {
     pub tick: u64,
     /// Nominal time of the tick (ns).
     pub time_ns: u64,
-    /// How many of `proxies` are in use.
+    /// The number of entries of `proxies` in use.
     pub device_count: u8,
     /// Poses and twists of the proxies (scene, world axes), by device.
     pub proxies: [(Pose, Twist); MAX_DEVICES],
@@ -83,13 +83,13 @@ pub struct Telemetry {
     pub time_ns: u64,
     /// Lateness of the wake-up (ns); zero under virtual time.
     pub lateness_ns: u64,
-    /// How many of `devices` are in use.
+    /// The number of entries of `devices` in use.
     pub device_count: u8,
     /// The devices, the first `device_count` in use.
     pub devices: [DeviceTelemetry; MAX_DEVICES],
     /// Each device's reading, as the device gave it (device axes). The readings and the models suffice for a replay.
     pub readings: [Reading; MAX_DEVICES],
-    /// How many of `bodies` are in use.
+    /// The number of entries of `bodies` in use.
     pub body_count: u8,
     /// The bodies, the first `body_count` in use.
     pub bodies: [BodyTelemetry; MAX_BODIES],

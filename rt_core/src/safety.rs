@@ -9,7 +9,7 @@
 //! - A force that would change faster than the device can stand follows at its **slew limit**.
 //!
 //! After a fault the force comes back along a smooth step, never at once. Each case has a named state, a counter, the
-//! number that tripped the limit first, and this return. The energy account is told the wrench that left (a slew limit
+//! number that tripped the limit first, and this return. The energy account receives the wrench that left (a slew limit
 //! that the account does not know of injects energy).
 
 use crate::count_one;

@@ -1,5 +1,6 @@
 //! The energy account in detail: which steps count, how a scaled device scales the work, and how the account treats a
-//! force that cannot vanish at once. Then the cap, felt at the hand, in cases where a wrong account would show.
+//! force that cannot vanish at once. Further tests show the effect of the cap at the hand where a wrong account would
+//! change it.
 //!
 //! These are tests of behaviour: they check the energy at the port and the force on the hand, not the formulas of the
 //! cap.
@@ -254,8 +255,8 @@ fn a_stiff_wall_that_is_pressed_and_eased_makes_no_energy() {
             let case = format!("{k} N/m at {rate} Hz, {delay} ticks late: {account:?}");
             assert!(made < 1e-4, "{made:.2e} J made, {case}");
             // The wall is as stiff as asked: over whole swings, the damping averages out.
-            let felt = -product / square / k;
-            assert!((felt - 1.0).abs() < 0.01, "{felt}, {case}");
+            let rendered = -product / square / k;
+            assert!((rendered - 1.0).abs() < 0.01, "{rendered}, {case}");
         }
     }
 }

@@ -78,7 +78,7 @@ fn tick(
 }
 
 #[test]
-fn a_device_that_comes_back_elsewhere_continues_from_where_it_was_left() {
+fn a_device_that_returns_elsewhere_continues_from_its_last_pose() {
     let mut controller = controller(Scheme::Linear);
     let apart = [Some(0.0), Some(2e-3)];
     for _ in 0..10 {
@@ -106,7 +106,7 @@ fn a_device_that_comes_back_elsewhere_continues_from_where_it_was_left() {
 }
 
 #[test]
-fn a_device_that_misses_a_few_reads_is_where_it_is() {
+fn a_device_that_misses_a_few_reads_keeps_its_place() {
     let mut controller = controller(Scheme::Linear);
     tick(&mut controller, [Some(0.0), Some(0.0)]);
     for _ in 0..PATIENCE {
@@ -117,7 +117,7 @@ fn a_device_that_misses_a_few_reads_is_where_it_is() {
 }
 
 #[test]
-fn a_device_that_was_never_there_begins_where_it_is() {
+fn a_device_that_was_absent_from_the_start_begins_at_its_place() {
     let mut controller = controller(Scheme::Linear);
     for _ in 0..100 {
         tick(&mut controller, [Some(0.0), None]);
@@ -174,7 +174,7 @@ proptest! {
         let mut given = 0.0;
         let mut telemetry = None;
         for (k, (one, other)) in steps.into_iter().enumerate() {
-            // The device rests when it goes away, and is elsewhere when it comes back: no force is felt between.
+            // The device rests when it vanishes, and is at another place when it returns. No force acts meanwhile.
             let away = (30..30 + 2 * PATIENCE as usize).contains(&k);
             let moved = [one, if away { 0.0 } else { other }];
             if k == 30 + 2 * PATIENCE as usize {

@@ -103,7 +103,7 @@ fn linear_renders_the_spring_between_two_hands() {
 }
 
 #[test]
-fn hold_holds_and_thesis_adds_its_own_spring_and_damper() {
+fn hold_keeps_the_wrench_and_thesis_adds_a_spring_and_a_damper() {
     let rest = hands(Vec3::new(-0.1, 0.0, 0.0), Vec3::new(0.1, 0.0, 0.0), 0.0);
     let apart = hands(Vec3::new(-0.11, 0.0, 0.0), Vec3::new(0.13, 0.0, 0.0), 0.05);
     let mut hold = Coupling::new(config(Scheme::Hold));
@@ -141,7 +141,7 @@ fn a_rotated_handle_answers_in_its_own_moment() {
 }
 
 #[test]
-fn models_that_make_no_sense_are_refused_and_counted() {
+fn invalid_models_are_refused_and_counted() {
     let mut coupling = Coupling::new(config(Scheme::Linear));
     let good = spring(1, 10 * MS, 300.0, 2.0, 1.0);
     let mut nan = good;

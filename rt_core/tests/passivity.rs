@@ -395,7 +395,7 @@ fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
     let mut coupling = Coupling::new(coupling_config(Scheme::Capped, &passivity));
     coupling.accept(&wall(k, 1, 1)).expect("a sound model");
     let mut estimator = VelocityEstimator::new(PERIOD, VelocityEstimator::DEFAULT_CUTOFF);
-    let (mut felt, mut asked) = (0.0, 0.0);
+    let (mut rendered, mut asked) = (0.0, 0.0);
     for tick in 0..1000 * seconds {
         let t = f64::from(tick) * PERIOD;
         let grown = t.min(1.0);
@@ -411,19 +411,19 @@ fn held_by_a_trembling_hand(known: bool, seconds: u32) -> f64 {
         held[0] = wrenches[0];
         coupling.hold(&held, &[1.0; MAX_DEVICES]);
         if t > f64::from(seconds - 1) {
-            felt += wrenches[0].force.x;
+            rendered += wrenches[0].force.x;
             asked += k * deep;
         }
     }
-    felt / asked
+    rendered / asked
 }
 
 #[test]
 fn a_wall_of_counts_stays_stiff_in_a_trembling_hand() {
     // Ten times the bound, but less than 2 (1 - 0.4) f_c / D = 12,000 N/m.
-    let felt = held_by_a_trembling_hand(true, 30);
+    let rendered = held_by_a_trembling_hand(true, 30);
     // Over whole periods, dampers and counts average out to a few per mille.
-    assert!((felt - 1.0).abs() < 0.01, "{felt}");
+    assert!((rendered - 1.0).abs() < 0.01, "{rendered}");
     // Without the correction for counts, the wall becomes soft.
     let soft = held_by_a_trembling_hand(false, 30);
     assert!(soft < 0.9, "{soft}");

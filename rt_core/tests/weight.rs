@@ -95,7 +95,7 @@ fn a_weight_is_felt_in_full_wherever_it_is_carried() {
 }
 
 #[test]
-fn a_weight_that_comes_back_higher_up_is_paid_for() {
+fn a_weight_that_returns_at_a_greater_height_is_charged() {
     let mut hand = hand();
     // The model grows too old: the weight is gone, and the hand lifts nothing.
     hand.go(0.0, 0);

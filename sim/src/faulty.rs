@@ -18,7 +18,7 @@ pub enum Fault {
     /// The device sends a position with a NaN.
     NotANumber,
     /// The device accepts no wrench, and holds the last wrench.
-    Deaf,
+    RefusesCommands,
 }
 
 /// A device with faults, each in a span of time (ns). The device inside moves during a fault, too.
@@ -50,7 +50,7 @@ impl Device for Faulty {
     fn read(&mut self, now_ns: u64) -> Result<DeviceState, DeviceError> {
         let state = self.device.read(now_ns);
         match self.fault(now_ns) {
-            None | Some(Fault::Deaf) => state,
+            None | Some(Fault::RefusesCommands) => state,
             Some(Fault::Silent | Fault::Vanished) => Err(DeviceError::NoReport),
             Some(Fault::Gone) => Err(DeviceError::Disconnected(NO_DEVICE)),
             Some(Fault::Corrupt(what)) => Err(DeviceError::Corrupt(what)),
@@ -64,7 +64,7 @@ impl Device for Faulty {
 
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         match self.fault(now_ns) {
-            Some(Fault::Deaf) => Err(DeviceError::Busy),
+            Some(Fault::RefusesCommands) => Err(DeviceError::Busy),
             Some(Fault::Gone) => {
                 self.device.write(now_ns, &Wrench::zero())?;
                 Err(DeviceError::Disconnected(NO_DEVICE))

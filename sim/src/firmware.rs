@@ -227,9 +227,9 @@ mod tests {
             prop_assert!(seen.pose.rotation.angle_to(&state.pose.rotation) <= 2.0 / 32767.0 * 1.01);
             prop_assert_eq!(seen.buttons, buttons);
             device.write(0, &Wrench { force, moment }).unwrap();
-            let felt = written.get();
-            prop_assert!(within(&felt.force, &force, 1e-6));
-            prop_assert!(within(&felt.moment, &moment, 1e-6));
+            let received = written.get();
+            prop_assert!(within(&received.force, &force, 1e-6));
+            prop_assert!(within(&received.moment, &moment, 1e-6));
         }
     }
 }

@@ -62,17 +62,17 @@ impl TaskKind {
     }
 
     /// Whether the task has a speed and a pause. All kinds but the shake have them.
-    pub fn reaches(self) -> bool {
+    pub fn has_speed(self) -> bool {
         self != Self::Shake
     }
 
-    /// Whether the task has a width. The kinds that go sideways have one.
-    pub fn goes_sideways(self) -> bool {
+    /// Whether the task has a width. The kinds that move across the direction have one.
+    pub fn has_width(self) -> bool {
         matches!(self, Self::Rub | Self::MoveTogether | Self::Shake)
     }
 
-    /// Whether the task has a frequency. The kinds with a rhythm have one.
-    pub fn swings(self) -> bool {
+    /// Whether the task has a frequency. The kinds that oscillate have one.
+    pub fn has_frequency(self) -> bool {
         matches!(self, Self::Rub | Self::Shake)
     }
 }

@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn bad_input_is_told_with_its_index() {
+    fn bad_input_is_reported_with_its_index() {
         let at = |t: f64| (t, Vec3::zeros());
         let nan = (1.0, Vec3::new(f64::NAN, 0.0, 0.0));
         let cases = [

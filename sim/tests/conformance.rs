@@ -49,7 +49,7 @@ fn devices_that_fail_on_time_conform() {
         (50 * MS..100 * MS, Fault::Silent),
         (120 * MS..150 * MS, Fault::Gone),
         (200 * MS..210 * MS, Fault::Corrupt(Corruption::CheckSum)),
-        (300 * MS..350 * MS, Fault::Deaf),
+        (300 * MS..350 * MS, Fault::RefusesCommands),
     ];
     for name in ["falcon", "virtuose6d"] {
         let make = || {
@@ -63,11 +63,11 @@ fn devices_that_fail_on_time_conform() {
 }
 
 #[test]
-fn a_faulty_device_does_what_its_list_says() {
+fn a_faulty_device_follows_its_list() {
     let faults = vec![
         (10 * MS..20 * MS, Fault::Gone),
         (30 * MS..40 * MS, Fault::NotANumber),
-        (50 * MS..60 * MS, Fault::Deaf),
+        (50 * MS..60 * MS, Fault::RefusesCommands),
     ];
     let mut device = Faulty::new(Box::new(simulated("touch")), faults);
     let push = Wrench {
@@ -230,7 +230,7 @@ fn the_suite_finds_a_state_that_is_not_a_number() {
 
 #[test]
 #[should_panic(expected = "200 states in 500 ticks")]
-fn the_suite_finds_a_device_that_says_too_little() {
+fn the_suite_finds_a_device_that_falls_silent() {
     let faults = vec![(200 * MS..u64::MAX, Fault::Silent)];
     Suite::new("broken")
         .check(|| Box::new(Faulty::new(Box::new(simulated("touch")), faults.clone())));

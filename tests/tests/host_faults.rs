@@ -148,7 +148,7 @@ fn a_panicking_host_under_virtual_time() {
 
 #[test]
 fn every_fault_under_the_real_clock() {
-    // One run. The force is checked at every tick; the counts depend on the load of the machine.
+    // The test takes one run. It checks the force at every tick. The counts depend on the load of the machine.
     let faults = [
         "stall@0.5+0.4",
         "nan@1.2+0.4",

@@ -1,4 +1,5 @@
-//! A simulated device runs inside the real-time tick: once built, reading and writing never allocate, whatever comes.
+//! A simulated device runs inside the realtime tick. After its construction, reading and writing never allocate,
+//! whatever the wrench and the time.
 use devices::ReplayDevice;
 use devices::conformance::Suite;
 use palpate_tests::counting::{Counting, count};
@@ -36,7 +37,7 @@ fn reads_and_writes_never_allocate() {
     let hand = Hand::new(trajectory).with_tremor(Tremor::new(1e-4, 1).unwrap());
     assert_eq!(count(|| drop(std::hint::black_box(Box::new(7)))), 2);
     let watch = |call: &mut dyn FnMut()| assert_eq!(count(call), 0, "allocations in a call");
-    // One of three degrees of freedom and one of six.
+    // One device has three degrees of freedom, the other six.
     for model in ["falcon", "virtuose6d"] {
         let model = DeviceModel::named(model).unwrap();
         let make = || Wired::new(SimDevice::new(model, Some(hand.clone()), 1e-3).unwrap());

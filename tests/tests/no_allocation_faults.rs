@@ -34,7 +34,7 @@ enum Script {
     RefuseWrenches,
 }
 
-/// A device that does as the script says.
+/// A device that follows the script.
 fn scripted(index: usize, script: &Arc<Mutex<Script>>) -> AnyDevice {
     let (by_read, by_write) = (Arc::clone(script), Arc::clone(script));
     let read = move |now_ns| {

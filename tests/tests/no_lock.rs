@@ -1,14 +1,15 @@
-//! The loop of the tick takes no lock, not even a free one: the assembly of everything that it can reach contains no
-//! locked instruction and no name of a lock.
+//! The loop of the tick takes no lock, not even a free one. The assembly of all code that the loop can reach contains
+//! no locked instruction and no name of a lock.
 //!
-//! A free lock is a single instruction: no trap of system calls, no `strace` and no sanitizer sees it taken, only the
-//! wait that it leads to one day. So the code is read. The loop is compiled together with all that it calls, the
-//! standard library included, into one assembly file, and read from `runner::thread::body::run` on, along every name
-//! that a function or a table mentions; and from the functions of the device, which the loop calls through a table.
+//! A free lock is a single instruction. No trap of system calls, no `strace` and no sanitizer detects it; they detect
+//! only the wait for a lock that is not free. This test therefore reads the code. It compiles the loop with all
+//! functions that the loop calls, including those of the standard library, into one assembly file. It starts at
+//! `runner::thread::body::run` and at the functions of the device, which the loop calls through a table, and follows
+//! every name that a function or a table mentions.
 //!
-//! The search leaves out:
-//! - the code after a panic: the run is over then, and every device is commanded zero force;
-//! - the code with which `rustix` finds the clock when it is first read: before the first tick (`setup`);
+//! The search excludes:
+//! - the code after a panic: the run has ended by then, and every device is commanded zero force;
+//! - the code with which `rustix` finds the clock at the first reading, before the first tick (`setup`);
 //! - drivers: the device is opaque here.
 #![cfg(all(target_os = "linux", target_arch = "x86_64"))]
 
@@ -20,7 +21,7 @@ use std::process::Command;
 const LOOP: &str = "6runner6thread4body3run";
 /// Part of the mangled names of the device's functions, which the loop calls through a table that only their box names.
 const DEVICE: &str = "loop_that_ticks..Port$u20$as$u20$rt_core..device..Device";
-/// Parts of names at which the search ends: panics, and where the clock is looked for.
+/// Parts of names at which the search ends: those of panics, and of the search for the clock.
 const ENDS: [&str; 7] = [
     "panic",
     "_fail",

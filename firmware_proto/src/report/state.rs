@@ -65,7 +65,7 @@ pub struct StateReport {
     pub time_us: u32,
     /// Position (0.1 µm).
     pub position: [i32; 3],
-    /// Orientation: quaternion w, x, y, z. Its length is within 1 % of 32767, which stands for 1.
+    /// Orientation: quaternion w, x, y, z. Its length is within 1 % of 32767, which represents 1.
     pub orientation: [i16; 4],
     /// Linear velocity (µm/s).
     pub velocity: [i32; 3],

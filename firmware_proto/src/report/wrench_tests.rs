@@ -59,9 +59,9 @@ proptest! {
         let si = WrenchSi { force: si.force.map(|f| f.clamp(-2000.0, 2000.0)), ..si };
         let back = WrenchReport::from_si(0, &si, 0).to_si();
         let pairs = si.force.iter().zip(back.force).chain(si.moment.iter().zip(back.moment));
-        for (sent, felt) in pairs {
+        for (sent, received) in pairs {
             // Half a µN, and the rounding of numbers of up to 2e9.
-            prop_assert!((sent - felt).abs() <= 0.5e-6 * (1.0 + 1e-5), "{sent} {felt}");
+            prop_assert!((sent - received).abs() <= 0.5e-6 * (1.0 + 1e-5), "{sent} {received}");
         }
     }
 

@@ -17,7 +17,7 @@ use crate::lines::{Fields, Lines};
 use crate::soup::{Fault, Soup};
 use crate::text::line_of;
 use physics::Vec3;
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 use physics::mesh::{Group, TriMesh};
 use std::collections::BTreeMap;
 
@@ -206,11 +206,11 @@ impl Reader {
             }
         }
         self.soup.groups.retain(|group| !group.members.is_empty());
-        self.soup.into_mesh().map_err(|Fault { source, culprit }| {
-            let place = match culprit {
-                Culprit::Vertex(vertex) => line(&self.vertex_lines, vertex),
-                Culprit::Cell(triangle) => line(&self.triangle_lines, triangle),
-                Culprit::Mesh => Place::Line(last_line),
+        self.soup.into_mesh().map_err(|Fault { source, location }| {
+            let place = match location {
+                Location::Vertex(vertex) => line(&self.vertex_lines, vertex),
+                Location::Cell(triangle) => line(&self.triangle_lines, triangle),
+                Location::Mesh => Place::Line(last_line),
             };
             MeshFileError::Mesh { place, source }
         })

@@ -1,7 +1,7 @@
 //! Builds a mesh from the triangles of a file: drops unused vertices, fills groups, and traces faults back to the file.
 
 use physics::Vec3;
-use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
+use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
 use physics::mesh::{Group, MeshError, TriMesh};
 
 /// The number of a vertex that no triangle or cell uses.
@@ -21,7 +21,7 @@ pub(crate) struct Soup {
 pub(crate) struct Fault {
     pub(crate) source: MeshError,
     /// The faulty vertex or triangle. Vertices are numbered as in the file.
-    pub(crate) culprit: Culprit,
+    pub(crate) location: Location,
 }
 
 impl Soup {
@@ -29,10 +29,10 @@ impl Soup {
     pub(crate) fn into_mesh(self) -> Result<TriMesh, Fault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
-            let what = "vertices";
+            let entities = "vertices";
             return Err(Fault {
-                source: MeshError::TooMany { what, found },
-                culprit: Culprit::Mesh,
+                source: MeshError::TooMany { entities, found },
+                location: Location::Mesh,
             });
         }
         let Self {
@@ -42,14 +42,14 @@ impl Soup {
         } = self;
         let numbers = drop_unused(&mut positions, &mut triangles);
         let fault = |source: MeshError| {
-            let culprit = match source.culprit() {
-                Culprit::Vertex(vertex) => {
+            let location = match source.location() {
+                Location::Vertex(vertex) => {
                     let place = numbers.iter().position(|&number| number == vertex);
-                    Culprit::Vertex(place.unwrap_or_default() as u32)
+                    Location::Vertex(place.unwrap_or_default() as u32)
                 }
                 other => other,
             };
-            Fault { source, culprit }
+            Fault { source, location }
         };
         let mut mesh = TriMesh::new(positions, triangles).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(fault)?;

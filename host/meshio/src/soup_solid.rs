@@ -3,7 +3,7 @@
 
 use crate::soup::drop_unused;
 use physics::Vec3;
-use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
+use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
 use physics::mesh::check_solid::{SolidError, size};
 use physics::mesh::{Cells, MeshError, TetMesh};
 
@@ -18,7 +18,7 @@ pub(crate) struct SolidSoup {
 pub(crate) struct SolidFault {
     pub(crate) source: SolidError,
     /// The faulty vertex or cell. Vertices are numbered as in the file.
-    pub(crate) culprit: Culprit,
+    pub(crate) location: Location,
 }
 
 impl SolidSoup {
@@ -27,10 +27,10 @@ impl SolidSoup {
     pub(crate) fn into_mesh(self) -> Result<(TetMesh, Vec<u32>), SolidFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
-            let what = "vertices";
+            let entities = "vertices";
             return Err(SolidFault {
-                source: MeshError::TooMany { what, found }.into(),
-                culprit: Culprit::Mesh,
+                source: MeshError::TooMany { entities, found }.into(),
+                location: Location::Mesh,
             });
         }
         let Self {
@@ -43,14 +43,14 @@ impl SolidSoup {
         };
         turn_negative(&positions, &mut cells);
         let fault = |source: SolidError| {
-            let culprit = match source.culprit() {
-                Culprit::Vertex(vertex) => {
+            let location = match source.location() {
+                Location::Vertex(vertex) => {
                     let place = numbers.iter().position(|&number| number == vertex);
-                    Culprit::Vertex(place.unwrap_or_default() as u32)
+                    Location::Vertex(place.unwrap_or_default() as u32)
                 }
                 other => other,
             };
-            SolidFault { source, culprit }
+            SolidFault { source, location }
         };
         let mesh = TetMesh::new(positions, cells).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(|error| fault(error.into()))?;

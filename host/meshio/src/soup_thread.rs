@@ -2,7 +2,7 @@
 
 use crate::soup::drop_unused;
 use physics::Vec3;
-use physics::mesh::check::{Culprit, MAX_COUNT, check_distinct};
+use physics::mesh::check::{Location, MAX_COUNT, check_distinct};
 use physics::mesh::{LineMesh, MeshError, ThreadError};
 
 /// Vertices and lines as a file lists them. Both ends of a line are among the vertices.
@@ -16,7 +16,7 @@ pub(crate) struct ThreadSoup {
 pub(crate) struct ThreadFault {
     pub(crate) source: ThreadError,
     /// What is at fault, vertices numbered as in the file.
-    pub(crate) culprit: Culprit,
+    pub(crate) location: Location,
 }
 
 impl ThreadSoup {
@@ -25,10 +25,10 @@ impl ThreadSoup {
     pub(crate) fn into_mesh(self) -> Result<(LineMesh, Vec<u32>), ThreadFault> {
         let found = self.positions.len();
         if found > MAX_COUNT {
-            let what = "vertices";
+            let entities = "vertices";
             return Err(ThreadFault {
-                source: MeshError::TooMany { what, found }.into(),
-                culprit: Culprit::Mesh,
+                source: MeshError::TooMany { entities, found }.into(),
+                location: Location::Mesh,
             });
         }
         let Self {
@@ -37,14 +37,14 @@ impl ThreadSoup {
         } = self;
         let numbers = drop_unused(&mut positions, &mut lines);
         let fault = |source: ThreadError| {
-            let culprit = match source.culprit() {
-                Culprit::Vertex(vertex) => {
+            let location = match source.location() {
+                Location::Vertex(vertex) => {
                     let place = numbers.iter().position(|&number| number == vertex);
-                    Culprit::Vertex(place.unwrap_or_default() as u32)
+                    Location::Vertex(place.unwrap_or_default() as u32)
                 }
                 other => other,
             };
-            ThreadFault { source, culprit }
+            ThreadFault { source, location }
         };
         let mesh = LineMesh::new(positions, lines).map_err(fault)?;
         check_distinct(&mesh.positions).map_err(|error| fault(error.into()))?;

@@ -8,7 +8,7 @@ use crate::soup_solid::{SolidFault, SolidSoup};
 use crate::soup_thread::{ThreadFault, ThreadSoup};
 use crate::vtk_array::Array;
 use physics::Vec3;
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 use physics::mesh::{Cells as Tetrahedra, Mesh};
 
 /// The type of the cells of a `POLYDATA` file's polygons.
@@ -26,7 +26,7 @@ pub(crate) struct Cells<'a> {
     wanted: Wanted,
     points: Array<'a>,
     positions: Vec<Vec3>,
-    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then passed over.
+    /// Up to the first triangle or tetrahedron, if threads are wanted; lines are then skipped.
     lines: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
     /// `Some` from the first tetrahedron on. Triangles are skipped from then on.
@@ -163,7 +163,7 @@ impl<'a> Cells<'a> {
         Ok(())
     }
 
-    /// Whether a cell is kept or passed over, or else an error at `place`. With the first triangle, what was kept of lines
+    /// Whether a cell is kept or skipped, or else an error at `place`. With the first triangle, what was kept of lines
     /// is dropped; with the first tetrahedron, what was kept of either.
     fn judge(
         &mut self,
@@ -302,23 +302,23 @@ impl<'a> Cells<'a> {
             count,
             ..
         } = self;
-        let place = |culprit| match culprit {
-            Culprit::Vertex(vertex) => points.place(3 * vertex as usize),
-            Culprit::Cell(cell) => {
+        let place = |location| match location {
+            Location::Vertex(vertex) => points.place(3 * vertex as usize),
+            Location::Cell(cell) => {
                 let start = starts.get(cell as usize);
                 numbers.place(start.map_or(0, |&start| start as usize))
             }
-            Culprit::Mesh => numbers.place(numbers.len()),
+            Location::Mesh => numbers.place(numbers.len()),
         };
         let mesh = match tetrahedra {
             None if !lines.is_empty() => {
                 let soup = ThreadSoup { positions, lines };
-                let (thread, _) = soup
-                    .into_mesh()
-                    .map_err(|ThreadFault { source, culprit }| {
-                        let place = place(culprit);
-                        MeshFileError::Thread { place, source }
-                    })?;
+                let (thread, _) =
+                    soup.into_mesh()
+                        .map_err(|ThreadFault { source, location }| {
+                            let place = place(location);
+                            MeshFileError::Thread { place, source }
+                        })?;
                 Mesh::Thread(thread)
             }
             None => {
@@ -327,17 +327,19 @@ impl<'a> Cells<'a> {
                     triangles,
                     groups: Vec::new(),
                 };
-                Mesh::Sheet(soup.into_mesh().map_err(|Fault { source, culprit }| {
-                    let place = place(culprit);
+                Mesh::Sheet(soup.into_mesh().map_err(|Fault { source, location }| {
+                    let place = place(location);
                     MeshFileError::Mesh { place, source }
                 })?)
             }
             Some(cells) => {
                 let soup = SolidSoup { positions, cells };
-                let (solid, _) = soup.into_mesh().map_err(|SolidFault { source, culprit }| {
-                    let place = place(culprit);
-                    MeshFileError::Solid { place, source }
-                })?;
+                let (solid, _) = soup
+                    .into_mesh()
+                    .map_err(|SolidFault { source, location }| {
+                        let place = place(location);
+                        MeshFileError::Solid { place, source }
+                    })?;
                 Mesh::Solid(solid)
             }
         };

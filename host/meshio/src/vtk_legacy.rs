@@ -6,7 +6,7 @@
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
 //! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are passed over, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
+//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. What `CELL_DATA` says in `SCALARS` or in a `FIELD` with one
 //! component becomes a field; its other attributes, `POINT_DATA` and what stands before both are passed
 //! over. The file makes no groups.
 

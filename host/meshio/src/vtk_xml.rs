@@ -6,8 +6,8 @@
 //!
 //! Triangles become the triangles of a sheet, tetrahedra (linear or quadratic) the cells of a solid, if one
 //! is asked for; where lines are the cells of highest dimension, they become those of a thread. Points, and lines
-//! beside other cells, are passed over, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
-//! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are passed over. The
+//! beside other cells, are skipped, in a solid's file triangles as well; any other cell is an error, for a mesh without it would have holes. A named array of `CellData` with one component becomes a
+//! field; others, and what belongs to points and to the file (`PointData`, `FieldData`), are skipped. The
 //! file makes no groups.
 //!
 //! A file whose arrays unpack to much more than its own size is refused: see [`MAX_RATIO`].

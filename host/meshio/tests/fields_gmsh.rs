@@ -75,7 +75,7 @@ fn values_follow_the_tags_of_the_triangles() {
 }
 
 #[test]
-fn what_is_no_field_of_the_triangles_is_passed_over() {
+fn data_of_other_elements_are_skipped() {
     for section in [
         data("of a line", 1, &["3 1"]),
         data("none", 1, &[]),
@@ -90,7 +90,7 @@ fn what_is_no_field_of_the_triangles_is_passed_over() {
 }
 
 #[test]
-fn of_a_solid_only_what_belongs_to_tetrahedra_is_a_field() {
+fn only_data_of_tetrahedra_are_fields_of_a_solid() {
     let solid = SHEET
         .replace("0 1 0\n$End", "0 0 1\n$End")
         .replace("2 3 1 900", "3 4 1 900")

@@ -326,7 +326,7 @@ const GRID: &str = r#"<?xml version="1.0"?>
 #[test]
 fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
     assert!(is_square(&read("x.vtu", GRID.as_bytes())?));
-    // A piece of the file, what stands there instead, the error that follows.
+    // A piece of the file, its replacement, and the resulting error.
     let cases = [
         (
             "1 1 0 0 1 0",
@@ -441,7 +441,7 @@ fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
 }
 
 #[test]
-fn a_wrong_mesh_can_be_told_from_wrong_text() {
+fn an_invalid_mesh_is_distinguished_from_invalid_text() {
     let flat = read("x.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n");
     assert!(matches!(
         flat,

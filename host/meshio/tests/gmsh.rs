@@ -114,7 +114,7 @@ fn line_ends_blank_lines_and_the_order_of_sections_do_not_matter() {
 }
 
 #[test]
-fn other_versions_are_named_with_the_way_to_convert_them() {
+fn other_versions_are_named_with_the_command_that_converts_them() {
     for (header, found) in [
         ("2.2 0 8", "2.2 ASCII"),
         ("4 0 8", "4 ASCII"),
@@ -147,7 +147,7 @@ fn other_versions_are_named_with_the_way_to_convert_them() {
 }
 
 #[test]
-fn other_elements_are_named_with_what_to_do() {
+fn other_elements_are_named_with_a_remedy() {
     let block = line_of("$Elements", 6);
     assert_eq!(SMALL.lines().nth(block - 1), Some("2 1 2 1"));
     for (code, part) in [
@@ -168,7 +168,7 @@ fn other_elements_are_named_with_what_to_do() {
 }
 
 #[test]
-fn errors_name_the_line_and_what_stands_there() {
+fn errors_name_the_line_and_quote_it() {
     let node = line_of("$Nodes", 8);
     assert_eq!(SMALL.lines().nth(node - 1), Some("1 0 0"));
     for (text, found) in [
@@ -200,7 +200,7 @@ fn errors_name_the_line_and_what_stands_there() {
 }
 
 #[test]
-fn counts_are_compared_with_what_follows() {
+fn counts_are_compared_with_the_lines_that_follow() {
     let nodes = line_of("$Nodes", 1);
     assert_eq!(
         fault(nodes, "2 6 10 50"),
@@ -247,11 +247,11 @@ fn counts_are_compared_with_what_follows() {
 }
 
 #[test]
-fn what_stands_once_may_not_stand_twice_or_be_missing() {
+fn a_section_that_occurs_once_may_not_repeat_or_be_missing() {
     let twice = format!("{SMALL}\n$Nodes\n0 0 0 0\n$EndNodes\n");
     let error = parse(&twice).unwrap_err();
     assert!(
-        matches!(&error, GmshError::Repeated { what, .. } if what == "$Nodes"),
+        matches!(&error, GmshError::Repeated { item, .. } if item == "$Nodes"),
         "{error}"
     );
     assert!(

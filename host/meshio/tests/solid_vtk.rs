@@ -44,7 +44,7 @@ fn mixed(quadratic: bool) -> (Grid, TetMesh) {
             grid.push(5, &[1, 2, 3]);
         }
     }
-    // Cells 3 to 5 and 8 to 10 are tetrahedra. What stands for the others is passed over, a number or not.
+    // Cells 3 to 5 and 8 to 10 are tetrahedra. The values of the other cells are skipped, whether they are numbers or not.
     let is_kept = |k: usize| (3..6).contains(&k) || k >= 8;
     let stiffness = |k| if is_kept(k) { k as f64 / 3.0 } else { f64::NAN };
     grid.cell_data = vec![

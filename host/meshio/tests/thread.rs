@@ -53,7 +53,7 @@ fn a_gmsh_file_names_vertices_and_lines() {
 }
 
 #[test]
-fn whoever_asks_for_a_sheet_gets_no_thread() {
+fn a_thread_is_refused_where_a_sheet_is_expected() {
     for name in SEEDS {
         let error = read(name, &seed(name)).expect_err("no sheet");
         assert!(error.to_string().contains("no triangles"), "{error}");
@@ -92,7 +92,7 @@ fn lines_of_other_than_two_points_are_refused_in_a_thread_alone() {
 }
 
 #[test]
-fn what_is_wrong_with_a_line_is_told_with_its_place() {
+fn a_fault_of_a_line_is_reported_with_its_place() {
     let msh = text("thread.msh");
     let twice = error("x.msh", &msh.replace("\n12 2 3\n", "\n12 2 2\n"));
     assert!(twice.contains("line 1: vertex 1 is named twice"), "{twice}");

@@ -178,7 +178,7 @@ proptest! {
 }
 
 #[test]
-fn a_group_of_vertices_beside_one_of_triangles_keeps_what_it_has_more() {
+fn a_group_of_vertices_keeps_the_vertices_beyond_a_group_of_triangles_of_its_name() {
     let mut mesh = sheet(1.0, 1.0, 1, 1, Pattern::Alternating).unwrap();
     let group = |members: &[u32]| {
         vec![Group {
@@ -193,7 +193,7 @@ fn a_group_of_vertices_beside_one_of_triangles_keeps_what_it_has_more() {
 }
 
 #[test]
-fn what_a_format_cannot_say_is_left_out() {
+fn data_that_a_format_cannot_represent_are_omitted() {
     let mut mesh = sheet(1.0, 1.0, 1, 1, Pattern::Alternating).unwrap();
     let group = |name: &str, members: &[u32]| Group {
         name: name.to_owned(),

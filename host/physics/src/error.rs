@@ -84,14 +84,14 @@ pub enum BodyError {
     },
     /// The warp of a woven material has no direction in the plane of a triangle.
     #[error(
-        "the warp of triangle {triangle} stands on it: {share:e} of its length lies in the triangle's \
+        "the warp of triangle {triangle} is normal to it: {fraction:e} of its length lies in the triangle's \
          plane; give a direction along the cloth"
     )]
     Warp {
         /// The triangle.
         triangle: usize,
         /// Sine of the angle between the warp and the triangle's normal; not a number for a warp without a direction.
-        share: f64,
+        fraction: f64,
     },
     /// The number of materials is neither one nor the number of elements.
     #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
@@ -166,10 +166,10 @@ pub enum BodyError {
         handle: usize,
     },
     /// A map leads from a vertex, handle or support that the old body does not have.
-    #[error("the {what} leads from number {found}, but the old body has {count}, counted from 0")]
+    #[error("the {part} leads from number {found}, but the old body has {count}, counted from 0")]
     Map {
         /// The part of the map.
-        what: &'static str,
+        part: &'static str,
         /// The number that does not exist.
         found: usize,
         /// How many the old body has.
@@ -208,20 +208,20 @@ pub enum BodyError {
         count: usize,
     },
     /// An array that should hold one entry per vertex has another length.
-    #[error("`{what}` has {found} entries, expected one for each of {expected} vertices")]
+    #[error("`{quantity}` has {found} entries, expected one for each of {expected} vertices")]
     Length {
-        /// The array.
-        what: &'static str,
+        /// The name of the array.
+        quantity: &'static str,
         /// Its length.
         found: usize,
         /// Number of vertices.
         expected: usize,
     },
     /// An array holds a number that is not finite.
-    #[error("`{what}` of vertex {vertex} is not finite")]
+    #[error("`{quantity}` of vertex {vertex} is not finite")]
     NotFinite {
-        /// The array.
-        what: &'static str,
+        /// The name of the array.
+        quantity: &'static str,
         /// The vertex.
         vertex: usize,
     },

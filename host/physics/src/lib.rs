@@ -17,6 +17,35 @@
 //! - [`error`]: the errors of a body, a step and a condensation.
 //!
 //! The main types are exported here under their own names.
+//!
+//! A block of rubber between two handles is compressed by a tenth:
+//!
+//! ```
+//! use physics::mesh::generate_box::solid_box;
+//! use physics::{
+//!     Body, BodyConfig, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Vec3,
+//! };
+//!
+//! let mesh = solid_box([0.1; 3], [2; 3])?;
+//! let handles = ["bottom", "top"].map(|name| {
+//!     let group = mesh.vertex_groups.iter().find(|group| group.name == name);
+//!     HandleSpec {
+//!         vertices: group.map_or(Vec::new(), |group| group.members.clone()),
+//!         origin: Vec3::zeros(),
+//!         freedom: Freedom::Fixed,
+//!     }
+//! });
+//! let rubber = SolidMaterial { young: 1e5, poisson: 0.3, density: 1000.0 };
+//! let config = BodyConfig { gravity: Vec3::zeros(), ..BodyConfig::default() };
+//! let mut body = Body::solid(&mesh, &[rubber], SolidLaw::StableNeoHookean, config, &handles)?;
+//!
+//! let poses = [0.0, -0.01].map(|z| HandlePose::at(Vec3::new(0.0, 0.0, z)));
+//! Equilibrium::new(&body, EquilibriumOptions::default())?.solve(&mut body, &poses, 1.0)?;
+//! // The upper face pushes the hand up with about E A times the strain, 100 N.
+//! let force = body.handle_report(1).expect("the second handle").wrench_on_hand.force;
+//! assert!((90.0..130.0).contains(&force.z));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 #![forbid(unsafe_code)]
 
 pub mod body;

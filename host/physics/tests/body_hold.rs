@@ -1,4 +1,5 @@
-//! Taking hold of a body and letting go: at rest the same bytes as a body built so, in motion no jump.
+//! Grabbing and releasing handles, lifting supports. At rest the bytes are those of a body that was built so. In motion
+//! no force jumps.
 
 use physics::mesh::TetMesh;
 use physics::mesh::generate::{Pattern, sheet};
@@ -46,7 +47,7 @@ const RUBBER: SolidMaterial = SolidMaterial {
 
 type Build = Box<dyn Fn(&[HandleSpec]) -> Body>;
 
-/// Bodies of every kind: how each is built with given handles, and where its vertices are.
+/// Bodies of every kind: the function that builds each with given handles, and the positions of its vertices.
 fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
     let mut kinds: Vec<(&'static str, Vec<Vec3>, Build)> = Vec::new();
     for (name, law, quadratic) in [
@@ -99,7 +100,7 @@ fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
     kinds
 }
 
-/// A handle at either end, and one in the middle.
+/// One handle at either end, and one in the middle.
 fn specs(positions: &[Vec3]) -> [HandleSpec; 3] {
     let corner = |pick: fn(f64, f64) -> f64| {
         let start = positions[0];
@@ -128,7 +129,7 @@ fn bits(vectors: impl Iterator<Item = Vec3>) -> Vec<u64> {
         .collect()
 }
 
-/// Everything that some steps by every solver, and their local models, come to.
+/// The results of some steps by every solver, and the local models of these steps.
 fn story(body: &Body) -> Vec<u64> {
     let mut story = Vec::new();
     frozen::<f64>(body, Preconditioner::Complete, &mut story);
@@ -180,7 +181,7 @@ fn frozen<T: Real>(body: &Body, preconditioner: Preconditioner, story: &mut Vec<
     }
 }
 
-/// Handles move apart, the faster the later they are numbered.
+/// The handles move apart. A handle with a higher number moves faster.
 fn pulled(rest: &Body, step: u32) -> Vec<HandlePose> {
     let mut poses = poses(rest);
     for (handle, pose) in poses.iter_mut().enumerate() {
@@ -191,7 +192,7 @@ fn pulled(rest: &Body, step: u32) -> Vec<HandlePose> {
 }
 
 #[test]
-fn a_body_grabbed_at_rest_is_one_built_so() {
+fn grabbing_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_handle() {
     for (name, positions, build) in kinds() {
         let [left, right, middle] = specs(&positions);
         let built = story(&build(&[left.clone(), right.clone()]));
@@ -205,13 +206,13 @@ fn a_body_grabbed_at_rest_is_one_built_so() {
         assert_eq!(released.grab(&right), Ok(2));
         released.release(1).unwrap();
         assert!(story(&released) == built, "{name}: released");
-        // Another epoch each time, so that no solver takes one for another.
+        // Each change begins another epoch, so that no solver mistakes one body for another.
         assert_eq!(released.epoch(), 2);
     }
 }
 
 #[test]
-fn a_body_supported_at_rest_is_one_built_so() {
+fn supporting_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_support() {
     let (first, second) = ([true, false, true], [true, true, false]);
     for (name, positions, build) in kinds() {
         let [left, right, middle] = specs(&positions);
@@ -219,7 +220,7 @@ fn a_body_supported_at_rest_is_one_built_so() {
         built.add_support(&left.vertices, first).unwrap();
         let built = story(&built);
 
-        // Supports outlive handles, and give back what they took from others.
+        // Supports outlive handles, and return the vertices that they took from others.
         let mut lifted = build(&[]);
         lifted.add_support(&middle.vertices, second).unwrap();
         lifted.add_support(&left.vertices, first).unwrap();
@@ -301,13 +302,13 @@ fn a_node_keeps_its_number_through_every_change_of_the_constraints() {
     }
 }
 
-/// The farthest that a vertex is from where it was (m).
+/// The largest distance of a vertex from its earlier position (m).
 fn moved(body: &Body, from: &[Vec3]) -> f64 {
-    let ways = body
+    let distances = body
         .positions()
         .zip(from)
         .map(|(x, from)| (x - from).norm());
-    ways.fold(0.0, f64::max)
+    distances.fold(0.0, f64::max)
 }
 
 #[test]
@@ -340,15 +341,16 @@ fn a_released_body_swings_back_without_a_jump() {
     let energy = body.total_energy();
 
     body.release(1).unwrap();
-    // Letting go moves nothing.
+    // The release moves no vertex.
     assert_eq!(bits(body.positions()), bits(before.iter().copied()));
     assert_eq!(bits(body.velocities()), velocities);
     targets.truncate(1);
-    // There is no model of the new epoch before a step of it.
+    // Before the first step of the new epoch there is no model of that epoch.
     let model = shapes.condense(&mut stepper, &body, 0.01, &ShapeOptions::default());
     assert_eq!(model.err(), Some(CondenseError::NotAssembled));
     stepper.step(&mut body, H, &targets, || false).unwrap();
-    // From rest a step moves what the elastic forces accelerate: a small part of the pull.
+    // From rest, a step moves the vertices that the elastic forces accelerate. The displacement is a small fraction of
+    // the pull.
     let bent = before[tip].z - rest[tip].z;
     assert!(
         moved(&body, &before) < 0.3 * bent,
@@ -363,12 +365,12 @@ fn a_released_body_swings_back_without_a_jump() {
         assert!(body.total_energy() <= energy * (1.0 + 1e-6));
         lowest = lowest.min(body.positions().nth(tip).unwrap().z - rest[tip].z);
     }
-    // It swings through.
+    // The body swings through its rest shape.
     assert!(lowest < -0.2 * bent, "{lowest} {bent}");
 }
 
 #[test]
-fn a_body_let_go_of_altogether_keeps_its_momentum() {
+fn a_body_without_its_handles_keeps_its_momentum() {
     for (name, positions, build) in kinds() {
         let [left, right, _] = specs(&positions);
         let mut body = build(&[left, right]);
@@ -389,11 +391,12 @@ fn a_body_let_go_of_altogether_keeps_its_momentum() {
         for _ in 0..steps {
             stepper.step(&mut body, H, &[], || false).unwrap();
         }
-        // Damping by mass alone, 0.1 /s, slows it down; what solves leave open does the rest.
+        // Only the damping by mass, 0.1 /s, slows the body. The residuals of the solves cause the rest of the
+        // difference.
         let slowed = momentum / (1.0 + 0.1 * H).powi(steps);
         let off = (body.momentum() - slowed).norm() / slowed.norm();
         assert!(off < 1e-4, "{name}: {off:e}");
-        // Nobody feels it.
+        // No hand feels the body.
         let mut shapes = Shapes::default();
         let (model, _) = shapes
             .condense(&mut stepper, &body, 0.01, &ShapeOptions::default())
@@ -404,7 +407,7 @@ fn a_body_let_go_of_altogether_keeps_its_momentum() {
 }
 
 #[test]
-fn a_moving_body_is_grabbed_where_it_is() {
+fn a_moving_body_is_grabbed_at_its_present_place() {
     for (name, positions, build) in kinds() {
         let [left, right, _] = specs(&positions);
         let mut body = build(std::slice::from_ref(&left));
@@ -414,7 +417,7 @@ fn a_moving_body_is_grabbed_where_it_is() {
         for _ in 0..50 {
             stepper.step(&mut body, H, &targets, || false).unwrap();
         }
-        // A refresher that is lent when the epoch ends is of no use in the next.
+        // A refresher that is lent when the epoch ends is useless in the next epoch.
         stepper.options.refresh = false;
         stepper.options.patience = 0;
         stepper.step(&mut body, H, &targets, || false).unwrap();
@@ -440,7 +443,7 @@ fn a_moving_body_is_grabbed_where_it_is() {
             stepper.give_back(lent);
         }
         stepper.step(&mut body, H, &targets, || false).unwrap();
-        // Held as it was bent, to rounding.
+        // The support holds the bent shape, up to rounding.
         let at: Vec<Vec3> = body.positions().collect();
         for (&vertex, held) in right.vertices.iter().zip(&held) {
             assert!((at[vertex as usize] - held).norm() < 1e-12, "{name}");
@@ -453,7 +456,7 @@ fn a_moving_body_is_grabbed_where_it_is() {
 }
 
 #[test]
-fn a_running_body_is_supported_where_it_is_and_falls_when_that_is_lifted() {
+fn a_moving_body_is_supported_at_its_present_place_and_falls_when_the_support_is_lifted() {
     let mesh = bar();
     let [left, right, _] = specs(&mesh.positions);
     let law = SolidLaw::Corotational;
@@ -481,7 +484,7 @@ fn a_running_body_is_supported_where_it_is_and_falls_when_that_is_lifted() {
 }
 
 #[test]
-fn what_cannot_be_held_is_refused_and_changes_nothing() {
+fn an_impossible_handle_or_support_is_refused_and_changes_nothing() {
     let mesh = bar();
     let [left, right, middle] = specs(&mesh.positions);
     let law = SolidLaw::Corotational;

@@ -1,8 +1,8 @@
 //! A body that continues the motion of a body with another mesh, along a map of vertices and handles.
 
-mod fem_support;
+mod common;
 
-use fem_support::*;
+use common::*;
 use nalgebra::UnitQuaternion;
 use physics::mesh::TriMesh;
 use physics::{Body, BodyConfig, BodyError, BodyMap, Freedom, HandlePose, HandleSpec, Vec3};

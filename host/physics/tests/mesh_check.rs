@@ -1,4 +1,4 @@
-//! The checks of triangle meshes, each with an input that it refuses; and the queries of a mesh.
+//! The checks of triangle meshes, each with an input that the check refuses, and the queries of a mesh.
 
 use physics::Vec3;
 use physics::mesh::check::{MAX_COORDINATE, MIN_HEIGHT_RATIO};
@@ -11,7 +11,7 @@ fn square() -> (Vec<Vec3>, Vec<[u32; 3]>) {
     (positions, vec![[0, 1, 2], [0, 2, 3]])
 }
 
-/// The square after `change`, or the error by which it is no valid mesh.
+/// The square after `change`, or the error that describes why it is no valid mesh.
 fn changed(change: impl FnOnce(&mut Vec<Vec3>, &mut Vec<[u32; 3]>)) -> Result<TriMesh, MeshError> {
     let (mut positions, mut triangles) = square();
     change(&mut positions, &mut triangles);
@@ -21,7 +21,7 @@ fn changed(change: impl FnOnce(&mut Vec<Vec3>, &mut Vec<[u32; 3]>)) -> Result<Tr
 #[test]
 fn a_square_is_a_mesh_and_answers_for_itself() {
     let mut mesh = changed(|_, _| {}).unwrap();
-    // Halves of ones: exact.
+    // Halves of ones are exact.
     assert_eq!(mesh.area(), 1.0);
     assert_eq!(mesh.triangle_area(1), Some(0.5));
     assert_eq!(mesh.triangle_area(2), None);
@@ -111,7 +111,7 @@ fn triangles_must_name_three_existing_vertices() {
 fn triangles_must_have_area_at_any_scale() {
     let squashed = |scale: f64, height: f64| {
         changed(|positions, _| {
-            // The diagonal 0-2 is the longest edge of triangle 1; put vertex 3 just beside it.
+            // The diagonal 0-2 is the longest edge of triangle 1. Vertex 3 is moved to a place just beside it.
             let beside = Vec3::new(-1.0, 1.0, 0.0).normalize() * (height * 2.0_f64.sqrt());
             positions[3] = Vec3::new(0.5, 0.5, 0.0) + beside;
             for p in positions {
@@ -156,8 +156,8 @@ fn triangles_must_be_resolved_by_the_coordinates() {
             triangles.push([first, first + 1, first + 2]);
         })
     };
-    // The diagonal of the square is sqrt(2), and so is the speck's longest edge over its size: the limit
-    // lies at a size of MIN_EDGE_RATIO = 1e-9.
+    // The diagonal of the square is sqrt(2), and so is the longest edge of the small triangle over its size. The limit
+    // therefore lies at a size of MIN_EDGE_RATIO = 1e-9.
     assert!(with_speck(1.01e-9).is_ok());
     let error = with_speck(0.99e-9).unwrap_err();
     assert!(

@@ -1,4 +1,4 @@
-//! The checks of tetrahedral meshes, each with an input that it refuses.
+//! The checks of tetrahedral meshes, each with an input that the check refuses.
 
 use physics::mesh::check::MAX_COORDINATE;
 use physics::mesh::check_solid::MIN_VOLUME_RATIO;
@@ -30,7 +30,7 @@ fn linear(change: impl FnOnce(&mut Vec<Vec3>, &mut Vec<[u32; 4]>)) -> Result<(),
     mesh.validate()
 }
 
-/// As [`linear`], quadratic.
+/// The same as [`linear`], with quadratic cells.
 fn quadratic(change: impl FnOnce(&mut Vec<Vec3>, &mut Vec<[u32; 10]>)) -> Result<(), SolidError> {
     let mut mesh = two().quadratic();
     mesh.validate().unwrap();
@@ -50,7 +50,7 @@ fn generated_solids_pass() {
         let mesh = solid_box([size; 3], [2; 3]).unwrap();
         assert_eq!(mesh.validate(), Ok(()), "{size}");
     }
-    // So small that volumes are zero in double precision.
+    // The mesh is so small that volumes are zero in double precision.
     let mesh = solid_box([1e-150; 3], [2; 3]).unwrap();
     assert!(matches!(mesh.validate(), Err(SolidError::Flat { .. })));
 }
@@ -141,8 +141,8 @@ fn cells_must_have_a_positive_volume_at_any_scale() {
     for scale in [1e-6, 1.0, 1e6] {
         let squashed = |height: f64| {
             linear(|positions, _| {
-                // The longest edge is one of the face's, sqrt(2); the face's area is sqrt(3) / 2, and 6 V is
-                // the height times twice that.
+                // The longest edge is an edge of the face, sqrt(2). The area of the face is sqrt(3) / 2, and 6 V is the
+                // height times twice that area.
                 let height = height * 8_f64.sqrt() / 3_f64.sqrt();
                 positions[0] = Vec3::repeat(1.0 / 3.0) - Vec3::repeat(height / 3_f64.sqrt());
                 for x in positions {
@@ -170,7 +170,7 @@ fn cells_must_have_a_positive_volume_at_any_scale() {
 
 #[test]
 fn a_mesh_that_passes_can_be_simulated() {
-    // Just above the limit, straight and with midsides that fold almost.
+    // The cell is just above the limit: once straight, and once with midsides that nearly fold it.
     let material = SolidMaterial {
         young: 1e4,
         poisson: 0.3,
@@ -197,7 +197,7 @@ fn a_mesh_that_passes_can_be_simulated() {
         let Cells::Quadratic(cells) = &mesh.cells else {
             panic!()
         };
-        // The middle of the edge 0-1 towards vertex 0 and beyond.
+        // The middle of the edge 0-1 is moved towards vertex 0 and beyond it.
         let middle = cells[0][4] as usize;
         let by = 0.01 * f64::from(step);
         mesh.positions[middle].x -= by;
@@ -216,7 +216,7 @@ fn a_mesh_that_passes_can_be_simulated() {
             }
         }
     }
-    // The Jacobian at corner 0 vanishes at a quarter of the edge; the points of quadrature lie further in.
+    // The Jacobian at corner 0 vanishes at a quarter of the edge. The points of quadrature lie further inside.
     assert!(refused && last_good > 0.25, "{last_good}");
 }
 
@@ -235,7 +235,7 @@ fn midsides_in_another_programs_order_fold_the_cell() {
 
 #[test]
 fn two_cells_may_not_lie_on_one_side_of_a_face() {
-    // The same cell again, its corners counted from another: an even permutation.
+    // The same cell occurs again. Its corners are counted from another corner, by an even permutation.
     assert_eq!(
         linear(|_, cells| cells.push([1, 2, 0, 3])).unwrap_err(),
         SolidError::Overlap {
@@ -244,7 +244,7 @@ fn two_cells_may_not_lie_on_one_side_of_a_face() {
             face: [0, 1, 2]
         }
     );
-    // A third cell on the face 1-2-3.
+    // A third cell lies on the face 1-2-3.
     let third = linear(|positions, cells| {
         positions.push(Vec3::repeat(0.8));
         cells.push([5, 1, 3, 2]);
@@ -257,7 +257,7 @@ fn two_cells_may_not_lie_on_one_side_of_a_face() {
 
 #[test]
 fn an_edge_has_one_middle_and_a_middle_one_edge() {
-    // The edge 1-2 belongs to both cells. In the second it gets a middle of its own, close by.
+    // The edge 1-2 belongs to both cells. In the second cell it gets a middle of its own, close to the first middle.
     let at = |cell: &[u32; 10], ends: [u32; 2]| {
         let slot = MIDSIDE_ENDS
             .into_iter()
@@ -275,7 +275,7 @@ fn an_edge_has_one_middle_and_a_middle_one_edge() {
         "cell 1: the edge 1-2 has its middle at vertex 14, in cell 0 at vertex 6, where the mesh would come \
          apart"
     );
-    // Two loose cells, one just beside the other, have one vertex for the middles of their edges 0-1.
+    // Two separate cells, one just beside the other, have one vertex as the middle of both edges 0-1.
     let mut pair = two();
     pair.cells = Cells::Linear(vec![[0, 1, 2, 3]]);
     pair.positions.truncate(4);
@@ -301,7 +301,7 @@ fn an_edge_has_one_middle_and_a_middle_one_edge() {
         pair.validate().unwrap_err().to_string(),
         "cell 1: vertex 4 is the middle of the edge 10-11, and of another in cell 0"
     );
-    // A third cell has the middle of an edge as its corner.
+    // A corner of a third cell is the middle of an edge.
     let mut mesh = two().quadratic();
     let Cells::Quadratic(cells) = &mut mesh.cells else {
         panic!()

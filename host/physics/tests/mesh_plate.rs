@@ -36,8 +36,8 @@ fn a_small_quarter_is_as_drawn() {
         rays: Rays::Equal,
     };
     let mesh = quarter_plate_with_hole(&plate).unwrap();
-    // Cells grow twofold: the first has a third of the length, the second two thirds. With an even number of cells a
-    // ray of a square's quarter meets the corner.
+    // The cells grow by a factor of two: the first has a third of the length, the second two thirds. With an even
+    // number of cells, a ray of a square's quarter meets the corner.
     let third = 0.5_f64.sqrt() * 2.0 / 3.0 + 2.0 / 3.0;
     let expected = [
         [1.0, 0.0],
@@ -52,7 +52,7 @@ fn a_small_quarter_is_as_drawn() {
     ];
     assert_eq!(mesh.positions.len(), expected.len());
     for (x, [a, b]) in mesh.positions.iter().zip(expected) {
-        // A few roundings of numbers near 1.
+        // The tolerance is a few roundings of numbers near 1.
         assert!((x - Vec3::new(a, b, 0.0)).norm() < 1e-15, "{x}");
     }
     let triangles = [
@@ -98,7 +98,7 @@ proptest! {
         prop_assert_eq!(quarter.triangles.len() as u32, 2 * around * outward);
         prop_assert_eq!(whole.positions.len() as u32, 4 * around * (outward + 1));
         prop_assert_eq!(quarter.positions.len() as u32, (around + 1) * (outward + 1));
-        // A sum of some thousand areas.
+        // The area is a sum of some thousand areas.
         prop_assert!((whole.area() - 4.0 * quarter.area()).abs() < 1e-12 * whole.area());
         for mesh in [&whole, &quarter] {
             mesh.validate().unwrap();
@@ -121,7 +121,7 @@ proptest! {
             let expected = width * height - polygon;
             prop_assert!((whole.area() - expected).abs() < 1e-12 * width * height);
         }
-        // A ring: by Euler's formula V - E + F = 0; a quarter is a disc.
+        // The plate is a ring, so Euler's formula is V - E + F = 0. A quarter is a disc.
         for (mesh, euler) in [(&whole, 0), (&quarter, 1)] {
             let edges = Adjacency::new(&mesh.triangles).unwrap();
             let all = edges.boundary.len() + edges.interior.len();
@@ -159,11 +159,11 @@ fn the_area_converges_with_the_square_of_the_cells() {
             area - (0.04 - PI * 0.0025)
         };
         let slope = (error(16) / error(32)).log2();
-        // The polygon's error is a series in the square of the angle, here 0.05: the next term is 1e-3 of
-        // the first.
+        // The error of the polygon is a series in the square of the angle, here 0.05. Its second term is 1e-3 of the
+        // first.
         assert!((slope - 2.0).abs() < 2e-3, "{slope}");
     }
-    // Odd: equal rays cut the corners, which costs area as well, of the same order.
+    // With an odd number of cells, equal rays cut the corners. This reduces the area by an error of the same order.
     let cut = |around| {
         let plate = HoledPlate {
             width: 0.2,
@@ -178,7 +178,7 @@ fn the_area_converges_with_the_square_of_the_cells() {
         let [cut, kept] = [plate, kept].map(|plate| plate_with_hole(&plate).unwrap().area());
         kept - cut
     };
-    // With the square: (7 / 15)^2 = 0.22.
+    // The error falls with the square of the size: (7 / 15)^2 = 0.22.
     assert!(cut(15) > 0.0 && cut(15) < 0.3 * cut(7));
 }
 
@@ -218,7 +218,7 @@ fn borders_are_complete() {
         let mesh = plate_with_hole(&plate).unwrap();
         let border = ["left", "right", "bottom", "top"].map(|name| members(&mesh, name));
         let on_border: usize = border.iter().map(Vec::len).sum();
-        // Corners are in two.
+        // A corner belongs to two groups.
         assert_eq!(on_border as u32, 4 * plate.around + 4);
         assert_eq!(members(&mesh, "hole").len() as u32, 4 * plate.around);
         let quarter = quarter_plate_with_hole(&plate).unwrap();
@@ -260,7 +260,7 @@ fn sizes_and_counts_that_make_no_plate_are_refused() {
         ] {
             let error = refused(&plate);
             assert!(
-                matches!(error, PlateError::Size { what: named, .. } if named == size),
+                matches!(error, PlateError::Size { dimension: named, .. } if named == size),
                 "{error}"
             );
         }

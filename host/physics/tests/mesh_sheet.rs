@@ -39,10 +39,10 @@ proptest! {
         mesh.validate().unwrap();
         prop_assert_eq!(mesh.positions.len() as u32, (nx + 1) * (ny + 1));
         prop_assert_eq!(mesh.triangles.len() as u32, 2 * nx * ny);
-        // A sum of up to 1800 areas, each right to a few units in the last place.
+        // The sum has up to 1800 areas, each exact to a few units in the last place.
         prop_assert!((mesh.area() / (length * width) - 1.0).abs() < 1e-12);
 
-        // Each end is exactly where it should be, and holds its vertices and no others.
+        // Each end lies exactly at its coordinate. Its group has the vertices of the end and no others.
         let ends = [("left", 0, -0.5 * length), ("right", 0, 0.5 * length),
                     ("bottom", 1, -0.5 * width), ("top", 1, 0.5 * width)];
         for (name, axis, at) in ends {
@@ -54,13 +54,13 @@ proptest! {
             prop_assert_eq!(members(&mesh, name), &on[..]);
         }
 
-        // All triangles are wound counter-clockwise seen from +z.
+        // Seen from +z, all triangles are wound counter-clockwise.
         for triangle in 0..mesh.triangles.len() as u32 {
             let [a, b, c] = mesh.corners(triangle).unwrap();
             prop_assert!((b - a).cross(&(c - a)).z > 0.0);
         }
 
-        // Every edge is there once: the border, and by Euler's formula V - E + F = 1 all others.
+        // Every edge occurs once: the edges of the border, and by Euler's formula V - E + F = 1 all others.
         let edges = Adjacency::new(&mesh.triangles).unwrap();
         prop_assert_eq!(edges.boundary.len() as u32, 2 * (nx + ny));
         let all = edges.boundary.len() + edges.interior.len();
@@ -104,12 +104,24 @@ fn sizes_and_counts_that_make_no_sheet_are_refused() {
     for found in [0.0, -0.1, f64::NAN, f64::INFINITY] {
         let error = refused(found, 0.1, 1, 1);
         assert!(
-            matches!(error, SheetError::Size { what: "length", .. }),
+            matches!(
+                error,
+                SheetError::Size {
+                    dimension: "length",
+                    ..
+                }
+            ),
             "{error}"
         );
         let error = refused(0.1, found, 1, 1);
         assert!(
-            matches!(error, SheetError::Size { what: "width", .. }),
+            matches!(
+                error,
+                SheetError::Size {
+                    dimension: "width",
+                    ..
+                }
+            ),
             "{error}"
         );
     }

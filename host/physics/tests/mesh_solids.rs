@@ -1,4 +1,4 @@
-//! Generated solids, and quadratic ones.
+//! Generated solids with linear and with quadratic cells.
 
 use physics::mesh::Cells;
 use physics::mesh::generate_box::{BoxError, solid_box};
@@ -28,7 +28,7 @@ fn a_box_is_filled_once_and_conforms() {
             *faces.entry(face).or_insert(0) += 1;
         }
     }
-    // A few hundred roundings.
+    // The tolerance is a few hundred roundings.
     assert!((volume - 0.006).abs() < 1e-15);
     assert!(faces.values().all(|&cells| cells <= 2));
     let surface = faces.values().filter(|&&cells| cells == 1).count();
@@ -72,7 +72,7 @@ fn middles_lie_in_the_middle_and_join_the_faces_of_their_edges() {
             assert!((middle - (a + b) / 2.0).norm() < 1e-16);
         }
     }
-    // Every vertex of a face and no other: also where the box is one cell thick.
+    // Each group has every vertex of its face and no other, even where the box is one grid cell thick.
     for (name, axis, at) in [("left", 0, -0.5), ("back", 1, 0.5), ("bottom", 2, -0.5)] {
         let expected: Vec<u32> = (0_u32..)
             .zip(&mesh.positions)

@@ -1,7 +1,7 @@
-//! Meshes of lines: what is made has the length it should, what is wrong is named.
+//! Meshes of lines: a generated thread has its length, and an error names each fault.
 
 use physics::Vec3;
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 use physics::mesh::generate_thread::{StraightError, straight_thread};
 use physics::mesh::{Field, Group, LineMesh, Mesh, MeshError, ThreadError};
 
@@ -25,7 +25,7 @@ fn a_straight_thread_has_its_length_its_ends_and_equal_segments() {
     let mesh = straight_thread(0.3, 7).expect("a thread");
     assert_eq!(mesh.validate(), Ok(()));
     assert_eq!((mesh.positions.len(), mesh.lines.len()), (8, 7));
-    // Sums of seven lengths of 0.04 m.
+    // The sum has seven lengths of 0.04 m.
     assert!((mesh.length() - 0.3).abs() < 1e-15);
     for line in 0..7 {
         let length = mesh.line_length(line).expect("a line");
@@ -57,7 +57,7 @@ fn a_thread_that_cannot_be_made_is_refused() {
             vertices: 1 << 32
         })
     );
-    // Far beyond the coordinates that are allowed.
+    // The length is far beyond the allowed coordinates.
     let error = straight_thread(1e10, 2).expect_err("too long");
     assert!(
         matches!(
@@ -89,8 +89,8 @@ fn every_fault_is_named_with_its_place() {
     };
     let error = with(&|mesh| mesh.lines.clear());
     assert_eq!(
-        (error.culprit(), error),
-        (Culprit::Mesh, ThreadError::Empty)
+        (error.location(), error),
+        (Location::Mesh, ThreadError::Empty)
     );
     let error = with(&|mesh| mesh.lines[1][1] = 9);
     let index = ThreadError::Index {
@@ -98,7 +98,7 @@ fn every_fault_is_named_with_its_place() {
         found: 9,
         vertices: 4,
     };
-    assert_eq!((error.culprit(), error), (Culprit::Cell(1), index));
+    assert_eq!((error.location(), error), (Location::Cell(1), index));
     let error = with(&|mesh| mesh.lines[2] = [3, 3]);
     assert_eq!(error, ThreadError::RepeatedVertex { line: 2, vertex: 3 });
     let error = with(&|mesh| mesh.positions[1] = mesh.positions[0]);
@@ -115,11 +115,11 @@ fn every_fault_is_named_with_its_place() {
     assert_eq!(error, ThreadError::Duplicate { line: 3, first: 0 });
     let error = with(&|mesh| mesh.positions.push(place(9.0, 9.0)));
     assert_eq!(
-        (error.culprit(), error),
-        (Culprit::Vertex(4), ThreadError::Unused { vertex: 4 })
+        (error.location(), error),
+        (Location::Vertex(4), ThreadError::Unused { vertex: 4 })
     );
     let error = with(&|mesh| mesh.positions[2].y = f64::NAN);
-    assert_eq!(error.culprit(), Culprit::Vertex(2));
+    assert_eq!(error.location(), Location::Vertex(2));
     let group = |members: Vec<u32>| Group {
         name: "g".to_owned(),
         members,
@@ -147,7 +147,7 @@ fn every_fault_is_named_with_its_place() {
 }
 
 #[test]
-fn a_mesh_of_any_kind_tells_what_it_holds() {
+fn a_mesh_of_any_kind_reports_its_contents() {
     let mut thread = bent();
     thread.line_fields.push(Field {
         name: "area".to_owned(),

@@ -1,4 +1,4 @@
-//! A step in four calls is the step in one, whatever other bodies do in between.
+//! A step in four calls is the step in one call, whatever other bodies do between the calls.
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
@@ -52,7 +52,7 @@ fn bits(body: &Body) -> Vec<u64> {
         .collect()
 }
 
-/// Long enough that bodies fall asleep and wake up.
+/// The number of steps is large enough for bodies to fall asleep and wake up.
 #[test]
 fn four_calls_over_two_bodies_are_a_step_of_each() {
     let options = StepperOptions {
@@ -130,7 +130,7 @@ fn calls_out_of_order_are_refused_and_move_nothing() {
             expected: 2
         })
     );
-    // What was refused has to begin again.
+    // After a refusal, the step must begin again.
     assert_eq!(
         stepper.constrain(&mut body, &targets),
         missing("constrain", "predict")
@@ -138,7 +138,7 @@ fn calls_out_of_order_are_refused_and_move_nothing() {
     stepper.predict(&body, H).unwrap();
     stepper.constrain(&mut body, &targets).unwrap();
     stepper.solve(|| false).unwrap();
-    // A handle that is let go of in between ends the step.
+    // The release of a handle between two calls ends the step.
     let mut other = body.clone();
     other.release(1).unwrap();
     let finished = stepper.finish(&mut other, || false);

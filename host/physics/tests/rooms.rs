@@ -1,7 +1,7 @@
-//! Rooms of the sources import downwards only: no room imports, directly or through others, one that imports it.
+//! Rooms of the sources import downwards only. No room imports, directly or through others, a room that imports it.
 //!
-//! A room is a folder of `src`, or a file beside `lib.rs`. What counts is `crate::room` in the code; comments may point
-//! anywhere. Inside a room, files may know each other.
+//! A room is a folder of `src`, or a file beside `lib.rs`. Only `crate::room` in the code counts as an import; comments
+//! may name any room. Files of one room may import each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -29,7 +29,7 @@ fn code(path: &Path) -> String {
     lines.flat_map(|line| [line, "\n"]).collect()
 }
 
-/// What follows each `crate::` in `code`: the room, or the rooms of a list in braces.
+/// The room after each `crate::` in `code`, or the rooms of a list in braces.
 fn named(code: &str) -> BTreeSet<String> {
     let word = |text: &str| -> String {
         text.chars()
@@ -60,7 +60,7 @@ fn named(code: &str) -> BTreeSet<String> {
     found
 }
 
-/// The rooms under `src`, and which each imports.
+/// The rooms under `src`, and the rooms that each of them imports.
 fn rooms(src: &Path) -> Graph {
     let mut paths = BTreeMap::new();
     for entry in fs::read_dir(src).unwrap() {
@@ -105,7 +105,7 @@ fn rooms_import_downwards_only() {
 }
 
 #[test]
-fn a_circle_is_found() {
+fn a_cycle_of_rooms_is_found() {
     let imports = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect();
     let mut graph = Graph::from([
         ("body".to_owned(), imports(&["element", "mesh"])),

@@ -177,7 +177,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             ClockName::Real => Clock::Real,
         })
     };
-    options.runner.insist = matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
+    options.runner.require_grants =
+        matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
     options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
     options.runner.core = core;

@@ -72,7 +72,7 @@ fn the_program_writes_the_requested_files() {
 }
 
 /// The output of the program for a scene, and its exit code.
-fn said(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
+fn solved(folder: &std::path::Path, scene: &str) -> (String, Option<i32>) {
     let path = folder.join("scene.toml");
     std::fs::write(&path, scene).unwrap();
     let output = Command::new(env!("CARGO_BIN_EXE_palpate"))
@@ -113,16 +113,16 @@ force = [{force}, 0, 0]
     let (far, near) = (moved(1e4), moved(1e-4));
     // Strains of 5e-14 are known to 1.1e-16, which is 0.2 %. The tolerance is three times that.
     assert!((near - far).abs() < 7e-3 * far, "{near:e} {far:e}");
-    let (printed, code) = said(folder.path(), &scene("", 1e-4));
+    let (printed, code) = solved(folder.path(), &scene("", 1e-4));
     assert_eq!(code, Some(0), "{printed}");
     assert!(printed.contains("limited by rounding: "), "{printed}");
-    let (printed, code) = said(folder.path(), &scene("", 1e4));
+    let (printed, code) = solved(folder.path(), &scene("", 1e4));
     assert_eq!(code, Some(0), "{printed}");
     assert!(!printed.contains("limited by rounding"), "{printed}");
 
     let motion = "duration = 1e-4\n[solve]\nanalysis = \"dynamic\"\nstep = 1e-5";
     for analysis in ["", motion] {
-        let (printed, code) = said(folder.path(), &scene(analysis, 1e-9));
+        let (printed, code) = solved(folder.path(), &scene(analysis, 1e-9));
         assert_eq!(code, Some(1), "{printed}");
         assert!(printed.contains("too few digits"), "{printed}");
     }
@@ -174,7 +174,7 @@ force = [{force:e}, 0, 0]
     };
     let moved = |far: u32| {
         let text = scene(far, 1e6, 1.0);
-        let (printed, code) = said(folder.path(), &text);
+        let (printed, code) = solved(folder.path(), &text);
         assert_eq!(code, Some(0), "{printed}");
         let keep = |_: Frame<'_>| Ok::<(), Infallible>(());
         let loaded = Scene::load(&folder.path().join("scene.toml")).unwrap();
@@ -185,7 +185,7 @@ force = [{force:e}, 0, 0]
     let (near, far) = (moved(0), moved(1000));
     // Coordinates of 1 km are rounded to 6e-14 m, for a motion of 4 mm: 1.5e-11. Each of eight cells adds as much.
     assert!((near - far).abs() < 1e-9 * near, "{near} {far}");
-    let (printed, code) = said(folder.path(), &scene(1000, 210e9, 1e-4));
+    let (printed, code) = solved(folder.path(), &scene(1000, 210e9, 1e-4));
     assert_eq!(code, Some(1), "{printed}");
     assert!(printed.contains("too few digits"), "{printed}");
     assert!(printed.contains("nearer to the origin"), "{printed}");

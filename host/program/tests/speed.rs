@@ -128,7 +128,7 @@ fn finer_settings_have_smaller_errors() {
     let falling = |errors: &[f64]| errors.windows(2).all(|pair| pair[1] < pair[0]);
     for (varied, name) in [
         ("solver", "assembled, to a tolerance"),
-        ("solver", "assembled, so many iterations"),
+        ("solver", "assembled, N iterations"),
         ("mesh", "linear tetrahedra"),
         ("mesh", "quadratic tetrahedra"),
         ("time_step", "implicit Euler, one linearization"),

@@ -71,7 +71,7 @@ fn a_strict_run_without_its_privileges_does_not_start() {
     } else {
         assert_eq!(output.status.code(), Some(1), "{said}");
         assert!(
-            said.contains("did not grant what the tick insists on"),
+            said.contains("did not grant what the tick requires"),
             "{said}"
         );
         assert!(!text(&output.stdout).contains("ticks"));

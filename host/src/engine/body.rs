@@ -91,7 +91,7 @@ pub struct HostBodyParts {
     /// model.
     pub horizon: f64,
     /// Whether models say how much energy they store.
-    pub tells_energy: bool,
+    pub publishes_energy: bool,
     /// The virtual coupling between devices and body; without one, devices render the body's local model itself.
     pub coupling: Option<VirtualCoupling>,
 }
@@ -108,7 +108,9 @@ impl HostBody {
             let report = parts.body.handle_report(handle);
             report.map(|report| report.pose.position)
         });
-        let stored = parts.tells_energy.then(|| Stored::new(origins.collect()));
+        let stored = parts
+            .publishes_energy
+            .then(|| Stored::new(origins.collect()));
         for ((reference, device), weight) in
             model.handles.iter_mut().zip(&parts.devices).zip(weights)
         {
@@ -240,11 +242,11 @@ impl HostBody {
         };
         // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
         // time.
-        let told = self.model.sequence > 0 && time_ns == self.model.time_ns;
+        let published = self.model.sequence > 0 && time_ns == self.model.time_ns;
         // No hand feels a body that has no handle. When the last hand lets go, its force fades with the age of the last
         // model.
         let held = !self.devices.is_empty();
-        if !publishes || told || self.behind || !held {
+        if !publishes || published || self.behind || !held {
             return Ok(None);
         }
         self.condense(stats)?;
@@ -267,7 +269,7 @@ impl HostBody {
         }
         if let Some(stored) = &mut self.stored {
             let elastic = self.solver.elastic_energy(&self.body);
-            stored.tell(&self.body, elastic, &mut self.model);
+            stored.publish(&self.body, elastic, &mut self.model);
         }
         let model = match &mut self.coupling {
             Some(coupling) => coupling.through(&self.model),
@@ -281,7 +283,7 @@ impl HostBody {
     /// Sets the targets of the handles for the next step: the poses of the hands at `time_ns`. A handle moves no
     /// faster than its hand plus [`CATCH_UP`], and turns no faster than its hand plus [`TURN_AFTER`]. Returns whether
     /// a handle stays behind its hand. After a stall a hand may be anywhere. If its handle went there at once, the
-    /// model would show the blow and not the body.
+    /// model would show the impact and not the body.
     fn aim(&mut self, time_ns: u64) -> bool {
         let mut behind = false;
         self.targets.clear();
@@ -294,9 +296,9 @@ impl HostBody {
             if let Some(report) = self.body.handle_report(index) {
                 let from = &report.pose;
                 let speed = path.velocity().norm() + CATCH_UP;
-                let way = target.position - from.position;
-                if let Some(fraction) = shortened(way.norm(), speed * self.step) {
-                    target.position = from.position + way * fraction;
+                let displacement = target.position - from.position;
+                if let Some(fraction) = shortened(displacement.norm(), speed * self.step) {
+                    target.position = from.position + displacement * fraction;
                     behind = true;
                 }
                 // A device that senses no rotation reports the same quaternion in every tick.

@@ -106,7 +106,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         step: plan.step,
         period: plan.period,
         horizon: plan.horizon,
-        tells_energy: plan.tells_energy,
+        publishes_energy: plan.publishes_energy,
         coupling: plan.links.map(VirtualCoupling::new),
     }))
 }

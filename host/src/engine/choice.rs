@@ -52,7 +52,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn memory_decides_and_is_told() {
+    fn memory_decides_the_solver_and_is_reported() {
         let fits = by_memory(LARGEST_FACTOR);
         assert_eq!(fits.solver, SolverName::Frozen);
         assert_eq!(fits.why, "the factor takes 1073.7 MB, `auto` allows 1074");

@@ -88,7 +88,7 @@ mod tests {
     }
 
     #[test]
-    fn an_advance_is_given_back() {
+    fn an_advance_of_the_clock_is_returned() {
         let mut clock = BodyClock::new(1e-3);
         clock.step(0);
         // From here on all records are five milliseconds later than before.

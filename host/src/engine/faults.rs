@@ -207,7 +207,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_are_read_as_the_help_says() {
+    fn faults_are_read_as_the_help_states() {
         let stall: HostFault = "stall@1.5+0.5".parse().expect("is one");
         assert_eq!(
             stall,

@@ -75,7 +75,7 @@ impl Stored {
 
     /// Writes into `model` the energy that hands could recover from `body`, and the energy that the body has
     /// released. The elastic energy of the body is `elastic` (J).
-    pub(super) fn tell(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
+    pub(super) fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model);
         let own = elastic + self.potential(body, model);
         let constant = self.constant.get_or_insert(tangent - own);

@@ -32,7 +32,7 @@ pub(super) struct Span {
     /// End (s).
     pub to: f64,
     /// The event, in words.
-    pub what: String,
+    pub description: String,
 }
 
 /// One sample for a plot.
@@ -120,11 +120,11 @@ impl Collector {
         });
         let names = self.device_names.iter().chain(&self.body_names);
         for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {
-            if open.map(|(_, what)| what) != now {
-                if let Some((from, what)) = open.take() {
-                    push_span(&mut self.spans, from, time, name, what);
+            if open.map(|(_, description)| description) != now {
+                if let Some((from, description)) = open.take() {
+                    push_span(&mut self.spans, from, time, name, description);
                 }
-                *open = now.map(|what| (time, what));
+                *open = now.map(|description| (time, description));
             }
         }
         let bodies = telemetry.bodies().zip(&mut self.withheld);
@@ -146,8 +146,8 @@ impl Collector {
     pub(super) fn finish(mut self) -> Collected {
         let names = self.device_names.iter().chain(&self.body_names);
         for (open, name) in self.open.iter().zip(names) {
-            if let Some((from, what)) = *open {
-                push_span(&mut self.spans, from, self.end, name, what);
+            if let Some((from, description)) = *open {
+                push_span(&mut self.spans, from, self.end, name, description);
             }
         }
         for (watch, name) in self.withheld.iter().zip(&self.body_names) {
@@ -180,15 +180,21 @@ impl Observer for Collector {
 const MAX_SPANS: usize = 1000;
 
 fn push_withheld(spans: &mut Vec<Span>, name: &str, stretch: &Stretch) {
-    push_span(spans, stretch.from, stretch.to, name, &stretch.what());
+    push_span(
+        spans,
+        stretch.from,
+        stretch.to,
+        name,
+        &stretch.description(),
+    );
 }
 
-fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, what: &str) {
+fn push_span(spans: &mut Vec<Span>, from: f64, to: f64, name: &str, description: &str) {
     if spans.len() < MAX_SPANS {
         spans.push(Span {
             from,
             to,
-            what: format!("{name}: {what}"),
+            description: format!("{name}: {description}"),
         });
     }
 }

@@ -29,7 +29,7 @@ pub(super) fn open(
             ..request(loaded, index)
         };
         let device = registry.open(&spec.driver, &request);
-        device.map_err(|error| told(loaded, index, error))
+        device.map_err(|error| located(loaded, index, error))
     });
     opened.collect()
 }
@@ -46,7 +46,7 @@ pub(super) fn replayed(
     let registry = Registry::new().with(Replay::new(readings));
     let opened = (0..loaded.scene.devices.len()).map(|index| {
         let device = registry.open("replay", &request(loaded, index));
-        device.map_err(|error| told(loaded, index, error))
+        device.map_err(|error| located(loaded, index, error))
     });
     opened.collect()
 }
@@ -74,7 +74,7 @@ fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
 }
 
 /// A driver's error, with the place in the scene that the error concerns.
-fn told(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
+fn located(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
     let (field, found, allowed) = match error {
         OpenError::UnknownDriver { found, known } => (".driver".into(), found, known),
         OpenError::Setting {

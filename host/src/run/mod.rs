@@ -136,6 +136,18 @@ impl Progress {
 ///
 /// # Errors
 /// [`RunError`].
+///
+/// ```
+/// use host::run::{Clock, RunOptions, run};
+/// use host::scene::Scene;
+///
+/// // A twentieth of a second of the built-in scene, under virtual time.
+/// let mut options = RunOptions::new(Clock::Virtual);
+/// options.duration = Some(0.05);
+/// let summary = run(&Scene::embedded_default()?, &options, |_| ())?;
+/// assert_eq!(summary.tick.count, 50);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn run(
     loaded: &LoadedScene,
     options: &RunOptions,

@@ -21,7 +21,7 @@ const LOG_PERIOD: Duration = Duration::from_millis(20);
 /// Period at which progress is reported.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time that the host sleeps before it checks whether the run is over.
-const HOST_NAP: Duration = Duration::from_millis(20);
+const HOST_PAUSE: Duration = Duration::from_millis(20);
 
 /// The results of a run under the real clock.
 pub(super) struct RealRun {
@@ -116,7 +116,7 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
         let due = pacer.due();
         let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
         if !early.is_zero() {
-            std::thread::sleep(early.min(HOST_NAP));
+            std::thread::sleep(early.min(HOST_PAUSE));
             continue;
         }
         let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);

@@ -6,7 +6,7 @@ use super::summary::{
     RunSummary, SCHEMA, TickSummary, TripSummary,
 };
 use super::{Clock, Parts, RunOptions, clock_name, setup};
-use crate::engine::plan::tells_energy;
+use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
@@ -75,18 +75,18 @@ pub(super) fn summarize(
             missed_reads: safety.missed_reads,
             too_fast: safety.too_fast,
             out_of_reach: safety.out_of_reach,
-            first_trip: trip.map(|trip| told_trip(&trip, scene.realtime.rate)),
+            first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
         })
         .collect();
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
         to: fault.at + fault.duration,
-        what: format!("on purpose: {}", fault.name()),
+        description: format!("on purpose: {}", fault.name()),
     });
     let met = parts.collected.spans.iter().map(|span| EventSummary {
         from: span.from,
         to: span.to,
-        what: span.what.clone(),
+        description: span.description.clone(),
     });
     let events = injected.chain(met).collect();
     RunSummary {
@@ -121,23 +121,23 @@ pub(super) fn summarize(
 }
 
 fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<EnergySummary> {
-    let tells = tells_energy(scene);
+    let publishes = publishes_energy(scene);
     let bodies = scene.bodies.iter().zip(accounts);
-    let told = bodies.map(|(body, account)| EnergySummary {
+    let summaries = bodies.map(|(body, account)| EnergySummary {
         body: body.name.clone(),
         supplied: account.supplied,
         raised: account.raised,
-        stored: tells.then_some(account.stored),
-        dissipated: tells.then(|| account.dissipated()),
+        stored: publishes.then_some(account.stored),
+        dissipated: publishes.then(|| account.dissipated()),
         most_out: (-(account.least + account.initial)).max(0.0),
         credited: account.credited,
         capped_ticks: account.capped,
     });
-    told.collect()
+    summaries.collect()
 }
 
-fn told_trip(trip: &Trip, rate: f64) -> TripSummary {
-    let (what, unit) = match trip.state {
+fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
+    let (event, unit) = match trip.state {
         SafetyState::Normal | SafetyState::Recovering => ("nothing", ""),
         SafetyState::Limited => ("force or moment limited", "N or N m"),
         SafetyState::Slewed => ("force at its slew limit", "N/s"),
@@ -147,7 +147,7 @@ fn told_trip(trip: &Trip, rate: f64) -> TripSummary {
         SafetyState::NotANumber => ("force not a number", "N"),
     };
     TripSummary {
-        what,
+        event,
         time: trip.tick as f64 / rate,
         found: trip.found,
         limit: trip.limit,
@@ -236,7 +236,7 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData
             .map(|span| Mark {
                 from: span.from,
                 to: span.to,
-                label: span.what.clone(),
+                label: span.description.clone(),
             })
             .collect(),
     }

@@ -193,7 +193,8 @@ pub struct DeviceSummary {
 #[derive(Clone, Debug, Serialize)]
 pub struct TripSummary {
     /// The limit that began to act, in words.
-    pub what: &'static str,
+    #[serde(rename = "what")]
+    pub event: &'static str,
     /// Time of the trip (s).
     pub time: f64,
     /// The value found.
@@ -253,5 +254,6 @@ pub struct EventSummary {
     /// End (s).
     pub to: f64,
     /// The event, in words.
-    pub what: String,
+    #[serde(rename = "what")]
+    pub description: String,
 }

@@ -32,7 +32,7 @@ pub fn run(
         timing,
     } = setup;
     let bodies = engine.bodies().len();
-    let mut host = Mortal::new(Paced {
+    let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
         pacer,
         link: LateLink::new(host, bodies),
@@ -58,7 +58,7 @@ pub fn run(
     Running {
         tick,
         log,
-        host: host.living.map(Paced::into_side),
+        host: host.running.map(Paced::into_side),
         panicked: host.panicked,
     }
 }
@@ -120,40 +120,40 @@ impl Host for Paced {
 }
 
 /// A host that may panic. After a panic there is no host, as under the real clock, and the tick continues.
-struct Mortal<H> {
-    living: Option<H>,
+struct CatchPanic<H> {
+    running: Option<H>,
     panicked: Option<String>,
 }
 
-impl<H> Mortal<H> {
+impl<H> CatchPanic<H> {
     fn new(host: H) -> Self {
         Self {
-            living: Some(host),
+            running: Some(host),
             panicked: None,
         }
     }
 }
 
-impl<H: Host> Host for Mortal<H> {
+impl<H: Host> Host for CatchPanic<H> {
     type Error = H::Error;
 
     fn next_ns(&self) -> Option<u64> {
-        self.living.as_ref().and_then(H::next_ns)
+        self.running.as_ref().and_then(H::next_ns)
     }
 
     fn step(&mut self) -> Result<(), H::Error> {
-        let Some(host) = &mut self.living else {
+        let Some(host) = &mut self.running else {
             return Ok(());
         };
         catch_unwind(AssertUnwindSafe(|| host.step())).unwrap_or_else(|panic| {
             self.panicked = Some(message(&*panic).to_owned());
-            self.living = None;
+            self.running = None;
             Ok(())
         })
     }
 
     fn deliver(&mut self, now_ns: u64) {
-        if let Some(host) = &mut self.living {
+        if let Some(host) = &mut self.running {
             host.deliver(now_ns);
         }
     }

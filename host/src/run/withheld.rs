@@ -4,7 +4,7 @@
 use rt_core::Withheld;
 
 /// Smallest fraction of the body's force that counts as withheld. Smaller ones lie within the accuracy of the hold.
-const SHARE: f64 = 0.01;
+const FRACTION: f64 = 0.01;
 /// Smallest force that counts as withheld (N). A hand cannot notice a smaller one.
 const FORCE: f64 = 0.02;
 /// Duration above which a stretch is reported (s).
@@ -25,7 +25,7 @@ pub(super) struct Stretch {
 
 impl Stretch {
     /// A description for people.
-    pub(super) fn what(&self) -> String {
+    pub(super) fn description(&self) -> String {
         let Withheld { force, of } = self.most;
         let percent = 100.0 * force / of;
         format!(
@@ -44,7 +44,7 @@ pub(super) struct Watch {
 impl Watch {
     /// Takes the force withheld at `time` (s). Returns a stretch that has ended, if it lasted long enough.
     pub(super) fn take(&mut self, time: f64, withheld: Withheld) -> Option<Stretch> {
-        let acts = withheld.force > FORCE.max(SHARE * withheld.of);
+        let acts = withheld.force > FORCE.max(FRACTION * withheld.of);
         match &mut self.open {
             Some(open) if acts && time - open.to <= GAP => {
                 open.to = time;
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lasts_is_told_with_its_size_and_what_is_short_or_small_is_not() {
+    fn a_lasting_difference_is_reported_with_its_size_and_a_short_or_small_one_is_not() {
         let within = |a: f64, b: f64, t: f64| (a..b).contains(&t);
         assert_eq!(stretches(|_| 0.015), []);
         assert_eq!(
@@ -124,10 +124,10 @@ mod tests {
         assert!((long[0].most.force - 0.9).abs() < 1.1e-3);
         assert!(
             long[0]
-                .what()
+                .description()
                 .contains("0.90 N of the body's 2.00 N (45 %)"),
             "{}",
-            long[0].what()
+            long[0].description()
         );
         // The cap acts in six ticks of seven, to the end.
         let flickering = stretches(|t| {

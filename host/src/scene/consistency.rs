@@ -299,17 +299,17 @@ fn check_hand(at: &str, hand: &Hand) -> Check {
 /// Checks that a task has a direction, and that the hand has no field that its task does not use.
 fn check_task(at: &str, hand: &Hand) -> Check {
     let kind = hand.task.map(TaskName::kind);
-    let reaches = kind.is_none_or(TaskKind::reaches);
-    let sideways = kind.is_none_or(TaskKind::goes_sideways);
-    let swings = kind.is_none_or(TaskKind::swings);
+    let has_speed = kind.is_none_or(TaskKind::has_speed);
+    let has_width = kind.is_none_or(TaskKind::has_width);
+    let has_frequency = kind.is_none_or(TaskKind::has_frequency);
     let number = |x: Option<f64>| x.map(|x| format!("{x:?}"));
     for (name, given, used) in [
         ("direction", hand.direction.map(|d| format!("{d:?}")), true),
         ("depth", number(hand.depth), true),
-        ("speed", number(hand.speed), reaches),
-        ("pause", number(hand.pause), reaches),
-        ("width", number(hand.width), sideways),
-        ("frequency", number(hand.frequency), swings),
+        ("speed", number(hand.speed), has_speed),
+        ("pause", number(hand.pause), has_speed),
+        ("width", number(hand.width), has_width),
+        ("frequency", number(hand.frequency), has_frequency),
         ("variation", number(hand.variation), true),
     ] {
         let Some(found) = given else { continue };

@@ -11,7 +11,7 @@ fn series(name: &str) -> &'static Series {
     FOUND.get(name).expect("the study has the series")
 }
 
-/// Order of convergence at the finest mesh.
+/// The order of convergence at the finest mesh.
 fn order(name: &str) -> f64 {
     let last = series(name).finest().expect("it has points");
     last.order.expect("it has an order")
@@ -46,7 +46,7 @@ fn the_stress_at_a_hole_is_that_of_an_independent_program_and_converges() {
         .iter()
         .zip([0.012, 0.009, 0.005])
     {
-        // To the published digits.
+        // The tolerance is that of the published digits.
         assert!((error + expected).abs() < 6e-4, "{error}");
     }
     for name in ["kirsch_graded_1.15", "kirsch_graded_1.3"] {
@@ -66,8 +66,8 @@ fn cook_s_membrane_converges_and_only_linear_tetrahedra_lock() {
     // Other programs' triangles of constant strain have an error of one percent with 32 cells, too.
     assert!(errors("cook_sheet")[2] > -0.01);
     assert!(errors("cook_quadratic")[1] > -0.005);
-    // Nearly incompressible linear tetrahedra are below a third of the deflection on any mesh; quadratic tetrahedra err
-    // by two percent.
+    // On any mesh, nearly incompressible linear tetrahedra have less than a third of the deflection. Quadratic
+    // tetrahedra have an error of two percent.
     let (linear, quadratic) = (
         errors("cook_incompressible_linear"),
         errors("cook_incompressible_quadratic"),
@@ -81,8 +81,8 @@ fn cook_s_membrane_converges_and_only_linear_tetrahedra_lock() {
 #[test]
 fn sheets_with_parallel_diagonals_bend_as_thin_plates() {
     for name in ["strip_end", "strip_press", "strip_wide", "plate"] {
-        // The edges of a clamp and of a border have no hinge of their own: an error of first order in the size of a
-        // cell.
+        // The edges of a clamp and of a border have no hinge of their own, an error of first order in the size of a
+        // grid cell.
         let found = order(name);
         assert!((found - 1.0).abs() < 0.08, "{name} {found}");
         assert!(
@@ -113,11 +113,11 @@ fn sheets_with_parallel_diagonals_bend_as_thin_plates() {
 
 #[test]
 fn strips_pull_as_their_law_predicts() {
-    // Exact, to Newton's 1e-9 of the balanced forces.
+    // The force is exact, up to 1e-9 of the balanced forces (Newton's method).
     for name in ["strip_corotational", "strip_stvk"] {
         assert!(errors(name)[0].abs() < 1e-8, "{name} {:?}", errors(name));
     }
-    // Half of the last digit of the other program's figure.
+    // The tolerance is half of the last digit of the other program's figure.
     assert!((series("strip_clamped").points[0].ours - 8.138_05).abs() < 0.5e-5);
 }
 
@@ -151,7 +151,7 @@ fn the_force_of_a_bonded_cube_is_that_of_an_independent_program() {
     for name in ["cube_linear", "cube_corotational"] {
         for point in &series(name).points {
             let other = point.independent.expect("it is known for every mesh");
-            // Half of the last of eight digits, and the residual of Newton's method.
+            // The tolerance is half of the last of eight digits, plus the residual of Newton's method.
             assert!((point.ours - other).abs() < 1e-6, "{name} {point:?}");
         }
         assert!(errors(name)[1] < errors(name)[0]);
@@ -172,7 +172,7 @@ fn time_schemes_have_the_order_they_state() {
 #[test]
 fn a_local_model_predicts_one_step_exactly_and_with_its_drift_a_steady_motion() {
     let found = &FOUND.local_models;
-    // The linear solver's 1e-12, times the condition of its matrix.
+    // The tolerance is 1e-12 of the linear solver, times the condition number of its matrix.
     assert!(found.exactness < 1e-9, "{:e}", found.exactness);
     for cell in found
         .predictions

@@ -70,7 +70,7 @@ fn inverted_bodies_recover_if_their_law_guarantees_it() {
         };
         let recovered = of("stable neo-Hookean", "linear tetrahedra");
         assert!(!recovered.is_empty() && recovered.iter().all(|case| case.figure == 0.0));
-        // Recovery is a property of the law: the St. Venant-Kirchhoff law has equilibria with inverted cells.
+        // Recovery is a property of the law. The St. Venant-Kirchhoff law has equilibria with inverted elements.
         let stuck = of("St. Venant-Kirchhoff", "linear tetrahedra");
         assert!(stuck.iter().any(|case| case.figure > 0.0));
     }

@@ -34,7 +34,10 @@ fn the_hold_under_linear_is_the_bodys_own_for_every_specimen() {
         println!("{cell} {:?} {outcome:?}", found.draw);
         // The model is the body linearized at the place of the resting hand. The remaining error is that of the
         // filtered encoder offset of the copy, and the lag of the smoothed path of a trembling hand.
-        assert!(outcome.felt.hold_error < 0.002, "cell {cell}: {outcome:?}");
+        assert!(
+            outcome.force_errors.hold_error < 0.002,
+            "cell {cell}: {outcome:?}"
+        );
         assert!(outcome.capped == 0.0, "cell {cell}");
     }
 }
@@ -45,9 +48,9 @@ fn a_scheme_that_renders_another_force_is_detected() {
     // The virtual coupling makes the body softer.
     let (found, outcome) = run(corotational, SchemeName::Proxy, "proxy");
     assert!(failures(&found, "proxy").contains(&Failure::Hold));
-    assert!(outcome.felt.hold_error > 0.05, "{outcome:?}");
-    // The force of the last publication, held until the next one: the error of the run is large, and on a stiff body
-    // the force throws the hand.
+    assert!(outcome.force_errors.hold_error > 0.05, "{outcome:?}");
+    // The force of the last publication is held until the next one. The error of the run is large, and on a stiff body
+    // the force accelerates the hand away.
     let stiff = (FIRST..FIRST + 100)
         .filter(|cell| {
             let draw = Study::new(SEED).draw(*cell).expect("it is drawn");

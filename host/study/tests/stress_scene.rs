@@ -55,7 +55,7 @@ fn hands_under_capped_come_to_rest_without_net_energy() {
         let found = outcome(&study, cell(rate, trouble), SchemeName::Capped);
         println!("{rate} {trouble:?} {found:?}");
         assert!(found.bounded, "{rate} {trouble:?}");
-        // The allowance.
+        // The limit is the allowance.
         assert!(found.net_energy < 1e-3, "{rate} {trouble:?}");
     }
 }
@@ -63,13 +63,13 @@ fn hands_under_capped_come_to_rest_without_net_energy() {
 #[test]
 fn a_hold_after_the_return_of_a_device_is_as_stiff_as_the_body() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
-    // The lightest hands. The proxy once followed with its full displacement while the force returned, and the hold
-    // stayed soft.
+    // These worlds have the lightest hands. The proxy once followed with its full displacement while the force
+    // returned, and the hold remained soft.
     let lightest = 576;
     let draw = Draw::new(SEED, lightest, 2);
     assert!(draw.vanishing.is_some() && draw.grips.iter().any(|grip| grip.mass < 0.11));
     let found = outcome(&study, lightest, SchemeName::Capped);
-    // The count of 38 um in 4 mm, and the lag of the blends at 60 Hz.
+    // The error is a count of 38 um in 4 mm, and the lag of the blends at 60 Hz.
     assert!(
         found.stiffness_error < 0.01 && found.error < 0.02,
         "{found:?}"
@@ -84,22 +84,23 @@ fn the_time_before_the_first_softened_model_does_not_count() {
     let softening = draw.softening.expect("it softens");
     let unaware = runs[0].unaware;
     assert_eq!(unaware.at, softening.at);
-    // The step in which the body softens, the next publication, its latency, and the tick after its arrival.
+    // The time contains the step in which the body softens, the next publication, its latency, and the tick after its
+    // arrival.
     let longest = 1e-3 + 1.0 / draw.rate + draw.latency + 1e-3;
     assert!((draw.latency..longest).contains(&unaware.duration));
     let found = Outcome::of(&runs[0], &reference, &draw);
     let aware = found
         .error_aware
         .expect("the tick received a softened model in time");
-    // The remaining error is due to the hand: it was under the old force meanwhile, and its place differs from that in
-    // the reference.
+    // The remaining error is an effect of the hand. The old force acted on the hand meanwhile, so its place differs
+    // from that in the reference.
     assert!(aware < 0.8 * found.error, "{found:?}");
 }
 
 #[test]
 fn a_model_in_every_tick_without_latency_renders_the_reference() {
     let study = Study::new(sheet(), SEED).expect("it is sound");
-    // The least latency among the fast hosts without faults.
+    // This cell has the least latency among the fast hosts without faults.
     let quick = |cell: &u64| {
         let draw = Draw::new(SEED, *cell, 2);
         draw.rate == 1000.0 && draw.trouble == Trouble::Nothing

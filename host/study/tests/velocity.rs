@@ -18,7 +18,7 @@ fn the_drivers_estimate_errs_least_among_the_equally_fast() {
     let used = CANDIDATES[1];
     assert_eq!((used.at)(1e-3), Method::BestFit { window: 4 });
     let ours = of(used.name);
-    // Two milliseconds, as for the low-pass of 80 Hz.
+    // The limit is two milliseconds, the delay of the low-pass of 80 Hz.
     assert!((ours.delay - 2e-3).abs() < 1e-12);
     for mean in &FOUND.means {
         let quick = mean.delay < 1.05 * ours.delay;
@@ -34,12 +34,12 @@ fn the_drivers_estimate_errs_least_among_the_equally_fast() {
 #[test]
 fn the_drivers_estimate_is_better_than_the_filter_before_it() {
     let (old, ours) = (of("low-pass, 80 Hz"), of("best fit, 4 ms"));
-    // Press, rub, hand, tap: 18, 29, 25 and 47 % less.
+    // For press, rub, hand and tap, the error is 18, 29, 25 and 47 % smaller.
     for (k, least) in [0.15, 0.25, 0.2, 0.4].into_iter().enumerate() {
         let gain = 1.0 - ours.rms[k] / old.rms[k];
         assert!(gain > least, "{:?}: {gain}", Motion::ALL[k]);
     }
-    // In a hold at a boundary of counts: a twentieth more.
+    // In a hold at a boundary of counts, the error is a twentieth larger.
     assert!(ours.rms[4] < 1.1 * old.rms[4]);
     assert!(ours.chatter < 0.9 * old.chatter);
 }

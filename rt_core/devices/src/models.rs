@@ -72,6 +72,14 @@ pub const FILES: [(&str, &str); 6] = [
 
 impl DeviceModel {
     /// The model of that name among [`FILES`].
+    ///
+    /// ```
+    /// use devices::DeviceModel;
+    ///
+    /// let falcon = DeviceModel::named("falcon").expect("a built-in device");
+    /// assert_eq!(falcon.max_force, 8.0);
+    /// assert!(DeviceModel::named("falkon").is_none());
+    /// ```
     pub fn named(name: &str) -> Option<Self> {
         let (_, text) = FILES.iter().find(|(known, _)| *known == name)?;
         // A test parses every file.
@@ -105,7 +113,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_file_that_is_carried_along_is_a_device_with_sources_for_each_number() {
+    fn every_built_in_file_is_a_device_with_a_source_for_each_number() {
         for (name, text) in FILES {
             let file = DeviceFile::parse(text).unwrap_or_else(|e| panic!("{name}: {e}"));
             assert_eq!(Some(file.model), DeviceModel::named(name));
@@ -119,7 +127,7 @@ mod tests {
     }
 
     #[test]
-    fn files_say_what_the_makers_say() {
+    fn files_have_the_numbers_of_the_makers() {
         // Spot checks against the sources that the files name.
         let model = |name| DeviceModel::named(name).unwrap();
         assert_eq!(model("falcon").max_force, 8.0);

@@ -81,6 +81,41 @@ pub enum OpenError {
 }
 
 /// Drivers by name.
+///
+/// ```
+/// use devices::registry::{Driver, Kind, OpenError, Registry, Request, Settings};
+/// use devices::{AnyDevice, DeviceModel, Scripted};
+/// use rt_core::{Device, DeviceState};
+///
+/// /// Opens devices that never move.
+/// struct Resting;
+///
+/// impl Driver for Resting {
+///     fn name(&self) -> &'static str {
+///         "resting"
+///     }
+///     fn kind(&self) -> Kind {
+///         Kind::Simulated
+///     }
+///     fn open(&self, request: &Request<'_>) -> Result<AnyDevice, OpenError> {
+///         let capabilities = request.model.capabilities();
+///         let read = |_| Ok(DeviceState::resting());
+///         Ok(Box::new(Scripted::new(capabilities, read, |_, _| Ok(()))))
+///     }
+/// }
+///
+/// let registry = Registry::new().with(Resting);
+/// let model = DeviceModel::named("falcon").expect("a built-in device");
+/// let request = Request { index: 0, model: &model, period: 1e-3, settings: Settings::none() };
+/// let mut device = registry.open("resting", &request)?;
+/// assert_eq!(device.capabilities().max_force, 8.0);
+/// assert!(device.read(0).is_ok());
+///
+/// // The error for an unknown driver lists the known ones.
+/// let error = registry.open("falkon", &request).err().expect("no such driver");
+/// assert_eq!(error.to_string(), "found the driver \"falkon\", allowed: resting");
+/// # Ok::<(), OpenError>(())
+/// ```
 #[derive(Default)]
 pub struct Registry {
     drivers: Vec<Box<dyn Driver>>,
@@ -176,7 +211,7 @@ impl<'a> Settings<'a> {
             .and_then(Value::as_integer)
             .and_then(|n| n.try_into().ok());
         number.ok_or_else(|| {
-            let found = value.map_or("nothing".into(), said);
+            let found = value.map_or("nothing".into(), described);
             refused(field, found, "a whole number from 0 to 0xffff")
         })
     }
@@ -189,13 +224,13 @@ impl<'a> Settings<'a> {
         match self.get(field) {
             None => Ok(None),
             Some(Value::String(text)) => Ok(Some(text.clone())),
-            Some(other) => Err(refused(field, said(other), "a text in quotes")),
+            Some(other) => Err(refused(field, described(other), "a text in quotes")),
         }
     }
 }
 
 /// A value as a message quotes it: a scalar in full, any other value by its type.
-fn said(value: &Value) -> String {
+fn described(value: &Value) -> String {
     match value {
         Value::Integer(number) => number.to_string(),
         Value::Float(number) => format!("{number:?}"),
@@ -277,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_driver_takes_the_place_of_one_of_its_name() {
+    fn a_driver_replaces_a_driver_of_the_same_name() {
         let registry = Registry::new().with(Hid).with(Hid);
         assert_eq!(registry.names().collect::<Vec<_>>(), ["hid"]);
         assert_eq!(registry.driver("hid").map(Driver::kind), Some(Kind::Real));

@@ -229,7 +229,7 @@ mod tests {
     }
 
     #[test]
-    fn lists_that_are_none_are_refused() {
+    fn invalid_lists_are_refused() {
         for text in [
             ",",
             "1,",
@@ -276,7 +276,7 @@ mod tests {
     }
 
     #[test]
-    fn a_number_that_is_no_core_is_refused_with_those_that_are() {
+    fn a_core_that_does_not_exist_is_refused_with_the_list_of_cores() {
         let cores = Cores::new(vec![0, 1, 2, 3, 6], vec![3, 6]);
         for core in [0, 3, 6] {
             assert_eq!(cores.check(CoreChoice::Id(core)), Ok(()));

@@ -9,9 +9,9 @@ use std::fmt;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Degradation {
     /// The missing resource.
-    pub what: String,
+    pub missing: String,
     /// The reason.
-    pub why: String,
+    pub reason: String,
     /// The cost to the tick.
     pub cost: &'static str,
     /// The remedy for the user.
@@ -23,7 +23,7 @@ impl fmt::Display for Degradation {
         write!(
             f,
             "{} ({}): {}; {}",
-            self.what, self.why, self.cost, self.remedy
+            self.missing, self.reason, self.cost, self.remedy
         )
     }
 }
@@ -33,10 +33,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_reads_as_one_line() {
+    fn a_degradation_is_one_line() {
         let degradation = Degradation {
-            what: "not pinned".into(),
-            why: "core 9 does not exist".into(),
+            missing: "not pinned".into(),
+            reason: "core 9 does not exist".into(),
             cost: "the tick may move between cores",
             remedy: "choose another core".into(),
         };

@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_recorded_is_all_zero() {
+    fn an_empty_histogram_has_zeros() {
         assert_eq!(LatencyHistogram::new(0).summary(), Summary::default());
         assert_eq!(LatencyHistogram::new(0).bound_ns(), 10);
     }

@@ -9,7 +9,7 @@
 //! - The loop allocates, locks and formats **nothing**. Its memory is touched and locked before the first tick
 //!   ([`memory`], [`ring`]); its histograms have fixed bounds ([`latency`]).
 //! - A resource that the system refuses (a core, a priority, locked memory) is **named with its cost**, and the run
-//!   continues ([`schedule`], [`degradation`]), unless the user insists on the resource.
+//!   continues ([`schedule`], [`degradation`]), unless the user requires the resource.
 //! - The tick takes an isolated core where there is one ([`cores`]). The other threads of the process **keep off** that
 //!   core ([`reserve`]).
 //! - The loop makes few, named **system calls**; the kernel can trap any other call ([`seccomp`]).

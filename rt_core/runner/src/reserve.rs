@@ -99,7 +99,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_of_ones_choice_is_left_to_the_tick() {
+    fn a_chosen_core_is_left_to_the_tick() {
         apart(|| {
             let all = cores();
             let [first, rest @ ..] = all.as_slice() else {

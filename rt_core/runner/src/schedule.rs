@@ -67,10 +67,10 @@ fn try_core(core: usize) -> bool {
     core < MOST_CORES && core_affinity::set_for_current(CoreId { id: core })
 }
 
-fn not_pinned(why: String) -> Degradation {
+fn not_pinned(reason: String) -> Degradation {
     Degradation {
-        what: "the tick is not pinned to a core of its own".into(),
-        why,
+        missing: "the tick is not pinned to a core of its own".into(),
+        reason,
         cost: "the tick may share or change its core, which at times costs tens of microseconds",
         remedy:
             "give the process two cores or more, or isolate one, and name one that exists (--core)"
@@ -100,7 +100,7 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
                 .and_then(|()| thread_schedule_policy_param(thread))
                 .map_err(|error| error.to_string())
         });
-    let why = match asked {
+    let reason = match asked {
         Ok((obtained, parameters))
             if obtained == policy && parameters.sched_priority == i32::from(priority) =>
         {
@@ -112,11 +112,11 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
                 parameters.sched_priority
             )
         }
-        Err(why) => why,
+        Err(reason) => reason,
     };
     Err(Degradation {
-        what: format!("the tick has no realtime priority (SCHED_FIFO {priority})"),
-        why,
+        missing: format!("the tick has no realtime priority (SCHED_FIFO {priority})"),
+        reason,
         cost: "any busy program may delay it by milliseconds",
         remedy: format!(
             "allow it with `rtprio {priority}` in /etc/security/limits.d, LimitRTPRIO={priority} in the \
@@ -146,8 +146,8 @@ impl KeepAwake {
         ask()
             .map(|request| Self { _request: request })
             .map_err(|error: std::io::Error| Degradation {
-                what: "the processor may sleep between ticks".into(),
-                why: format!("{}: {error}", path.display()),
+                missing: "the processor may sleep between ticks".into(),
+                reason: format!("{}: {error}", path.display()),
                 cost: "waking from a deep sleep state costs up to some hundred microseconds",
                 remedy: format!(
                     "give the account write access to {} (a udev rule)",
@@ -227,7 +227,10 @@ mod tests {
                 pin(choice, &Cores::default())
             });
             let degradation = pinned.expect_err("the other threads are there, too");
-            assert!(degradation.why.contains("one core only"), "{degradation}");
+            assert!(
+                degradation.reason.contains("one core only"),
+                "{degradation}"
+            );
         }
     }
 

@@ -78,11 +78,11 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
         refusal = refusal.or(refused);
     }
     refusal.map(|error| Degradation {
-        what: format!(
+        missing: format!(
             "only {} of {wanted} bytes of the tick's memory are locked",
             locked.bytes()
         ),
-        why: error.to_string(),
+        reason: error.to_string(),
         cost: "under memory pressure a tick may wait milliseconds for a page",
         remedy: format!(
             "allow {} MiB with `memlock` in /etc/security/limits.d, or LimitMEMLOCK in the service",

@@ -3,7 +3,7 @@
 //! [`spawn`] starts the thread and returns once the thread is set up (core, priority, memory). The caller therefore
 //! knows before the first tick what the system did not grant. The module `body` has the code of the thread. The thread
 //! ends after a given number of ticks, on request, or by a panic. In each case it first commands zero force on every
-//! device. In strict mode the thread does not start without the grants that it insists on, and a forbidden system call
+//! device. In strict mode the thread does not start without the grants that it requires, and a forbidden system call
 //! ends the loop in the same order.
 //!
 //! The loop does not depend on the host. Without the host it continues to tick (the force fades to the safe hold) until
@@ -47,7 +47,7 @@ pub struct RunnerConfig {
     /// The file in which the latency is requested: [`WAKE_LATENCY`], or a file that replaces it in tests.
     pub wake_latency: &'static str,
     /// Whether to refuse to start where the system does not grant one of the items above.
-    pub insist: bool,
+    pub require_grants: bool,
     /// The system calls that the thread may make; any other call ends the loop. `None`: the calls are not watched.
     pub calls: Option<CallPolicy>,
 }
@@ -63,7 +63,7 @@ impl Default for RunnerConfig {
             lock_memory: true,
             keep_awake: true,
             wake_latency: WAKE_LATENCY,
-            insist: false,
+            require_grants: false,
             calls: None,
         }
     }
@@ -116,8 +116,8 @@ pub enum SpawnError {
     /// The thread ended before its first tick.
     #[error("the thread ended while it was being set up")]
     Setup,
-    /// The system did not grant everything that the configuration insists on.
-    #[error("the system did not grant what the tick insists on:{}", lines(.0))]
+    /// The system did not grant everything that the configuration requires.
+    #[error("the system did not grant what the tick requires:{}", lines(.0))]
     NotGranted(Vec<Degradation>),
     /// The system calls of the thread cannot be watched.
     #[error(transparent)]
@@ -229,12 +229,12 @@ pub fn spawn(
     // The loop is on the heap, because a controller with its local models takes some hundred KB.
     let tick_loop = Box::new(TickLoop::new(controller, devices, end));
     let ticks = Arc::new(AtomicU64::new(0));
-    let (tell, told) = sync_channel(1);
+    let (sender, ready) = sync_channel(1);
     let theirs = (Arc::clone(&stop), Arc::clone(&ticks));
     let handle = std::thread::Builder::new()
         .name("palpate-tick".into())
-        .spawn(move || body(config, tick_loop, &theirs.0, &theirs.1, &tell))?;
-    let setup = match told.recv() {
+        .spawn(move || body(config, tick_loop, &theirs.0, &theirs.1, &sender))?;
+    let setup = match ready.recv() {
         Ok(Ok(setup)) => setup,
         Ok(Err(refusal)) => {
             // The thread ends by itself, without a tick. A panic on exit is ignored, because the refusal already names

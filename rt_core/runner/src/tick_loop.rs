@@ -13,6 +13,22 @@ use rt_core::{Controller, Device, Telemetry, Wrench, cycle};
 pub type AnyDevice = Box<dyn Device + Send>;
 
 /// A controller with its devices, its end of the link and its histograms.
+///
+/// ```
+/// use rt_core::{Controller, ControllerConfig};
+/// use runner::{LinkConfig, TickLoop, link};
+///
+/// // The smallest loop: no devices and no bodies. Ticks at 1 kHz, models at 60 Hz.
+/// let (tick, mut host, _log) = link(&LinkConfig::new(1000.0, 60.0));
+/// let controller = Controller::new(&ControllerConfig::default());
+/// let mut tick_loop = TickLoop::new(controller, Vec::new(), tick);
+/// for tick in 0..3_u64 {
+///     tick_loop.tick(tick * 1_000_000, 0);
+/// }
+/// assert_eq!(tick_loop.ticks, 3);
+/// // The host receives the record of every tick.
+/// assert_eq!(host.newest().expect("a record").time_ns, 2_000_000);
+/// ```
 pub struct TickLoop {
     /// The controller.
     pub controller: Controller,

@@ -219,7 +219,7 @@ fn each_refusal_of_the_system_is_named_once_and_the_run_continues() {
     assert!(named.len() <= 4);
     assert_eq!(
         run.core().is_some(),
-        !named.iter().any(|d| d.what.contains("pinned"))
+        !named.iter().any(|d| d.missing.contains("pinned"))
     );
     for degradation in &named {
         let line = degradation.to_string();

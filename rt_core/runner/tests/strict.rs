@@ -89,7 +89,7 @@ fn memory_from_the_system_is_noted_but_given() {
 }
 
 #[test]
-fn a_panic_is_still_told() {
+fn a_panic_under_the_filter_is_still_reported() {
     let Some((result, _)) = run(Trick::Panic(10)) else {
         return;
     };
@@ -101,13 +101,13 @@ fn a_panic_is_still_told() {
 }
 
 #[test]
-fn a_loop_that_insists_does_not_tick_after_a_refusal() {
+fn a_loop_that_requires_grants_does_not_tick_after_a_refusal() {
     let (tick, _host, mut log) = link(&LinkConfig::new(1000.0, 60.0));
     let (puppet, seen) = puppet(Trick::None);
     let config = RunnerConfig {
         // No machine that runs this test has such a core.
         core: CoreChoice::Id(1023),
-        insist: true,
+        require_grants: true,
         calls: None,
         ..strict()
     };

@@ -103,7 +103,7 @@ fn the_request_is_open_in_every_tick_and_closed_after_the_last() {
 }
 
 #[test]
-fn nothing_is_opened_that_nobody_asked_for() {
+fn no_file_is_opened_without_a_request() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = file(&folder);
     let (report, watch) = run(&path, false);

@@ -240,7 +240,7 @@ impl Passivity {
             let spring = Vec3::new(elastic.x, elastic.y, elastic.z);
             // A force that no device holds was limited before it left.
             hand.spring = if spring.norm() <= MOST_FORCE {
-                let corrections = (hand.spring - spring).component_mul(&hand.crept) * 0.5;
+                let corrections = (hand.spring - spring).component_mul(&hand.rest_count) * 0.5;
                 self.credit += corrections.sum();
                 for (edge, correction) in hand.edges.iter_mut().zip(&corrections) {
                     self.credit += edge.settle(*correction, port.friction, self.config.credit);

@@ -67,9 +67,9 @@ impl Edge {
         let slant = if self.slanting { SLANTING } else { 1.0 };
         let covered = (2.0 - fraction * self.credited) * slant * friction * self.by.abs();
         let lost = (-self.gained - covered).max(0.0);
-        let told = self.gained + self.corrected;
+        let counted = self.gained + self.corrected;
         *self = Self::default();
-        (-lost - told).max(0.0)
+        (-lost - counted).max(0.0)
     }
 }
 

@@ -81,7 +81,7 @@ pub(super) struct Hand {
     /// The last translation along each axis. A count along another axis does not tell that the hand has turned.
     pub(super) heading: Vec3,
     /// The step of this tick, if it was one count after a rest; zero otherwise.
-    pub(super) crept: Vec3,
+    pub(super) rest_count: Vec3,
     /// Number of ticks in which the translation of this tick was made: more than one for a count after a rest.
     pub(super) pace: f64,
     /// One along each axis, or zero where the last step was a single count back: such a count tells nothing of a
@@ -104,7 +104,7 @@ impl Hand {
             lifted_from: None,
             last_steps: [LastStep::none(); 2],
             heading: Vec3::zeros(),
-            crept: Vec3::zeros(),
+            rest_count: Vec3::zeros(),
             pace: 1.0,
             onward: Vec3::repeat(1.0),
             edges: [Edge::default(); 3],

@@ -22,7 +22,7 @@ fn last(method: Method, position: impl Fn(f64) -> f64) -> f64 {
 }
 
 #[test]
-fn a_ramp_is_recovered_by_all() {
+fn every_method_recovers_a_ramp() {
     for method in METHODS {
         // A second is at least 30 time constants of each filter. Windows are exact up to the rounding of 0.1 m over 1
         // ms.
@@ -73,7 +73,7 @@ fn windows_are_long_where_a_line_describes_and_short_where_none_does() {
 }
 
 #[test]
-fn the_line_of_least_squares_is_that() {
+fn the_fitted_line_is_that_of_least_squares() {
     let mut window = Window::new(4, 1.0, true);
     let positions = [0.0, 0.0, 1.0, 1.0, 2.0];
     let mut slope = 0.0;

@@ -88,7 +88,7 @@ fn seeds_vary_within_the_fraction_and_repeat() {
 }
 
 #[test]
-fn senseless_numbers_are_refused_and_told() {
+fn senseless_numbers_are_refused_and_named() {
     let tap = Task::new(TaskKind::Tap, DOWN);
     let error = |task: Task| task.trajectory(1).unwrap_err().to_string();
     for (task, expected) in [

@@ -5,7 +5,7 @@ use super::groups::groups;
 use super::sections::{Node, Sections};
 use super::{GmshError, elements::Element, fields};
 use crate::soup::UNUSED;
-use physics::mesh::check::{Culprit, check_distinct};
+use physics::mesh::check::{Location, check_distinct};
 use physics::mesh::{MeshError, TriMesh};
 use std::collections::BTreeMap;
 
@@ -56,11 +56,11 @@ pub(super) fn places(nodes: &[Node]) -> Result<Places, GmshError> {
     let mut places = Places::new();
     for (place, node) in nodes.iter().enumerate() {
         if let Some(earlier) = places.insert(node.tag, place) {
-            let what = format!("node tag {}", node.tag);
+            let item = format!("node tag {}", node.tag);
             let first = nodes.get(earlier).map_or(0, |node| node.line);
             return Err(GmshError::Repeated {
                 line: node.line,
-                what,
+                item,
                 first,
             });
         }
@@ -91,17 +91,17 @@ pub(super) fn place_of(tag: u64, line: usize, places: &Places) -> Result<usize, 
 
 /// The line of the faulty vertex or triangle.
 fn line_at_fault(error: &MeshError, sections: &Sections, vertices: &[u32]) -> usize {
-    let line = match error.culprit() {
-        Culprit::Vertex(index) => {
+    let line = match error.location() {
+        Location::Vertex(index) => {
             let mut nodes = sections.nodes.iter().zip(vertices);
             nodes
                 .find(|&(_, &vertex)| vertex == index)
                 .map(|(node, _)| node.line)
         }
-        Culprit::Cell(index) => of_dimension(&sections.blocks, 2)
+        Location::Cell(index) => of_dimension(&sections.blocks, 2)
             .nth(index as usize)
             .map(|element| element.line),
-        Culprit::Mesh => None,
+        Location::Mesh => None,
     };
     line.unwrap_or(sections.last_line)
 }

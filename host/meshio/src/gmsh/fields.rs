@@ -68,7 +68,7 @@ pub(super) fn read(
     if let Some(earlier) = before.iter().find(|earlier| earlier.name == name) {
         return Err(GmshError::Repeated {
             line: head.line,
-            what: format!("the field {}", quoted(name)),
+            item: format!("the field {}", quoted(name)),
             first: earlier.line,
         });
     }
@@ -170,10 +170,10 @@ pub(super) fn per_cell(sections: &Sections, dim: u8) -> Result<Vec<Field>, GmshE
                 continue;
             };
             if !slot.is_nan() {
-                let what = format!("element {element} in the field {}", quoted(&data.name));
+                let item = format!("element {element} in the field {}", quoted(&data.name));
                 let mut lines = data.values.iter().filter(|value| value.element == element);
                 let first = lines.next().map_or(line, |value| value.line);
-                return Err(GmshError::Repeated { line, what, first });
+                return Err(GmshError::Repeated { line, item, first });
             }
             *slot = number;
             named += 1;
@@ -221,6 +221,6 @@ fn tags(sections: &Sections, dim: u8) -> Result<Vec<(u64, u32)>, GmshError> {
         .filter(|element| element.tag == tag)
         .map(|element| element.line);
     let (first, line) = (lines.next().unwrap_or(1), lines.next().unwrap_or(1));
-    let what = format!("element tag {tag}");
-    Err(GmshError::Repeated { line, what, first })
+    let item = format!("element tag {tag}");
+    Err(GmshError::Repeated { line, item, first })
 }

@@ -17,8 +17,8 @@
 //!   surfaces, a vertex group and, in a sheet, a triangle group; of volumes, a cell group. Groups of one name are one group. A group left
 //!   without members is dropped, and so is one without a name. The sign of a physical tag is ignored.
 //! - An `$ElementData` with one component becomes a field of the lines of a thread, the triangles of a
-//!   sheet or the cells of a solid. It has to name each of them once; what it says of other elements is passed over, and so is one
-//!   without a name or with more components.
+//!   sheet or the cells of a solid. It has to name each of them once. Values of other elements are skipped, and so is an
+//!   `$ElementData` without a name or with more components.
 //!
 //! The file is hostile until checked. Every number is parsed, and every count is compared with the data that follow.
 //! Memory is allocated in proportion to the size of the text, never to a number in the text.
@@ -52,7 +52,7 @@ pub enum GmshError {
         line: usize,
         /// What should stand there.
         expected: String,
-        /// What stands there, shortened.
+        /// The text of the line, shortened.
         found: String,
     },
     /// The file is in another version of the format, or binary.
@@ -105,12 +105,12 @@ pub enum GmshError {
         first_name: &'static str,
     },
     /// A section, a field or a tag that may occur only once occurs again.
-    #[error("line {line}: expected {what} once, found it again, first in line {first}")]
+    #[error("line {line}: expected {item} once, found it again, first in line {first}")]
     Repeated {
         /// The line of the repetition.
         line: usize,
         /// The section, the field, or the kind of tag with its number.
-        what: String,
+        item: String,
         /// The line of the first occurrence.
         first: usize,
     },

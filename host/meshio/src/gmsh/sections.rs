@@ -76,7 +76,7 @@ pub(super) fn read(text: &str, wanted: Wanted) -> Result<Sections, GmshError> {
         {
             return Err(GmshError::Repeated {
                 line: fields.line,
-                what: section.to_owned(),
+                item: section.to_owned(),
                 first,
             });
         }
@@ -172,10 +172,10 @@ fn physical_names(lines: &mut Lines) -> Result<Vec<PhysicalName>, GmshError> {
             .iter()
             .find(|earlier| (earlier.dim, earlier.tag) == (dim, tag))
         {
-            let what = format!("physical tag {tag} of dimension {dim}");
+            let item = format!("physical tag {tag} of dimension {dim}");
             return Err(GmshError::Repeated {
                 line,
-                what,
+                item,
                 first: earlier.line,
             });
         }
@@ -220,10 +220,10 @@ fn entities(lines: &mut Lines) -> Result<BTreeMap<(u8, i32), Entity>, GmshError>
             }
             // The boundary of the entity follows, which is not used.
             if let Some(earlier) = entities.insert((dim, tag), Entity { physical, line }) {
-                let what = format!("entity {tag} of dimension {dim}");
+                let item = format!("entity {tag} of dimension {dim}");
                 return Err(GmshError::Repeated {
                     line,
-                    what,
+                    item,
                     first: earlier.line,
                 });
             }

@@ -7,7 +7,7 @@ use super::groups::groups;
 use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_solid::{SolidFault, SolidSoup};
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 use physics::mesh::{Cells, TetMesh};
 
 /// The solid of all tetrahedra, all of one order.
@@ -25,13 +25,13 @@ pub(super) fn mesh(sections: &Sections) -> Result<TetMesh, GmshError> {
     };
     let positions = sections.nodes.iter().map(|node| node.position).collect();
     let soup = SolidSoup { positions, cells };
-    let refused = |SolidFault { source, culprit }| {
-        let line = match culprit {
-            Culprit::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
-            Culprit::Cell(cell) => of_dimension(&sections.blocks, 3)
+    let refused = |SolidFault { source, location }| {
+        let line = match location {
+            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+            Location::Cell(cell) => of_dimension(&sections.blocks, 3)
                 .nth(cell as usize)
                 .map(|element| element.line),
-            Culprit::Mesh => None,
+            Location::Mesh => None,
         };
         GmshError::Solid {
             line: line.unwrap_or(sections.last_line),

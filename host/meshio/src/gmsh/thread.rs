@@ -7,7 +7,7 @@ use super::sections::Sections;
 use super::{GmshError, fields};
 use crate::soup_thread::{ThreadFault, ThreadSoup};
 use physics::mesh::LineMesh;
-use physics::mesh::check::Culprit;
+use physics::mesh::check::Location;
 
 /// The thread of all 2-node lines.
 pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
@@ -20,13 +20,13 @@ pub(super) fn mesh(sections: &Sections) -> Result<LineMesh, GmshError> {
         })
         .collect::<Result<Vec<_>, GmshError>>()?;
     let positions = sections.nodes.iter().map(|node| node.position).collect();
-    let refused = |ThreadFault { source, culprit }| {
-        let line = match culprit {
-            Culprit::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
-            Culprit::Cell(cell) => of_dimension(&sections.blocks, 1)
+    let refused = |ThreadFault { source, location }| {
+        let line = match location {
+            Location::Vertex(node) => sections.nodes.get(node as usize).map(|node| node.line),
+            Location::Cell(cell) => of_dimension(&sections.blocks, 1)
                 .nth(cell as usize)
                 .map(|element| element.line),
-            Culprit::Mesh => None,
+            Location::Mesh => None,
         };
         GmshError::Thread {
             line: line.unwrap_or(sections.last_line),

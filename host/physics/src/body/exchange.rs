@@ -62,10 +62,10 @@ impl BodyMap {
             ("map of handles", self.handles.len(), new.handle_count()),
             ("map of supports", self.supports.len(), new.support_count()),
         ];
-        for (what, found, expected) in lengths {
+        for (quantity, found, expected) in lengths {
             if found != expected {
                 return Err(BodyError::Length {
-                    what,
+                    quantity,
                     found,
                     expected,
                 });
@@ -85,9 +85,9 @@ impl BodyMap {
                 old.support_count(),
             ),
         ];
-        for (what, largest, count) in largest {
+        for (part, largest, count) in largest {
             if let Some(found) = largest.filter(|&found| found >= count) {
-                return Err(BodyError::Map { what, found, count });
+                return Err(BodyError::Map { part, found, count });
             }
         }
         Ok(())

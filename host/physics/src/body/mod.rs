@@ -361,10 +361,14 @@ impl Body {
     }
 }
 
-fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result<(), BodyError> {
+fn check_vectors(
+    quantity: &'static str,
+    values: &[Vec3],
+    expected: usize,
+) -> Result<(), BodyError> {
     if values.len() != expected {
         return Err(BodyError::Length {
-            what,
+            quantity,
             found: values.len(),
             expected,
         });
@@ -373,7 +377,7 @@ fn check_vectors(what: &'static str, values: &[Vec3], expected: usize) -> Result
         .iter()
         .position(|value| !value.iter().all(|c| c.is_finite()))
     {
-        Some(vertex) => Err(BodyError::NotFinite { what, vertex }),
+        Some(vertex) => Err(BodyError::NotFinite { quantity, vertex }),
         None => Ok(()),
     }
 }

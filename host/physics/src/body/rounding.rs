@@ -40,8 +40,8 @@ pub(crate) fn reach(body: &Body, place: usize) -> f64 {
     let (columns, _) = body.assembly.stiffness.row(place);
     let rest = |place: usize| body.model.rest[body.assembly.places.node(place)];
     let at = rest(place);
-    let way = |column: &u32| (rest(*column as usize) - at).amax();
-    columns.iter().map(way).fold(0.0, f64::max)
+    let distance = |column: &u32| (rest(*column as usize) - at).amax();
+    columns.iter().map(distance).fold(0.0, f64::max)
 }
 
 impl Rounding {
@@ -93,8 +93,10 @@ impl Lost {
 impl Body {
     /// The largest displacement of a node from rest along an axis (m).
     pub(crate) fn moved(&self) -> f64 {
-        let ways = self.state.x.iter().zip(&self.model.rest);
-        ways.map(|(x, rest)| (x - rest).amax()).fold(0.0, f64::max)
+        let places = self.state.x.iter().zip(&self.model.rest);
+        places
+            .map(|(x, rest)| (x - rest).amax())
+            .fold(0.0, f64::max)
     }
 
     /// Longest edge of the box around the body at rest (m).

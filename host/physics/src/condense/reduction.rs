@@ -65,7 +65,7 @@ impl Column {
 
 /// The time of the previous model (s of the body's clock), and its ratio of mass to stiffness (1/s²).
 #[derive(Clone, Copy, Debug)]
-struct Told {
+struct Previous {
     at: f64,
     ratio: f64,
 }
@@ -78,7 +78,7 @@ const LONGEST_SMOOTHED: f64 = 0.01;
 /// The largest ratio of the addition to the drift to the rate of the wrench that the stiffness predicts. In steady
 /// motion the ratio is some hundredths. When a strip snaps, the linearization of a step misses far more, and that is no
 /// trend.
-const MOST_BESIDE: f64 = 0.25;
+const LARGEST_TREND: f64 = 0.25;
 
 /// Shapes of one body, and the matrices that follow from them.
 #[derive(Clone, Debug)]
@@ -108,7 +108,7 @@ pub(crate) struct Reduction {
     inertia: Vec<f64>,
     /// The addition to the drift in the previous model, by columns.
     trend: Vec<f64>,
-    told: Told,
+    previous: Previous,
     pub(crate) condensed: Condensed,
 }
 
@@ -145,7 +145,7 @@ impl Reduction {
             speeds: vec![0.0; columns.len()],
             inertia: vec![0.0; columns.len()],
             trend: vec![0.0; columns.len()],
-            told: Told {
+            previous: Previous {
                 at: f64::NAN,
                 ratio: f64::NAN,
             },
@@ -235,9 +235,9 @@ impl Reduction {
             ..
         } = &mut self.condensed;
         drift.fill(0.0);
-        let since = body.state.clock - self.told.at;
-        let goes_on = self.told.ratio == ratio && since >= 0.0;
-        self.told = Told {
+        let since = body.state.clock - self.previous.at;
+        let goes_on = self.previous.ratio == ratio && since >= 0.0;
+        self.previous = Previous {
             at: body.state.clock,
             ratio,
         };
@@ -272,7 +272,7 @@ impl Reduction {
                     beside += column.at(arm).dot(&missed[node]);
                 }
             }
-            let most = MOST_BESIDE * rate;
+            let most = LARGEST_TREND * rate;
             let beside = beside.max(-most).min(most);
             let trend = self.trend[c] + blend * (beside - self.trend[c]);
             // A number that overflowed must not remain in later models.

@@ -81,7 +81,7 @@ impl Solves {
 
 /// The factorization that computes the numbers of a [`Solves`].
 #[derive(Debug)]
-pub(crate) enum Makes {
+pub(crate) enum Factorization {
     Complete(Box<Factor>),
     Incomplete(Box<incomplete::Maker>),
 }
@@ -98,7 +98,7 @@ pub(crate) struct Step<'a, D> {
     pub(crate) d: D,
 }
 
-impl Makes {
+impl Factorization {
     /// A factorization for the free places of `matrix`, in their order, at `rest` (m); and a factor without numbers.
     pub(crate) fn new(
         kind: Preconditioner,

@@ -92,7 +92,7 @@ impl Weave {
             Some(_) => Ok(()),
             None => Err(BodyError::Warp {
                 triangle,
-                share: f64::NAN,
+                fraction: f64::NAN,
             }),
         }
     }

@@ -66,7 +66,7 @@ impl Adjacency {
     pub fn new(triangles: &[[u32; 3]]) -> Result<Self, MeshError> {
         if triangles.len() > super::check::MAX_COUNT {
             return Err(MeshError::TooMany {
-                what: "triangles",
+                entities: "triangles",
                 found: triangles.len(),
             });
         }

@@ -30,11 +30,11 @@ pub enum MeshError {
     #[error("the mesh has no triangles, at least 1 is needed")]
     Empty,
     /// There are more vertices or triangles than can be numbered.
-    #[error("the mesh has {found} {what}, at most {MAX_COUNT} are allowed")]
+    #[error("the mesh has {found} {entities}, at most {MAX_COUNT} are allowed")]
     TooMany {
         /// "vertices", "triangles" or "cells".
-        what: &'static str,
-        /// How many there are.
+        entities: &'static str,
+        /// The number found.
         found: usize,
     },
     /// A coordinate is not a number, infinite or far too large.
@@ -58,7 +58,7 @@ pub enum MeshError {
         triangle: u32,
         /// The vertex that it names.
         found: u32,
-        /// How many vertices there are.
+        /// The number of vertices of the mesh.
         vertices: usize,
     },
     /// A triangle names a vertex more than once.
@@ -142,7 +142,7 @@ pub enum MeshError {
         position: usize,
         /// The member at that index.
         found: u32,
-        /// How many vertices, triangles or cells there are.
+        /// The number of vertices, triangles or cells of the mesh.
         count: usize,
     },
     /// Two groups of the same kind have one name.
@@ -156,9 +156,9 @@ pub enum MeshError {
     FieldLength {
         /// The field's name.
         name: String,
-        /// How many values it has.
+        /// The number of its values.
         found: usize,
-        /// How many triangles or cells there are.
+        /// The number of triangles or cells of the mesh.
         count: usize,
     },
     /// A value of a field is not a number, or infinite.
@@ -181,7 +181,7 @@ pub enum MeshError {
 
 /// The part of a mesh that an error refers to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Culprit {
+pub enum Location {
     /// A vertex.
     Vertex(u32),
     /// A triangle, or a cell of a solid.
@@ -192,11 +192,11 @@ pub enum Culprit {
 
 impl MeshError {
     /// The part of the mesh that is at fault. Of several triangles or vertices it is the last.
-    pub fn culprit(&self) -> Culprit {
+    pub fn location(&self) -> Location {
         match *self {
             Self::Coordinate { vertex, .. }
             | Self::Unused { vertex }
-            | Self::Coincident { vertex, .. } => Culprit::Vertex(vertex),
+            | Self::Coincident { vertex, .. } => Location::Vertex(vertex),
             Self::Index { triangle, .. }
             | Self::RepeatedVertex { triangle, .. }
             | Self::Flat { triangle, .. }
@@ -205,14 +205,14 @@ impl MeshError {
             | Self::CrowdedEdge {
                 triangles: [_, _, triangle],
                 ..
-            } => Culprit::Cell(triangle),
+            } => Location::Cell(triangle),
             Self::Empty
             | Self::TooMany { .. }
             | Self::GroupMember { .. }
             | Self::GroupName { .. }
             | Self::FieldLength { .. }
             | Self::FieldValue { .. }
-            | Self::FieldName { .. } => Culprit::Mesh,
+            | Self::FieldName { .. } => Location::Mesh,
         }
     }
 }
@@ -253,12 +253,12 @@ impl TriMesh {
 }
 
 fn check_counts(mesh: &TriMesh) -> Result<(), MeshError> {
-    for (what, found) in [
+    for (entities, found) in [
         ("vertices", mesh.positions.len()),
         ("triangles", mesh.triangles.len()),
     ] {
         if found > MAX_COUNT {
-            return Err(MeshError::TooMany { what, found });
+            return Err(MeshError::TooMany { entities, found });
         }
     }
     if mesh.triangles.is_empty() {

@@ -3,7 +3,7 @@
 //! They correspond to the checks of a sheet (see [`check`](super::check)). A mesh that fails a check would make
 //! the physics divide by zero, read out of bounds, give a vertex no stiffness or take one body for two.
 
-use super::check::{Culprit, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check::{Location, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
 use super::check_named::{check_fields, check_groups};
 use super::check_neighbours::{check_faces, check_midsides};
 use super::{Cells, MeshError, TetMesh};
@@ -32,7 +32,7 @@ pub enum SolidError {
         cell: u32,
         /// The vertex that it names.
         found: u32,
-        /// How many vertices there are.
+        /// The number of vertices of the mesh.
         vertices: usize,
     },
     /// A cell names a vertex more than once.
@@ -155,10 +155,10 @@ pub enum SolidError {
 
 impl SolidError {
     /// The part of the mesh that is at fault. Of several cells or vertices it is the last.
-    pub fn culprit(&self) -> Culprit {
+    pub fn location(&self) -> Location {
         match *self {
-            Self::Common(ref error) => error.culprit(),
-            Self::Unused { vertex } => Culprit::Vertex(vertex),
+            Self::Common(ref error) => error.location(),
+            Self::Unused { vertex } => Location::Vertex(vertex),
             Self::Index { cell, .. }
             | Self::RepeatedVertex { cell, .. }
             | Self::Flat { cell, .. }
@@ -168,8 +168,8 @@ impl SolidError {
             | Self::Overlap { cell, .. }
             | Self::TwoMiddles { cell, .. }
             | Self::SharedMiddle { cell, .. }
-            | Self::MiddleIsCorner { cell, .. } => Culprit::Cell(cell),
-            Self::Empty => Culprit::Mesh,
+            | Self::MiddleIsCorner { cell, .. } => Location::Cell(cell),
+            Self::Empty => Location::Mesh,
         }
     }
 }
@@ -214,12 +214,12 @@ impl TetMesh {
 }
 
 fn check_counts(mesh: &TetMesh) -> Result<(), SolidError> {
-    for (what, found) in [
+    for (entities, found) in [
         ("vertices", mesh.positions.len()),
         ("cells", mesh.cells.len()),
     ] {
         if found > MAX_COUNT {
-            return Err(MeshError::TooMany { what, found }.into());
+            return Err(MeshError::TooMany { entities, found }.into());
         }
     }
     if mesh.cells.is_empty() {

@@ -3,7 +3,7 @@
 //! As for sheets (see [`check`](super::check)): the checks are those without which the physics divides by zero, reads
 //! out of bounds or gives a vertex no stiffness at all.
 
-use super::check::{Culprit, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
+use super::check::{Location, MAX_COUNT, MIN_EDGE_RATIO, check_coordinates};
 use super::check_named::{check_fields, check_groups};
 use super::{LineMesh, MeshError};
 use crate::Vec3;
@@ -27,7 +27,7 @@ pub enum ThreadError {
         line: u32,
         /// The vertex that it names.
         found: u32,
-        /// How many vertices there are.
+        /// The number of vertices of the mesh.
         vertices: usize,
     },
     /// A line names a vertex twice.
@@ -68,15 +68,15 @@ pub enum ThreadError {
 
 impl ThreadError {
     /// What a person should look at: of several lines or vertices, the last.
-    pub fn culprit(&self) -> Culprit {
+    pub fn location(&self) -> Location {
         match *self {
-            Self::Common(ref error) => error.culprit(),
-            Self::Unused { vertex } => Culprit::Vertex(vertex),
+            Self::Common(ref error) => error.location(),
+            Self::Unused { vertex } => Location::Vertex(vertex),
             Self::Index { line, .. }
             | Self::RepeatedVertex { line, .. }
             | Self::Short { line, .. }
-            | Self::Duplicate { line, .. } => Culprit::Cell(line),
-            Self::Empty => Culprit::Mesh,
+            | Self::Duplicate { line, .. } => Location::Cell(line),
+            Self::Empty => Location::Mesh,
         }
     }
 }
@@ -114,12 +114,12 @@ impl LineMesh {
 }
 
 fn check_counts(mesh: &LineMesh) -> Result<(), ThreadError> {
-    for (what, found) in [
+    for (entities, found) in [
         ("vertices", mesh.positions.len()),
         ("lines", mesh.lines.len()),
     ] {
         if found > MAX_COUNT {
-            return Err(MeshError::TooMany { what, found }.into());
+            return Err(MeshError::TooMany { entities, found }.into());
         }
     }
     if mesh.lines.is_empty() {

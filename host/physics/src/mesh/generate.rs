@@ -24,10 +24,10 @@ pub enum Pattern {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SheetError {
     /// A size is zero, negative or not a number.
-    #[error("sheet: its {what} is {found:?} m, it must be positive and finite")]
+    #[error("sheet: its {dimension} is {found:?} m, it must be positive and finite")]
     Size {
         /// "length" or "width".
-        what: &'static str,
+        dimension: &'static str,
         /// The size (m).
         found: f64,
     },
@@ -85,9 +85,9 @@ pub fn sheet(
     ny: u32,
     pattern: Pattern,
 ) -> Result<TriMesh, SheetError> {
-    for (what, found) in [("length", length), ("width", width)] {
+    for (dimension, found) in [("length", length), ("width", width)] {
         if !(found > 0.0 && found.is_finite()) {
-            return Err(SheetError::Size { what, found });
+            return Err(SheetError::Size { dimension, found });
         }
     }
     for (along, cells) in [("length", nx), ("width", ny)] {

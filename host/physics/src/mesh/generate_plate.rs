@@ -65,10 +65,10 @@ pub struct HoledPlate {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlateError {
     /// A size is zero, negative or not a number.
-    #[error("plate: its {what} is {found:?} m, it must be positive and finite")]
+    #[error("plate: its {dimension} is {found:?} m, it must be positive and finite")]
     Size {
         /// "width", "height" or "radius".
-        what: &'static str,
+        dimension: &'static str,
         /// The size (m).
         found: f64,
     },
@@ -85,9 +85,9 @@ pub enum PlateError {
     Cells {
         /// "around a quarter of its hole" or "outward".
         along: &'static str,
-        /// How many there are.
+        /// The number found.
         found: u32,
-        /// How many are needed.
+        /// The number that is needed.
         least: u32,
     },
     /// The growth is zero, negative or not a number.
@@ -143,9 +143,9 @@ fn check(plate: &HoledPlate, quarters: u32) -> Result<(), PlateError> {
         ("height", plate.height),
         ("radius", plate.radius),
     ];
-    for (what, found) in sizes {
+    for (dimension, found) in sizes {
         if !(found > 0.0 && found.is_finite()) {
-            return Err(PlateError::Size { what, found });
+            return Err(PlateError::Size { dimension, found });
         }
     }
     let limit = 0.5 * plate.width.min(plate.height);

@@ -10,7 +10,7 @@ use crate::element::kernel::Kernel;
 use crate::error::CondenseError;
 use crate::lanes::{Node, Real, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
-use crate::linear::precondition::{Makes, Preconditioner, Solves, Step};
+use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
 use crate::linear::sparse_cholesky::FactorCode;
 
 /// The data and the working memory of a factorization.
@@ -20,7 +20,7 @@ pub struct Refresher<T> {
     pub(crate) epoch: u64,
     kernels: Vec<Box<dyn Kernel<T>>>,
     matrix: BlockMatrix,
-    makes: Makes,
+    factorization: Factorization,
     made: Solves,
     /// Whether `made` is the factor for `factors`.
     done: bool,
@@ -44,12 +44,12 @@ impl<T: Real> Refresher<T> {
         (kind, code): (Preconditioner, FactorCode),
         epoch: u64,
     ) -> Result<Self, CondenseError> {
-        let (makes, made) = Makes::new(kind, &matrix, rest, code)?;
+        let (factorization, made) = Factorization::new(kind, &matrix, rest, code)?;
         let zeros = vec![[T::ZERO; 4]; matrix.nodes()];
         Ok(Self {
             epoch,
             kernels,
-            makes,
+            factorization,
             made,
             done: false,
             factors: (0.0, 0.0),
@@ -63,7 +63,7 @@ impl<T: Real> Refresher<T> {
 
     /// The cost of the factorization and, for a complete factor, of the panels.
     pub(crate) fn cost(&self) -> Cost {
-        Cost::read(self.matrix.bytes()) + self.makes.cost(&self.made)
+        Cost::read(self.matrix.bytes()) + self.factorization.cost(&self.made)
     }
 
     /// Memory of the refresher (bytes).
@@ -72,7 +72,7 @@ impl<T: Real> Refresher<T> {
         size_of::<Self>()
             + kernels
             + self.matrix.bytes()
-            + self.makes.bytes()
+            + self.factorization.bytes()
             + self.made.bytes()
             + size_of_val(self.d.as_slice())
             + size_of_val(self.force.as_slice())
@@ -112,7 +112,7 @@ impl<T: Real> Refresher<T> {
             mask: (!self.guided.is_empty()).then_some(self.guided.as_slice()),
             d: |place| to_vec(&d[place]),
         };
-        self.makes.make(&mut self.made, &step)?;
+        self.factorization.make(&mut self.made, &step)?;
         self.done = true;
         Ok(())
     }

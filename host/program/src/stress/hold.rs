@@ -45,7 +45,7 @@ const RUNS: u64 = 2000;
 /// Number of cells of a quick study: the cases, and each specimen on each device.
 const QUICK: u64 = 60;
 /// Largest number of cells that are listed one by one.
-const TOLD: usize = 12;
+const MOST_PRINTED: usize = 12;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
 /// Lists the cases and the worst of the cells in which `capped` fails. Fails if there is such a cell.
 fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
     let failing = worst(cells, "capped");
-    tell(cells, &failing);
+    print_failures(cells, &failing);
     for (number, cell) in cells {
         if let Some(why) = &cell.failed {
             eprintln!("palpate: cell {number}: {why}");
@@ -133,7 +133,7 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
 }
 
 /// Prints the cases and the worst of the failing cells, one row per scheme.
-fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
+fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
     println!("\nCases and worst cells:\n");
     println!(
         "| cell | case or specimen | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
@@ -143,7 +143,7 @@ fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Fai
     let cases = cases.map(|(number, cell)| (*number, cell));
     let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
     let drawn = drawn.map(|(number, cell, _)| (*number, *cell));
-    for (number, cell) in cases.chain(drawn.take(TOLD)) {
+    for (number, cell) in cases.chain(drawn.take(MOST_PRINTED)) {
         let name = cell.draw.as_ref().map_or_else(
             || cell.case.clone().unwrap_or_default(),
             |draw| format!("{}, {}", draw.kind.name(), draw.device),
@@ -154,9 +154,9 @@ fn tell(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Fai
                 "| {number} | {name} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
                 cell.rate,
                 names.collect::<Vec<_>>().join(", "),
-                100.0 * outcome.felt.hold_error,
-                100.0 * outcome.felt.run_error,
-                outcome.felt.worst_ripple,
+                100.0 * outcome.force_errors.hold_error,
+                100.0 * outcome.force_errors.run_error,
+                outcome.force_errors.worst_ripple,
                 100.0 * outcome.capped,
                 1e3 * outcome.net_energy,
             );
@@ -221,9 +221,9 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
         if let Some(path) = &arguments.common.plot {
             let subtitle = format!(
                 "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
-                100.0 * outcome.felt.hold_error,
-                100.0 * outcome.felt.run_error,
-                outcome.felt.worst_ripple,
+                100.0 * outcome.force_errors.hold_error,
+                100.0 * outcome.force_errors.run_error,
+                outcome.force_errors.worst_ripple,
                 100.0 * outcome.capped
             );
             let svg = picture::cell(&title, &subtitle, run, &traces.reference);

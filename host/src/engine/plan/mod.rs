@@ -34,7 +34,7 @@ pub struct BodyPlan {
     /// Whether stiffness and damping are condensed onto the handles, because the scheme uses them.
     pub condenses: bool,
     /// Whether its models state the energy that they store, because the scheme uses it.
-    pub tells_energy: bool,
+    pub publishes_energy: bool,
     /// Length of a step (s).
     pub step: f64,
     /// Publication period (s).
@@ -61,7 +61,7 @@ impl BodyPlan {
             handles: spec.handles.len(),
             turned: spec.handles.iter().filter(rigid).count(),
             condenses: condenses(scene),
-            tells_energy: tells_energy(scene),
+            publishes_energy: publishes_energy(scene),
             step: 1.0 / scene.host.step_rate,
             period,
             horizon: period + scene.host.latency,
@@ -79,7 +79,7 @@ fn condenses(scene: &Scene) -> bool {
 }
 
 /// Whether the scheme uses the published energy.
-pub fn tells_energy(scene: &Scene) -> bool {
+pub fn publishes_energy(scene: &Scene) -> bool {
     matches!(
         scene.realtime.scheme,
         SchemeName::Classic | SchemeName::Capped

@@ -108,7 +108,7 @@ fn a_spring_before_a_spring_is_both_in_series() {
 }
 
 #[test]
-fn the_devices_feel_what_proxies_in_balance_pass_on() {
+fn the_devices_render_the_wrench_of_proxies_in_balance() {
     // Three bodies resist every motion, and the last one resists few. One body is softer than the springs.
     for (handles, rows, scale) in [(1, 6, 1e3), (2, 12, 1e5), (4, 24, 1e4), (4, 5, 1e6)] {
         let model = model(handles, rows, scale);
@@ -205,7 +205,7 @@ fn stiff_springs_leave_the_body_as_it_is() {
 }
 
 #[test]
-fn a_body_that_resists_nothing_is_felt_as_it_is() {
+fn a_body_without_stiffness_is_rendered_unchanged() {
     let free = model(3, 0, 1.0);
     let wanted = LocalModel {
         energy: 0.0,

@@ -120,7 +120,7 @@ impl RunSummary {
             writeln!(
                 f,
                 "  event      {:.3} to {:.3} s: {}",
-                event.from, event.to, event.what
+                event.from, event.to, event.description
             )?;
         }
         if self.events.len() > SHOWN_EVENTS {
@@ -180,7 +180,7 @@ impl DeviceSummary {
             writeln!(
                 f,
                 "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
-                trip.time, trip.what
+                trip.time, trip.event
             )?;
         }
         Ok(())

@@ -38,7 +38,7 @@ ranges! {
     /// Zero or above.
     not_negative: "a number not below 0", |v| v >= 0.0;
     /// From zero to one.
-    share: "a number from 0 to 1", |v| (0.0..=1.0).contains(&v);
+    fraction: "a number from 0 to 1", |v| (0.0..=1.0).contains(&v);
     /// How long a run lasts (s).
     duration: "a number above 0 and up to 86400 (s)", |v| v > 0.0 && v <= LONGEST;
     /// Rate of the host (Hz).

@@ -93,7 +93,7 @@ pub struct Realtime {
     #[serde(deserialize_with = "check::optional_not_negative")]
     pub proxy_damping: Option<f64>,
     /// Duration of the blend into a new model, as a fraction of the publication period.
-    #[serde(deserialize_with = "check::share")]
+    #[serde(deserialize_with = "check::fraction")]
     pub blend: f64,
     /// Age beyond which a model is not trusted (s). Default: see [`Realtime::age_limit`].
     #[serde(deserialize_with = "check::optional_positive")]

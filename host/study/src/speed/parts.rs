@@ -61,9 +61,11 @@ pub struct Timed {
     /// parts.
     pub peak: f64,
     /// `bytes_per_second` over `bandwidth`.
-    pub share_of_bandwidth: f64,
+    #[serde(rename = "share_of_bandwidth")]
+    pub fraction_of_bandwidth: f64,
     /// `flops_per_second` over `peak`.
-    pub share_of_peak: f64,
+    #[serde(rename = "share_of_peak")]
+    pub fraction_of_peak: f64,
 }
 
 /// Memory of a body and of its stepper.
@@ -275,8 +277,8 @@ fn rates(cost: &Cost, time: f64, bandwidth: f64, peak: f64) -> Timed {
         flops_per_second,
         bandwidth,
         peak,
-        share_of_bandwidth: bytes_per_second / bandwidth,
-        share_of_peak: flops_per_second / peak,
+        fraction_of_bandwidth: bytes_per_second / bandwidth,
+        fraction_of_peak: flops_per_second / peak,
     }
 }
 

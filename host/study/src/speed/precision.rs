@@ -71,7 +71,7 @@ fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
                 .to_vec(),
         ),
         (
-            "assembled, so many iterations",
+            "assembled, N iterations",
             budgets
                 .map(|budget| (budget.to_string(), path::iterations(budget)))
                 .to_vec(),
@@ -84,10 +84,7 @@ fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
     let families = families.into_iter().chain([
         ("frozen, to a tolerance", frozen.to_vec()),
         ("frozen, single precision, to a tolerance", single.to_vec()),
-        (
-            "frozen, single precision, so many iterations",
-            once.to_vec(),
-        ),
+        ("frozen, single precision, N iterations", once.to_vec()),
     ]);
     let mut curves = Vec::new();
     for (name, methods) in families {

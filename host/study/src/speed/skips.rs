@@ -13,7 +13,8 @@ use serde::Serialize;
 #[derive(Clone, Debug, Serialize)]
 pub struct Skip {
     /// Description for readers.
-    pub what: String,
+    #[serde(rename = "what")]
+    pub description: String,
     /// Tetrahedra.
     pub elements: usize,
     /// Processor time of the complete work (s).
@@ -97,7 +98,7 @@ fn shapes(n: u32, at_a_time: usize) -> Result<Skip, StudyError> {
         }
     }
     Ok(Skip {
-        what: format!("local model, {at_a_time} of 6 shapes renewed at a time"),
+        description: format!("local model, {at_a_time} of 6 shapes renewed at a time"),
         elements: body.element_count(),
         whole: Times::of(whole).median,
         skipped: Times::of(times).median,
@@ -149,7 +150,7 @@ fn sleep(n: u32) -> Result<Skip, StudyError> {
         largest = largest.max(force(&waker).norm());
     }
     Ok(Skip {
-        what: "step of a body at rest, asleep".to_owned(),
+        description: "step of a body at rest, asleep".to_owned(),
         elements: sleeper.element_count(),
         whole: Times::of(whole).median,
         skipped: Times::of(times).median,

@@ -1,7 +1,7 @@
 //! Stiff elements beside soft ones and heavy elements beside light ones, with ratios of a million.
 
 use super::materials::EXCESS;
-use super::specimen::{Kind, Stuff, quiet};
+use super::specimen::{Isotropic, Kind, quiet};
 use super::trial::Trial;
 use super::{Job, Outcome, Plan};
 use crate::Level;
@@ -21,7 +21,7 @@ pub(super) fn plan(level: Level) -> Plan {
                 jobs.push(Job::new(name, (kind, method), 3 * steps, move || {
                     let shape = kind.mesh(3)?;
                     // Every other element is stiff, every third heavy.
-                    let stuff = |element: usize| Stuff {
+                    let material = |element: usize| Isotropic {
                         young: if element.is_multiple_of(2) {
                             1e3
                         } else {
@@ -34,7 +34,7 @@ pub(super) fn plan(level: Level) -> Plan {
                             1e-2
                         },
                     };
-                    let mut body = kind.build(&shape, stuff, quiet(), &[])?;
+                    let mut body = kind.build(&shape, material, quiet(), &[])?;
                     // Strains of a hundredth in the soft and heavy elements.
                     let speed = 0.01 * (1e3 / (1e-2 * mass)).sqrt();
                     body.set_velocities(&shape.kick(speed))?;

@@ -1,6 +1,6 @@
 //! Bodies that are free, or held by one vertex.
 
-use super::specimen::{Kind, Stuff, quiet, rest_poses};
+use super::specimen::{Isotropic, Kind, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -31,9 +31,9 @@ pub(super) fn fall(level: Level) -> Plan {
 
 fn falls(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(2)?;
-    let stuff = Stuff::new(1e5, 0.45);
-    let mut body = kind.build(&shape, |_| stuff, BodyConfig::default(), &[])?;
-    let speed = 0.01 * stuff.sound();
+    let material = Isotropic::new(1e5, 0.45);
+    let mut body = kind.build(&shape, |_| material, BodyConfig::default(), &[])?;
+    let speed = 0.01 * material.sound();
     body.set_velocities(&shape.kick(speed))?;
     let mass = body.total_mass();
     let mut trial = Trial::new(body, method)?;
@@ -93,7 +93,7 @@ fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, S
         gravity: Vec3::new(3.0, 2.0, -9.0),
         ..quiet()
     };
-    let body = kind.build(&shape, |_| Stuff::new(1e5, 0.45), config, &handles)?;
+    let body = kind.build(&shape, |_| Isotropic::new(1e5, 0.45), config, &handles)?;
     let scale = body.total_mass() * config.gravity.norm();
     let mut trial = Trial::new(body, method)?;
     trial.run(h, steps, &rest_poses(&handles));

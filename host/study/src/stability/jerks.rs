@@ -1,6 +1,6 @@
 //! A hand that moves by ten lengths of the body within one step.
 
-use super::specimen::{Kind, Stuff, quiet, rest_poses};
+use super::specimen::{Isotropic, Kind, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -46,7 +46,7 @@ fn jerk(
         stiffness_damping: 0.01,
         ..quiet()
     };
-    let body = kind.build(&shape, |_| Stuff::new(1e4, 0.45), config, &handles)?;
+    let body = kind.build(&shape, |_| Isotropic::new(1e4, 0.45), config, &handles)?;
     let mut trial = Trial::new(body, method)?;
     let still = rest_poses(&handles);
     let mut out = still.clone();

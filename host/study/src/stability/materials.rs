@@ -1,6 +1,6 @@
 //! Free bodies that are kicked: any stiffness, any compressibility, any step; lightly, hard, and for a long time.
 
-use super::specimen::{Kind, Stuff, quiet};
+use super::specimen::{Isotropic, Kind, quiet};
 use super::trial::{Method, ROUNDING, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -15,7 +15,7 @@ pub(super) fn light(level: Level) -> Plan {
             for poisson in level.ends(&[0.0, 0.3, 0.45, 0.499]) {
                 for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
                     let kick = Kick {
-                        stuff: Stuff::new(young, poisson),
+                        material: Isotropic::new(young, poisson),
                         fraction: 0.01,
                         h,
                     };
@@ -42,7 +42,7 @@ pub(super) fn hard(level: Level) -> Plan {
         for poisson in level.ends(&[0.3, 0.45, 0.499]) {
             for h in level.ends(&[1e-4, 1e-3, 1e-2, 1e-1]) {
                 let kick = Kick {
-                    stuff: Stuff::new(1e5, poisson),
+                    material: Isotropic::new(1e5, poisson),
                     fraction: 1.0,
                     h,
                 };
@@ -65,7 +65,7 @@ pub(super) fn long(level: Level) -> Plan {
     for (kind, method) in Kind::solved() {
         for h in level.ends(&[1e-4, 1e-3, 1e-2]) {
             let kick = Kick {
-                stuff: Stuff::new(1e5, 0.3),
+                material: Isotropic::new(1e5, 0.3),
                 fraction: 0.05,
                 h,
             };
@@ -84,7 +84,7 @@ pub(super) fn long(level: Level) -> Plan {
 /// A free body of one material that starts at random velocities.
 #[derive(Clone, Copy)]
 struct Kick {
-    stuff: Stuff,
+    material: Isotropic,
     /// The largest speed along an axis, as a fraction of the speed of sound.
     fraction: f64,
     h: f64,
@@ -92,7 +92,7 @@ struct Kick {
 
 impl Kick {
     fn name(self) -> String {
-        let Stuff { young, poisson, .. } = self.stuff;
+        let Isotropic { young, poisson, .. } = self.material;
         format!("E {young:e} Pa, nu {poisson}, h {} s", self.h)
     }
 
@@ -107,8 +107,8 @@ impl Kick {
 
     fn trial(self, kind: Kind, method: Method) -> Result<Trial, StudyError> {
         let shape = kind.mesh(2)?;
-        let mut body = kind.build(&shape, |_| self.stuff, quiet(), &[])?;
-        body.set_velocities(&shape.kick(self.fraction * self.stuff.sound()))?;
+        let mut body = kind.build(&shape, |_| self.material, quiet(), &[])?;
+        body.set_velocities(&shape.kick(self.fraction * self.material.sound()))?;
         Trial::new(body, method)
     }
 }

@@ -1,7 +1,7 @@
 //! The realtime step uses one linearization, so that a fast rotation stretches the elements that it turns. The guard
 //! holds back the energy that this would add.
 
-use super::specimen::{Kind, Stuff, quiet};
+use super::specimen::{Isotropic, Kind, quiet};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -18,7 +18,7 @@ pub(super) fn plan(level: Level) -> Plan {
                                 "E {young:e} Pa, {contrast:e} : 1, nu {poisson}, h {h} s, kicked at {fraction} c"
                             );
                             let kick = Kick {
-                                stuff: Stuff::new(young, poisson),
+                                material: Isotropic::new(young, poisson),
                                 contrast,
                                 fraction,
                             };
@@ -43,7 +43,7 @@ pub(super) fn plan(level: Level) -> Plan {
 
 #[derive(Clone, Copy)]
 struct Kick {
-    stuff: Stuff,
+    material: Isotropic,
     /// Ratio between the stiffnesses of adjacent elements.
     contrast: f64,
     /// The largest speed along an axis, as a fraction of the speed of sound in the soft elements.
@@ -53,16 +53,16 @@ struct Kick {
 impl Kick {
     fn run(self, kind: Kind, method: Method, h: f64) -> Result<Outcome, StudyError> {
         let shape = kind.mesh(2)?;
-        let stuff = |element: usize| Stuff {
+        let material = |element: usize| Isotropic {
             young: if element.is_multiple_of(2) {
-                self.stuff.young
+                self.material.young
             } else {
-                self.stuff.young / self.contrast
+                self.material.young / self.contrast
             },
-            ..self.stuff
+            ..self.material
         };
-        let soft = stuff(1);
-        let mut body = kind.build(&shape, stuff, quiet(), &[])?;
+        let soft = material(1);
+        let mut body = kind.build(&shape, material, quiet(), &[])?;
         body.set_velocities(&shape.kick(self.fraction * soft.sound()))?;
         let mut trial = Trial::new(body, method)?;
         let start = trial.body.total_energy();

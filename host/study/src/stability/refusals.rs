@@ -1,6 +1,6 @@
 //! Invalid requests: each is refused with an error, the state is preserved bit for bit, and the next step works.
 
-use super::specimen::{Kind, Stuff, rest_poses};
+use super::specimen::{Isotropic, Kind, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::StudyError;
@@ -21,7 +21,7 @@ enum Request {
     /// A handle at this distance (m).
     Far(f64),
     /// A jerk for which Newton's method gets one iteration and no halving.
-    Hasty,
+    OneIteration,
     /// A handle that moves through the other handle, where no element may be inverted.
     Through,
     /// Velocities whose energy is not finite (m/s).
@@ -42,7 +42,7 @@ impl Request {
             Self::Length(h) => format!("a step of {h} s"),
             Self::Targets => "one pose for two handles".to_owned(),
             Self::Far(distance) => format!("a handle {distance:e} m away"),
-            Self::Hasty => "a jerk with one Newton iteration".to_owned(),
+            Self::OneIteration => "a jerk with one Newton iteration".to_owned(),
             Self::Through => "through the other handle, none inside out".to_owned(),
             Self::Speed(speed) => format!("vertices at {speed:e} m/s"),
             Self::Force(force) => format!("forces of {force:e} N"),
@@ -56,7 +56,7 @@ impl Request {
     fn is_for(self, kind: Kind, method: Method) -> bool {
         let solid = Kind::solids().any(|solid| solid == kind);
         match self {
-            Self::Hasty => !method.is_linearized() && !kind.is_quadratic_in_energy(),
+            Self::OneIteration => !method.is_linearized() && !kind.is_quadratic_in_energy(),
             Self::Through => solid && !method.is_linearized(),
             // These requests do not depend on the time step, so one method suffices.
             Self::Arrays | Self::Load | Self::Unheld => method == Method::ImplicitEuler,
@@ -76,7 +76,7 @@ pub(super) fn plan() -> Plan {
         Request::Far(f64::INFINITY),
         Request::Far(1e200),
         Request::Far(1e306),
-        Request::Hasty,
+        Request::OneIteration,
         Request::Through,
         Request::Speed(1e200),
         Request::Force(1e300),
@@ -113,7 +113,7 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
         stiffness_damping: 0.001,
         ..BodyConfig::default()
     };
-    let mut body = kind.build(&shape, |_| Stuff::new(1e5, 0.3), config, &handles)?;
+    let mut body = kind.build(&shape, |_| Isotropic::new(1e5, 0.3), config, &handles)?;
     body.set_velocities(&shape.kick(0.1))?;
     let rest = rest_poses(&handles);
     let moved = |by: Vec3| -> Vec<HandlePose> {
@@ -125,7 +125,7 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
     };
     let near = moved(Vec3::new(1e-3, 0.0, 2e-3));
     let options = match request {
-        Request::Hasty => IntegratorOptions {
+        Request::OneIteration => IntegratorOptions {
             newton: NewtonOptions {
                 max_iterations: 1,
                 ..NewtonOptions::default()
@@ -148,7 +148,7 @@ fn ask(kind: Kind, method: Method, request: Request) -> Result<Outcome, StudyErr
         Request::Length(h) => trial.step(h, &near),
         Request::Targets => trial.step(STEP, &near[..1]),
         Request::Far(distance) => trial.step(STEP, &moved(Vec3::y() * distance)),
-        Request::Hasty => trial.step(STEP, &moved(Vec3::new(-0.7, 0.5, 0.3))),
+        Request::OneIteration => trial.step(STEP, &moved(Vec3::new(-0.7, 0.5, 0.3))),
         Request::Through => trial.step(STEP, &moved(Vec3::x() * -2.0)),
         Request::Speed(speed) => {
             let kept: Vec<Vec3> = trial.body.velocities().collect();

@@ -1,6 +1,6 @@
 //! A million steps of bodies at rest.
 
-use super::specimen::{Kind, Stuff, quiet, rest_poses};
+use super::specimen::{Isotropic, Kind, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -48,14 +48,14 @@ pub(super) fn turned(level: Level) -> Plan {
     }
 }
 
-fn stuff() -> Stuff {
-    Stuff::new(1e6, 0.3)
+fn material() -> Isotropic {
+    Isotropic::new(1e6, 0.3)
 }
 
 fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(1)?;
     let handles = [shape.end(-1.0)];
-    let mut body = kind.build(&shape, |_| stuff(), BodyConfig::default(), &handles)?;
+    let mut body = kind.build(&shape, |_| material(), BodyConfig::default(), &handles)?;
     let targets = rest_poses(&handles);
     // A thin sheet that is held at one end sags far, so its equilibrium takes many load steps.
     let options = EquilibriumOptions {
@@ -68,7 +68,7 @@ fn sag(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> 
 
 fn turn(kind: Kind, method: Method, steps: usize) -> Result<Outcome, StudyError> {
     let shape = kind.mesh(1)?;
-    let mut body = kind.build(&shape, |_| stuff(), quiet(), &[])?;
+    let mut body = kind.build(&shape, |_| material(), quiet(), &[])?;
     let turn = Rotation3::from_euler_angles(1.0, 2.0, -0.5);
     let place = |x: &Vec3| turn * x + Vec3::new(6.0, -8.0, 0.1);
     let x: Vec<Vec3> = shape.positions().iter().map(place).collect();

@@ -1,7 +1,7 @@
 //! Elements ten thousand times longer than thick.
 
 use super::materials::EXCESS;
-use super::specimen::{Kind, Shape, Stuff, quiet};
+use super::specimen::{Isotropic, Kind, Shape, quiet};
 use super::trial::Trial;
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -66,11 +66,11 @@ pub(super) fn plan(level: Level) -> Plan {
                 let name = format!("{}, h {h} s", sliver.name());
                 jobs.push(Job::new(name, (kind, method), steps, move || {
                     let shape = sliver.shape(kind)?;
-                    let stuff = Stuff::new(1e5, 0.3);
-                    let mut body = kind.build(&shape, |_| stuff, quiet(), &[])?;
+                    let material = Isotropic::new(1e5, 0.3);
+                    let mut body = kind.build(&shape, |_| material, quiet(), &[])?;
                     // Along every axis, the strains are those of a body that is not thin.
                     let extent = extent(shape.positions());
-                    let kick = shape.waves(0.01 * stuff.sound());
+                    let kick = shape.waves(0.01 * material.sound());
                     let kick: Vec<Vec3> = kick.iter().map(|v| v.component_mul(&extent)).collect();
                     body.set_velocities(&kick)?;
                     let mut trial = Trial::new(body, method)?;

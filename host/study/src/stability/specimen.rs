@@ -157,27 +157,27 @@ impl Kind {
         }
     }
 
-    /// A body of this kind; `stuff` gives the material of each element.
+    /// A body of this kind; `material` gives the material of each element.
     pub(super) fn build(
         self,
         shape: &Shape,
-        stuff: impl Fn(usize) -> Stuff,
+        material: impl Fn(usize) -> Isotropic,
         mut config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<Body, StudyError> {
-        let stuff = (0..shape.element_count()).map(stuff);
+        let material = (0..shape.element_count()).map(material);
         let body = match (self, shape) {
             (Self::Linear(law) | Self::Quadratic(law), Shape::Solid(mesh)) => {
-                let materials: Vec<_> = stuff.map(Stuff::solid).collect();
+                let materials: Vec<_> = material.map(Isotropic::solid).collect();
                 Body::solid(mesh, &materials, law, config, handles)
             }
             (Self::Woven(law), Shape::Sheet(mesh)) => {
-                let materials: Vec<_> = stuff.map(Stuff::weave).collect();
+                let materials: Vec<_> = material.map(Isotropic::weave).collect();
                 Body::woven(mesh, &materials, law, config, handles)
             }
             (_, Shape::Sheet(mesh)) => {
                 config.bending = 1.0;
-                let materials: Vec<_> = stuff.map(Stuff::sheet).collect();
+                let materials: Vec<_> = material.map(Isotropic::sheet).collect();
                 Body::sheet(mesh, &materials, config, handles)
             }
             // A shape comes from `mesh` of the same kind.
@@ -263,7 +263,7 @@ pub(super) fn rest_poses(handles: &[HandleSpec]) -> Vec<HandlePose> {
 
 /// The material of a body.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Stuff {
+pub(super) struct Isotropic {
     /// Young's modulus (Pa).
     pub(super) young: f64,
     /// Poisson's ratio.
@@ -275,7 +275,7 @@ pub(super) struct Stuff {
 /// Thickness of sheets (m).
 pub(super) const THICKNESS: f64 = 0.01;
 
-impl Stuff {
+impl Isotropic {
     /// A material with the density of water.
     pub(super) fn new(young: f64, poisson: f64) -> Self {
         Self {

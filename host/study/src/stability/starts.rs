@@ -1,6 +1,6 @@
 //! Bodies that start inverted, scrambled or crumpled.
 
-use super::specimen::{Kind, Random, Shape, Stuff, quiet, rest_poses};
+use super::specimen::{Isotropic, Kind, Random, Shape, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
@@ -130,7 +130,7 @@ fn recover(
         Vec::new()
     };
     let targets = rest_poses(&handles);
-    let mut body = kind.build(&shape, |_| Stuff::new(1e4, poisson), damped(), &handles)?;
+    let mut body = kind.build(&shape, |_| Isotropic::new(1e4, poisson), damped(), &handles)?;
     let mut x = start.positions(shape.positions());
     for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {
         x[vertex as usize] = shape.positions()[vertex as usize];
@@ -221,7 +221,7 @@ fn crumple(
         Vec::new()
     };
     let targets = rest_poses(&handles);
-    let mut body = kind.build(&shape, |_| Stuff::new(1e4, 0.3), damped(), &handles)?;
+    let mut body = kind.build(&shape, |_| Isotropic::new(1e4, 0.3), damped(), &handles)?;
     let mut x = start.positions(shape.positions());
     for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {
         x[vertex as usize] = shape.positions()[vertex as usize];

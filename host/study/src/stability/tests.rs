@@ -1,6 +1,6 @@
 //! The suite can fail: each check is given the fault that it must find.
 
-use super::specimen::{Kind, Stuff, quiet};
+use super::specimen::{Isotropic, Kind, quiet};
 use super::trial::{Account, Method, Trial};
 use super::{Case, Job, Outcome, Verdict};
 use physics::{SolidLaw, Vec3};
@@ -10,8 +10,8 @@ const METHOD: Method = Method::ImplicitEuler;
 
 fn trial() -> Trial {
     let shape = KIND.mesh(1).unwrap();
-    let stuff = Stuff::new(1e5, 0.3);
-    let mut body = KIND.build(&shape, |_| stuff, quiet(), &[]).unwrap();
+    let material = Isotropic::new(1e5, 0.3);
+    let mut body = KIND.build(&shape, |_| material, quiet(), &[]).unwrap();
     body.set_velocities(&shape.kick(0.1)).unwrap();
     Trial::new(body, METHOD).unwrap()
 }

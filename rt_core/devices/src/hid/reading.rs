@@ -207,7 +207,7 @@ mod tests {
     }
 
     #[test]
-    fn corrupt_reports_are_told_unless_a_good_one_came_too() {
+    fn corrupt_reports_are_reported_unless_a_valid_one_came_too() {
         let mut broken = sent(1, 1000).encode().to_vec();
         broken[20] ^= 4;
         let mut long = sent(1, 1000).encode().to_vec();
@@ -252,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn a_disconnection_is_told_after_the_last_report() {
+    fn a_disconnection_is_reported_after_the_last_report() {
         let mut reads = [Ok(()), Err(DeviceError::Disconnected(19))]
             .into_iter()
             .cycle();

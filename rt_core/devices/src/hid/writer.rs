@@ -136,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_is_told_with_the_next_command() {
+    fn a_failed_write_is_reported_with_the_next_command() {
         let (written, seen) = channel();
         let write = move |command: &u32| {
             let _ = written.send(*command);

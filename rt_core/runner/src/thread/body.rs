@@ -23,7 +23,7 @@ pub(super) fn body(
     mut tick_loop: Box<TickLoop>,
     stop: &Stop,
     ticks: &AtomicU64,
-    tell: &SyncSender<Result<Setup, SpawnError>>,
+    sender: &SyncSender<Result<Setup, SpawnError>>,
 ) -> (Outcome, Held) {
     let mut locked = LockedMemory::new();
     let (setup, awake) = set_up(&config, &tick_loop, &mut locked);
@@ -34,7 +34,7 @@ pub(super) fn body(
     let ready = ready(&config, &setup);
     let length = if ready.is_ok() { config.ticks } else { Some(0) };
     // The thread that called `spawn` waits for this message. If it no longer waits, `stop` still ends the run.
-    let _ = tell.send(ready.map(|()| setup.clone()));
+    let _ = sender.send(ready.map(|()| setup.clone()));
 
     // The first deadline is a whole period ahead, so the first tick has as much time as the others.
     let mut pace = Pace::new(now_ns().saturating_add(config.period_ns), config.period_ns);
@@ -74,10 +74,10 @@ pub(super) fn body(
     (Ok(report), held)
 }
 
-/// The last stage before the first tick: refuses to start where `config` insists on a grant that is missing, then
+/// The last stage before the first tick: refuses to start where a grant that `config` requires is missing, then
 /// forbids every system call that `config` does not allow.
 fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
-    if config.insist && !setup.degradations.is_empty() {
+    if config.require_grants && !setup.degradations.is_empty() {
         return Err(SpawnError::NotGranted(setup.degradations.clone()));
     }
     Ok(config.calls.map_or(Ok(()), confine)?)

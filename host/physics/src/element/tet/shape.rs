@@ -106,9 +106,9 @@ impl Shape<10, 4> for Tet10 {
 
     fn lumping() -> [f64; 10] {
         // Diagonal of the consistent mass: 1/70 at a corner, 8/105 at a midside, together 18/35.
-        let mut shares = [1.0 / 36.0; 10];
-        shares[4..].fill(4.0 / 27.0);
-        shares
+        let mut fractions = [1.0 / 36.0; 10];
+        fractions[4..].fill(4.0 / 27.0);
+        fractions
     }
 
     fn weights() -> [f64; 10] {

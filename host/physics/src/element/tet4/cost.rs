@@ -1,4 +1,4 @@
-//! The operations and bytes of the kernels of `tet4`, counted by hand. `tests/fast_cost.rs` counts the operations again.
+//! The operations and bytes of the kernels of `tet4`, counted by hand. `tests/element_cost.rs` counts the operations again.
 
 use super::Tets;
 use crate::cost::Cost;

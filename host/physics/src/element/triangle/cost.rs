@@ -1,4 +1,4 @@
-//! The operations and bytes of the kernels of triangles, counted by hand. `tests/fast_cost.rs` counts the operations
+//! The operations and bytes of the kernels of triangles, counted by hand. `tests/element_cost.rs` counts the operations
 //! again.
 
 use super::triangles::Triangles;

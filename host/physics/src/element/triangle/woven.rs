@@ -211,7 +211,7 @@ impl<L: SheetLaw> Woven<L> {
 fn warp_in_frame(triangle: usize, corners: [&Vec3; 3], warp: &Vec3) -> Result<[f64; 2], BodyError> {
     let none = |sine| BodyError::Warp {
         triangle,
-        share: sine,
+        fraction: sine,
     };
     let warp = unit(warp).ok_or_else(|| none(f64::NAN))?;
     let along = (corners[1] - corners[0]).normalize();

@@ -25,10 +25,10 @@ pub(super) fn print(found: &Parts) {
             1e-6 * part.flops as f64,
             1e-9 * part.bytes_per_second,
             1e-9 * part.bandwidth,
-            100.0 * part.share_of_bandwidth,
+            100.0 * part.fraction_of_bandwidth,
             1e-9 * part.flops_per_second,
             1e-9 * part.peak,
-            100.0 * part.share_of_peak,
+            100.0 * part.fraction_of_peak,
         );
     }
     println!(

@@ -188,7 +188,7 @@ fn print_skips(found: &Speed) {
     for skip in &found.skips {
         println!(
             "| {} | {} | {:.1} | {:.1} | {:.1e} |",
-            skip.what,
+            skip.description,
             skip.elements,
             1e6 * skip.whole,
             1e6 * skip.skipped,

@@ -60,13 +60,13 @@ pub(super) fn distributions(name: &str, cells: &BTreeMap<u64, CellResult>) -> St
 pub(in crate::stress) fn holds(cells: &BTreeMap<u64, HoldCell>) -> String {
     let values: [(&str, Value); 4] = [
         ("error of the hold (%)", |o| {
-            (100.0 * o.felt.hold_error).max(LEAST_ERROR)
+            (100.0 * o.force_errors.hold_error).max(LEAST_ERROR)
         }),
         ("error of the run, relative to its peak (%)", |o| {
-            (100.0 * o.felt.run_error).max(LEAST_ERROR)
+            (100.0 * o.force_errors.run_error).max(LEAST_ERROR)
         }),
         ("ripple in excess of the reference (mN)", |o| {
-            (1e3 * o.felt.worst_ripple).max(LEAST_ERROR)
+            (1e3 * o.force_errors.worst_ripple).max(LEAST_ERROR)
         }),
         ("ticks capped (%)", |o| (100.0 * o.capped).max(LEAST_ERROR)),
     ];

@@ -65,7 +65,7 @@ fn print_row(first: &str, row: &Row) {
         two(row.untroubled),
         100.0 * row.unnoticed,
         two(row.stiffness),
-        two(row.felt),
+        two(row.run_error),
         row.worst_ripple[0],
         row.worst_ripple[1],
         two(row.capped),

@@ -25,7 +25,7 @@ const EXTREMES: [f64; 12] = [
 ];
 
 /// An entry of [`EXTREMES`], or an ordinary number.
-pub(super) fn wild(draw: Chance, n: u64) -> f64 {
+pub(super) fn extreme(draw: Chance, n: u64) -> f64 {
     let pick = draw.unit(2 * n) * 2.0 * EXTREMES.len() as f64;
     let ordinary = draw.between(2 * n + 1, -10.0, 10.0);
     EXTREMES.get(pick as usize).copied().unwrap_or(ordinary)
@@ -69,36 +69,39 @@ impl Clock {
 
 /// How the devices behave during a stretch.
 #[derive(Clone, Copy, Debug)]
-enum Mood {
+enum Behaviour {
     /// A hand that moves gently.
-    Calm,
+    Gentle,
     /// An arbitrary pose within a metre, a new one in every tick.
     Jump,
     /// Numbers at the limits of the floating-point format.
-    Wild,
+    Extreme,
     /// An encoder that stands at a limit of its range.
-    AtItsEnd,
+    AtLimit,
     /// No state, for each of the possible reasons.
     Silent,
     /// An invalid rotation.
     Twisted,
-    /// Another of these moods in every tick.
+    /// Another of these behaviours in every tick.
     Any,
 }
 
-const MOODS: [Mood; 7] = [
-    Mood::Calm,
-    Mood::Jump,
-    Mood::Wild,
-    Mood::AtItsEnd,
-    Mood::Silent,
-    Mood::Twisted,
-    Mood::Any,
+const BEHAVIOURS: [Behaviour; 7] = [
+    Behaviour::Gentle,
+    Behaviour::Jump,
+    Behaviour::Extreme,
+    Behaviour::AtLimit,
+    Behaviour::Silent,
+    Behaviour::Twisted,
+    Behaviour::Any,
 ];
 
-fn mood(draw: Chance, n: u64) -> Mood {
-    let pick = draw.unit(n) * MOODS.len() as f64;
-    MOODS.get(pick as usize).copied().unwrap_or(Mood::Calm)
+fn behaviour(draw: Chance, n: u64) -> Behaviour {
+    let pick = draw.unit(n) * BEHAVIOURS.len() as f64;
+    BEHAVIOURS
+        .get(pick as usize)
+        .copied()
+        .unwrap_or(Behaviour::Gentle)
 }
 
 /// The readings of the devices.
@@ -121,36 +124,38 @@ impl Hands {
         for (device, reading) in readings.iter_mut().enumerate().take(self.devices) {
             // Without names, number 7 of device 3 would be number 3 of device 4.
             let draw = self.chance.of(["a", "b", "c", "d"][device % 4]);
-            let mood = bad.map_or(Mood::Calm, |stretch| mood(draw.of("mood"), stretch));
-            *reading = read(mood, draw, tick, device);
+            let behaviour = bad.map_or(Behaviour::Gentle, |stretch| {
+                behaviour(draw.of("mood"), stretch)
+            });
+            *reading = read(behaviour, draw, tick, device);
         }
         readings
     }
 }
 
-fn read(mood: Mood, draw: Chance, tick: u64, device: usize) -> Reading {
+fn read(behaviour: Behaviour, draw: Chance, tick: u64, device: usize) -> Reading {
     let n = 16 * tick;
-    let mut state = calm(tick, device);
-    match mood {
-        Mood::Calm => {}
-        Mood::Jump => {
+    let mut state = gentle(tick, device);
+    match behaviour {
+        Behaviour::Gentle => {}
+        Behaviour::Jump => {
             state.pose.position = Vec3::from_fn(|i, _| draw.between(n + i as u64, -1.0, 1.0));
             state.twist.linear = Vec3::from_fn(|i, _| draw.between(n + 3 + i as u64, -5.0, 5.0));
         }
-        Mood::Wild => {
-            let number = |i: usize| wild(draw, n + i as u64);
+        Behaviour::Extreme => {
+            let number = |i: usize| extreme(draw, n + i as u64);
             state.pose.position = Vec3::from_fn(|i, _| number(i));
             state.twist = Twist {
                 linear: Vec3::from_fn(|i, _| number(3 + i)),
                 angular: Vec3::from_fn(|i, _| number(6 + i)),
             };
         }
-        Mood::AtItsEnd => {
+        Behaviour::AtLimit => {
             // Sixteen bits at 38 um.
             let end = f64::from(i16::MAX) * 38e-6;
             state.pose.position = Vec3::new(end, -end, end);
         }
-        Mood::Silent => {
+        Behaviour::Silent => {
             let errors = [
                 DeviceError::NoReport,
                 DeviceError::Disconnected(19),
@@ -159,8 +164,8 @@ fn read(mood: Mood, draw: Chance, tick: u64, device: usize) -> Reading {
             let pick = draw.unit(n) * errors.len() as f64;
             return Err(errors[(pick as usize).min(errors.len() - 1)]);
         }
-        Mood::Twisted => {
-            let number = |i: u64| wild(draw, n + i);
+        Behaviour::Twisted => {
+            let number = |i: u64| extreme(draw, n + i);
             state.pose.rotation = UnitQuaternion::new_unchecked(Quaternion::new(
                 number(0),
                 number(1),
@@ -168,20 +173,20 @@ fn read(mood: Mood, draw: Chance, tick: u64, device: usize) -> Reading {
                 number(3),
             ));
         }
-        Mood::Any => return read(mood_but_any(draw, n), draw.of("any"), tick, device),
+        Behaviour::Any => return read(behaviour_but_any(draw, n), draw.of("any"), tick, device),
     }
     Ok(state)
 }
 
-fn mood_but_any(draw: Chance, n: u64) -> Mood {
-    match mood(draw, n) {
-        Mood::Any => Mood::Wild,
-        mood => mood,
+fn behaviour_but_any(draw: Chance, n: u64) -> Behaviour {
+    match behaviour(draw, n) {
+        Behaviour::Any => Behaviour::Extreme,
+        behaviour => behaviour,
     }
 }
 
 /// The state of a device whose hand moves gently about one place.
-fn calm(tick: u64, device: usize) -> DeviceState {
+fn gentle(tick: u64, device: usize) -> DeviceState {
     let phase = 0.01 * tick as f64 + device as f64;
     let (sin, cos) = (libm::sin(phase), libm::cos(phase));
     let axis = Vec3::new(sin, cos, 0.5);

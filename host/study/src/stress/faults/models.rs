@@ -1,7 +1,7 @@
 //! Local models that no host should publish.
 
 use super::Chance;
-use super::input::wild;
+use super::input::extreme;
 use rt_core::{LocalModel, MAX_HANDLES, Mat6, Vec3};
 
 /// Ticks between models.
@@ -9,28 +9,28 @@ const EVERY: u64 = 16;
 
 /// How the host behaves during a stretch.
 #[derive(Clone, Copy, Debug)]
-enum Mood {
+enum Behaviour {
     /// It publishes sound models.
-    Calm,
+    Sound,
     /// It publishes nothing.
     Silent,
     /// It contradicts itself: every model has another stiffness, wrench and reference, of any sign.
-    Restless,
+    Contradictory,
     /// One entry of the stiffness is at the limits of the floating-point format.
-    Spoilt,
+    OneExtreme,
     /// All numbers are.
-    Wild,
+    Extreme,
     /// Times, handles and devices are impossible.
-    Confused,
+    Impossible,
 }
 
-const MOODS: [Mood; 6] = [
-    Mood::Calm,
-    Mood::Silent,
-    Mood::Restless,
-    Mood::Spoilt,
-    Mood::Wild,
-    Mood::Confused,
+const BEHAVIOURS: [Behaviour; 6] = [
+    Behaviour::Sound,
+    Behaviour::Silent,
+    Behaviour::Contradictory,
+    Behaviour::OneExtreme,
+    Behaviour::Extreme,
+    Behaviour::Impossible,
 ];
 
 /// The local models that the host publishes for one body held by every device.
@@ -58,26 +58,29 @@ impl Models {
         let mut model = sound(self.devices);
         model.sequence = self.sequence;
         model.time_ns = now_ns;
-        let moods = self.chance.of("mood");
-        let mood = bad.map_or(Mood::Calm, |stretch| {
-            let pick = moods.unit(stretch) * MOODS.len() as f64;
-            MOODS.get(pick as usize).copied().unwrap_or(Mood::Calm)
+        let chances = self.chance.of("mood");
+        let behaviour = bad.map_or(Behaviour::Sound, |stretch| {
+            let pick = chances.unit(stretch) * BEHAVIOURS.len() as f64;
+            BEHAVIOURS
+                .get(pick as usize)
+                .copied()
+                .unwrap_or(Behaviour::Sound)
         });
         let draw = self.chance.of("number");
         let n = 1024 * tick;
-        match mood {
-            Mood::Calm => {}
-            Mood::Silent => return None,
-            Mood::Restless => restless(&mut model, draw, n),
-            Mood::Spoilt => {
+        match behaviour {
+            Behaviour::Sound => {}
+            Behaviour::Silent => return None,
+            Behaviour::Contradictory => restless(&mut model, draw, n),
+            Behaviour::OneExtreme => {
                 let handle = (draw.unit(n) * self.devices as f64) as usize % MAX_HANDLES;
-                model.stiffness[handle][handle][(1, 1)] = wild(draw, n + 1);
+                model.stiffness[handle][handle][(1, 1)] = extreme(draw, n + 1);
             }
-            Mood::Wild => {
+            Behaviour::Extreme => {
                 let mut next = n;
                 let mut number = || {
                     next += 1;
-                    wild(draw, next)
+                    extreme(draw, next)
                 };
                 model.energy = number();
                 for handle in &mut model.handles {
@@ -93,7 +96,7 @@ impl Models {
                     tame(&mut model);
                 }
             }
-            Mood::Confused => confuse(&mut model, draw, n),
+            Behaviour::Impossible => make_impossible(&mut model, draw, n),
         }
         Some(model)
     }
@@ -156,13 +159,13 @@ fn tame(model: &mut LocalModel) {
     }
 }
 
-fn confuse(model: &mut LocalModel, draw: Chance, n: u64) {
+fn make_impossible(model: &mut LocalModel, draw: Chance, n: u64) {
     match (draw.unit(n) * 6.0) as u64 {
         0 => model.time_ns = u64::MAX,
         1 => model.time_ns = 0,
         2 => model.handle_count = u8::MAX,
         3 => model.handle_count = 0,
         4 => model.handles[0].device = u8::MAX,
-        _ => model.period = wild(draw, n + 1),
+        _ => model.period = extreme(draw, n + 1),
     }
 }

@@ -5,7 +5,7 @@
 //! written as scene files (`specimen`). Each cell runs under `capped`, under `linear`, and as the reference of
 //! `palpate stress scene`, with the physics inside the tick. Along each run, the body is moved once more by the same
 //! hand, with one step a tick. The force that the body then exerts is the force that the scheme should have rendered:
-//! see [`super::scene::felt`]. No fault occurs, so no scheme has a reason to withhold force.
+//! see [`super::scene::force_errors`]. No fault occurs, so no scheme has a reason to withhold force.
 //! [`verdict`] states the limits.
 
 pub mod draw;

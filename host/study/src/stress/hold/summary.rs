@@ -45,9 +45,9 @@ pub fn row<'a>(cells: impl Iterator<Item = &'a CellResult>, scheme: &str) -> Opt
         runs: cells.len(),
         passed: each.iter().filter(|failures| failures.is_empty()).count(),
         failed: Failure::ALL.map(|what| each.iter().filter(|f| f.contains(&what)).count()),
-        hold: two(&|o| o.felt.hold_error),
-        run: two(&|o| o.felt.run_error),
-        ripple: two(&|o| o.felt.worst_ripple),
+        hold: two(&|o| o.force_errors.hold_error),
+        run: two(&|o| o.force_errors.run_error),
+        ripple: two(&|o| o.force_errors.worst_ripple),
         capped: most(&|o| o.capped),
         net_energy: most(&|o| o.net_energy),
     })

@@ -67,12 +67,12 @@ impl Failure {
 /// A force that alternates by a count, half of the time each, has a root mean square of half of that change: no encoder
 /// resolves less. The limit of a run is at least this root mean square; the limit of ripple is at least twice as much.
 pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
-    let felt = &outcome.felt;
-    let run = RUN.max(0.5 * count / felt.peak.max(f64::MIN_POSITIVE));
+    let errors = &outcome.force_errors;
+    let run = RUN.max(0.5 * count / errors.peak.max(f64::MIN_POSITIVE));
     [
-        felt.hold_error / HOLD,
-        felt.run_error / run,
-        felt.worst_ripple / RIPPLE.max(count),
+        errors.hold_error / HOLD,
+        errors.run_error / run,
+        errors.worst_ripple / RIPPLE.max(count),
     ]
 }
 

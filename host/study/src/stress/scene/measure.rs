@@ -1,7 +1,7 @@
 //! The measurements of a run: the stillness of its hold, the net energy, the error of the forces.
 
 use super::draw::{BEGIN, Draw, Span};
-use super::felt::Felt;
+use super::force_errors::ForceErrors;
 use physics::Vec3;
 use rt_core::{Pose, Wrench};
 use serde::{Deserialize, Serialize};
@@ -172,7 +172,7 @@ pub struct Outcome {
     pub capped: f64,
     /// The rendered force over the whole run, compared with the body's own.
     #[serde(flatten)]
-    pub felt: Felt,
+    pub force_errors: ForceErrors,
 }
 
 impl Outcome {
@@ -192,7 +192,7 @@ impl Outcome {
             error_untroubled: run.error(reference, |time| !draw.is_troubled(time)),
             stiffness_error: run.stiffness_error(),
             capped: run.capped as f64 / ticks,
-            felt: Felt::of(run, reference, draw),
+            force_errors: ForceErrors::of(run, reference, draw),
         }
     }
 }

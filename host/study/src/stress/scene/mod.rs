@@ -15,7 +15,7 @@
 //! between ticks, where the hand holds the device. The account of the controller is not used.
 
 pub mod draw;
-pub mod felt;
+pub mod force_errors;
 mod hands;
 pub mod measure;
 pub(super) mod reference;

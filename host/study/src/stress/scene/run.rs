@@ -30,13 +30,13 @@ const SETTLE: f64 = 0.05;
 /// the last [`SETTLE`]. No tick knows the place of a resting hand better than its encoder, and on a stiff body a
 /// fraction of a count changes the force noticeably. A body that followed the counts themselves would shake.
 #[derive(Clone)]
-struct Wander {
+struct ShiftedPose {
     gain: f64,
     off: Vec3,
     turned: Vec3,
 }
 
-impl Wander {
+impl ShiftedPose {
     fn new(period: f64) -> Self {
         Self {
             gain: period / SETTLE,
@@ -97,25 +97,25 @@ pub(in crate::stress) fn run(
     let host = Steady::new(engine, Lossy::new(late, world, chance));
     let mut host = Troubled::new(host, world);
     let period = world.period();
-    let mut wanders = vec![Wander::new(period); world.loaded.scene.devices.len()];
+    let mut shifted = vec![ShiftedPose::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
     world.timeline().drive(&mut host, |host, now| {
         let time = now as f64 * 1e-9;
-        if let Some(at) = softens.filter(|at| time >= *at && host.is_unheard()) {
+        if let Some(at) = softens.filter(|at| time >= *at && host.awaits_model()) {
             unaware = Span {
                 at,
                 duration: time + period - at,
             };
         }
         let telemetry = tick.tick(now, 0);
-        let devices = tick.devices.iter().zip(&mut wanders).enumerate();
-        for (index, (device, wander)) in devices {
+        let devices = tick.devices.iter().zip(&mut shifted).enumerate();
+        for (index, (device, shifted)) in devices {
             let shown = telemetry.devices[index].pose;
             let scale = world.loaded.scene.devices[index].motion_scale;
             let reading = telemetry.readings[index].as_ref().ok();
             let truly = probe(device).pose;
-            let pose = wander.pose(&shown, reading.map(|r| (&r.pose, &truly)), scale);
+            let pose = shifted.pose(&shown, reading.map(|r| (&r.pose, &truly)), scale);
             kept.keep_proxy(index, pose);
         }
         let bodies = host.engine().bodies().iter().map(HostBody::body);

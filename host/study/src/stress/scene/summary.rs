@@ -32,7 +32,8 @@ pub struct Row {
     /// Stiffness error of the hold, a fraction: median and 90th percentile.
     pub stiffness: [f64; 2],
     /// Error of the force over the whole run, a fraction of the peak: median and 90th percentile.
-    pub felt: [f64; 2],
+    #[serde(rename = "felt")]
+    pub run_error: [f64; 2],
     /// Ripple in the worst half second beyond that of the reference (N): 90th percentile and largest.
     pub worst_ripple: [f64; 2],
     /// Fraction of the ticks in which a cap acted: median and largest.
@@ -121,8 +122,8 @@ pub fn row<'a>(
             unnoticed: unnoticed as f64 / untroubled.len().max(1) as f64,
             untroubled: at(&untroubled, [0.5, 0.9]),
             stiffness: at(&sorted(&|o| Some(o.stiffness_error)), [0.5, 0.9]),
-            felt: at(&sorted(&|o| Some(o.felt.run_error)), [0.5, 0.9]),
-            worst_ripple: at(&sorted(&|o| Some(o.felt.worst_ripple)), [0.9, 1.0]),
+            run_error: at(&sorted(&|o| Some(o.force_errors.run_error)), [0.5, 0.9]),
+            worst_ripple: at(&sorted(&|o| Some(o.force_errors.worst_ripple)), [0.9, 1.0]),
             capped: at(&sorted(&|o| Some(o.capped)), [0.5, 1.0]),
             worst: [worst(&|o| o.net_energy), worst(&|o| o.stillness.ripple)],
         }

@@ -119,7 +119,7 @@ pub(super) struct Troubled<'a> {
     /// The time at which the bodies softened here (ns), and whether the tick has received a model of each softened
     /// body.
     softened: Option<u64>,
-    heard: Vec<bool>,
+    received: Vec<bool>,
 }
 
 impl<'a> Troubled<'a> {
@@ -128,7 +128,7 @@ impl<'a> Troubled<'a> {
             host,
             world,
             softened: None,
-            heard: vec![false; world.loaded.scene.bodies.len()],
+            received: vec![false; world.loaded.scene.bodies.len()],
         }
     }
 
@@ -138,8 +138,8 @@ impl<'a> Troubled<'a> {
     }
 
     /// Whether the tick has yet to receive a model of a softened body.
-    pub(super) fn is_unheard(&self) -> bool {
-        self.heard.contains(&false)
+    pub(super) fn awaits_model(&self) -> bool {
+        self.received.contains(&false)
     }
 }
 
@@ -172,9 +172,9 @@ impl Host for Troubled<'_> {
     }
 
     fn deliver(&mut self, now_ns: u64) {
-        let (softened, heard) = (self.softened, &mut self.heard);
+        let (softened, received) = (self.softened, &mut self.received);
         self.host.link.link.deliver(now_ns, |body, model| {
-            heard[body] |= softened.is_some_and(|at| model.time_ns >= at);
+            received[body] |= softened.is_some_and(|at| model.time_ns >= at);
         });
     }
 }

@@ -61,7 +61,7 @@ mod tests {
     use sim::adversary::{Goal, Rendering};
 
     #[test]
-    fn a_wall_as_stiff_as_asked_gives_what_theory_says() {
+    fn a_wall_of_the_requested_stiffness_gives_the_energy_of_theory() {
         // A sampled spring is as stiff as asked, so the bound for `r = 1` is the energy that the hand gains.
         struct Spring(f64);
         impl Rendering for Spring {

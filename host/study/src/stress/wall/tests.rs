@@ -85,7 +85,7 @@ fn the_map_has_energy_above_the_line_and_none_below() {
         let line = sampled.passive();
         assert!(up[0] < *stiffness && *stiffness < up[1]);
         if *stiffness < line {
-            // Rounding.
+            // The tolerance is rounding.
             assert!(*energy < 1e-14, "{outcome:?}");
             sides[0] += 1;
         } else if *stiffness > 1.1 * line {

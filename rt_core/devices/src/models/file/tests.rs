@@ -28,7 +28,7 @@ rotation.inertia = "a pendulum"
 "#;
 
 #[test]
-fn a_file_says_what_it_says() {
+fn a_file_gives_its_numbers_and_sources() {
     let file = DeviceFile::parse(BASE).unwrap();
     assert_eq!(file.name, "Mine");
     assert_eq!(file.model.driver_stiffness, 1000.0);
@@ -43,7 +43,7 @@ fn a_file_says_what_it_says() {
 }
 
 #[test]
-fn each_mistake_is_told_with_line_and_field() {
+fn each_mistake_is_reported_with_line_and_field() {
     let numbers = "rate, mass, damping, friction, position_step, max_force, workspace_radius, \
                    driver_stiffness, driver_damping";
     let turning = "inertia, damping, friction, step, max_moment, driver_stiffness, driver_damping";
@@ -145,7 +145,7 @@ fn each_mistake_is_told_with_line_and_field() {
 
 proptest! {
     #[test]
-    fn whatever_is_cut_and_put_in_is_read_or_refused_in_one_line(
+    fn any_edited_file_is_read_or_refused_in_one_line(
         cut in 0..BASE.len(), length in 0..40_usize, put in ".{0,12}",
     ) {
         let end = (cut + length).min(BASE.len());

@@ -1,0 +1,302 @@
+//! The stated numbers of operations of kernels against counted operations, and the memory of a stepper.
+
+use physics::element::tet4::{self, Tet, Tets};
+use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
+use physics::element::triangle::triangles::{self, Triangle, Triangles};
+use physics::lanes::block::LANES;
+use physics::material::law::Frame;
+use physics::mesh::generate_box::solid_box;
+use physics::{
+    Body, BodyConfig, Freedom, HandleSpec, Node, Part, Real, SolidLaw, SolidMaterial, Stepper,
+    StepperOptions, Vec3,
+};
+use std::cell::Cell;
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+thread_local! {
+    static OPERATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+/// A number that counts the operations on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, PartialOrd)]
+struct Counted(f64);
+
+fn count(value: f64) -> Counted {
+    OPERATIONS.set(OPERATIONS.get() + 1);
+    Counted(value)
+}
+
+macro_rules! counted {
+    ($trait:ident, $method:ident) => {
+        impl $trait for Counted {
+            type Output = Self;
+
+            fn $method(self, other: Self) -> Self {
+                count(self.0.$method(other.0))
+            }
+        }
+    };
+}
+
+counted!(Add, add);
+counted!(Sub, sub);
+counted!(Mul, mul);
+counted!(Div, div);
+
+impl Neg for Counted {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl AddAssign for Counted {
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl SubAssign for Counted {
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl Real for Counted {
+    const ZERO: Self = Self(0.0);
+    const EPSILON: Self = Self(f64::EPSILON);
+    const SMALL_TURN: Self = Self(1e-13);
+
+    fn of(value: f64) -> Self {
+        Self(value)
+    }
+
+    fn to_f64(self) -> f64 {
+        self.0
+    }
+
+    fn sqrt(self) -> Self {
+        count(self.0.sqrt())
+    }
+}
+
+/// The number of operations of `work`.
+fn operations(work: impl FnOnce()) -> usize {
+    let before = OPERATIONS.get();
+    work();
+    OPERATIONS.get() - before
+}
+
+/// The displacements of four nodes, strained by about a hundredth. The strain grows slightly with each number of
+/// `nodes`.
+fn displaced(scale: f64) -> Vec<Node<Counted>> {
+    displacements(4, scale)
+}
+
+fn displacements(nodes: i32, scale: f64) -> Vec<Node<Counted>> {
+    (0..nodes)
+        .map(|n: i32| {
+            let at = |axis: i32| Counted(scale * 1e-3 * f64::from((7 * n * n + 3 * axis) % 5));
+            [at(0), at(1), at(2), Counted(0.0)]
+        })
+        .collect()
+}
+
+/// The operations on the padding of the nodes of an element of `nodes`: one on each difference when the kernel reads it
+/// and when the kernel gathers it, one on each force that is added to its node, and one on the sum of the forces at the
+/// first node.
+fn fill(nodes: usize) -> usize {
+    let others = nodes - 1;
+    2 * others + others + (others - 1) + 1
+}
+
+#[test]
+fn the_stated_operations_of_a_tetrahedron_are_the_counted_ones() {
+    let gradients = [
+        Vec3::repeat(-10.0),
+        Vec3::x() * 10.0,
+        Vec3::y() * 10.0,
+        Vec3::z() * 10.0,
+    ];
+    let one = Tet {
+        nodes: [0, 1, 2, 3],
+        gradients,
+        volume: 1e-3 / 6.0,
+        lambda: 1e4,
+        mu: 8e3,
+    };
+    let mut tets = Tets::<Counted>::new([one; LANES].into_iter());
+    let mut force = vec![[Counted(0.0); 4]; 4];
+    let d = displaced(1.0);
+    // The first pass finds the rotations. The second starts from these rotations and takes one Newton iteration for
+    // each.
+    for _ in 0..2 {
+        tets.linearize(&d, &mut force);
+    }
+    let expected = LANES * (tet4::LINEARIZE_FLOPS + fill(4) + 1);
+    let found = operations(|| {
+        tets.linearize(&d, &mut force);
+    });
+    // Each further lane adds one operation, because the energies are summed at the end.
+    assert_eq!(found, expected);
+
+    // From a distant start, all lanes take one or more further turns.
+    let found = operations(|| {
+        tets.linearize(&displaced(3.0), &mut force);
+    });
+    assert!(found > expected);
+    assert_eq!((found - expected) % (LANES * tet4::TURN_FLOPS), 0);
+
+    let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (tet4::PRODUCT_FLOPS + fill(4)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = tet4::PRODUCT_FLOPS + tet4::ENERGY_FLOPS + fill(4) + 1;
+    assert_eq!(found, LANES * expected);
+}
+
+#[test]
+fn the_stated_operations_of_a_quadratic_tetrahedron_are_the_counted_ones() {
+    let one = QuadraticTet {
+        nodes: [0, 1, 2, 3, 4, 5, 6, 7, 8, 9],
+        gradients: [[Vec3::x() * 10.0, Vec3::y() * 10.0, Vec3::z() * 10.0]; 4],
+        volumes: [1e-3 / 24.0; 4],
+        lambda: 1e4,
+        mu: 8e3,
+    };
+    let mut tets = QuadraticTets::<Counted>::new(&[one; LANES]);
+    let mut force = vec![[Counted(0.0); 4]; 10];
+    let d = displacements(10, 1.0);
+    // The first pass finds the rotations. The second starts from these rotations and takes one Newton iteration for
+    // each.
+    for _ in 0..2 {
+        tets.linearize(&d, &mut force);
+    }
+    let found = operations(|| {
+        tets.linearize(&d, &mut force);
+    });
+    // The energies are summed at the end.
+    assert_eq!(found, LANES * (tet10::LINEARIZE_FLOPS + fill(10) + 1));
+    let found = operations(|| tets.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (tet10::PRODUCT_FLOPS + fill(10)));
+
+    let mut fixed = tets.in_frame(Frame::Fixed);
+    let found = operations(|| {
+        fixed.linearize(&d, &mut force);
+    });
+    let expected = tet10::PRODUCT_FLOPS + tet10::ENERGY_FLOPS + fill(10) + 1;
+    assert_eq!(found, LANES * expected);
+}
+
+#[test]
+fn the_stated_operations_of_a_triangle_are_the_counted_ones() {
+    let one = Triangle {
+        nodes: [0, 1, 2],
+        gradients: [[10.0, 0.0], [0.0, 10.0]],
+        frame: [Vec3::x(), Vec3::y()],
+        mu: 8.0,
+        lambda: 10.0,
+    };
+    let mut triangles = Triangles::<Counted>::new(&[one; LANES]);
+    let mut force = vec![[Counted(0.0); 4]; 4];
+    let d = displaced(1.0);
+    let found = operations(|| {
+        triangles.linearize(&d, &mut force);
+    });
+    // The energies are summed at the end.
+    assert_eq!(found, LANES * (triangles::LINEARIZE_FLOPS + fill(3) + 1));
+    let found = operations(|| triangles.product(Counted(2.0), &d, &mut force));
+    assert_eq!(found, LANES * (triangles::PRODUCT_FLOPS + fill(3)));
+}
+
+/// A cube with `n` grid cells along the edge, held at its bottom.
+fn held_cube(n: u32) -> Body {
+    let mesh = solid_box([0.1; 3], [n; 3]).unwrap();
+    let material = SolidMaterial {
+        young: 2e4,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let bottom = HandleSpec {
+        vertices: (0_u32..)
+            .zip(&mesh.positions)
+            .filter(|(_, x)| x.z < -0.05 + 1e-9)
+            .map(|(vertex, _)| vertex)
+            .collect(),
+        origin: Vec3::zeros(),
+        freedom: Freedom::Translation,
+    };
+    let materials = vec![material; mesh.cells.len()];
+    let config = BodyConfig::default();
+    Body::solid(&mesh, &materials, SolidLaw::Corotational, config, &[bottom]).unwrap()
+}
+
+#[test]
+fn repeating_a_part_changes_no_step() {
+    let body = held_cube(4);
+    let pose = body.handle_report(0).unwrap().pose;
+    let run = |repeated: bool| {
+        let mut body = body.clone();
+        let mut stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+        assert!(stepper.repeat(Part::Product).is_err());
+        for _ in 0..5 {
+            stepper.step(&mut body, 0.01, &[pose], || false).unwrap();
+            if repeated {
+                for part in [
+                    Part::Linearize,
+                    Part::Product,
+                    Part::Precondition,
+                    Part::Vectors,
+                ] {
+                    stepper.repeat(part).unwrap();
+                }
+            }
+        }
+        body
+    };
+    let (plain, repeated) = (run(false), run(true));
+    let moved = plain.positions().map(|x| x.amax());
+    assert!(moved.fold(0.0, f64::max) > 0.05);
+    for (a, b) in plain.positions().zip(repeated.positions()) {
+        // A repeated Newton iteration for a rotation continues from the converged rotation, whose error is 1e-13. A
+        // step of some millimetres keeps that many digits.
+        assert!((a - b).amax() < 1e-12, "{a} {b}");
+    }
+}
+
+#[test]
+fn costs_are_those_of_the_data() {
+    let body = held_cube(4);
+    let stepper = Stepper::<f64>::new(&body, StepperOptions::default()).unwrap();
+    let single = Stepper::<f32>::new(&body, StepperOptions::default()).unwrap();
+    let (elements, nodes) = (384, 125);
+    let product = stepper.cost(Part::Product).unwrap();
+    assert_eq!(product.flops, elements * tet4::PRODUCT_FLOPS);
+    // An element has four node numbers and ten numbers of eight bytes; 384 elements fill twelve blocks. The pass also
+    // reads the vector, and clears and writes the result.
+    assert_eq!(product.read, elements * (16 + 80) + 2 * nodes * 32);
+    assert_eq!(product.written, 2 * nodes * 32);
+    assert_eq!(product.touched, elements * (16 + 80) + 2 * nodes * 32);
+    let half = single.cost(Part::Product).unwrap();
+    assert_eq!(half.read, elements * (16 + 40) + 2 * nodes * 16);
+    assert_eq!(half.flops, product.flops);
+    let linearize = stepper.cost(Part::Linearize).unwrap();
+    assert_eq!(linearize.flops, elements * tet4::LINEARIZE_FLOPS);
+    // An element has its node numbers, nine gradients and a scale, four numbers of a quaternion, and the ratio of the
+    // moduli.
+    assert_eq!(linearize.read, elements * (16 + 8 * 15) + 2 * nodes * 32);
+    assert_eq!(linearize.written, elements * 8 * 13 + 2 * nodes * 32);
+    // A factorization takes at most the operations of a dense one, the third power of the size, and at least one
+    // product for each number.
+    let refresh = stepper.cost(Part::Refresh).unwrap();
+    let unknowns: usize = 3 * 100;
+    assert!(refresh.flops > unknowns * unknowns / 8 && refresh.flops < unknowns.pow(3));
+    // The memory of a stepper exceeds the memory that any of its parts touches. In single precision it is smaller.
+    assert!(stepper.bytes() > linearize.touched + refresh.touched);
+    assert!(single.bytes() < stepper.bytes());
+    assert!(body.bytes() > elements * size_of::<[Vec3; 4]>());
+}
