@@ -1,7 +1,7 @@
 //! A simulated device runs inside the real-time tick: once built, reading and writing never allocate, whatever comes.
+use alloc_count::calls::{Counting, count};
 use devices::ReplayDevice;
 use devices::conformance::Suite;
-use palpate_tests::counting::{Counting, count};
 use rt_core::{Device, Vec3};
 use sim::{
     DeviceModel, Fault, Faulty, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired,
