@@ -173,4 +173,32 @@ mod tests {
             [false, true, true, false]
         );
     }
+
+    #[test]
+    fn a_model_for_other_handles_differs_in_number_and_order() {
+        let faults = Faults::new(vec![HostFault {
+            kind: FaultKind::Topology,
+            at: 1.0,
+            duration: 1.0,
+        }]);
+        let model = LocalModel {
+            handle_count: 2,
+            ..LocalModel::empty()
+        };
+        let spoilt = faults.spoilt(1_000_000_000, &model).expect("a fault");
+        assert_eq!(spoilt.handle_count, 1);
+        assert_ne!(spoilt.handles[0].device, model.handles[0].device);
+        assert!(faults.spoilt(2_000_000_000, &model).is_none());
+    }
+
+    #[test]
+    fn a_panic_comes_at_its_time() {
+        let faults = Faults::new(vec![HostFault {
+            kind: FaultKind::Panic,
+            at: 1.0,
+            duration: 0.0,
+        }]);
+        let panics = |now_ns| std::panic::catch_unwind(|| faults.panic_if_due(now_ns)).is_err();
+        assert_eq!([999_999_999, 1_000_000_000].map(panics), [false, true]);
+    }
 }

@@ -16,7 +16,7 @@ pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
 
-use crate::atomic_file::{AtomicFileError, write_atomically};
+use crate::atomic_file::{AtomicFileError, write_atomically, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
@@ -235,10 +235,7 @@ fn write_files(
         write_atomically(path, svg.as_bytes())?;
     }
     if let Some(path) = &options.json {
-        // This fails only for maps whose keys are no strings and for failing writers. There are none of either.
-        let mut json = serde_json::to_string_pretty(summary).unwrap_or_default();
-        json.push('\n');
-        write_atomically(path, json.as_bytes())?;
+        write_json(path, summary)?;
     }
     Ok(())
 }
