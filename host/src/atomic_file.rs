@@ -66,6 +66,18 @@ fn ordinary_permissions(builder: &mut tempfile::Builder) {
 #[cfg(not(unix))]
 fn ordinary_permissions(_: &mut tempfile::Builder) {}
 
+/// Writes a value as indented JSON, either completely or not at all.
+///
+/// # Errors
+///
+/// [`AtomicFileError`] if the file cannot be written.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), AtomicFileError> {
+    // This fails only for maps whose keys are no strings and for failing writers. There are none of either.
+    let mut json = serde_json::to_string_pretty(value).unwrap_or_default();
+    json.push('\n');
+    write_atomically(path, json.as_bytes())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

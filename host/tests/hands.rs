@@ -123,15 +123,19 @@ fn a_device_of_six_degrees_of_freedom_can_be_named() -> Outcome {
     Ok(())
 }
 
-/// The error of a scene whose first device has these fields instead of its hand.
-fn refused(fields: &str) -> Result<String, Box<dyn Error>> {
-    let text = format!(
+/// A scene whose device has these fields instead of its hand.
+fn with_fields(fields: &str) -> String {
+    format!(
         "name = \"drivers\"\n\n[[body]]\nname = \"sheet\"\n\
          mesh.sheet = {{ length = 0.2, width = 0.1, cells = [4, 2] }}\n\
          material = {{ young = 1e6, poisson = 0.3, thickness = 0.001, density = 1000 }}\n\n\
          [[device]]\nname = \"left\"\nmodel = \"falcon\"\n{fields}\n"
-    );
-    let loaded = Scene::load_texts("x.toml", &text, &BTreeMap::new());
+    )
+}
+
+/// The error of the scene with these fields, when it is loaded or when its devices are opened.
+fn refused(fields: &str) -> Result<String, Box<dyn Error>> {
+    let loaded = Scene::load_texts("x.toml", &with_fields(fields), &BTreeMap::new());
     let opened = loaded.and_then(|loaded| controls(&loaded, 1));
     Ok(opened.err().ok_or("no error")?.to_string())
 }
@@ -154,6 +158,10 @@ fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
             "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid",
         ),
         (
+            "driver = \"hdi\"\nhand = {}",
+            "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid",
+        ),
+        (
             "driver = \"hid\"\nsettings = { vendor = 0x1209, product = 1 }",
             "x.toml:11: device[0].driver: found hid, allowed: simulated devices, or a run under the real \
              clock (`--clock real`)",
@@ -167,4 +175,19 @@ fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
         assert_eq!(refused(fields)?, expected, "{fields}");
     }
     Ok(())
+}
+
+#[test]
+fn an_unknown_driver_is_refused_before_anything_is_opened() {
+    let load = |driver: &str| {
+        let text = with_fields(&format!("driver = \"{driver}\""));
+        Scene::load_texts("x.toml", &text, &BTreeMap::new())
+    };
+    let error = load("hdi").expect_err("no driver has this name");
+    assert_eq!(
+        error.to_string(),
+        "x.toml:11: device[0].driver: found hdi, allowed: simulated, hid"
+    );
+    // A driver that is known is loaded, although its device needs settings and the real clock.
+    assert!(load("hid").is_ok());
 }

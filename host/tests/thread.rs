@@ -179,3 +179,33 @@ fn a_thread_is_generated_within_limits() {
         "{long}"
     );
 }
+
+#[test]
+fn a_thread_needs_no_poisson_ratio() {
+    let with = pulled(GENERATED, "area = 1e-6", RIGHT, 0.02);
+    let without = with.replace("poisson = 0.3, ", "");
+    assert_ne!(with, without);
+    let results = [&with, &without].map(|text| solved(&load(text, &[])));
+    assert_eq!(results[0].elastic_energy, results[1].elastic_energy);
+    assert_eq!(results[0].reactions[0].force, results[1].reactions[0].force);
+    // A region may name it all the same, without effect.
+    let region = "[[body.region]]\nbox = [[-1, -1, -1], [1, 1, 1]]\npoisson = 0.2\n";
+    for text in [with, without] {
+        let body = solved(&load(&(text + region), &[]));
+        assert_eq!(body.elastic_energy, results[0].elastic_energy);
+    }
+}
+
+#[test]
+fn a_sheet_or_a_solid_needs_one() {
+    let sheet = "sheet = { length = 0.2, width = 0.1, cells = [4, 2] }";
+    let solid = "box = { size = [0.2, 0.1, 0.1], cells = [2, 1, 1] }";
+    for (mesh, material) in [(sheet, "thickness = 0.001"), (solid, "law = \"linear\"")] {
+        let text = pulled(mesh, material, RIGHT, 0.02).replace("poisson = 0.3, ", "");
+        let error = bodies::build(&load(&text, &[]), 0).expect_err("no Poisson's ratio");
+        assert_eq!(
+            error.to_string(),
+            "x.toml:7: body[0].material: missing field `poisson`"
+        );
+    }
+}

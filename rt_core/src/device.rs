@@ -4,7 +4,7 @@
 //! A simulation, a recording and a wrapper (a fault injector, a tracer) all implement the same [`Device`]. The loop
 //! treats them alike.
 
-use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use crate::geometry::{Pose, Twist, Wrench};
 
 /// The result of one read of a device, in the device's own axes, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -158,9 +158,4 @@ impl<D: Device + ?Sized> Device for &mut D {
     fn probe(&self) -> Option<Probe> {
         (**self).probe()
     }
-}
-
-/// The distance by which `position` (m, device axes) lies outside the ball-shaped workspace.
-pub fn outside_workspace(capabilities: &Capabilities, position: &Vec3) -> f64 {
-    (position.norm() - capabilities.workspace_radius).max(0.0)
 }

@@ -23,7 +23,7 @@ use rt_core::{Capabilities, Device, DeviceError, DeviceState, Pose, Probe, Twist
 pub const SUBSTEP_NS: u64 = 50_000;
 /// Longest time for which the device moves in one call (ns). It bounds the work of a call. In a longer gap the device
 /// stands still for the rest of the gap, and the rest is counted.
-pub const LONGEST_MOVE_NS: u64 = 100_000_000;
+pub(crate) const LONGEST_MOVE_NS: u64 = 100_000_000;
 
 /// Why a simulated device could not be made.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]

@@ -47,11 +47,6 @@ impl<D: Device> Wired<D> {
     pub fn device(&self) -> &D {
         &self.device
     }
-
-    /// Takes the device off the wire.
-    pub fn into_device(self) -> D {
-        self.device
-    }
 }
 
 impl<D: Device> Device for Wired<D> {

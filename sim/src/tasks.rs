@@ -14,7 +14,7 @@ use rt_core::Vec3;
 /// Number of different repetitions of a task, after which the first recurs.
 pub const CYCLE: usize = 8;
 /// The shortest time of a reach (s).
-pub const SHORTEST_REACH: f64 = 0.05;
+pub(crate) const SHORTEST_REACH: f64 = 0.05;
 /// Time of the fade-in of a shake (s).
 const FADE: f64 = 0.5;
 /// The stream of the random generator: no other part of the program draws from it.

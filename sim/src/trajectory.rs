@@ -139,7 +139,7 @@ impl Trajectory {
     ///
     /// # Errors
     /// As [`Trajectory::new_waypoints`]; also fewer than two waypoints, or a last position that is not the first.
-    pub fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
+    pub(crate) fn new_cycle(waypoints: &[(f64, Vec3)]) -> Result<Self, TrajectoryError> {
         Ok(Self {
             parts: vec![Part::Waypoints(Waypoints::new_cycle(waypoints)?)],
         })

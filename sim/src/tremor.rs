@@ -13,11 +13,11 @@ use rt_core::Vec3;
 /// Number of sinusoids. Their beats repeat after a second and a half or later.
 pub const COUNT: usize = 6;
 /// Lowest frequency (Hz).
-pub const LOWEST_HZ: f64 = 8.0;
+pub(crate) const LOWEST_HZ: f64 = 8.0;
 /// Highest frequency (Hz).
-pub const HIGHEST_HZ: f64 = 12.0;
+pub(crate) const HIGHEST_HZ: f64 = 12.0;
 /// Time of the fade-in from rest (s).
-pub const FADE: f64 = 0.5;
+pub(crate) const FADE: f64 = 0.5;
 
 /// The stream of the random generator: no other part of the program draws from it.
 const STREAM: u128 = 0x7472_656d_6f72;

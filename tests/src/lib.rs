@@ -1,6 +1,5 @@
 //! Common parts of the end-to-end tests and benchmarks.
 
-pub mod counting;
 pub mod law;
 
 use host::run::setup::{Setup, setup};

@@ -1,6 +1,8 @@
 //! Every fault of the host, under both clocks: the force stays finite and within the limits of the device, it fades and
 //! returns without a jump, and the summary names the fault.
 
+use host::engine::faults::FaultKind::{self, NotANumber, Panic, Stall, Topology};
+use host::engine::faults::HostFault;
 use host::log::{Log, read_log};
 use host::run::summary::RunSummary;
 use host::run::{Clock, RunOptions, run};
@@ -10,19 +12,25 @@ use rt_core::coupling::HostState;
 /// Age above which a model is not trusted (s). The age is short, so that the tests wait little.
 const AGE_LIMIT: f64 = 0.1;
 
+/// A fault: its kind, its start and its duration (s).
+type Fault = (FaultKind, f64, f64);
+
 /// Runs the built-in scene for 3 s with faults. Returns its summary and its log.
-fn with(clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
+fn with(clock: Clock, faults: &[Fault]) -> (RunSummary, Log) {
     under(SchemeName::Capped, clock, faults)
 }
 
 /// The same under another scheme.
-fn under(scheme: SchemeName, clock: Clock, faults: &[&str]) -> (RunSummary, Log) {
+fn under(scheme: SchemeName, clock: Clock, faults: &[Fault]) -> (RunSummary, Log) {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("run.mcap");
     let options = RunOptions {
         duration: Some(3.0),
         log: Some(path.clone()),
-        faults: faults.iter().map(|f| f.parse().expect("is one")).collect(),
+        faults: faults
+            .iter()
+            .map(|&(kind, at, duration)| HostFault { kind, at, duration })
+            .collect(),
         ..RunOptions::new(clock)
     };
     let mut scene = palpate_tests::default_scene();
@@ -96,22 +104,22 @@ fn a_stalling_host_under_virtual_time() {
     // A stall shorter than the age limit (0.1 s) has no effect on the state. A longer one fades the force; a much
     // longer one ends in the safe hold.
     for (fault, expected) in [
-        ("stall@1.5+0.05", vec![Waiting, Live]),
-        ("stall@1.5+0.25", vec![Waiting, Live, Fading, Live]),
-        ("stall@1.5+0.8", vec![Waiting, Live, Fading, Held, Live]),
-        ("stall@1.5+5", vec![Waiting, Live, Fading, Held]),
+        ((Stall, 1.5, 0.05), vec![Waiting, Live]),
+        ((Stall, 1.5, 0.25), vec![Waiting, Live, Fading, Live]),
+        ((Stall, 1.5, 0.8), vec![Waiting, Live, Fading, Held, Live]),
+        ((Stall, 1.5, 5.0), vec![Waiting, Live, Fading, Held]),
     ] {
         let (_, log) = under(SchemeName::Linear, Clock::Virtual, &[fault]);
         check_steps(&log, LARGEST_UNCAPPED);
-        assert_eq!(states(&log), expected, "{fault}");
+        assert_eq!(states(&log), expected, "{fault:?}");
         let (summary, log) = with(Clock::Virtual, &[fault]);
         check_forces(&log);
-        assert_eq!(states(&log), expected, "{fault}");
+        assert_eq!(states(&log), expected, "{fault:?}");
         assert!(names(&summary, "on purpose: the host stalls"));
         assert_eq!(
             names(&summary, "model too old"),
             expected.len() > 2,
-            "{fault}"
+            "{fault:?}"
         );
         assert_eq!(summary.tick.count, 3000);
     }
@@ -120,14 +128,14 @@ fn a_stalling_host_under_virtual_time() {
 #[test]
 fn bad_models_under_virtual_time_are_refused_named_and_survived() {
     for (fault, reason) in [
-        ("nan@1.5+0.8", "a number is not finite"),
-        ("topology@1.5+0.8", "wrong handles"),
+        ((NotANumber, 1.5, 0.8), "a number is not finite"),
+        ((Topology, 1.5, 0.8), "wrong handles"),
     ] {
         let (summary, log) = with(Clock::Virtual, &[fault]);
         check_forces(&log);
-        assert_eq!(states(&log).last(), Some(&HostState::Live), "{fault}");
+        assert_eq!(states(&log).last(), Some(&HostState::Live), "{fault:?}");
         // 0.8 s at 250 Hz, all refused.
-        assert_eq!(summary.tick.refused_models, 200, "{fault}");
+        assert_eq!(summary.tick.refused_models, 200, "{fault:?}");
         assert!(names(&summary, reason), "{summary}");
         assert!(names(&summary, "model too old"), "{summary}");
     }
@@ -135,7 +143,7 @@ fn bad_models_under_virtual_time_are_refused_named_and_survived() {
 
 #[test]
 fn a_panicking_host_under_virtual_time() {
-    let (summary, log) = with(Clock::Virtual, &["panic@1.5"]);
+    let (summary, log) = with(Clock::Virtual, &[(Panic, 1.5, 0.0)]);
     check_forces(&log);
     assert_eq!(states(&log).last(), Some(&HostState::Held));
     assert_eq!(summary.tick.count, 3000);
@@ -150,10 +158,10 @@ fn a_panicking_host_under_virtual_time() {
 fn every_fault_under_the_real_clock() {
     // The test takes one run. It checks the force at every tick. The counts depend on the load of the machine.
     let faults = [
-        "stall@0.5+0.4",
-        "nan@1.2+0.4",
-        "topology@1.9+0.3",
-        "panic@2.5",
+        (Stall, 0.5, 0.4),
+        (NotANumber, 1.2, 0.4),
+        (Topology, 1.9, 0.3),
+        (Panic, 2.5, 0.0),
     ];
     let (summary, log) = with(Clock::Real, &faults);
     check_steps(&log, LARGEST_REAL);

@@ -1,11 +1,11 @@
 //! The tick allocates nothing: 100,000 ticks of the built-in scene, on a thread of their own under an allocator that
 //! counts the allocations of that thread. The steady step of the host allocates nothing, either.
 
+use alloc_count::calls::{Counting, count};
 use host::engine::pacer::Due;
 use host::engine::stats::WallStopwatch;
 use host::run::setup::setup;
 use host::scene::spec::SchemeName;
-use palpate_tests::counting::{Counting, count};
 use rt_core::LocalModel;
 use runner::link::HostEnd;
 use std::sync::atomic::{AtomicBool, Ordering};

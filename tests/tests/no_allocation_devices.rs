@@ -1,8 +1,9 @@
 //! A simulated device runs inside the realtime tick. After its construction, reading and writing never allocate,
 //! whatever the wrench and the time.
+
+use alloc_count::calls::{Counting, count};
 use devices::ReplayDevice;
 use devices::conformance::Suite;
-use palpate_tests::counting::{Counting, count};
 use rt_core::{Device, Vec3};
 use sim::{
     DeviceModel, Fault, Faulty, Hand, SimDevice, Sine, Task, TaskKind, Trajectory, Tremor, Wired,

@@ -1,8 +1,8 @@
 //! The tick allocates nothing in faults, either: every scheme and number of handles, through every fault that the tick
 //! handles. Each stretch ends with a check that the fault occurred.
 
+use alloc_count::calls::{Counting, count};
 use devices::scripted::{Scripted, small};
-use palpate_tests::counting::{Counting, count};
 use palpate_tests::law::{HANDLES, Limits, PATIENCE, SCHEMES, law, model, reading, scheme};
 use rt_core::coupling::HostState::{self, Fading, Held, Live, Waiting};
 use rt_core::safety::SafetyState::{

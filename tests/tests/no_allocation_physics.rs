@@ -1,7 +1,7 @@
 //! A step of the physics allocates nothing, for every body, law and scheme: patterns and buffers are fixed and made
 //! once.
 
-use palpate_tests::counting::{Counting, count};
+use alloc_count::calls::{Counting, count};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{

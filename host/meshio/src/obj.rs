@@ -22,7 +22,7 @@ use physics::mesh::{Group, TriMesh};
 use std::collections::BTreeMap;
 
 /// Largest number of names after one `g`. This limit bounds the memory for groups by the memory for triangles.
-pub const MAX_NAMES: usize = 8;
+pub(crate) const MAX_NAMES: usize = 8;
 
 /// Statements that do not concern triangles.
 const PASSED_OVER: [&str; 15] = [

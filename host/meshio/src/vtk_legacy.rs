@@ -55,7 +55,7 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 ///
 /// # Errors
 /// As [`parse`], except that tetrahedra are allowed.
-pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read(bytes, Wanted::Any)
 }
 

@@ -32,7 +32,7 @@ pub const MAX_RATIO: usize = 16;
 /// Size to which compressed arrays may unpack in any case (bytes): a small file may consist mostly of repetitions.
 pub const MIN_UNPACKED: usize = 64 << 10;
 /// Largest size to which compressed arrays may unpack (bytes): that of a grid of three million vertices.
-pub const MAX_UNPACKED: usize = 256 << 20;
+pub(crate) const MAX_UNPACKED: usize = 256 << 20;
 
 /// Reads a sheet from the bytes of a VTU or VTP file. Coordinates are taken as metres.
 ///
@@ -47,7 +47,7 @@ pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
 ///
 /// # Errors
 /// As [`parse`], except that tetrahedra are allowed.
-pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
+pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, MeshFileError> {
     read(bytes, Wanted::Any)
 }
 

@@ -117,13 +117,28 @@ pub fn write_solid(mesh: &TetMesh) -> String {
     .text()
 }
 
+/// The names of both lists, each once, in an order that is the order of each list. Where the lists name the same groups
+/// in different orders, the order is that of the groups of vertices.
 fn names<'a>(vertices: &'a [Group], cells: &'a [Group]) -> Vec<&'a str> {
+    let mut cells = cells.iter().map(|group| group.name.as_str()).peekable();
     let mut seen = BTreeSet::new();
-    let all = vertices
-        .iter()
-        .chain(cells)
-        .map(|group| group.name.as_str());
-    all.filter(|name| seen.insert(*name)).collect()
+    let mut names = Vec::new();
+    let mut add = |name| {
+        if seen.insert(name) {
+            names.push(name);
+        }
+    };
+    for group in vertices {
+        let name = group.name.as_str();
+        if cells.clone().any(|other| other == name) {
+            while let Some(earlier) = cells.next_if(|other| *other != name) {
+                add(earlier);
+            }
+        }
+        add(name);
+    }
+    cells.for_each(add);
+    names
 }
 
 /// The name without characters that would end the name or its line; `None` if the name is blank.

@@ -2,15 +2,13 @@
 //!
 //! A binary of its own, for its allocator counts every byte of the process; one test, for tests run beside
 //! each other would be counted together.
-#![allow(unsafe_code)]
 
 mod support;
 
+use alloc_count::peak::{self, Peak};
 use meshio::read_mesh;
 use meshio::vtk_xml::{MAX_RATIO, MIN_UNPACKED};
 use physics::mesh::Mesh;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
 use support::dense::{
     bomb, dense_box, dense_msh, dense_obj, packed_fields, packed_tetrahedra, packed_triangles,
 };
@@ -31,47 +29,12 @@ const MOST_PER_PACKED_BYTE: usize = 16 * MAX_RATIO;
 /// What reading takes in any case (bytes): zlib's window, a small file's arrays unpacked, messages.
 const CONSTANT: usize = (64 << 10) + 16 * MIN_UNPACKED;
 
-/// Counts what is allocated, and the most at any time.
-struct Counting;
-
-static NOW: AtomicUsize = AtomicUsize::new(0);
-static PEAK: AtomicUsize = AtomicUsize::new(0);
-
-fn more(size: usize) {
-    let now = NOW.fetch_add(size, Ordering::Relaxed) + size;
-    PEAK.fetch_max(now, Ordering::Relaxed);
-}
-
-// SAFETY: every call is handed on to the system's allocator unchanged; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        more(layout.size());
-        // SAFETY: the caller's contract is the system allocator's.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        // Old and new may both be there for a moment.
-        more(size);
-        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: Counting = Counting;
+static ALLOCATOR: Peak = Peak;
 
 /// The most bytes taken at once while a file is read, and whether it is a mesh.
 fn peak(name: &str, bytes: &[u8]) -> (usize, Result<Mesh, String>) {
-    let before = NOW.load(Ordering::Relaxed);
-    PEAK.store(before, Ordering::Relaxed);
-    let result = read_mesh(name, bytes).map_err(|error| error.to_string());
-    (PEAK.load(Ordering::Relaxed) - before, result)
+    peak::peak(|| read_mesh(name, bytes).map_err(|error| error.to_string()))
 }
 
 const CLAIMS: [&str; 4] = [

@@ -5,6 +5,7 @@ mod support;
 use meshio::write_vtu::Snapshot;
 use meshio::{read, read_mesh, write_gmsh, write_vtk};
 use physics::mesh::generate::{Pattern, sheet};
+use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_thread::straight_thread;
 use physics::mesh::{Field, Group, LineMesh, Mesh, TetMesh, TriMesh};
 use proptest::prelude::*;
@@ -20,6 +21,27 @@ fn same_bits(a: &[Field], b: &[Field]) -> bool {
             .collect()
     };
     bits(a) == bits(b)
+}
+
+/// The groups of vertices that a file is read back with: those of `vertex_groups` whose name no group of elements has,
+/// then for each group of elements the group of their vertices.
+fn with_vertices_of<const N: usize>(
+    element_groups: &[Group],
+    elements: &[[u32; N]],
+    mut vertex_groups: Vec<Group>,
+) -> Vec<Group> {
+    vertex_groups.retain(|group| !element_groups.iter().any(|other| other.name == group.name));
+    vertex_groups.extend(element_groups.iter().map(|group| {
+        let corners = group.members.iter().map(|&e| elements[e as usize]);
+        let mut members: Vec<u32> = corners.flatten().collect();
+        members.sort_unstable();
+        members.dedup();
+        Group {
+            name: group.name.clone(),
+            members,
+        }
+    }));
+    vertex_groups
 }
 
 /// Small sheets with groups and fields. As when a file is read, each group of triangles has a group of their
@@ -39,19 +61,8 @@ fn any_sheet() -> impl Strategy<Value = TriMesh> {
                 fields(triangles),
             )
         })
-        .prop_map(|(mut mesh, mut vertex_groups, triangle_groups, fields)| {
-            vertex_groups.retain(|group| !triangle_groups.iter().any(|t| t.name == group.name));
-            for group in &triangle_groups {
-                let corners = group.members.iter().map(|&t| mesh.triangles[t as usize]);
-                let mut members: Vec<u32> = corners.flatten().collect();
-                members.sort_unstable();
-                members.dedup();
-                vertex_groups.push(Group {
-                    name: group.name.clone(),
-                    members,
-                });
-            }
-            mesh.vertex_groups = vertex_groups;
+        .prop_map(|(mut mesh, vertex_groups, triangle_groups, fields)| {
+            mesh.vertex_groups = with_vertices_of(&triangle_groups, &mesh.triangles, vertex_groups);
             mesh.triangle_groups = triangle_groups;
             mesh.triangle_fields = fields;
             mesh
@@ -80,19 +91,8 @@ fn any_thread() -> impl Strategy<Value = LineMesh> {
                 fields(lines),
             )
         })
-        .prop_map(|(mut mesh, mut vertex_groups, line_groups, fields)| {
-            vertex_groups.retain(|group| !line_groups.iter().any(|l| l.name == group.name));
-            for group in &line_groups {
-                let ends = group.members.iter().map(|&l| mesh.lines[l as usize]);
-                let mut members: Vec<u32> = ends.flatten().collect();
-                members.sort_unstable();
-                members.dedup();
-                vertex_groups.push(Group {
-                    name: group.name.clone(),
-                    members,
-                });
-            }
-            mesh.vertex_groups = vertex_groups;
+        .prop_map(|(mut mesh, vertex_groups, line_groups, fields)| {
+            mesh.vertex_groups = with_vertices_of(&line_groups, &mesh.lines, vertex_groups);
             mesh.line_groups = line_groups;
             mesh.line_fields = fields;
             mesh
@@ -189,6 +189,23 @@ fn a_group_of_vertices_keeps_the_vertices_beyond_a_group_of_triangles_of_its_nam
     mesh.triangle_groups = group(&[0]);
     mesh.vertex_groups = group(&[0, 1, 2, 3]);
     let back = read("x.msh", write_gmsh::write_sheet(&mesh).as_bytes()).unwrap();
+    assert_eq!(back, mesh);
+}
+
+#[test]
+fn groups_of_vertices_and_of_cells_of_one_name_keep_the_order_of_both_lists() {
+    let mut mesh = solid_box([1.0; 3], [1; 3]).unwrap();
+    let groups = |names: &[&str]| -> Vec<Group> {
+        let named = |name: &&str| Group {
+            name: (*name).to_owned(),
+            members: vec![0],
+        };
+        names.iter().map(named).collect()
+    };
+    mesh.vertex_groups = groups(&["d", "c", "a"]);
+    mesh.cell_groups = groups(&["e", "c", "b", "a", "f"]);
+    let text = write_gmsh::write_solid(&mesh);
+    let back = expect_solid(read_mesh("x.msh", text.as_bytes()).unwrap());
     assert_eq!(back, mesh);
 }
 

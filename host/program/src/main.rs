@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod fault;
 mod mesh;
 mod plan;
 mod replay;

@@ -14,7 +14,7 @@ pub(super) struct MeshArguments {
     /// Scene file (TOML)
     scene: PathBuf,
     /// The file to write: .msh (Gmsh 4.1, with groups), .vtk (legacy) or .vtu. Each has the fields `young` and
-    /// `poisson`, by element
+    /// `poisson`, by element; a thread whose scene gives no `poisson` has the first alone
     file: PathBuf,
     /// Name of the body. Default: the first body
     #[arg(long, value_name = "NAME")]
@@ -49,7 +49,7 @@ fn with_material(built: Built) -> Mesh {
     let own = [("young", built.young), ("poisson", built.poisson)];
     let mut mesh = built.mesh;
     let fields = mesh.fields_mut();
-    for (name, values) in own {
+    for (name, values) in own.into_iter().filter(|(_, values)| !values.is_empty()) {
         fields.retain(|field| field.name != name);
         fields.push(Field {
             name: name.to_owned(),

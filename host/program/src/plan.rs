@@ -1,7 +1,7 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
 use super::{CommandError, SceneArgument, load};
-use host::atomic_file::write_atomically;
+use host::atomic_file::write_json;
 use host::bodies;
 use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
@@ -51,8 +51,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
             stages: &stages,
             bodies: &plans,
         };
-        let text = serde_json::to_string_pretty(&json).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &json)?;
     }
     Ok(())
 }

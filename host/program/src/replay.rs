@@ -1,7 +1,7 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::{CommandError, load};
-use host::atomic_file::write_atomically;
+use host::atomic_file::write_json;
 use host::log::{Log, LogError};
 use host::run::replay::{ReplayError, replay, scene_of};
 use std::io;
@@ -36,8 +36,7 @@ pub(super) fn run(
     let report = replay(&log, &loaded, |_| {}).map_err(|e| refused(e.into()))?;
     print!("{report}");
     if let Some(path) = json {
-        let text = serde_json::to_string_pretty(&report).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &report)?;
     }
     if report.is_exact() {
         Ok(())

@@ -1,5 +1,6 @@
 //! `palpate run`: runs a scene from beginning to end.
 
+use super::fault::fault;
 use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
@@ -50,7 +51,7 @@ pub(super) struct RunArguments {
     report_progress: bool,
     /// Make the host fail on purpose, to test the effect on the hand: stall@1.5+0.5 stalls the host at 1.5 s for
     /// 0.5 s; nan@T+D and topology@T+D publish bad models; panic@T ends the host. May be given several times
-    #[arg(long, value_name = "FAULT", conflicts_with = "replay")]
+    #[arg(long, value_name = "FAULT", value_parser = fault, conflicts_with = "replay")]
     fault: Vec<HostFault>,
     /// Real clock: refuse to start without the realtime privileges, and end the run at the first system call that
     /// the tick may not make; or only one of the two

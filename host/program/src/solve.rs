@@ -1,7 +1,7 @@
 //! `palpate solve`: solves a scene without devices for equilibrium or motion.
 
 use super::{CommandError, load, progress_bar};
-use host::atomic_file::write_atomically;
+use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;
@@ -51,8 +51,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         write_atomically(path, chart(&solution).as_bytes())?;
     }
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&solution).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &solution)?;
     }
     let list = frames.map(|folder| folder.list_file());
     for (output, path) in [

@@ -13,6 +13,7 @@ pub(super) struct Materials {
     pub(super) bending: f64,
     pub(super) elements: Elements,
     pub(super) young: Vec<f64>,
+    /// Empty where the scene gives a thread none.
     pub(super) poisson: Vec<f64>,
 }
 
@@ -37,6 +38,7 @@ pub(super) fn kind(body: &Body, mesh: &Mesh) -> Kind {
 /// The values of each element, one vector each.
 struct Values {
     young: Vec<f64>,
+    /// Empty where the scene gives a thread none.
     poisson: Vec<f64>,
     density: Vec<f64>,
     thickness: Vec<f64>,
@@ -151,6 +153,10 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
         let field = format!("body[{index}].{field}");
         Err(loaded.source.error(&field, found, allowed))
     };
+    if kind != Kind::Thread && material.poisson.is_none() {
+        let field = format!("body[{index}].material");
+        return Err(loaded.source.missing(&field, "poisson"));
+    }
     match (kind, material.thickness) {
         (Kind::Sheet | Kind::Woven, None) => {
             return refuse("material", "no thickness", "`thickness`: sheets have one");
@@ -232,7 +238,10 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
     check_kind(loaded, &field, kind, given)?;
     Ok(Values {
         young: take("young", &names.young, material.young)?,
-        poisson: take("poisson", &names.poisson, material.poisson)?,
+        poisson: match (material.poisson, &names.poisson) {
+            (None, None) => Vec::new(),
+            (base, name) => take("poisson", name, base.unwrap_or(0.0))?,
+        },
         density: take("density", &names.density, material.density)?,
         thickness: take(
             "thickness",
@@ -289,8 +298,11 @@ fn overwrite(
         let group = region.group.as_deref();
         for element in places::elements(loaded, &field, group, region.in_box, mesh)? {
             let element = element as usize;
+            // A thread may have no Poisson's ratio: then a region's has no element to write to.
             let write = |all: &mut Vec<f64>, value: Option<f64>| {
-                all[element] = value.unwrap_or(all[element]);
+                if let (Some(own), Some(value)) = (all.get_mut(element), value) {
+                    *own = value;
+                }
             };
             write(&mut values.young, region.young);
             write(&mut values.poisson, region.poisson);

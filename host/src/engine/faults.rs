@@ -8,7 +8,6 @@ use super::Engine;
 use super::pacer::Due;
 use super::stats::Stopwatch;
 use rt_core::{LocalModel, TickRecord};
-use std::str::FromStr;
 
 /// A kind of fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,22 +21,6 @@ pub enum FaultKind {
     /// The host publishes models whose handles are not those of the body.
     Topology,
 }
-
-/// The kinds of fault, each with its name on the command line and its name in a summary.
-const NAMES: [(&str, FaultKind, &str); 4] = [
-    ("stall", FaultKind::Stall, "the host stalls"),
-    ("panic", FaultKind::Panic, "the host panics"),
-    (
-        "nan",
-        FaultKind::NotANumber,
-        "the host publishes what is not a number",
-    ),
-    (
-        "topology",
-        FaultKind::Topology,
-        "the host publishes models for other handles",
-    ),
-];
 
 /// One fault.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,52 +36,17 @@ pub struct HostFault {
 impl HostFault {
     /// Its name in a summary.
     pub fn name(&self) -> &'static str {
-        NAMES
-            .iter()
-            .find(|(_, kind, _)| *kind == self.kind)
-            .map_or("", |(_, _, name)| name)
+        match self.kind {
+            FaultKind::Stall => "the host stalls",
+            FaultKind::Panic => "the host panics",
+            FaultKind::NotANumber => "the host publishes what is not a number",
+            FaultKind::Topology => "the host publishes models for other handles",
+        }
     }
 
     fn lasts_at(&self, time_ns: u64) -> bool {
         let time = time_ns as f64 * 1e-9;
         (self.at..self.at + self.duration).contains(&time)
-    }
-}
-
-/// A text from the command line that names no fault.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error(
-    "found \"{0}\", allowed: stall@TIME+DURATION, nan@TIME+DURATION, topology@TIME+DURATION or \
-     panic@TIME, in seconds, such as stall@1.5+0.5"
-)]
-pub struct FaultSyntax(String);
-
-impl FromStr for HostFault {
-    type Err = FaultSyntax;
-
-    fn from_str(text: &str) -> Result<Self, FaultSyntax> {
-        let refuse = || FaultSyntax(text.to_owned());
-        let (name, when) = text.split_once('@').ok_or_else(refuse)?;
-        let (_, kind, _) = NAMES
-            .iter()
-            .find(|(known, _, _)| *known == name)
-            .ok_or_else(refuse)?;
-        let seconds = |text: &str| {
-            let value = text.parse::<f64>().ok();
-            value
-                .filter(|v| v.is_finite() && *v >= 0.0)
-                .ok_or_else(refuse)
-        };
-        let (at, duration) = match (kind, when.split_once('+')) {
-            (FaultKind::Panic, None) => (seconds(when)?, 0.0),
-            (FaultKind::Panic, Some(_)) | (_, None) => return Err(refuse()),
-            (_, Some((at, duration))) => (seconds(at)?, seconds(duration)?),
-        };
-        Ok(Self {
-            kind: *kind,
-            at,
-            duration,
-        })
     }
 }
 
@@ -207,38 +155,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_are_read_as_the_help_states() {
-        let stall: HostFault = "stall@1.5+0.5".parse().expect("is one");
-        assert_eq!(
-            stall,
-            HostFault {
-                kind: FaultKind::Stall,
-                at: 1.5,
-                duration: 0.5
-            }
-        );
-        assert!("panic@2".parse::<HostFault>().is_ok());
-        for wrong in [
-            "",
-            "stall",
-            "stall@1",
-            "panic@1+2",
-            "stall@x+1",
-            "stall@-1+1",
-            "nan@inf+1",
-        ] {
-            let error = wrong.parse::<HostFault>().expect_err(wrong).to_string();
-            assert!(
-                error.contains(&format!("found \"{wrong}\", allowed: ")),
-                "{error}"
-            );
-        }
-    }
-
-    #[test]
     fn a_stall_begins_once_and_a_window_ends() {
-        let faults = ["stall@1+0.5", "nan@2+1"].map(|f| f.parse().expect("is one"));
-        let mut faults = Faults::new(faults.to_vec());
+        let fault = |kind, at, duration| HostFault { kind, at, duration };
+        let mut faults = Faults::new(vec![
+            fault(FaultKind::Stall, 1.0, 0.5),
+            fault(FaultKind::NotANumber, 2.0, 1.0),
+        ]);
         assert_eq!(faults.stall(999_999_999), None);
         assert_eq!(faults.stall(1_000_000_000), Some(1_500_000_000));
         assert_eq!(faults.stall(1_600_000_000), None);
@@ -250,5 +172,33 @@ mod tests {
             [1_999_999_999, 2_000_000_000, 2_999_999_999, 3_000_000_000].map(spoilt),
             [false, true, true, false]
         );
+    }
+
+    #[test]
+    fn a_model_for_other_handles_differs_in_number_and_order() {
+        let faults = Faults::new(vec![HostFault {
+            kind: FaultKind::Topology,
+            at: 1.0,
+            duration: 1.0,
+        }]);
+        let model = LocalModel {
+            handle_count: 2,
+            ..LocalModel::empty()
+        };
+        let spoilt = faults.spoilt(1_000_000_000, &model).expect("a fault");
+        assert_eq!(spoilt.handle_count, 1);
+        assert_ne!(spoilt.handles[0].device, model.handles[0].device);
+        assert!(faults.spoilt(2_000_000_000, &model).is_none());
+    }
+
+    #[test]
+    fn a_panic_comes_at_its_time() {
+        let faults = Faults::new(vec![HostFault {
+            kind: FaultKind::Panic,
+            at: 1.0,
+            duration: 0.0,
+        }]);
+        let panics = |now_ns| std::panic::catch_unwind(|| faults.panic_if_due(now_ns)).is_err();
+        assert_eq!([999_999_999, 1_000_000_000].map(panics), [false, true]);
     }
 }

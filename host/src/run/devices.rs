@@ -1,10 +1,11 @@
 //! Opens the devices of a scene, each with the driver that it names.
 
 use super::hand;
+use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
-use devices::{AnyDevice, Hid, Kind, OpenError, Registry, Replay, Request, Settings};
+use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request, Settings};
 use rt_core::controller::Reading;
-use sim::{Held, Simulated};
+use sim::Held;
 
 /// Opens a scene's devices for a run with `seed`. Real devices are opened only under the real clock (`real`).
 ///
@@ -61,7 +62,7 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
         })
     });
     let held = held.collect::<Result<_, SceneError>>()?;
-    Ok(Registry::new().with(Simulated::new(held)).with(Hid))
+    Ok(drivers(held))
 }
 
 fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {

@@ -6,6 +6,7 @@ mod hand;
 pub mod late;
 mod log_observer;
 pub mod observer;
+mod parts;
 mod real_clock;
 pub mod replay;
 mod report;
@@ -15,29 +16,27 @@ pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
 
-use crate::atomic_file::{AtomicFileError, write_atomically};
+use crate::atomic_file::{AtomicFileError, write_atomically, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
 use crate::log::{LogError, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
-use collect::{Collected, Collector};
+use collect::Collector;
 use log_observer::LogObserver;
 use observer::Observers;
+use parts::Parts;
 use physics::{Body, FactorCode};
-use rt_core::Controller;
-use runner::latency::Latencies;
-use runner::link::TickCounters;
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
-use runner::{AnyDevice, CoreChoice, Cores, Reserved};
-use setup::HostSide;
+use runner::{CoreChoice, Cores, Reserved};
+use setup::Setup;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
-use summary::{PlaceSummary, RunSummary};
+use std::sync::atomic::{AtomicU64, Ordering};
+use summary::RunSummary;
 
 /// Which clock a run follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -166,9 +165,7 @@ pub fn run_watched(
     others: Observers,
     mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
-    let scene = &loaded.scene;
-    let duration = options.duration.unwrap_or(scene.duration);
-    let seed = options.seed.unwrap_or(scene.seed);
+    let seed = options.seed.unwrap_or(loaded.scene.seed);
     // The core is reserved before the run starts its first thread: the thread that makes factors starts with the
     // engine.
     let core = match options.clock {
@@ -176,92 +173,83 @@ pub fn run_watched(
         Clock::Virtual => CoreChoice::Anywhere,
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
+    let prepared = prepare(loaded, options, seed)?;
+    let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
+    let size = (
+        bodies().map(Body::element_count).sum(),
+        bodies().map(Body::vertex_count).sum(),
+    );
+    let logged = Arc::default();
+    let observers = observers(loaded, options, seed, others, &logged)?;
+    let of = prepared.timing.ticks;
+    let progress = |ticks| {
+        let logged = logged.load(Ordering::Relaxed);
+        progress(Progress { ticks, of, logged });
+    };
+    let mut parts = match options.clock {
+        Clock::Virtual => parts::under_virtual_time(prepared, observers, progress),
+        Clock::Real => {
+            parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
+        }
+    };
+    parts.judge(options.log.is_some());
+    let summary = report::summarize(loaded, options, seed, size, &parts);
+    write_files(loaded, options, &parts, &summary)?;
+    Ok(summary)
+}
+
+/// The parts of the run before its first tick.
+fn prepare(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> Result<Setup, SceneError> {
+    let duration = options.duration.unwrap_or(loaded.scene.duration);
     let how = How {
         code: options.instructions,
         real: options.clock == Clock::Real,
     };
     let mut prepared = setup::setup_with(loaded, duration, seed, how)?;
     prepared.faults = Faults::new(options.faults.clone());
-    let prepared = prepared;
-    let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
-    let size = (
-        bodies().map(Body::element_count).sum(),
-        bodies().map(Body::vertex_count).sum(),
-    );
+    Ok(prepared)
+}
 
+/// The observers `others`, the one that collects for summary and plot, and the log. `logged` is the number of ticks in
+/// the log that survive this process.
+fn observers(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    seed: u64,
+    others: Observers,
+    logged: &Arc<AtomicU64>,
+) -> Result<Observers, LogError> {
+    let scene = &loaded.scene;
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
     let collector = Collector::new(
         names(&mut scene.devices.iter().map(|d| &d.name)),
         names(&mut scene.bodies.iter().map(|b| &b.name)),
         options.plot.is_some(),
     );
-    let logged = Arc::default();
-    let mut observers = others.with(collector);
-    if let Some(path) = &options.log {
-        let log = LogWriter::create_file(path, &header(loaded, options, seed))?;
-        let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(&logged));
-        observers = observers.with(log);
-    }
-    let of = prepared.timing.ticks;
-    let progress = |ticks| {
-        let logged = logged.load(Ordering::Relaxed);
-        progress(Progress { ticks, of, logged });
+    let observers = others.with(collector);
+    let Some(path) = &options.log else {
+        return Ok(observers);
     };
+    let log = LogWriter::create_file(path, &header(loaded, options, seed))?;
+    let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(logged));
+    Ok(observers.with(log))
+}
 
-    let mut parts = match options.clock {
-        Clock::Virtual => {
-            let done = virtual_clock::run(prepared, |record| observers.take(record), progress);
-            let observed = observers.finish();
-            Parts {
-                tick: TickSide {
-                    missed: 0,
-                    longest_miss: 0,
-                    slots: done.tick.ticks,
-                    stopped: false,
-                    place: None,
-                    locked_bytes: 0,
-                    ticks: done.tick.ticks,
-                    counters: done.tick.end.counters(),
-                    refused_wrenches: done.tick.refused_wrenches,
-                    latencies: done.tick.latencies,
-                    controller: done.tick.controller,
-                    devices: done.tick.devices,
-                },
-                host: done.host,
-                collected: observed.collected,
-                degradations: Vec::new(),
-                failures: observed
-                    .failures
-                    .into_iter()
-                    .chain(done.panicked.as_deref().map(host_panicked))
-                    .collect(),
-            }
-        }
-        Clock::Real => real(prepared, options, &reserved, observers, progress)?,
-    };
-    if let Some(HostSide { engine, .. }) = &parts.host
-        && let Some(fault) = &engine.stats().first_fault
-    {
-        let count = engine.stats().faults;
-        parts
-            .failures
-            .push(format!("{count} host steps failed; the first: {fault}"));
-    }
-    if options.log.is_some() {
-        parts.degradations.extend(not_replayable(&parts));
-    }
-    let summary = report::summarize(loaded, options, seed, size, &parts);
+/// Writes the plot and the summary to the files that `options` names.
+fn write_files(
+    loaded: &LoadedScene,
+    options: &RunOptions,
+    parts: &Parts,
+    summary: &RunSummary,
+) -> Result<(), AtomicFileError> {
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
         write_atomically(path, svg.as_bytes())?;
     }
     if let Some(path) = &options.json {
-        // This fails only for maps whose keys are no strings and for failing writers. There are none of either.
-        let mut json = serde_json::to_string_pretty(&summary).unwrap_or_default();
-        json.push('\n');
-        write_atomically(path, json.as_bytes())?;
+        write_json(path, summary)?;
     }
-    Ok(summary)
+    Ok(())
 }
 
 fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
@@ -312,24 +300,6 @@ fn instructions(code: FactorCode) -> String {
     path
 }
 
-/// The tick's side of a finished run.
-struct TickSide {
-    ticks: u64,
-    missed: u64,
-    longest_miss: u64,
-    slots: u64,
-    /// Whether the run ended early on request.
-    stopped: bool,
-    /// The core and the priority of its thread; `None` under virtual time.
-    place: Option<PlaceSummary>,
-    locked_bytes: u64,
-    counters: TickCounters,
-    refused_wrenches: u64,
-    latencies: Latencies,
-    controller: Controller,
-    devices: Vec<AnyDevice>,
-}
-
 fn host_panicked(message: &str) -> String {
     format!("the host panicked, and the tick went on without it: {message}")
 }
@@ -341,80 +311,4 @@ pub fn message(panic: &(dyn Any + Send)) -> &str {
         .copied()
         .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
         .unwrap_or("no message")
-}
-
-/// A message on the ticks and models that a log lacks and a replay needs; `None` if the log is whole.
-fn not_replayable(parts: &Parts) -> Option<String> {
-    let ticks = parts.tick.counters.refused_telemetry;
-    let host = parts.host.as_ref();
-    let models = host.map_or(0, |host| host.end.refused_copies());
-    (ticks + models > 0).then(|| {
-        format!(
-            "{ticks} ticks and {models} models found the log's ring full and are not in it: it \
-             cannot be replayed, unless all that is missing is models that no tick used"
-        )
-    })
-}
-
-/// A finished run, under either clock.
-struct Parts {
-    tick: TickSide,
-    host: Option<HostSide>,
-    collected: Collected,
-    degradations: Vec<String>,
-    failures: Vec<String>,
-}
-
-fn real(
-    prepared: setup::Setup,
-    options: &RunOptions,
-    reserved: &Reserved,
-    observers: Observers,
-    progress: impl FnMut(u64),
-) -> Result<Parts, RunError> {
-    let planned = prepared.timing.ticks;
-    let stop = Arc::clone(&options.stop);
-    let runner = RunnerConfig {
-        core: reserved.core(),
-        ..options.runner
-    };
-    let done = real_clock::run(prepared, runner, stop, observers, progress)?;
-    let mut failures = done.failures;
-    let observed = done.observers.map(Observers::finish).unwrap_or_default();
-    failures.extend(observed.failures);
-    let report = done.report;
-    if let Some(call) = report.forbidden_call {
-        failures.push(format!(
-            "the tick made a system call that it may not make, and the loop ended after {} ticks: {call}",
-            report.ticks
-        ));
-    }
-    Ok(Parts {
-        tick: TickSide {
-            ticks: report.ticks,
-            missed: report.missed_deadlines,
-            longest_miss: report.longest_miss,
-            slots: report.slots,
-            stopped: report.ticks < planned && options.stop.is_requested(),
-            place: Some(PlaceSummary {
-                core: report.core,
-                isolated: report.isolated,
-                priority: report.priority,
-            }),
-            locked_bytes: report.locked_bytes as u64,
-            counters: report.link,
-            refused_wrenches: report.refused_wrenches,
-            latencies: report.latencies,
-            controller: report.controller,
-            devices: report.devices,
-        },
-        host: done.host,
-        collected: observed.collected,
-        degradations: report
-            .degradations
-            .iter()
-            .map(ToString::to_string)
-            .collect(),
-        failures,
-    })
 }

@@ -1,11 +1,12 @@
 //! From a finished run to its summary and its plot.
 
 use super::collect::Collected;
+use super::parts::Parts;
 use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HostSummary,
     RunSummary, SCHEMA, TickSummary, TripSummary,
 };
-use super::{Clock, Parts, RunOptions, clock_name, setup};
+use super::{Clock, RunOptions, clock_name, setup};
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
@@ -24,12 +25,32 @@ pub(super) fn summarize(
 ) -> RunSummary {
     let scene = &loaded.scene;
     let side = &parts.tick;
-    let clock = options.clock;
     let couplings: Vec<_> = side.controller.coupling_counters().collect();
+    let elapsed = (side.ticks + side.missed) as f64 / scene.realtime.rate;
+    RunSummary {
+        schema: SCHEMA,
+        scene: scene.name.clone(),
+        clock: clock_name(options.clock),
+        scheme: setup::scheme(scene).name(),
+        seed,
+        tick: tick(scene, options.clock, parts, &couplings),
+        host: host_summary(parts, elapsed, size),
+        devices: devices(scene, parts),
+        energy: energy(scene, side.controller.energy()),
+        dropped: dropped(parts),
+        events: events(options, parts),
+        refusals: refusals(scene, &couplings),
+        degradations: parts.degradations.clone(),
+        failures: parts.failures.clone(),
+    }
+}
+
+fn tick(scene: &Scene, clock: Clock, parts: &Parts, couplings: &[CouplingCounters]) -> TickSummary {
+    let side = &parts.tick;
     let measured = |h: &runner::latency::LatencyHistogram| {
         (clock == Clock::Real).then(|| Distribution::from(h.summary()))
     };
-    let tick = TickSummary {
+    TickSummary {
         rate: scene.realtime.rate,
         count: side.ticks,
         missed_deadlines: side.missed,
@@ -52,14 +73,17 @@ pub(super) fn summarize(
             .map(|c| c.not_finite + c.wrong_handles + c.outdated + c.to_come)
             .sum(),
         faded: couplings.iter().map(|c| c.faded).sum(),
-    };
-    let elapsed = (side.ticks + side.missed) as f64 / scene.realtime.rate;
+    }
+}
+
+fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
+    let side = &parts.tick;
     let devices = scene
         .devices
         .iter()
         .zip(&side.devices)
         .zip(&parts.collected.totals);
-    let devices = devices
+    devices
         .zip(side.controller.safety_counters())
         .zip(side.controller.first_trips())
         .map(|((((spec, device), totals), safety), trip)| DeviceSummary {
@@ -77,7 +101,11 @@ pub(super) fn summarize(
             out_of_reach: safety.out_of_reach,
             first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
         })
-        .collect();
+        .collect()
+}
+
+/// The faults on purpose, then what the observers saw.
+fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
         to: fault.at + fault.duration,
@@ -88,35 +116,19 @@ pub(super) fn summarize(
         to: span.to,
         description: span.description.clone(),
     });
-    let events = injected.chain(met).collect();
-    RunSummary {
-        schema: SCHEMA,
-        scene: scene.name.clone(),
-        clock: clock_name(clock),
-        scheme: setup::scheme(scene).name(),
-        seed,
-        tick,
-        host: host_summary(parts, elapsed, size),
-        devices,
-        energy: energy(scene, side.controller.energy()),
-        dropped: DroppedSummary {
-            tick_records: side.counters.refused_records,
-            telemetry: side.counters.refused_telemetry,
-            models: parts
-                .host
-                .as_ref()
-                .map_or(0, |host| host.end.refused_models()),
-            logged_models: parts
-                .host
-                .as_ref()
-                .map_or(0, |host| host.end.refused_copies()),
-            superseded_models: side.counters.superseded_models,
-            wrenches: side.refused_wrenches,
-        },
-        events,
-        refusals: refusals(scene, &couplings),
-        degradations: parts.degradations.clone(),
-        failures: parts.failures.clone(),
+    injected.chain(met).collect()
+}
+
+fn dropped(parts: &Parts) -> DroppedSummary {
+    let side = &parts.tick;
+    let host = parts.host.as_ref();
+    DroppedSummary {
+        tick_records: side.counters.refused_records,
+        telemetry: side.counters.refused_telemetry,
+        models: host.map_or(0, |host| host.end.refused_models()),
+        logged_models: host.map_or(0, |host| host.end.refused_copies()),
+        superseded_models: side.counters.superseded_models,
+        wrenches: side.refused_wrenches,
     }
 }
 

@@ -1,5 +1,6 @@
 //! Checks across several fields: whether the parts of a scene are consistent.
 
+use super::drivers::drivers;
 use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
@@ -51,6 +52,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     }
     check_holding(scene)?;
     for (index, device) in scene.devices.iter().enumerate() {
+        check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;
     }
     Ok(())
@@ -257,6 +259,15 @@ fn device_names(devices: &[Device]) -> String {
         .map(|device| format!("{:?}", device.name))
         .collect();
     names.join(", ")
+}
+
+/// The driver is one of this program's.
+fn check_driver(at: &str, device: &Device) -> Check {
+    let known = drivers(Vec::new());
+    let names = || known.names().collect::<Vec<_>>().join(", ");
+    let found = device.driver.as_str();
+    let at = format!("{at}.driver");
+    require(known.driver(found).is_some(), &at, found, names())
 }
 
 /// A simulated device is in a hand; any other is not, and has no wire of ours.

@@ -156,23 +156,71 @@ fn load(
     read: impl Fn(&Path) -> io::Result<Vec<u8>>,
 ) -> Result<LoadedScene, SceneError> {
     let scene = parse(&source)?;
-    let mut files = BTreeMap::new();
-    // Reads the file that `field` names, and keeps its content under the name in the scene.
-    let mut named = |file: &str, field: &str| {
-        let path = folder.join(file);
-        match read(&path) {
+    let mut reader = Reader {
+        source: &source,
+        folder,
+        read,
+        files: BTreeMap::new(),
+    };
+    let meshes = meshes(&mut reader, &scene)?;
+    let models = models(&mut reader, &scene)?;
+    let recordings = recordings(&mut reader, &scene)?;
+    let files = reader.files;
+    Ok(LoadedScene {
+        scene,
+        source,
+        meshes,
+        models,
+        recordings,
+        files,
+    })
+}
+
+/// Reads the files that a scene names, and keeps their contents.
+struct Reader<'a, R> {
+    source: &'a Source,
+    folder: &'a Path,
+    read: R,
+    /// The content of each file, under the name in the scene.
+    files: BTreeMap<String, Vec<u8>>,
+}
+
+impl<R: Fn(&Path) -> io::Result<Vec<u8>>> Reader<'_, R> {
+    /// The path and the content of the file that `field` names.
+    fn bytes(&mut self, file: &str, field: &str) -> Result<(PathBuf, Vec<u8>), SceneError> {
+        let path = self.folder.join(file);
+        match (self.read)(&path) {
             Ok(bytes) => {
-                files.insert(file.to_owned(), bytes.clone());
+                self.files.insert(file.to_owned(), bytes.clone());
                 Ok((path, bytes))
             }
-            Err(error) => Err(SceneError::File {
-                place: source.place(field),
-                path,
-                source: error,
-            }),
+            Err(error) => Err(self.refused(field, path, error)),
         }
-    };
+    }
 
+    /// The same of a text file.
+    fn text(&mut self, file: &str, field: &str) -> Result<(PathBuf, String), SceneError> {
+        let (path, bytes) = self.bytes(file, field)?;
+        match text_of(bytes) {
+            Ok(text) => Ok((path, text)),
+            Err(error) => Err(self.refused(field, path, error)),
+        }
+    }
+
+    fn refused(&self, field: &str, path: PathBuf, source: io::Error) -> SceneError {
+        SceneError::File {
+            place: self.source.place(field),
+            path,
+            source,
+        }
+    }
+}
+
+/// The mesh file of each body; none for a generated mesh. A file that several bodies name is read once.
+fn meshes(
+    reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
+    scene: &Scene,
+) -> Result<Vec<Option<Arc<MeshFile>>>, SceneError> {
     let mut meshes: Vec<Option<Arc<MeshFile>>> = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
         let MeshSource::File(file) = &body.mesh.source else {
@@ -183,7 +231,7 @@ fn load(
         let mesh = if let Some(mesh) = known {
             Arc::clone(mesh)
         } else {
-            let (path, bytes) = named(file, &format!("body[{index}].mesh.file"))?;
+            let (path, bytes) = reader.bytes(file, &format!("body[{index}].mesh.file"))?;
             Arc::new(MeshFile {
                 name: file.clone(),
                 path,
@@ -193,52 +241,45 @@ fn load(
         };
         meshes.push(Some(mesh));
     }
+    Ok(meshes)
+}
 
-    let mut models = Vec::new();
-    for (index, device) in scene.devices.iter().enumerate() {
+/// The model of each device.
+fn models(
+    reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
+    scene: &Scene,
+) -> Result<Vec<DeviceModel>, SceneError> {
+    let each = scene.devices.iter().enumerate().map(|(index, device)| {
         let field = format!("device[{index}].model");
-        models.push(match &device.model {
+        match &device.model {
             ModelName::BuiltIn(name) => DeviceModel::named(name)
-                .ok_or_else(|| source.error(&field, *name, "a built-in device"))?,
+                .ok_or_else(|| reader.source.error(&field, *name, "a built-in device")),
             ModelName::File(file) => {
-                let (path, bytes) = named(file, &field)?;
-                let text = text_of(bytes).map_err(|error| SceneError::File {
-                    place: source.place(&field),
-                    path: path.clone(),
-                    source: error,
-                })?;
-                DeviceFile::parse(&text)
-                    .map_err(|error| SceneError::model(path.display().to_string(), error))?
-                    .model
+                let (path, text) = reader.text(file, &field)?;
+                match DeviceFile::parse(&text) {
+                    Ok(file) => Ok(file.model),
+                    Err(error) => Err(SceneError::model(path.display().to_string(), error)),
+                }
             }
-        });
-    }
+        }
+    });
+    each.collect()
+}
 
-    let mut recordings = Vec::new();
-    for (index, device) in scene.devices.iter().enumerate() {
+/// The recording of each device's hand; none for a hand that does something else.
+fn recordings(
+    reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
+    scene: &Scene,
+) -> Result<Vec<Option<Vec<Sample>>>, SceneError> {
+    let each = scene.devices.iter().enumerate().map(|(index, device)| {
         let hand = device.hand.as_ref();
-        recordings.push(match hand.and_then(|hand| hand.recording.as_ref()) {
-            None => None,
-            Some(file) => {
-                let field = format!("device[{index}].hand.recording");
-                let (path, bytes) = named(file, &field)?;
-                let text = text_of(bytes).map_err(|error| SceneError::File {
-                    place: source.place(&field),
-                    path: path.clone(),
-                    source: error,
-                })?;
-                Some(recording::parse(&text, &path.display().to_string())?)
-            }
-        });
-    }
-    Ok(LoadedScene {
-        scene,
-        source,
-        meshes,
-        models,
-        recordings,
-        files,
-    })
+        let Some(file) = hand.and_then(|hand| hand.recording.as_ref()) else {
+            return Ok(None);
+        };
+        let (path, text) = reader.text(file, &format!("device[{index}].hand.recording"))?;
+        Ok(Some(recording::parse(&text, &path.display().to_string())?))
+    });
+    each.collect()
 }
 
 /// Reads a text file of at most [`LARGEST`] bytes.

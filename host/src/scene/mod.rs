@@ -6,6 +6,7 @@
 
 mod check;
 mod consistency;
+pub(crate) mod drivers;
 mod error;
 mod load;
 pub mod recording;

@@ -33,6 +33,15 @@ impl Source {
         }
     }
 
+    /// An error about a field that a table such as `body[0].material` needs and lacks, where only the rest of the scene
+    /// tells that the table needs the field.
+    pub(crate) fn missing(&self, table: &str, name: &str) -> SceneError {
+        SceneError::Missing {
+            place: self.place(table),
+            name: format!("`{name}`"),
+        }
+    }
+
     /// The place of a field: its line, or the line of the innermost table that should hold it.
     pub fn place(&self, field: &str) -> Place {
         // The text is parsed again. This is cheap, and the types of the scene need no positions.

@@ -294,7 +294,9 @@ impl<'a> Drive<'a> {
         );
         in_cells("stress", Values::Tensor(stresses));
         in_cells("young", Values::Scalar(self.built.young.clone()));
-        in_cells("poisson", Values::Scalar(self.built.poisson.clone()));
+        if !self.built.poisson.is_empty() {
+            in_cells("poisson", Values::Scalar(self.built.poisson.clone()));
+        }
         snapshot
     }
 

@@ -26,6 +26,14 @@ impl fmt::Display for Solution {
 }
 
 fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analysis) -> fmt::Result {
+    write_mesh(to, body)?;
+    write_steps(to, body, analysis)?;
+    write_forces(to, body)?;
+    write_extremes(to, body, analysis)
+}
+
+/// The kind and number of the elements, the law, the unknowns, the mass.
+fn write_mesh(to: &mut fmt::Formatter<'_>, body: &BodySolution) -> fmt::Result {
     let elements = match (body.kind, body.vertices_of_element) {
         (Kind::Sheet, _) => "triangles",
         (Kind::Woven, _) => "woven triangles",
@@ -47,7 +55,15 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
         body.vertices,
         body.unknowns,
         si(body.mass * 1e3, "g"),
-    )?;
+    )
+}
+
+/// The steps and iterations of the solver, and its residual.
+fn write_steps(
+    to: &mut fmt::Formatter<'_>,
+    body: &BodySolution,
+    analysis: Analysis,
+) -> fmt::Result {
     let steps = body.steps.len();
     let sum = |pick: fn(&super::Row) -> usize| body.steps.iter().map(pick).sum::<usize>();
     let residual = body.steps.iter().map(|row| row.residual);
@@ -75,6 +91,11 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
             "digits"
         )?;
     }
+    Ok(())
+}
+
+/// The reactions of handles and supports, and the applied force.
+fn write_forces(to: &mut fmt::Formatter<'_>, body: &BodySolution) -> fmt::Result {
     // Rounding errors of forces of this size, and of their moments about points one metre away.
     let forces = body.reactions.iter().map(|reaction| reaction.force);
     let forces = forces.chain([body.applied]).flatten();
@@ -97,7 +118,15 @@ fn write_body(to: &mut fmt::Formatter<'_>, body: &BodySolution, analysis: Analys
         "    {:<10} force {} N, weight and loads",
         "applied",
         vector(body.applied, noise)
-    )?;
+    )
+}
+
+/// The largest displacement and stress, the energy, the inverted elements.
+fn write_extremes(
+    to: &mut fmt::Formatter<'_>,
+    body: &BodySolution,
+    analysis: Analysis,
+) -> fmt::Result {
     writeln!(
         to,
         "    {:<10} displacement at most {} (vertex {}); von Mises stress at most {} (element {})",

@@ -21,7 +21,7 @@ pub fn now_ns() -> u64 {
 
 /// Sleeps until the monotonic clock reads `deadline_ns`. Returns the reading on waking, which is never less. Signals
 /// that interrupt the sleep do not shorten it. A deadline in the past returns at once.
-pub fn sleep_until(deadline_ns: u64) -> u64 {
+pub(crate) fn sleep_until(deadline_ns: u64) -> u64 {
     let deadline = Timespec {
         tv_sec: (deadline_ns / NANOSECONDS_PER_SECOND) as i64,
         tv_nsec: (deadline_ns % NANOSECONDS_PER_SECOND) as _,

@@ -152,7 +152,7 @@ impl Cores {
     }
 
     /// Whether the kernel isolates `core`.
-    pub fn is_isolated(&self, core: usize) -> bool {
+    pub(crate) fn is_isolated(&self, core: usize) -> bool {
         self.isolated.contains(&core)
     }
 

@@ -106,7 +106,7 @@ impl LatencyHistogram {
 
     /// The value at or below which a fraction `quantile` (from zero to one) of all values lies (ns). If that value lies
     /// beyond the bound, the largest value. Zero where no value was recorded.
-    pub fn value_at(&self, quantile: f64) -> u64 {
+    pub(crate) fn value_at(&self, quantile: f64) -> u64 {
         let count = self.count();
         if count == 0 {
             return 0;
@@ -165,9 +165,9 @@ pub struct Latencies {
 
 impl Latencies {
     /// Bound of lateness and tick time (ns): a second.
-    pub const TICK_BOUND_NS: u64 = 1_000_000_000;
+    pub(crate) const TICK_BOUND_NS: u64 = 1_000_000_000;
     /// Bound of model ages (ns): ten seconds.
-    pub const AGE_BOUND_NS: u64 = 10_000_000_000;
+    pub(crate) const AGE_BOUND_NS: u64 = 10_000_000_000;
 
     /// Empty histograms for a run with `bodies` connected bodies.
     pub fn new(bodies: usize) -> Self {

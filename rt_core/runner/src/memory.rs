@@ -102,7 +102,7 @@ impl LockedMemory {
     ///
     /// # Errors
     /// [`LockError`] where the system refuses.
-    pub fn lock_stack(&mut self) -> Result<(), LockError> {
+    pub(crate) fn lock_stack(&mut self) -> Result<(), LockError> {
         with_stack_ahead(|stack| self.lock(stack))
     }
 
@@ -125,7 +125,7 @@ impl Drop for LockedMemory {
 }
 
 /// Touches the calling thread's stack ahead without locking it.
-pub fn touch_stack() {
+pub(crate) fn touch_stack() {
     with_stack_ahead(|_| ());
 }
 

@@ -66,7 +66,7 @@ impl Pace {
 
     /// The nominal time of the next tick (ns): the time of its deadline since the first one. Skipped deadlines advance
     /// it too, so it stays the time of the devices and the host.
-    pub fn nominal_ns(&self) -> u64 {
+    pub(crate) fn nominal_ns(&self) -> u64 {
         self.deadline_ns - self.start_ns
     }
 

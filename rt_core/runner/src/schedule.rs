@@ -17,7 +17,7 @@ use thread_priority::{
 
 /// Default priority of the tick under SCHED_FIFO: above threaded interrupts (50), below the kernel's own watchdogs
 /// (99).
-pub const DEFAULT_PRIORITY: u8 = 80;
+pub(crate) const DEFAULT_PRIORITY: u8 = 80;
 
 /// File by which the kernel takes a limit of the wake-up latency (us, as 32 bits), for as long as the file is open.
 pub const WAKE_LATENCY: &str = "/dev/cpu_dma_latency";
@@ -80,7 +80,7 @@ fn not_pinned(reason: String) -> Degradation {
 
 /// Gives the calling thread timers at full resolution: the kernel deliberately wakes ordinary threads up to 50 us late.
 /// This needs no privilege, and changes nothing under SCHED_FIFO.
-pub fn sharpen_timers() {
+pub(crate) fn sharpen_timers() {
     // Only systems without such a delay refuse.
     let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
 }

@@ -1,48 +1,11 @@
 //! A tick with its rings and histograms allocates nothing, as an allocator that counts shows.
 
-// An allocator needs unsafe code. This one only counts and passes the calls on.
-#![allow(unsafe_code)]
-
 mod common;
 
+use alloc_count::calls::{Counting, count};
 use common::{Trick, controller, puppet, pushing};
 use runner::link::{LinkConfig, link};
 use runner::{LatencyHistogram, TickLoop};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-struct Counting;
-
-thread_local! {
-    /// Calls of the allocator by this thread (other tests and the harness have their own).
-    static CALLS: Cell<u64> = const { Cell::new(0) };
-}
-
-fn count() {
-    CALLS.set(CALLS.get() + 1);
-}
-
-// SAFETY: every call goes to the system's allocator unchanged. Counting touches a plain thread-local number without a
-// destructor, and so allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        // SAFETY: the caller's promises hold for the system's allocator, too.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        count();
-        // SAFETY: as above.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count();
-        // SAFETY: as above.
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -63,10 +26,11 @@ fn no_tick_allocates_whatever_the_rings_hold() {
             sequence += 1;
             let _ = host.publish(0, &pushing(sequence, now + sequence % 2));
         }
-        let before = CALLS.get();
-        tick_loop.tick(now, k % 2_000);
-        tick_loop.latencies.tick_time.record(k * k * k * 10);
-        assert_eq!(CALLS.get(), before, "tick {k}");
+        let found = count(|| {
+            tick_loop.tick(now, k % 2_000);
+            tick_loop.latencies.tick_time.record(k * k * k * 10);
+        });
+        assert_eq!(found, 0, "tick {k}");
         if k % 70 == 0 {
             host.drain(|_| ());
         }
@@ -80,8 +44,5 @@ fn no_tick_allocates_whatever_the_rings_hold() {
 
 #[test]
 fn the_counter_counts() {
-    let before = CALLS.get();
-    let histogram = LatencyHistogram::new(1000);
-    assert!(CALLS.get() > before);
-    drop(histogram);
+    assert!(count(|| drop(LatencyHistogram::new(1000))) > 0);
 }

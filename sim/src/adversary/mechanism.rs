@@ -82,5 +82,5 @@ impl Mechanism {
     }
 
     /// The longest delay that is played (ticks). Longer delays count as this one.
-    pub const MOST_DELAY: usize = 15;
+    pub(crate) const MOST_DELAY: usize = 15;
 }

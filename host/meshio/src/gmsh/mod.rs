@@ -180,7 +180,7 @@ pub fn parse_bytes(bytes: &[u8]) -> Result<TriMesh, GmshError> {
 ///
 /// # Errors
 /// As [`parse_bytes`], except that tetrahedra are allowed.
-pub fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
+pub(crate) fn parse_mesh(bytes: &[u8]) -> Result<Mesh, GmshError> {
     let sections = sections::read(text(bytes)?, Wanted::Any)?;
     Ok(match elements::highest_dimension(&sections.blocks)? {
         3 => Mesh::Solid(solid::mesh(&sections)?),

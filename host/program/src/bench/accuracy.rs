@@ -1,11 +1,10 @@
 //! `palpate bench accuracy`: the error of sheets and solids against exact solutions and independent programs.
 
 use super::super::CommandError;
-use super::progress_bar;
-use host::atomic_file::write_atomically;
+use super::{level, with_bar};
+use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
-use study::Level;
 use study::accuracy::{self, Accuracy, LocalModels, Prediction};
 
 /// Arguments of `palpate bench accuracy`.
@@ -23,21 +22,12 @@ pub(super) struct AccuracyArguments {
 }
 
 pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
-    let level = if arguments.quick {
-        Level::Quick
-    } else {
-        Level::Full
-    };
-    let bar = progress_bar();
-    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
-    let found = accuracy::run(level, progress);
-    bar.finish_and_clear();
-    let found = found?;
+    let level = level(arguments.quick);
+    let found = with_bar(|progress| accuracy::run(level, progress))?;
     print_series(&found);
     print_local_models(&found.local_models);
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &found)?;
     }
     if let Some(path) = &arguments.plot {
         write_atomically(path, chart(&found).as_bytes())?;

@@ -1,8 +1,8 @@
 //! `palpate bench extrapolation`: the force error of each scheme between publications.
 
 use super::super::CommandError;
-use super::progress_bar;
-use host::atomic_file::write_atomically;
+use super::with_bar;
+use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
 use study::extrapolation::{self, Extrapolation, Motion, RATES};
@@ -24,15 +24,10 @@ const BLENDS: [f64; 2] = [0.5, 0.0];
 const DURATION: f64 = 6.0;
 
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
-    let bar = progress_bar();
-    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
-    let found = extrapolation::run(DURATION, &RATES, &BLENDS, progress);
-    bar.finish_and_clear();
-    let found = found?;
+    let found = with_bar(|progress| extrapolation::run(DURATION, &RATES, &BLENDS, progress))?;
     print_tables(&found);
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &found)?;
     }
     if let Some(path) = &arguments.plot {
         write_atomically(path, chart(&found).as_bytes())?;

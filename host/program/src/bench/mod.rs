@@ -7,6 +7,7 @@ mod stability;
 mod velocity;
 
 use super::{CommandError, progress_bar};
+use study::Level;
 
 /// Arguments of `palpate bench`.
 #[derive(Clone, Debug, clap::Args)]
@@ -37,4 +38,17 @@ pub(super) fn run(arguments: &BenchArguments) -> Result<(), CommandError> {
         Benchmark::Stability(arguments) => stability::run(arguments),
         Benchmark::Velocity(arguments) => velocity::run(arguments),
     }
+}
+
+/// The extent of a study.
+fn level(quick: bool) -> Level {
+    if quick { Level::Quick } else { Level::Full }
+}
+
+/// Runs `study` and shows the fraction that is done on a bar.
+fn with_bar<R>(study: impl FnOnce(&dyn Fn(f64)) -> R) -> R {
+    let bar = progress_bar();
+    let found = study(&|fraction| bar.set_position((1000.0 * fraction) as u64));
+    bar.finish_and_clear();
+    found
 }

@@ -1,11 +1,10 @@
 //! `palpate bench stability`: the numerical stress suite, with a verdict and the worst figure for each family.
 
 use super::super::CommandError;
-use super::progress_bar;
-use host::atomic_file::write_atomically;
+use super::{level, with_bar};
+use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
-use study::Level;
 use study::stability::{self, Account, Case, Family, Report, Verdict};
 
 /// Arguments of `palpate bench stability`.
@@ -26,21 +25,13 @@ pub(super) struct StabilityArguments {
 }
 
 pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
-    let level = if arguments.quick {
-        Level::Quick
-    } else {
-        Level::Full
-    };
-    let bar = progress_bar();
-    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
-    let report = stability::run(level, arguments.family.as_deref(), progress);
-    bar.finish_and_clear();
+    let level = level(arguments.quick);
+    let report = with_bar(|progress| stability::run(level, arguments.family.as_deref(), progress));
     print_families(&report);
     print_recovery(&report);
     print_failures(&report);
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&report).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &report)?;
     }
     if let Some(path) = &arguments.plot {
         write_atomically(path, chart(&report).as_bytes())?;

@@ -1,8 +1,8 @@
 //! `palpate bench velocity`: the error of velocity estimates from encoder counts.
 
 use super::super::CommandError;
-use super::progress_bar;
-use host::atomic_file::write_atomically;
+use super::with_bar;
+use host::atomic_file::write_json;
 use std::path::PathBuf;
 use study::velocity::{self, DAMPING, Motion, RATES, VelocityStudy};
 
@@ -15,14 +15,11 @@ pub(super) struct VelocityArguments {
 }
 
 pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
-    let bar = progress_bar();
-    let found = velocity::run(|fraction| bar.set_position((1000.0 * fraction) as u64));
-    bar.finish_and_clear();
+    let found = with_bar(|progress| velocity::run(progress));
     print_means(&found);
     print_devices(&found);
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &found)?;
     }
     Ok(())
 }

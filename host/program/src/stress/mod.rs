@@ -42,7 +42,7 @@ struct Common {
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Run only shard I of N; cat merges the files of all shards
-    #[arg(long, value_name = "I/N")]
+    #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
     /// Number of threads. Default: the number of cores
     #[arg(long, value_name = "N")]
@@ -84,7 +84,29 @@ fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, Str
     })
 }
 
+/// Parses a shard: `3/8` is the third of eight.
+fn shard(text: &str) -> Result<Shard, String> {
+    let parts = text.split_once('/');
+    let numbers = parts.and_then(|(i, n)| i.parse().ok().zip(n.parse().ok()));
+    let shard = numbers.and_then(|(index, count)| Shard::new(index, count));
+    shard.ok_or_else(|| format!("a shard is I/N with I from 1 to N, as in 3/8, not {text:?}"))
+}
+
 /// Shows the progress of the cells on a bar of a thousand parts.
 fn show(bar: &ProgressBar, at: &Progress) {
     bar.set_position(1000 * at.done / at.of.max(1));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_are_read_and_bad_ones_refused() {
+        assert_eq!(shard("2/3").ok(), Shard::new(2, 3));
+        for bad in ["", "3", "0/3", "4/3", "1/0", "a/b", "1/3/5", "-1/3"] {
+            let expected = format!("a shard is I/N with I from 1 to N, as in 3/8, not {bad:?}");
+            assert_eq!(shard(bad), Err(expected));
+        }
+    }
 }

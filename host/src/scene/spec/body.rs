@@ -49,9 +49,10 @@ pub struct Material {
     /// Young's modulus (Pa); of a woven sheet, along the warp.
     #[serde(deserialize_with = "check::positive")]
     pub young: f64,
-    /// Poisson's ratio, of which a thread makes no use; contraction along the weft for a pull along the warp, if woven.
-    #[serde(deserialize_with = "check::poisson")]
-    pub poisson: f64,
+    /// Poisson's ratio; contraction along the weft for a pull along the warp, if woven. Sheets and solids need it; a
+    /// thread makes no use of it.
+    #[serde(default, deserialize_with = "check::optional_poisson")]
+    pub poisson: Option<f64>,
     /// Thickness (m): sheets have one, threads and solids do not.
     #[serde(default, deserialize_with = "check::optional_positive")]
     pub thickness: Option<f64>,

@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::num::NonZero;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 use std::time::Instant;
@@ -52,31 +51,15 @@ impl Default for Shard {
 }
 
 impl Shard {
+    /// The shard of number `index`, from 1 to `count`; `None` if there is no such shard.
+    pub fn new(index: u64, count: u64) -> Option<Self> {
+        (1..=count)
+            .contains(&index)
+            .then_some(Self { index, count })
+    }
+
     fn holds(self, cell: u64) -> bool {
         cell % self.count == self.index - 1
-    }
-}
-
-/// The text of a shard is invalid.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a shard is I/N with I from 1 to N, as in 3/8, not {found:?}")]
-pub struct ShardError {
-    /// The text that was given.
-    pub found: String,
-}
-
-impl FromStr for Shard {
-    type Err = ShardError;
-
-    fn from_str(text: &str) -> Result<Self, ShardError> {
-        let parts = text.split_once('/');
-        let numbers = parts.and_then(|(i, n)| i.parse().ok().zip(n.parse().ok()));
-        match numbers {
-            Some((index, count)) if (1..=count).contains(&index) => Ok(Self { index, count }),
-            _ => Err(ShardError {
-                found: text.to_owned(),
-            }),
-        }
     }
 }
 

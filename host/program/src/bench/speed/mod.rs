@@ -7,10 +7,9 @@ mod parts;
 mod table;
 
 use super::super::CommandError;
-use super::progress_bar;
-use host::atomic_file::{AtomicFileError, write_atomically};
+use super::{level, with_bar};
+use host::atomic_file::{AtomicFileError, write_atomically, write_json};
 use std::path::PathBuf;
-use study::Level;
 use study::speed::{self, Section};
 
 /// Arguments of `palpate bench speed`.
@@ -67,20 +66,12 @@ impl From<Part> for Section {
 }
 
 pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
-    let level = if arguments.quick {
-        Level::Quick
-    } else {
-        Level::Full
-    };
-    let bar = progress_bar();
-    let progress = |fraction: f64| bar.set_position((1000.0 * fraction) as u64);
-    let found = speed::run(level, arguments.only.map(Section::from), progress);
-    bar.finish_and_clear();
-    let found = found?;
+    let level = level(arguments.quick);
+    let found =
+        with_bar(|progress| speed::run(level, arguments.only.map(Section::from), progress))?;
     table::print(&found);
     if let Some(path) = &arguments.json {
-        let text = serde_json::to_string_pretty(&found).unwrap_or_default() + "\n";
-        write_atomically(path, text.as_bytes())?;
+        write_json(path, &found)?;
     }
     if let Some(path) = &arguments.csv {
         write_atomically(path, csv::rows(&found).as_bytes())?;

@@ -36,7 +36,7 @@ const STRETCH: [u64; 2] = [500, 1500];
 /// Cells of the whole study: 10^8 ticks.
 pub const CELLS: u64 = 1000;
 /// Cells of the quick study.
-pub const QUICK_CELLS: u64 = 10;
+pub(crate) const QUICK_CELLS: u64 = 10;
 
 /// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use sim::DeviceModel;
 
 /// Stiffness at the handle (N/m), from the softest to the stiffest specimen.
-pub const STIFFNESS: [f64; 2] = [100.0, 15_000.0];
+pub(crate) const STIFFNESS: [f64; 2] = [100.0, 15_000.0];
 /// Local models a second (Hz).
 pub const RATES: [f64; 2] = [30.0, 1000.0];
 /// The longest latency of a model (s).
-pub const MOST_LATENCY: f64 = 0.02;
+pub(crate) const MOST_LATENCY: f64 = 0.02;
 /// Fraction of the cells whose host publishes after every step.
 const PLAIN: f64 = 0.4;
 
@@ -75,7 +75,7 @@ impl Kind {
     }
 
     /// Whether the specimen is a solid.
-    pub fn is_solid(self) -> bool {
+    pub(crate) fn is_solid(self) -> bool {
         matches!(
             self,
             Self::Linear | Self::Corotational | Self::StVenantKirchhoff | Self::StableNeoHookean

@@ -4,15 +4,15 @@ use super::CellResult;
 use crate::stress::scene::measure::{MOST_MOTION, Outcome};
 
 /// Largest error of the mean force of a hold, as a fraction of the body's force.
-pub const HOLD: f64 = 0.01;
+pub(crate) const HOLD: f64 = 0.01;
 /// Largest error of the force of a run (RMS), as a fraction of the peak of the body's force.
 pub const RUN: f64 = 0.05;
 /// Largest ripple beyond that of the reference (N, RMS).
-pub const RIPPLE: f64 = 0.05;
+pub(crate) const RIPPLE: f64 = 0.05;
 /// Largest fraction of ticks in which the cap acts.
-pub const CAPPED: f64 = 1e-3;
+pub(crate) const CAPPED: f64 = 1e-3;
 /// Largest net energy (J).
-pub const NET_ENERGY: f64 = 1e-3;
+pub(crate) const NET_ENERGY: f64 = 1e-3;
 /// A scheme is worse than `linear` if its excess over `linear` is more than this fraction of a limit.
 const WORSE: f64 = 0.2;
 
@@ -77,7 +77,7 @@ pub fn ratios(outcome: &Outcome, count: f64) -> [f64; 3] {
 }
 
 /// Whether the hands hold still and gain no energy.
-pub fn is_stable(cell: &CellResult, outcome: &Outcome) -> bool {
+pub(crate) fn is_stable(cell: &CellResult, outcome: &Outcome) -> bool {
     let [_, _, ripple] = ratios(outcome, cell.count);
     ripple < 1.0
         && outcome.stillness.motion < cell.reference.motion + MOST_MOTION

@@ -26,9 +26,9 @@ fn square(cell: u64) -> Square {
     }
 }
 
-fn options(shard: &str, threads: usize, file: &Path) -> Options {
+fn options((index, count): (u64, u64), threads: usize, file: &Path) -> Options {
     Options {
-        shard: shard.parse().expect("a shard"),
+        shard: Shard::new(index, count).expect("a shard"),
         threads: NonZero::new(threads),
         file: Some(file.to_owned()),
     }
@@ -70,8 +70,8 @@ fn shards_add_up_to_the_whole() {
     let merged = folder.path().join("merged.jsonl");
     let mut text = Vec::new();
     let mut count = 0;
-    for shard in ["1/3", "2/3", "3/3"] {
-        let path = folder.path().join(shard.replace('/', "of"));
+    for shard in [(1, 3), (2, 3), (3, 3)] {
+        let path = folder.path().join(format!("{}of{}", shard.0, shard.1));
         let cells = run_all(&options(shard, 2, &path)).expect("cells");
         count += cells.len();
         text.extend(fs::read(&path).expect("a file"));
@@ -80,7 +80,7 @@ fn shards_add_up_to_the_whole() {
     fs::write(&merged, &text).expect("merged");
     // No cell is left to be run.
     let never = |cell| -> Square { panic!("cell {cell} was there") };
-    let found = run(&header(), &options("1/1", 2, &merged), never, |_| {}).expect("cells");
+    let found = run(&header(), &options((1, 1), 2, &merged), never, |_| {}).expect("cells");
     assert_eq!(summary(&found), summary(&whole()));
     assert_eq!(read::<Square>(&merged, &header()).expect("cells"), whole());
     assert_eq!(fs::read(&merged).expect("merged"), text);
@@ -90,7 +90,7 @@ fn shards_add_up_to_the_whole() {
 fn a_run_cut_off_at_any_byte_is_resumed() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("results.jsonl");
-    run_all(&options("1/1", 1, &path)).expect("cells");
+    run_all(&options((1, 1), 1, &path)).expect("cells");
     let text = fs::read(&path).expect("the file");
     for cut in 0..=text.len() {
         fs::write(&path, &text[..cut]).expect("what is left");
@@ -100,7 +100,7 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
             ran.fetch_add(1, Ordering::Relaxed);
             square(cell)
         };
-        let found = run(&header(), &options("1/1", 1, &path), counted, |_| {}).expect("cells");
+        let found = run(&header(), &options((1, 1), 1, &path), counted, |_| {}).expect("cells");
         assert_eq!(summary(&found), summary(&whole()), "cut at {cut}");
         // No cell of the file is run again, except one whose line may be incomplete.
         let left = 24 - whole_lines.max(1) as u64;
@@ -118,11 +118,11 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
 fn lines_that_an_editor_or_a_mailer_padded_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("results.jsonl");
-    run_all(&options("1/3", 1, &path)).expect("cells");
+    run_all(&options((1, 3), 1, &path)).expect("cells");
     let text = fs::read_to_string(&path).expect("a file");
     let padded = text.replace('\n', " \r\n");
     fs::write(&path, &padded).expect("written");
-    let cells = run_all(&options("1/1", 2, &path)).expect("the rest");
+    let cells = run_all(&options((1, 1), 2, &path)).expect("the rest");
     assert_eq!(summary(&cells), summary(&whole()));
     // No line is lost, and each cell occurs once.
     let after = fs::read_to_string(&path).expect("a file");
@@ -134,7 +134,7 @@ fn lines_that_an_editor_or_a_mailer_padded_are_kept() {
 fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("results.jsonl");
-    run_all(&options("1/2", 1, &path)).expect("cells");
+    run_all(&options((1, 2), 1, &path)).expect("cells");
     let text = fs::read(&path).expect("the file");
     let never = |cell| -> Square { panic!("cell {cell} of another study") };
     let others = [
@@ -160,7 +160,7 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
         },
     ];
     for other in others {
-        let refused = run(&other, &options("2/2", 1, &path), never, |_| {});
+        let refused = run(&other, &options((2, 2), 1, &path), never, |_| {});
         assert!(
             matches!(refused, Err(JobError::Header { line: 1, .. })),
             "{refused:?}"
@@ -176,7 +176,7 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
     merged.extend(serde_json::to_vec(&other).expect("a header"));
     merged.push(b'\n');
     fs::write(&path, &merged).expect("merged");
-    let refused = run(&header(), &options("1/1", 1, &path), never, |_| {}).expect_err("refused");
+    let refused = run(&header(), &options((1, 1), 1, &path), never, |_| {}).expect_err("refused");
     let said = refused.to_string();
     assert!(
         said.contains("line 14") && said.contains("line 1;"),
@@ -205,7 +205,7 @@ fn lines_that_are_no_results_are_named() {
     ];
     for (text, at) in cases {
         fs::write(&path, &text).expect("a file");
-        let refused = run_all(&options("1/1", 1, &path)).expect_err("refused");
+        let refused = run_all(&options((1, 1), 1, &path)).expect_err("refused");
         assert!(
             matches!(refused, JobError::Line { line, .. } if line == at),
             "{refused}"
@@ -219,7 +219,7 @@ fn a_file_has_one_writer() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("results.jsonl");
     let _held = file::open(&path, &header(), &mut BTreeMap::<u64, Square>::new()).expect("a file");
-    let refused = run_all(&options("1/1", 1, &path));
+    let refused = run_all(&options((1, 1), 1, &path));
     assert!(matches!(refused, Err(JobError::Busy { .. })), "{refused:?}");
 }
 
@@ -237,11 +237,11 @@ fn a_result_that_json_cannot_hold_is_an_error() {
 }
 
 #[test]
-fn shards_are_read_and_bad_ones_refused() {
-    let shard: Shard = "2/3".parse().expect("a shard");
+fn a_shard_holds_its_cells_and_shards_that_do_not_exist_are_refused() {
+    let shard = Shard::new(2, 3).expect("a shard");
     let held: Vec<_> = (0..8).filter(|cell| shard.holds(*cell)).collect();
     assert_eq!(held, [1, 4, 7]);
-    for bad in ["", "3", "0/3", "4/3", "1/0", "a/b", "1/3/5", "-1/3"] {
-        assert!(bad.parse::<Shard>().is_err(), "{bad}");
+    for (index, count) in [(0, 3), (4, 3), (1, 0), (0, 0)] {
+        assert_eq!(Shard::new(index, count), None, "{index}/{count}");
     }
 }

@@ -15,7 +15,7 @@ pub const DURATION: f64 = 4.5;
 /// Time at which the hands begin to move (s). The controller uses local models by then.
 pub const BEGIN: f64 = 0.4;
 /// Time at which the hands have reached their final place (s).
-pub const ARRIVED: f64 = 2.6;
+pub(crate) const ARRIVED: f64 = 2.6;
 /// Time by which every temporary trouble is over (s).
 const OVER: f64 = 2.5;
 
@@ -238,7 +238,7 @@ impl Draw {
     }
 
     /// Whether a fault or its consequences last at `time` (s).
-    pub fn is_troubled(&self, time: f64) -> bool {
+    pub(crate) fn is_troubled(&self, time: f64) -> bool {
         let softens = self.softening.map(|softening| Span {
             at: softening.at,
             duration: 0.0,

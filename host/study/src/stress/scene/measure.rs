@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// A hold is bounded if its ripple is below this (N, RMS),
-pub const MOST_RIPPLE: f64 = 0.3;
+pub(crate) const MOST_RIPPLE: f64 = 0.3;
 /// its motion is below this (m, RMS),
-pub const MOST_MOTION: f64 = 0.5e-3;
+pub(crate) const MOST_MOTION: f64 = 0.5e-3;
 /// and the fraction of its ticks at the device's limit exceeds the reference's by at most this.
-pub const MOST_SATURATED: f64 = 0.01;
+pub(crate) const MOST_SATURATED: f64 = 0.01;
 /// The band of the ripple (Hz).
 const BAND: [f64; 2] = [20.0, 400.0];
 /// Errors are not related to forces below this (N), about as large as the friction of a device.

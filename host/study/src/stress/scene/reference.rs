@@ -12,7 +12,7 @@ use super::measure::Trace;
 use super::world::{World, exerted, handle, probe};
 use crate::StudyError;
 use host::bodies;
-use host::run::timeline::Host;
+use host::run::timeline::{Host, Timeline};
 use host::scene::LoadedScene;
 use nalgebra::Matrix3;
 use physics::linear::dense::Square;
@@ -150,10 +150,13 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         device.own.clear();
         device.own.reserve(device.proxy.len());
     }
-    for tick in 0..run.out.len() {
-        copy.place(tick as u64 * world.period_ns(), |device| {
-            handle(&run.devices[device].proxy[tick])
-        })?;
+    let timeline = Timeline {
+        ticks: run.out.len() as u64,
+        ..world.timeline()
+    };
+    timeline.drive(&mut copy, |copy, now_ns| {
+        let tick = (now_ns / timeline.period_ns) as usize;
+        copy.place(now_ns, |device| handle(&run.devices[device].proxy[tick]))?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
         let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
         for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
@@ -163,7 +166,8 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
                 moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
             });
         }
-    }
+        Ok(())
+    })?;
     Ok(copy.bodies)
 }
 

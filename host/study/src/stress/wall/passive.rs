@@ -6,7 +6,7 @@ use sim::adversary::{Adversary, Goal, Limits, Rendering, Start, best_among};
 /// Fastest hand (m/s).
 pub const SPEED: f64 = 0.5;
 /// Largest acceleration of an adversary that moves as a hand (m/s^2): five times gravity.
-pub const SURGE: f64 = 50.0;
+pub(crate) const SURGE: f64 = 50.0;
 /// Deepest position (m), where the motors allow it.
 const DEEPEST: f64 = 5e-3;
 /// Most ticks of a motion.

@@ -35,7 +35,7 @@ pub fn attack(wall: &Wall, as_hand: bool, budget: u64, seed: u64) -> Attack {
 }
 
 /// Most energy that the adversary extracts from a wall, in any motion (J).
-pub fn most_energy(wall: &Wall, budget: u64, seed: u64) -> f64 {
+pub(crate) fn most_energy(wall: &Wall, budget: u64, seed: u64) -> f64 {
     let mut rig = Rig::new(*wall);
     let found = adversary(wall, budget, seed).search(&mut rig, Goal::Most, &[]);
     found.outcome.energy

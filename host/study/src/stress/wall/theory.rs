@@ -199,7 +199,7 @@ pub fn any_speed(model: &DeviceModel, period: f64) -> f64 {
 }
 
 /// The largest passive stiffness (N/m) with friction and counts, for hands no faster than `speed` (m/s).
-pub fn at_speed(model: &DeviceModel, period: f64, speed: f64) -> f64 {
+pub(crate) fn at_speed(model: &DeviceModel, period: f64, speed: f64) -> f64 {
     const PARTS: u32 = 1000;
     let count = model.position_step;
     let (viscous, friction) = (model.damping / period, model.friction / count);

@@ -1,0 +1,163 @@
+//! A finished run in its parts, the same under either clock: the side of the tick, the side of the host, and what the
+//! observers collected.
+
+use super::collect::Collected;
+use super::observer::Observers;
+use super::setup::{HostSide, Setup};
+use super::summary::PlaceSummary;
+use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
+use rt_core::Controller;
+use runner::latency::Latencies;
+use runner::link::TickCounters;
+use runner::thread::RunnerConfig;
+use runner::{AnyDevice, Reserved};
+use std::sync::Arc;
+
+/// A finished run, under either clock.
+pub(super) struct Parts {
+    pub(super) tick: TickSide,
+    pub(super) host: Option<HostSide>,
+    pub(super) collected: Collected,
+    pub(super) degradations: Vec<String>,
+    pub(super) failures: Vec<String>,
+}
+
+/// The tick's side of a finished run.
+pub(super) struct TickSide {
+    pub(super) ticks: u64,
+    pub(super) missed: u64,
+    pub(super) longest_miss: u64,
+    pub(super) slots: u64,
+    /// Whether the run ended early on request.
+    pub(super) stopped: bool,
+    /// The core and the priority of its thread; `None` under virtual time.
+    pub(super) place: Option<PlaceSummary>,
+    pub(super) locked_bytes: u64,
+    pub(super) counters: TickCounters,
+    pub(super) refused_wrenches: u64,
+    pub(super) latencies: Latencies,
+    pub(super) controller: Controller,
+    pub(super) devices: Vec<AnyDevice>,
+}
+
+impl Parts {
+    /// Adds what the finished run shows: failed steps of the host, and a log (`logged`) that cannot be replayed.
+    pub(super) fn judge(&mut self, logged: bool) {
+        if let Some(HostSide { engine, .. }) = &self.host
+            && let Some(fault) = &engine.stats().first_fault
+        {
+            let count = engine.stats().faults;
+            let failure = format!("{count} host steps failed; the first: {fault}");
+            self.failures.push(failure);
+        }
+        if logged {
+            let degradation = self.not_replayable();
+            self.degradations.extend(degradation);
+        }
+    }
+
+    /// A message on the ticks and models that a log lacks and a replay needs; `None` if the log is whole.
+    fn not_replayable(&self) -> Option<String> {
+        let ticks = self.tick.counters.refused_telemetry;
+        let host = self.host.as_ref();
+        let models = host.map_or(0, |host| host.end.refused_copies());
+        (ticks + models > 0).then(|| {
+            format!(
+                "{ticks} ticks and {models} models found the log's ring full and are not in it: it \
+                 cannot be replayed, unless all that is missing is models that no tick used"
+            )
+        })
+    }
+}
+
+/// Runs what is prepared under virtual time. `progress` is given the number of ticks done.
+pub(super) fn under_virtual_time(
+    prepared: Setup,
+    mut observers: Observers,
+    progress: impl FnMut(u64),
+) -> Parts {
+    let done = virtual_clock::run(prepared, |record| observers.take(record), progress);
+    let observed = observers.finish();
+    Parts {
+        tick: TickSide {
+            missed: 0,
+            longest_miss: 0,
+            slots: done.tick.ticks,
+            stopped: false,
+            place: None,
+            locked_bytes: 0,
+            ticks: done.tick.ticks,
+            counters: done.tick.end.counters(),
+            refused_wrenches: done.tick.refused_wrenches,
+            latencies: done.tick.latencies,
+            controller: done.tick.controller,
+            devices: done.tick.devices,
+        },
+        host: done.host,
+        collected: observed.collected,
+        degradations: Vec::new(),
+        failures: observed
+            .failures
+            .into_iter()
+            .chain(done.panicked.as_deref().map(host_panicked))
+            .collect(),
+    }
+}
+
+/// Runs what is prepared under the real clock. `progress` is given the number of ticks done.
+///
+/// # Errors
+/// The system gives no thread, or the tick's thread panicked.
+pub(super) fn under_the_real_clock(
+    prepared: Setup,
+    options: &RunOptions,
+    reserved: &Reserved,
+    observers: Observers,
+    progress: impl FnMut(u64),
+) -> Result<Parts, RunError> {
+    let planned = prepared.timing.ticks;
+    let stop = Arc::clone(&options.stop);
+    let runner = RunnerConfig {
+        core: reserved.core(),
+        ..options.runner
+    };
+    let done = real_clock::run(prepared, runner, stop, observers, progress)?;
+    let mut failures = done.failures;
+    let observed = done.observers.map(Observers::finish).unwrap_or_default();
+    failures.extend(observed.failures);
+    let report = done.report;
+    if let Some(call) = report.forbidden_call {
+        failures.push(format!(
+            "the tick made a system call that it may not make, and the loop ended after {} ticks: {call}",
+            report.ticks
+        ));
+    }
+    Ok(Parts {
+        tick: TickSide {
+            ticks: report.ticks,
+            missed: report.missed_deadlines,
+            longest_miss: report.longest_miss,
+            slots: report.slots,
+            stopped: report.ticks < planned && options.stop.is_requested(),
+            place: Some(PlaceSummary {
+                core: report.core,
+                isolated: report.isolated,
+                priority: report.priority,
+            }),
+            locked_bytes: report.locked_bytes as u64,
+            counters: report.link,
+            refused_wrenches: report.refused_wrenches,
+            latencies: report.latencies,
+            controller: report.controller,
+            devices: report.devices,
+        },
+        host: done.host,
+        collected: observed.collected,
+        degradations: report
+            .degradations
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
+        failures,
+    })
+}
