@@ -25,11 +25,11 @@ fn a_model_arrives_at_its_time_and_once() {
     late.send(3_000_000, 0, &model(1));
     let mut seen = Vec::new();
     for now_ns in [0, 2_999_999] {
-        late.deliver(now_ns, |body, model| seen.push((body, model.head.sequence)));
+        late.deliver(now_ns, |body, model| seen.push((body, model.sequence)));
         assert_eq!((seen.len(), taken(&mut tick)), (0, vec![]), "{now_ns}");
     }
     for (now_ns, expected) in [(3_000_000, vec![(0, 1)]), (4_000_000, vec![])] {
-        late.deliver(now_ns, |body, model| seen.push((body, model.head.sequence)));
+        late.deliver(now_ns, |body, model| seen.push((body, model.sequence)));
         assert_eq!(taken(&mut tick), expected, "{now_ns}");
     }
     assert_eq!(seen, [(0, 1)]);
