@@ -34,18 +34,19 @@ material = {{ young = 20e3, poisson = 0.3, density = 1000.0 }}
 "#,
         2 * cells
     );
-    for side in ["left", "right"] {
-        text += &format!(
+    let sides = ["left", "right"];
+    text.extend(sides.map(|side| {
+        format!(
             r#"
 [[body.handle]]
 name = "{side} end"
 group = "{side}"
 device = "{side}"
 "#
-        );
-    }
-    for side in ["left", "right"] {
-        text += &format!(
+        )
+    }));
+    text.extend(sides.map(|side| {
+        format!(
             r#"
 [[device]]
 name = "{side}"
@@ -53,19 +54,19 @@ model = "falcon"
 [device.hand]
 waypoints = [[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]]
 "#
-        );
-    }
+        )
+    }));
     text
 }
 
-struct Hands {
+struct Rig {
     engine: Engine,
     hands: [Pose; 3],
     tick: u64,
     watch: WallStopwatch,
 }
 
-impl Hands {
+impl Rig {
     /// Takes a step after four ticks in which the right hand pulls slowly. Returns its time (ns).
     fn step(&mut self) -> u64 {
         for _ in 0..4 {
@@ -123,13 +124,13 @@ fn main() -> Result<(), Box<dyn Error>> {
                 freedom: Freedom::Translation,
             };
             let hands = [pose(0), pose(1), Pose::at(spec.origin)];
-            let mut hands = Hands {
+            let mut rig = Rig {
                 engine: Engine::new(built),
                 hands,
                 tick: 0,
                 watch: WallStopwatch::start(),
             };
-            let usual = (0..100).map(|_| hands.step()).collect::<Vec<_>>();
+            let usual = (0..100).map(|_| rig.step()).collect::<Vec<_>>();
             steps.push((median(usual) * 1e6) as u64);
 
             let grab = Edit::Grab(Grip {
@@ -137,18 +138,18 @@ fn main() -> Result<(), Box<dyn Error>> {
                 device: 2,
                 link: None,
             });
-            let start = hands.watch.now_ns();
-            hands.engine.change(0, vec![grab])?;
-            calls.push(hands.watch.now_ns() - start);
+            let start = rig.watch.now_ns();
+            rig.engine.change(0, vec![grab])?;
+            calls.push(rig.watch.now_ns() - start);
             let landing = loop {
-                let time = hands.step();
-                if !hands.engine.bodies()[0].is_changing() {
+                let time = rig.step();
+                if !rig.engine.bodies()[0].is_changing() {
                     break time;
                 }
             };
             landings.push(landing);
-            waits.push(hands.watch.now_ns() - start);
-            let stats = hands.engine.stats();
+            waits.push(rig.watch.now_ns() - start);
+            let stats = rig.engine.stats();
             if let Some(fault) = &stats.first_fault {
                 return Err(fault.clone().into());
             }

@@ -83,7 +83,8 @@ fn forces(model: &LocalModel) -> Vec<Vec3> {
 /// The largest change of the first two hands' forces from one model to the next, from model `from` on (N).
 fn largest_step(published: &[LocalModel], from: usize) -> f64 {
     let mut largest: f64 = 0.0;
-    for [before, after] in published[from..].array_windows() {
+    for pair in published[from..].windows(2) {
+        let [before, after] = pair else { continue };
         for (a, b) in forces(before).iter().zip(&forces(after)) {
             largest = largest.max((a - b).norm());
         }

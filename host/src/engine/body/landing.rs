@@ -77,7 +77,7 @@ impl HostBody {
             self.beside = None;
             return Err(ChangeError::Lost.into());
         };
-        let spent = self.continue_as(made?, joining)?;
+        let spent = self.continue_as(made?, &joining)?;
         rebuild.keep(spent);
         if let Some(beside) = &mut self.beside {
             beside.drop(rebuild);
@@ -86,7 +86,7 @@ impl HostBody {
     }
 
     /// Continues with the body, the handles and the solver of `made`. Returns those of before.
-    fn continue_as(&mut self, made: Made, joining: Vec<Joining>) -> Result<Made, ChangeError> {
+    fn continue_as(&mut self, made: Made, joining: &[Joining]) -> Result<Made, ChangeError> {
         let Made {
             mut body,
             map,
@@ -96,7 +96,7 @@ impl HostBody {
         } = made;
         body.continue_from(&self.body, &map)?;
         let now_ns = self.time_ns.unwrap_or(0);
-        for (handle, join) in joined(&hands, &joining) {
+        for (handle, join) in joined(&hands, joining) {
             if join.path.time_ns().is_some() {
                 let pose = join.path.pose_at(now_ns);
                 body.hold_at(
@@ -109,7 +109,7 @@ impl HostBody {
             }
         }
 
-        let model = self.renamed(&hands, &joining);
+        let model = self.renamed(&hands, joining);
         if let Some(stored) = &mut self.stored {
             let origins = origins(stored, &hands, &body);
             // The elements of a copy store the same energy, and a sum over all of them takes as long as a step.
@@ -126,13 +126,13 @@ impl HostBody {
             );
         }
         self.model = model;
-        self.devices = each(&hands, &joining, &self.devices, |join| join.device);
+        self.devices = each(&hands, joining, &self.devices, |join| join.device);
         if let Some(coupling) = &mut self.coupling {
             let links: Vec<Option<Link>> = coupling.links().iter().copied().map(Some).collect();
-            let links = each(&hands, &joining, &links, |join| join.link);
+            let links = each(&hands, joining, &links, |join| join.link);
             *coupling = VirtualCoupling::new(links.into_iter().flatten().collect());
         }
-        self.paths = each(&hands, &joining, &self.paths, |join| join.path.clone());
+        self.paths = each(&hands, joining, &self.paths, |join| join.path.clone());
         Ok(Made {
             body: core::mem::replace(&mut self.body, body),
             solver: core::mem::replace(&mut self.solver, solver),

@@ -47,7 +47,8 @@ impl RunSummary {
         if let Some(duration) = &t.duration {
             writeln!(f, "  tick took  {}", Times(duration))?;
         }
-        for age in &t.model_age {
+        // A body that nobody holds publishes no model.
+        for age in t.model_age.iter().filter(|age| age.count > 0) {
             writeln!(f, "  model age  {}", Times(age))?;
         }
         Ok(())
