@@ -53,6 +53,9 @@ const FLAT: f64 = 1e-5;
 /// lock. This fraction of the mean diagonal of `T G^-1 T^T` is added to the diagonal and bounds the stiffness.
 const EASE: f64 = 1e-4;
 
+/// Stands for the vertex beyond a border. An `Option` would take twice the memory.
+const NONE: u32 = u32::MAX;
+
 /// The contribution of one triangle and its neighbours, of which there are at most three.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
@@ -67,8 +70,8 @@ pub(crate) struct Patch {
 #[derive(Clone, Debug)]
 pub(crate) struct BentSheet {
     triangles: Vec<[u32; 3]>,
-    /// By triangle, the vertex beyond each side.
-    beyond: Vec<[Option<u32>; 3]>,
+    /// By triangle, the vertex beyond each side, or [`NONE`].
+    beyond: Vec<[u32; 3]>,
     /// One for all triangles or one for each.
     materials: Vec<Material>,
     /// Factor of the rigidity.
@@ -115,8 +118,8 @@ fn stencil(x: &[Vec3], side: Side, beyond: u32) -> [(u32, f64); 4] {
     ]
 }
 
-/// For each side of each triangle in turn, the vertex beyond it, if any.
-fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]>, BodyError> {
+/// For each side of each triangle in turn, the vertex beyond it, or [`NONE`].
+fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, BodyError> {
     let mut sides: Vec<(Side, usize)> = Vec::with_capacity(3 * triangles.len());
     for (triangle, vertices) in triangles.iter().enumerate() {
         for k in 0..3 {
@@ -124,7 +127,7 @@ fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]
         }
     }
     sides.sort_unstable();
-    let mut beyond = vec![[None; 3]; triangles.len()];
+    let mut beyond = vec![[NONE; 3]; triangles.len()];
     for group in sides.chunk_by(|p, q| (p.0.a, p.0.b) == (q.0.a, q.0.b)) {
         match group {
             [_] => {}
@@ -138,8 +141,8 @@ fn neighbours(x: &[Vec3], triangles: &[[u32; 3]]) -> Result<Vec<[Option<u32>; 3]
                         angle,
                     });
                 }
-                beyond[p.triangle][*kp] = Some(q.across);
-                beyond[q.triangle][*kq] = Some(p.across);
+                beyond[p.triangle][*kp] = q.across;
+                beyond[q.triangle][*kq] = p.across;
             }
             _ => {
                 let (a, b) = (group[0].0.a, group[0].0.b);
@@ -250,7 +253,7 @@ fn patches(x: &[Vec3], sheet: &BentSheet) -> Vec<Patch> {
             continue;
         };
         let mut patch_vertices = vertices.to_vec();
-        for vertex in beyond[triangle].into_iter().flatten() {
+        for vertex in beyond[triangle].into_iter().filter(|&v| v != NONE) {
             if !patch_vertices.contains(&vertex) {
                 patch_vertices.push(vertex);
             }
@@ -263,9 +266,10 @@ fn patches(x: &[Vec3], sheet: &BentSheet) -> Vec<Patch> {
         let mut folds: Vec<Vec<f64>> = Vec::with_capacity(3);
         let mut t = Mat3::zeros();
         for k in 0..3 {
-            let Some(beyond) = beyond[triangle][k] else {
+            let beyond = beyond[triangle][k];
+            if beyond == NONE {
                 continue;
-            };
+            }
             let mut row = vec![0.0; count];
             for (vertex, weight) in stencil(x, side(vertices, triangle, k), beyond) {
                 if let Some(i) = patch_vertices.iter().position(|&v| v == vertex) {
