@@ -1,0 +1,123 @@
+//! The rotation of a sheet about an edge: the normal derivative at the middle of the edge, from nearby vertices.
+//!
+//! A quadratic function on a plane has the normal derivative
+//!
+//! ```text
+//! dw/dn = sum_j c_j w_j
+//! ```
+//!
+//! at the middle of an edge, if the weights `c` reproduce the six quadratics. Of all such weights these are the nearest,
+//! in the sum of squares, to those of the mean of the two triangles' gradients. That mean is exact already where the two
+//! triangles are a parallelogram, so on a regular mesh only the four vertices of the two triangles have a weight. Else
+//! the vertices of the neighbouring triangles join in.
+
+use crate::Mat3;
+use crate::Vec3;
+
+/// Weights whose squares sum to more than this value, relative to those of the mean, come from vertices near a common
+/// conic, which hardly tell quadratics apart. They would make the sheet stiff in a short wave.
+const LARGEST: f64 = 10.0;
+
+/// Weights that miss the derivative of a quadratic by more than this value come from vertices on a common conic.
+const EXACT: f64 = 1e-9;
+
+/// Fraction of the mean diagonal of the normal equations that keeps them regular. On a strip of one row of cells no
+/// vertices tell all quadratics apart, but the mean has the derivative of the quadratic that they do not see.
+const REGULAR: f64 = 1e-12;
+
+/// The same fraction where no vertices nearby give exact weights: the weights are then bounded.
+const EASED: f64 = 1e-3;
+
+/// The nearby vertices of an edge in the frame of the edge: the origin in its middle, x along it, y along the normal,
+/// in units of its length.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Nearby {
+    /// The vertices. The first two are the ends of the edge, at x = -1/2 and 1/2. The third and the fourth are those
+    /// across it, at y < 0 and y > 0.
+    pub(super) vertices: Vec<u32>,
+    /// Their places.
+    pub(super) at: Vec<[f64; 2]>,
+}
+
+/// The three quadratics at a place: those of unit curvature xx, xy and yy.
+fn quadratic([x, y]: &[f64; 2]) -> Vec3 {
+    Vec3::new(0.5 * x * x, x * y, 0.5 * y * y)
+}
+
+impl Nearby {
+    /// The weights of the mean of the two triangles' gradients.
+    fn mean(&self) -> Vec<f64> {
+        let mut weights = vec![0.0; self.at.len()];
+        for across in [2, 3] {
+            let [x, y] = self.at[across];
+            weights[across] += 0.5 / y;
+            weights[0] -= 0.5 * (0.5 - x) / y;
+            weights[1] -= 0.5 * (0.5 + x) / y;
+        }
+        weights
+    }
+
+    /// For each vertex the three quadratics, less their best linear fit over all vertices.
+    fn curved(&self) -> Option<Vec<Vec3>> {
+        let linear = |[x, y]: &[f64; 2]| Vec3::new(1.0, *x, *y);
+        let (mut normal, mut mixed) = (Mat3::zeros(), Mat3::zeros());
+        for at in &self.at {
+            normal += linear(at) * linear(at).transpose();
+            mixed += linear(at) * quadratic(at).transpose();
+        }
+        let fit = normal.try_inverse()? * mixed;
+        let rest = |at: &[f64; 2]| quadratic(at) - fit.transpose() * linear(at);
+        Some(self.at.iter().map(rest).collect())
+    }
+
+    /// The weights nearest to the mean that reproduce quadratics, and whether they do so and are bounded. The normal
+    /// equations are made regular by `fraction` of their mean diagonal.
+    fn weights(&self, fraction: f64) -> (Vec<f64>, bool) {
+        let mean = self.mean();
+        let Some(curved) = self.curved() else {
+            return (mean, true);
+        };
+        // The normal derivative of a quadratic vanishes in the middle of the edge.
+        let missed = |weights: &[f64]| -> Vec3 {
+            let places = self.at.iter().zip(weights);
+            places.map(|(at, weight)| quadratic(at) * *weight).sum()
+        };
+        let mut normal = Mat3::zeros();
+        for curved in &curved {
+            normal += curved * curved.transpose();
+        }
+        let regular = Mat3::identity() * (normal.trace() / 3.0 * fraction);
+        let Some(inverse) = (normal + regular).try_inverse() else {
+            return (mean, true);
+        };
+        let factors = -(inverse * missed(&mean));
+        let weights = mean.iter().zip(&curved);
+        let weights: Vec<f64> = weights.map(|(w, q)| w + q.dot(&factors)).collect();
+        let squares = |weights: &[f64]| weights.iter().map(|w| w * w).sum::<f64>();
+        let bounded = squares(&weights) <= LARGEST * squares(&mean);
+        let exact = missed(&weights).amax() <= EXACT;
+        (weights, bounded && exact)
+    }
+}
+
+/// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is
+/// called where `nearby` are near a conic.
+pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Vec<(u32, f64)> {
+    let (vertices, weights) = match nearby.weights(REGULAR) {
+        (weights, true) => (nearby.vertices, weights),
+        _ => {
+            let wider = wider();
+            match wider.weights(REGULAR) {
+                (weights, true) => (wider.vertices, weights),
+                _ => {
+                    let (weights, _) = wider.weights(EASED);
+                    (wider.vertices, weights)
+                }
+            }
+        }
+    };
+    let largest = weights.iter().fold(0.0, |most: f64, w| most.max(w.abs()));
+    let pairs = vertices.into_iter().zip(weights);
+    // The remainder that rounding leaves of a zero would fill the matrix.
+    pairs.filter(|(_, w)| w.abs() > 1e-12 * largest).collect()
+}
