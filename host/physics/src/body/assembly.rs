@@ -43,7 +43,9 @@ impl Assembly {
         let places = constraints.places();
         let (count, free) = (model.rest.len(), places.free());
         let bent = model.bent.as_ref();
-        let mut patches = bent.map_or_else(Vec::new, |sheet| sheet.patches(&model.rest));
+        let mut patches = bent.map_or_else(Vec::new, |sheet| {
+            sheet.patches(&model.rest, |nodes| constraints.prescribe_all(nodes))
+        });
         let cliques = model
             .elements
             .iter()

@@ -40,6 +40,17 @@ impl Constraints {
         self.mark();
     }
 
+    /// Whether the motion of all `nodes` is prescribed: by one handle, or by supports along all axes.
+    pub(crate) fn prescribe_all(&self, nodes: &[u32]) -> bool {
+        if nodes.iter().all(|&node| self.is_held[node as usize]) {
+            let holds = |handle: &Handle| nodes.iter().all(|n| handle.vertices.contains(n));
+            return self.handles.iter().any(holds);
+        }
+        let mask = self.supports.mask().unwrap_or_default();
+        let guided = |&node: &u32| mask.get(node as usize).is_some_and(|m| m.amax() == 0.0);
+        nodes.iter().all(guided)
+    }
+
     fn mark(&mut self) {
         self.is_held.fill(false);
         for &node in self.handles.iter().flat_map(|handle| &handle.vertices) {

@@ -85,9 +85,10 @@ impl Body {
                 });
             }
         }
+        let rigid = self.rigid_triangles();
         let supports = &mut self.constraints.supports;
         let support = supports.add(vertices, axes, &self.state.x)?;
-        self.follow_supports();
+        self.follow_supports(&rigid);
         Ok(support)
     }
 
@@ -104,8 +105,9 @@ impl Body {
                 found: "it does not exist",
             });
         }
+        let rigid = self.rigid_triangles();
         self.constraints.supports.lift(support);
-        self.follow_supports();
+        self.follow_supports(&rigid);
         Ok(())
     }
 
@@ -121,9 +123,21 @@ impl Body {
         self.forget_promise();
     }
 
-    /// Takes the mask of the present supports.
-    fn follow_supports(&mut self) {
-        self.assembly.guide(&self.constraints);
+    /// Whether the motion of each triangle of a sheet that bends is prescribed. Such a triangle clamps its neighbours.
+    fn rigid_triangles(&self) -> Vec<bool> {
+        let is_rigid = |nodes: &[u32; 3]| self.constraints.prescribe_all(nodes);
+        let bent = self.model.bent.as_ref();
+        bent.map_or_else(Vec::new, |sheet| sheet.rigid(is_rigid))
+    }
+
+    /// Takes the mask of the present supports. Other triangles may be rigid than `before`; the bending is then built
+    /// again.
+    fn follow_supports(&mut self, before: &[bool]) {
+        if self.rigid_triangles() == before {
+            self.assembly.guide(&self.constraints);
+        } else {
+            self.assembly = Assembly::new(&mut self.model, &self.constraints);
+        }
         self.begin_epoch();
     }
 

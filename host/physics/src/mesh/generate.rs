@@ -11,8 +11,7 @@ pub const MAX_VERTICES: u64 = 5_000_000;
 /// How the rectangles of a sheet are cut into triangles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Pattern {
-    /// The diagonals change direction from cell to cell. The sheet is equally stiff along both diagonals. Its
-    /// bending stiffness is too small by half or more: see [`bending`](crate::element::bending).
+    /// The diagonals change direction from cell to cell. The sheet is equally stiff along both diagonals.
     #[default]
     Alternating,
     /// All diagonals run from the lower left to the upper right. The sheet is stiffer along one diagonal than

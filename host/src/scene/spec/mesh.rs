@@ -60,11 +60,10 @@ pub enum MeshSource {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PatternName {
-    /// All diagonals from the lower left to the upper right. The sheet bends as a thin plate does.
+    /// All diagonals from the lower left to the upper right.
     #[default]
     Regular,
-    /// Alternating diagonals. The sheet is equally stiff along both diagonals, but its bending stiffness is too low by
-    /// half or more.
+    /// Alternating diagonals. The sheet is equally stiff along both diagonals.
     Alternating,
 }
 

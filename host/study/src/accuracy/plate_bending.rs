@@ -4,12 +4,9 @@
 //! A strip held at one end bends as a beam (nu = 0), under a force at its end and under pressure. A strip eight times
 //! as wide as long (nu = 0.3) bends cylindrically, so that `D` governs the middle of its end. A square plate is held
 //! along all its edges. Values are deflections relative to the theory. Sheets have no angles; a clamp is one more row
-//! of cells that is held. For comparison, the first strip is also computed as a slab of quadratic tetrahedra.
+//! of cells that is held, whose triangles are rigid. For comparison, the first strip is also computed as a slab of quadratic tetrahedra.
 //!
-//! The cut of a sheet into triangles matters. With parallel diagonals, deflections converge to the theory with the size
-//! of the cells, from above. With alternating diagonals, they converge to nearly one and a half times the theory (the
-//! strips along their length) or more. The energy of a smooth shape is right on both meshes. With alternating
-//! diagonals, other shapes have too little energy, and the equilibrium contains them.
+//! Deflections converge to the theory with the square of the size of the cells, however the sheet is cut into triangles.
 
 use super::Series;
 use super::solve::{

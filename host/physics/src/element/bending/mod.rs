@@ -142,9 +142,15 @@ impl BentSheet {
         &self.materials[if one { 0 } else { triangle }]
     }
 
-    /// One patch for every triangle with a neighbour, over vertices, which are at `x` (m) at rest.
-    pub(crate) fn patches(&self, x: &[Vec3]) -> Vec<Patch> {
-        patch::patches(self, x)
+    /// One patch for every triangle with a neighbour, over vertices, which are at `x` (m) at rest. `is_rigid` says
+    /// whether the motion of a triangle is prescribed.
+    pub(crate) fn patches(&self, x: &[Vec3], is_rigid: impl Fn(&[u32; 3]) -> bool) -> Vec<Patch> {
+        patch::patches(self, x, is_rigid)
+    }
+
+    /// Whether the motion of each triangle is prescribed.
+    pub(crate) fn rigid(&self, is_rigid: impl Fn(&[u32; 3]) -> bool) -> Vec<bool> {
+        self.triangles.iter().map(is_rigid).collect()
     }
 
     /// Memory that it holds beside itself (bytes).

@@ -14,14 +14,22 @@
 //! test). The energy is never below the least energy of Morley's triangles over all normal derivatives, which vanishes
 //! for rigid motions alone; so no other motion is free.
 //!
+//! A triangle whose vertices a handle or supports prescribe is rigid, and its gradient is that of the sheet at its sides:
+//! it clamps the triangles beside it.
+//!
 //! On a border nothing resists the rotation of the sheet. The normal derivative there is the one of least energy, which
 //! is eliminated in the triangle: the moment about a free or a hinged border is zero.
 
-use super::rotation::{Nearby, rotation};
+use super::rotation::{Across, Nearby, rotation};
 use super::{BentSheet, NONE};
 use crate::element::triangle::frame::rest_frame;
 use crate::material::Material;
 use crate::{Mat3, Vec3};
+
+/// Largest stiffness of a patch, the trace of its matrix, as a multiple of the rigidity over the square of the triangle's
+/// longest side. A well-shaped triangle has some hundred, and a needle the third power of its aspect ratio. A needle of
+/// more than a hundred bends too easily instead, because no solver would resolve its stiffness.
+const STIFFEST: f64 = 1e6;
 
 /// The contribution of one triangle.
 #[derive(Clone, Debug)]
@@ -92,7 +100,12 @@ fn nearby(sheet: &BentSheet, x: &[Vec3], triangle: usize, k: usize, rings: usize
 }
 
 /// For each side of each triangle, the number of its rotation, or [`NONE`] on a border; and the rotations.
-fn rotations(sheet: &BentSheet, x: &[Vec3]) -> (Vec<[u32; 3]>, Vec<Rotation>) {
+fn rotations(
+    sheet: &BentSheet,
+    x: &[Vec3],
+    is_rigid: impl Fn(&[u32; 3]) -> bool,
+) -> (Vec<[u32; 3]>, Vec<Rotation>) {
+    let rigid: Vec<bool> = sheet.triangles.iter().map(is_rigid).collect();
     let mut numbers = vec![[NONE; 3]; sheet.triangles.len()];
     let mut rotations = Vec::with_capacity(3 * sheet.triangles.len() / 2);
     for triangle in 0..sheet.triangles.len() {
@@ -102,7 +115,11 @@ fn rotations(sheet: &BentSheet, x: &[Vec3]) -> (Vec<[u32; 3]>, Vec<Rotation>) {
                 continue;
             }
             let near = nearby(sheet, x, triangle, k, 1);
-            let weights = rotation(near, || nearby(sheet, x, triangle, k, 2));
+            let weights = match [triangle, beyond as usize].map(|t| rigid[t]) {
+                [true, false] => near.gradient(Across::Before),
+                [false, true] => near.gradient(Across::Beyond),
+                _ => rotation(near, || nearby(sheet, x, triangle, k, 2)),
+            };
             let number = rotations.len() as u32;
             numbers[triangle][k] = number;
             let back = &sheet.neighbours[beyond as usize];
@@ -124,9 +141,14 @@ fn rotations(sheet: &BentSheet, x: &[Vec3]) -> (Vec<[u32; 3]>, Vec<Rotation>) {
     (numbers, rotations)
 }
 
-/// The patch of every triangle with a neighbour, over vertices, which are at `x` (m) at rest.
-pub(super) fn patches(sheet: &BentSheet, x: &[Vec3]) -> Vec<Patch> {
-    let (numbers, rotations) = rotations(sheet, x);
+/// The patch of every triangle with a neighbour, over vertices, which are at `x` (m) at rest. `is_rigid` says whether the
+/// motion of a triangle is prescribed.
+pub(super) fn patches(
+    sheet: &BentSheet,
+    x: &[Vec3],
+    is_rigid: impl Fn(&[u32; 3]) -> bool,
+) -> Vec<Patch> {
+    let (numbers, rotations) = rotations(sheet, x, is_rigid);
     let mut patches = Vec::with_capacity(sheet.triangles.len());
     for (triangle, vertices) in sheet.triangles.iter().enumerate() {
         let corners = vertices.map(|vertex| &x[vertex as usize]);
@@ -139,7 +161,11 @@ pub(super) fn patches(sheet: &BentSheet, x: &[Vec3]) -> Vec<Patch> {
         let along = (corners[1] - corners[0]).normalize();
         let up = corners[2] - corners[0];
         let across = (up - along * along.dot(&up)).normalize();
-        let mut plate = plate(sheet.material(triangle)) * (sheet.scale * area);
+        let material = sheet.material(triangle);
+        let mut plate = plate(material) * (sheet.scale * area);
+        let sides = [0, 1, 2].map(|k| (corners[(k + 1) % 3] - corners[k]).norm_squared());
+        let longest = sides.into_iter().fold(0.0, f64::max);
+        let stiffest = STIFFEST * material.bending_rigidity() * sheet.scale / longest;
         let mut patch: Vec<u32> = vertices.to_vec();
         let mut curvature = vec![Vec3::zeros(); 3];
         for k in 0..3 {
@@ -167,6 +193,10 @@ pub(super) fn patches(sheet: &BentSheet, x: &[Vec3]) -> Vec<Patch> {
                 });
                 curvature[at] += bend * (outward * weight);
             }
+        }
+        let stiffness: f64 = curvature.iter().map(|a| (plate * a).dot(a)).sum();
+        if stiffness > stiffest {
+            plate *= stiffest / stiffness;
         }
         let mut weights = Vec::with_capacity(patch.len() * patch.len());
         for a in &curvature {

@@ -39,20 +39,45 @@ pub(super) struct Nearby {
     pub(super) at: Vec<[f64; 2]>,
 }
 
+/// One of the two triangles at an edge, by the index of its vertex across the edge.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Across {
+    /// The triangle at y < 0.
+    Before = 2,
+    /// The triangle at y > 0.
+    Beyond = 3,
+}
+
 /// The three quadratics at a place: those of unit curvature xx, xy and yy.
 fn quadratic([x, y]: &[f64; 2]) -> Vec3 {
     Vec3::new(0.5 * x * x, x * y, 0.5 * y * y)
 }
 
 impl Nearby {
+    /// The weights of the gradient of one triangle at the edge: of its ends and of the vertex across.
+    fn one_sided(&self, across: Across) -> [(usize, f64); 3] {
+        let [x, y] = self.at[across as usize];
+        [
+            (0, (x - 0.5) / y),
+            (1, -(x + 0.5) / y),
+            (across as usize, 1.0 / y),
+        ]
+    }
+
+    /// The same weights by vertex.
+    pub(super) fn gradient(&self, across: Across) -> Vec<(u32, f64)> {
+        let weights = self.one_sided(across);
+        let by_vertex = weights.map(|(index, weight)| (self.vertices[index], weight));
+        by_vertex.to_vec()
+    }
+
     /// The weights of the mean of the two triangles' gradients.
     fn mean(&self) -> Vec<f64> {
         let mut weights = vec![0.0; self.at.len()];
-        for across in [2, 3] {
-            let [x, y] = self.at[across];
-            weights[across] += 0.5 / y;
-            weights[0] -= 0.5 * (0.5 - x) / y;
-            weights[1] -= 0.5 * (0.5 + x) / y;
+        for across in [Across::Before, Across::Beyond] {
+            for (index, weight) in self.one_sided(across) {
+                weights[index] += 0.5 * weight;
+            }
         }
         weights
     }
