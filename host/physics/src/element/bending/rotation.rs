@@ -128,19 +128,14 @@ impl Nearby {
 /// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is
 /// called where `nearby` are near a conic.
 pub(super) fn rotation(nearby: Nearby, wider: impl FnOnce() -> Nearby) -> Vec<(u32, f64)> {
-    let (vertices, weights) = match nearby.weights(REGULAR) {
-        (weights, true) => (nearby.vertices, weights),
-        _ => {
-            let wider = wider();
-            match wider.weights(REGULAR) {
-                (weights, true) => (wider.vertices, weights),
-                _ => {
-                    let (weights, _) = wider.weights(EASED);
-                    (wider.vertices, weights)
-                }
-            }
-        }
-    };
+    let (mut weights, good) = nearby.weights(REGULAR);
+    let mut vertices = nearby.vertices;
+    if !good {
+        let wider = wider();
+        let (exact, good) = wider.weights(REGULAR);
+        weights = if good { exact } else { wider.weights(EASED).0 };
+        vertices = wider.vertices;
+    }
     let largest = weights.iter().fold(0.0, |most: f64, w| most.max(w.abs()));
     let pairs = vertices.into_iter().zip(weights);
     // The remainder that rounding leaves of a zero would fill the matrix.
