@@ -4,10 +4,10 @@
 //! normal, so a plate's energy is a quadratic function of the positions with a constant matrix (Bergou,
 //! Wardetzky, Harmon, Zorin, Grinspun, "A quadratic bending model for inextensible surfaces", 2006).
 //!
-//! - [`rotation`]: the normal derivative at the middle of an edge, from nearby vertices.
-//! - [`patch`]: the curvature of a triangle from the normal derivatives at its sides, and its energy by Kirchhoff's plate
+//! - `rotation`: the normal derivative at the middle of an edge, from nearby vertices.
+//! - `patch`: the curvature of a triangle from the normal derivatives at its sides, and its energy by Kirchhoff's plate
 //!   matrix, of rigidity `D = E t^3 / (12 (1 - nu^2))`.
-//! - [`scalar`]: the matrix in the form for vector instructions.
+//! - `scalar`: the matrix in the form for vector instructions.
 //!
 //! Deflections converge to those of the plate with the square of the size of the cells on any triangulation
 //! (`palpate bench accuracy`).

@@ -9,7 +9,7 @@
 //! with the normal derivative `w,n` in the middle of each side, its length, its outward normal `n_e` and the difference
 //! along its tangent `t`. This is the curvature of L. S. D. Morley's triangle ("The constant-moment plate-bending
 //! element", 1971), whose unknowns are the vertices and the normal derivatives. Here the normal derivatives are those of
-//! [`rotation`](super::rotation), so that only vertices remain. Two triangles use the same derivative on their common
+//! `rotation`, so that only vertices remain. Two triangles use the same derivative on their common
 //! side. Hence a constant moment is in equilibrium, and a constant curvature has its exact energy, on any mesh (the patch
 //! test). The energy is never below the least energy of Morley's triangles over all normal derivatives, which vanishes
 //! for rigid motions alone; so no other motion is free.
