@@ -181,19 +181,6 @@ pub enum BodyError {
         /// The handle.
         handle: usize,
     },
-    /// Bending is on, but the sheet is folded at rest.
-    #[error(
-        "the sheet is folded by {angle} rad at rest across the edge between vertices {a} and {b}, and \
-         the bending model needs a flat rest shape; flatten the mesh or set `bending` to 0"
-    )]
-    Folded {
-        /// One end of the edge.
-        a: u32,
-        /// The other end.
-        b: u32,
-        /// Angle between the two triangles (rad); 0 is flat.
-        angle: f64,
-    },
     /// Bending is on, but more than two triangles meet at an edge.
     #[error(
         "{count} triangles meet at the edge between vertices {a} and {b}, and the bending model allows \

@@ -43,23 +43,23 @@ impl Assembly {
         let places = constraints.places();
         let (count, free) = (model.rest.len(), places.free());
         let bent = model.bent.as_ref();
-        let mut patches = bent.map_or_else(Vec::new, |sheet| {
-            sheet.patches(&model.rest, |nodes| constraints.prescribe_all(nodes))
-        });
+        let bending =
+            bent.map(|sheet| sheet.bending(&model.rest, |nodes| constraints.prescribe_all(nodes)));
+        let mut bending = bending.filter(|bending| !bending.is_empty());
         let cliques = model
             .elements
             .iter()
             .flat_map(|set| (0..set.count()).map(|element| set.nodes(element)))
-            .chain(patches.iter().map(|patch| patch.vertices.as_slice()));
+            .chain(bending.iter().flat_map(Bending::patches));
         let stiffness = BlockMatrix::with_places(&places, cliques);
         let place = places.of_nodes();
         for set in &mut model.elements {
             set.bind(&stiffness, place);
         }
-        for vertex in patches.iter_mut().flat_map(|patch| &mut patch.vertices) {
-            *vertex = place[*vertex as usize];
+        if let Some(bending) = &mut bending {
+            bending.renumber(place);
         }
-        model.bending = (!patches.is_empty()).then(|| Bending::new(&stiffness, &patches));
+        model.bending = bending;
         let zeros = vec![Vec3::zeros(); count];
         let mut assembly = Self {
             mass: places.gather(&model.mass),

@@ -95,9 +95,10 @@ impl Body {
         config.check()?;
         check_positions(&mesh.positions)?;
         let membrane = Membrane::new(mesh, materials)?;
+        let plate = |material: &Material| material.plate() * config.bending;
         let bends = config.bending > 0.0;
-        let bent = bends
-            .then(|| BentSheet::new(&mesh.positions, &mesh.triangles, materials, config.bending));
+        let bent =
+            bends.then(|| BentSheet::new(&mesh.triangles, materials.iter().map(plate).collect()));
         Self::build(
             &mesh.positions,
             vec![Box::new(membrane)],

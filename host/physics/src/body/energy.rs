@@ -1,7 +1,6 @@
 //! Sums over a body: mass, momentum and energy.
 
 use super::Body;
-use super::assembly::Assembly;
 use crate::Vec3;
 
 impl Body {
@@ -47,7 +46,7 @@ impl Body {
     pub(crate) fn elastic_energy_at(&self, x: &[Vec3]) -> f64 {
         let bending = self.model.bending.as_ref();
         let bending = bending.map_or(0.0, |bending| {
-            bending.energy(&self.assembly.stiffness, self.assembly.places.nodes(), x)
+            bending.energy(x, self.assembly.places.nodes())
         });
         self.model
             .elements
@@ -60,10 +59,7 @@ impl Body {
     /// Bending energy (J) at the present state; 0 for a body without bending.
     pub fn bending_energy(&self) -> f64 {
         self.model.bending.as_ref().map_or(0.0, |bending| {
-            let Assembly {
-                stiffness, places, ..
-            } = &self.assembly;
-            bending.energy(stiffness, places.nodes(), &self.state.x)
+            bending.energy(&self.state.x, self.assembly.places.nodes())
         })
     }
 

@@ -8,7 +8,7 @@ impl Body {
     /// Memory of the body (bytes).
     pub fn bytes(&self) -> usize {
         let elements: usize = self.model.elements.iter().map(|set| set.bytes()).sum();
-        let bending = self.model.bending.as_ref().map(Bending::weights);
+        let bending = self.model.bending.as_ref();
         let handle = |handle: &Handle| {
             size_of_val(handle)
                 + size_of_val(handle.offsets.as_slice())
@@ -17,7 +17,7 @@ impl Body {
         };
         size_of::<Self>()
             + elements
-            + bending.map_or(0, size_of_val)
+            + bending.map_or(0, Bending::bytes)
             + self.model.bent.as_ref().map_or(0, BentSheet::bytes)
             + self.constraints.handles.iter().map(handle).sum::<usize>()
             + self.constraints.supports.bytes()

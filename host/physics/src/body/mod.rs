@@ -135,16 +135,14 @@ impl Body {
     /// Computes elastic forces and stiffness at the present state, with the tangent of the given kind.
     pub fn assemble_with(&mut self, tangent: Tangent) {
         self.assembly.internal.fill(Vec3::zeros());
+        self.assembly.stiffness.clear();
         if let Some(bending) = &self.model.bending {
-            self.assembly.stiffness.load_scalar(bending.weights());
-            bending.add_force(
-                &self.assembly.stiffness,
-                self.assembly.places.nodes(),
-                &self.state.x,
+            bending.assemble(
+                (&self.state.x, self.assembly.places.nodes()),
+                tangent,
                 &mut self.assembly.internal,
+                &mut self.assembly.stiffness,
             );
-        } else {
-            self.assembly.stiffness.clear();
         }
         for elements in &self.model.elements {
             elements.assemble(

@@ -231,7 +231,7 @@ impl<T: Real> Stepper<T> {
             self.u[place] = to_node(&u);
             self.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
         }
-        for kernel in &self.kernels {
+        for kernel in &mut self.kernels {
             kernel.product(T::of(-stiffness_factor), &self.u, &mut self.residual);
         }
     }

@@ -47,7 +47,7 @@ impl<T: Real> Kernel<T> for Assembled {
         self.elements.energy(&self.x)
     }
 
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         for (row, y) in y.iter_mut().enumerate() {
             let mut sum = [T::ZERO; 3];
             for (column, block) in self.matrix.blocks(row) {

@@ -15,7 +15,7 @@ pub(crate) trait Kernel<T>: Counted + fmt::Debug + Send {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64;
 
     /// Adds `factor K u` to `y`.
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]);
+    fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]);
 
     /// Adds the blocks of `K` to `matrix`.
     fn add_to(&self, matrix: &mut BlockMatrix);

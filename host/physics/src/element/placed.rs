@@ -51,7 +51,7 @@ impl<T: Real, E: InBlocks<T, N> + Counted, const N: usize> Kernel<T> for Placed<
         self.elements.linearize(d, force)
     }
 
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+    fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
         self.elements.product(factor, u, y);
     }
 

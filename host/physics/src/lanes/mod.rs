@@ -30,8 +30,3 @@ pub(crate) fn add<T: Real>(sum: &mut Node<T>, other: &Node<T>) {
         sum[i] += other[i];
     }
 }
-
-#[inline(always)]
-pub(crate) fn dot<T: Real>(a: &Node<T>, b: &Node<T>) -> T {
-    (a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])
-}

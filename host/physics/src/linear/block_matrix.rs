@@ -142,13 +142,6 @@ impl BlockMatrix {
         self.blocks.fill(Mat3::zeros());
     }
 
-    /// Sets every block to its entry of `weights` times the identity.
-    pub fn load_scalar(&mut self, weights: &[f64]) {
-        for (block, &weight) in self.blocks.iter_mut().zip(weights) {
-            *block = Mat3::from_diagonal_element(weight);
-        }
-    }
-
     /// A zero matrix of the same pattern over renumbered nodes: node `i` becomes `place[i]`. Free nodes stay free.
     pub(crate) fn renumbered(&self, place: &[u32]) -> Self {
         let mut cliques = Vec::with_capacity(self.columns.len());
@@ -164,33 +157,10 @@ impl BlockMatrix {
         )
     }
 
-    /// `weights` by slot of this matrix, by slot of `to`, which is [`renumbered`](Self::renumbered).
-    pub(crate) fn renumbered_weights(&self, weights: &[f64], place: &[u32], to: &Self) -> Vec<f64> {
-        let mut renumbered = vec![0.0; to.columns.len()];
-        for row in 0..self.nodes() {
-            let (columns, first) = self.row(row);
-            for (offset, &column) in columns.iter().enumerate() {
-                if let Some(slot) = to.slot(place[row], place[column as usize]) {
-                    renumbered[slot as usize] = weights[first + offset];
-                }
-            }
-        }
-        renumbered
-    }
-
     /// Adds a matrix of the same pattern.
     pub(crate) fn add_all(&mut self, other: &Self) {
         for (block, other) in self.blocks.iter_mut().zip(&other.blocks) {
             *block += other;
-        }
-    }
-
-    /// Adds to every block its entry of `weights` times the identity.
-    pub(crate) fn add_scalar(&mut self, weights: &[f64]) {
-        for (block, &weight) in self.blocks.iter_mut().zip(weights) {
-            for i in 0..3 {
-                block[(i, i)] += weight;
-            }
         }
     }
 
@@ -203,6 +173,23 @@ impl BlockMatrix {
     #[inline]
     pub fn add(&mut self, slot: u32, block: &Mat3) {
         self.blocks[slot as usize] += block;
+    }
+
+    /// Adds `block(j, k)` to the block in row `nodes[j]` and column `nodes[k]`, for all pairs. `nodes` ascend. A block
+    /// that the pattern lacks is left out.
+    pub(crate) fn add_clique(&mut self, nodes: &[u32], block: impl Fn(usize, usize) -> Mat3) {
+        for (j, &row) in nodes.iter().enumerate() {
+            let end = self.row_start[row as usize + 1] as usize;
+            let mut slot = self.row_start[row as usize] as usize;
+            for (k, &column) in nodes.iter().enumerate() {
+                while slot < end && self.columns[slot] < column {
+                    slot += 1;
+                }
+                if slot < end && self.columns[slot] == column {
+                    self.blocks[slot] += block(j, k);
+                }
+            }
+        }
     }
 
     /// Columns of a row, with the slot of the first.

@@ -1,5 +1,6 @@
 //! The materials of a thread's bars, of a sheet's triangles and of a solid's cells, and their checks.
 
+use crate::Mat3;
 use crate::error::BodyError;
 
 /// Isotropic linear material of one triangle of a sheet.
@@ -42,6 +43,13 @@ impl Material {
     pub fn bending_rigidity(&self) -> f64 {
         self.young * self.thickness * self.thickness * self.thickness
             / (12.0 * (1.0 - self.poisson * self.poisson))
+    }
+
+    /// Kirchhoff's matrix of a plate (N m), between moments and curvatures (xx, yy, 2 xy).
+    pub fn plate(&self) -> Mat3 {
+        let nu = self.poisson;
+        let matrix = Mat3::new(1.0, nu, 0.0, nu, 1.0, 0.0, 0.0, 0.0, 0.5 * (1.0 - nu));
+        matrix * self.bending_rigidity()
     }
 
     /// Checks the ranges that the fields document.

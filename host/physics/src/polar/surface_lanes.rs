@@ -141,7 +141,7 @@ pub(crate) fn dot<T: Real>(a: Vector<T>, b: Vector<T>) -> T {
 }
 
 #[inline(always)]
-fn cross<T: Real>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
+pub(crate) fn cross<T: Real>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
     [
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],

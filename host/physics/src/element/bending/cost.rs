@@ -1,27 +1,58 @@
 //! The operations and bytes of the kernel of bending, counted by hand.
 
+use super::plates::BentPlates;
 use super::scalar::ScalarMatrix;
 use crate::cost::Cost;
 use crate::element::kernel::Counted;
-use crate::lanes::Real;
+use crate::lanes::{Node, Real};
+
+/// Operations of a linearization for each triangle: differences 6, sides 6, normal and dual vectors 42, for each of the
+/// three sides the derivative 18, the slope 15, the curvature 6, and the tangent 22, then energy 7, moments and forces
+/// 42, and the sums of forces 21.
+const LINEARIZE_FLOPS: usize = 6 + 6 + 42 + 3 * (18 + 15 + 6 + 22) + 7 + 42 + 21;
+
+/// Operations of a product: differences 6, the rise of the sides 12, slopes and curvature of the three sides 46, moments
+/// and forces 42, and the sums of forces 21.
+const PRODUCT_FLOPS: usize = 6 + 12 + 46 + 42 + 21;
 
 impl<T: Real> ScalarMatrix<T> {
-    /// The cost of the products of all rows and a vector.
-    fn read_cost(&self) -> Cost {
-        Cost::read(size_of_val(self.row_start.as_slice()))
-            + Cost::read(size_of_val(self.columns.as_slice()))
-            + Cost::read(size_of_val(self.weights.as_slice()))
-            + Cost::flops(6 * self.weights.len())
+    /// The cost of a product, without the vectors. `each` is the number of operations for an entry.
+    fn cost(&self, each: usize) -> Cost {
+        Cost::read(self.bytes()) + Cost::flops(each * self.entries())
     }
 }
 
-impl<T: Real> Counted for ScalarMatrix<T> {
+impl<T: Real> BentPlates<T> {
+    /// The cost of the derivatives across edges and of the way back.
+    fn edges_cost(&self) -> Cost {
+        let vectors = 2 * size_of::<Node<T>>() * self.derivatives.rows();
+        self.derivatives.cost(9)
+            + self.back.cost(6)
+            + Cost::write(vectors)
+            + Cost::read(vectors).again()
+    }
+}
+
+impl<T: Real> Counted for BentPlates<T> {
     fn linearize_cost(&self) -> Option<Cost> {
-        // Three sums of the force and six operations of the energy for each row.
-        Some(self.read_cost() + Cost::flops(9 * (self.row_start.len() - 1)))
+        let blocks = &self.blocks;
+        let cost = Cost::read(size_of_val(blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(blocks.edges.as_slice()))
+            + Cost::read(size_of_val(blocks.rest.as_slice()))
+            + Cost::read(size_of_val(blocks.curved.as_slice()))
+            + Cost::write(size_of_val(blocks.state.as_slice()))
+            + Cost::flops(LINEARIZE_FLOPS * self.len());
+        Some(self.edges_cost() + cost)
     }
 
     fn product_cost(&self) -> Option<Cost> {
-        Some(self.read_cost() + Cost::flops(6 * (self.row_start.len() - 1)))
+        let blocks = &self.blocks;
+        let weights = size_of_val(blocks.rest.as_slice()) * 9 / 22;
+        let cost = Cost::read(size_of_val(blocks.nodes.as_slice()))
+            + Cost::read(size_of_val(blocks.edges.as_slice()))
+            + Cost::read(weights)
+            + Cost::read(size_of_val(blocks.state.as_slice()))
+            + Cost::flops(PRODUCT_FLOPS * self.len());
+        Some(self.edges_cost() + cost)
     }
 }

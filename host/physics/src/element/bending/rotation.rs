@@ -11,8 +11,8 @@
 //! triangles are a parallelogram, so on a regular mesh only the four vertices of the two triangles have a weight. Else
 //! the vertices of the neighbouring triangles join in.
 
-use crate::Mat3;
-use crate::Vec3;
+use super::unfold::Nearby;
+use crate::{Mat3, Vec3};
 
 /// Weights whose squares sum to more than this value, relative to those of the mean, come from vertices near a common
 /// conic, which hardly tell quadratics apart. They would make the sheet stiff in a short wave.
@@ -27,17 +27,6 @@ const REGULAR: f64 = 1e-12;
 
 /// The same fraction where no vertices nearby give exact weights: the weights are then bounded.
 const EASED: f64 = 1e-3;
-
-/// The nearby vertices of an edge in the frame of the edge: the origin in its middle, x along it, y along the normal,
-/// in units of its length.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Nearby {
-    /// The vertices. The first two are the ends of the edge, at x = -1/2 and 1/2. The third and the fourth are those
-    /// across it, at y < 0 and y > 0.
-    pub(super) vertices: Vec<u32>,
-    /// Their places.
-    pub(super) at: Vec<[f64; 2]>,
-}
 
 /// One of the two triangles at an edge, by the index of its vertex across the edge.
 #[derive(Clone, Copy, Debug)]
@@ -62,13 +51,6 @@ impl Nearby {
             (1, -(x + 0.5) / y),
             (across as usize, 1.0 / y),
         ]
-    }
-
-    /// The same weights by vertex.
-    pub(super) fn gradient(&self, across: Across) -> Vec<(u32, f64)> {
-        let weights = self.one_sided(across);
-        let by_vertex = weights.map(|(index, weight)| (self.vertices[index], weight));
-        by_vertex.to_vec()
     }
 
     /// The weights of the mean of the two triangles' gradients.
@@ -123,6 +105,13 @@ impl Nearby {
         let exact = missed(&weights).amax() <= EXACT;
         (weights, bounded && exact)
     }
+}
+
+/// The weights of the normal derivative in one of the two triangles, times the length of the edge, by vertex.
+pub(super) fn gradient(nearby: &Nearby, across: Across) -> Vec<(u32, f64)> {
+    let weights = nearby.one_sided(across);
+    let by_vertex = weights.map(|(index, weight)| (nearby.vertices[index], weight));
+    by_vertex.to_vec()
 }
 
 /// The weights of the normal derivative, times the length of the edge, by vertex. `wider` gives more vertices, and is

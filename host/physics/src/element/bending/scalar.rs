@@ -1,112 +1,112 @@
-//! Bending on padded nodes: a constant sparse matrix of scalars.
+//! A sparse matrix of scalars times node vectors: the derivatives across edges from nodes, and back.
 
-use crate::element::kernel::Kernel;
 use crate::lanes::block::{less, plus};
-use crate::lanes::{self, Node, Real};
-use crate::linear::block_matrix::BlockMatrix;
+use crate::lanes::{Node, Real};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
-/// A constant matrix of scalars: the bending of a sheet that is flat at rest.
-#[derive(Debug)]
+/// A constant matrix of scalars in compressed rows.
+#[derive(Clone, Debug)]
 pub(crate) struct ScalarMatrix<T> {
-    pub(super) row_start: Vec<u32>,
-    pub(super) columns: Vec<u32>,
-    pub(super) weights: Vec<T>,
-    exact: Vec<f64>,
+    row_start: Vec<u32>,
+    columns: Vec<u32>,
+    weights: Vec<T>,
 }
 
 impl<T: Real> ScalarMatrix<T> {
-    /// The matrix with these `weights` by slot of `matrix`, in the pattern of `matrix` without zeros.
-    pub(crate) fn new(matrix: &BlockMatrix, weights: &[f64]) -> Self {
-        let mut row_start = vec![0];
-        let (mut columns, mut kept) = (Vec::new(), Vec::new());
-        for row in 0..matrix.nodes() {
-            let (in_row, first) = matrix.row(row);
-            for (offset, &column) in in_row.iter().enumerate() {
-                if weights[first + offset] != 0.0 {
-                    columns.push(column);
-                    kept.push(T::of(weights[first + offset]));
-                }
+    /// The matrix of these rows of columns and weights.
+    pub(crate) fn new<R: Iterator<Item = (u32, f64)>>(rows: impl Iterator<Item = R>) -> Self {
+        let mut matrix = Self {
+            row_start: vec![0],
+            columns: Vec::new(),
+            weights: Vec::new(),
+        };
+        for row in rows {
+            for (column, weight) in row {
+                matrix.columns.push(column);
+                matrix.weights.push(T::of(weight));
             }
-            row_start.push(columns.len() as u32);
+            matrix.row_start.push(matrix.columns.len() as u32);
         }
+        matrix
+    }
+
+    /// The transpose, with `rows` rows.
+    pub(crate) fn transposed(&self, rows: usize) -> Self {
+        let mut entries: Vec<(u32, u32, T)> = Vec::with_capacity(self.columns.len());
+        for (row, ends) in (0_u32..).zip(self.row_start.windows(2)) {
+            let range = ends[0] as usize..ends[1] as usize;
+            let weights = self.weights[range.clone()].iter();
+            let columns = self.columns[range].iter();
+            entries.extend(columns.zip(weights).map(|(&c, &weight)| (c, row, weight)));
+        }
+        entries.sort_unstable_by_key(|&(column, row, _)| (column, row));
+        let starts = 0..=rows as u32;
+        let start = |row: u32| entries.partition_point(|entry| entry.0 < row) as u32;
         Self {
-            row_start,
-            columns,
-            weights: kept,
-            exact: weights.to_vec(),
+            row_start: starts.map(start).collect(),
+            columns: entries.iter().map(|entry| entry.1).collect(),
+            weights: entries.iter().map(|entry| entry.2).collect(),
         }
     }
 
-    /// Calls `sum(row, product)` with the product of each row and `u`.
-    #[inline(always)]
-    fn rows(&self, u: &[Node<T>], mut sum: impl FnMut(usize, Node<T>)) {
-        let ends = self.row_start[1..].iter().map(|&end| end as usize);
-        let mut start = 0;
-        for (row, end) in ends.enumerate() {
-            let mut pull = [T::ZERO; 4];
-            let entries = self.columns[start..end]
-                .iter()
-                .zip(&self.weights[start..end]);
-            for (&column, &weight) in entries {
-                let u = &u[column as usize];
-                for i in 0..4 {
-                    pull[i] += weight * u[i];
-                }
-            }
-            sum(row, pull);
-            start = end;
-        }
-    }
-}
-
-/// Subtracts the product with `d` from `force`. Returns twice the energy.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
-)]
-fn scalar_linearize<T: Real>(
-    matrix: &ScalarMatrix<T>,
-    d: &[Node<T>],
-    force: &mut [Node<T>],
-) -> f64 {
-    let mut work = 0.0;
-    matrix.rows(d, |row, pull| {
-        force[row] = less(force[row], pull);
-        work += lanes::dot(&pull, &d[row]).to_f64();
-    });
-    work
-}
-
-/// Adds `factor` times the product with `u` to `y`.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
-)]
-fn scalar_product<T: Real>(matrix: &ScalarMatrix<T>, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-    matrix.rows(u, |row, pull| {
-        y[row] = plus(y[row], pull.map(|pull| factor * pull));
-    });
-}
-
-impl<T: Real> Kernel<T> for ScalarMatrix<T> {
-    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        0.5 * scalar_linearize(self, d, force)
+    /// Number of rows.
+    pub(crate) fn rows(&self) -> usize {
+        self.row_start.len() - 1
     }
 
-    fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        scalar_product(self, factor, u, y);
+    /// Number of entries.
+    pub(crate) fn entries(&self) -> usize {
+        self.columns.len()
     }
 
-    fn add_to(&self, matrix: &mut BlockMatrix) {
-        matrix.add_scalar(&self.exact);
-    }
-
-    fn bytes(&self) -> usize {
+    /// Memory of the matrix (bytes).
+    pub(crate) fn bytes(&self) -> usize {
         size_of_val(self.row_start.as_slice())
             + size_of_val(self.columns.as_slice())
             + size_of_val(self.weights.as_slice())
-            + size_of_val(self.exact.as_slice())
+    }
+}
+
+/// Sets `y` to the product with `u`. The weights of a row sum to zero, so that the vectors of `u` are taken relative to
+/// the first of the row: this keeps the digits of small differences.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
+)]
+pub(crate) fn differences<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
+    for (ends, y) in matrix.row_start.windows(2).zip(y) {
+        let range = ends[0] as usize..ends[1] as usize;
+        let mut sum = [T::ZERO; 4];
+        let mut entries = matrix.columns[range.clone()]
+            .iter()
+            .zip(&matrix.weights[range]);
+        if let Some((&first, _)) = entries.next() {
+            let first = u[first as usize];
+            for (&column, &weight) in entries {
+                let difference = less(u[column as usize], first);
+                sum = plus(sum, difference.map(|c| weight * c));
+            }
+        }
+        *y = sum;
+    }
+}
+
+/// Adds the product with `u` to `y`.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
+)]
+pub(crate) fn add_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
+    for (ends, y) in matrix.row_start.windows(2).zip(y) {
+        let range = ends[0] as usize..ends[1] as usize;
+        let mut sum = [T::ZERO; 4];
+        let entries = matrix.columns[range.clone()]
+            .iter()
+            .zip(&matrix.weights[range]);
+        for (&column, &weight) in entries {
+            sum = plus(sum, u[column as usize].map(|c| weight * c));
+        }
+        *y = plus(*y, sum);
     }
 }

@@ -90,7 +90,7 @@ impl<T: Real> Stepper<T> {
             Part::Linearize => self.linearize_elements(),
             Part::Product => {
                 self.q.fill([T::ZERO; 4]);
-                for kernel in &self.kernels {
+                for kernel in &mut self.kernels {
                     kernel.product(T::of(1.0), &self.u, &mut self.q);
                 }
             }

@@ -127,7 +127,7 @@ impl<T: Real> Stepper<T> {
             self.u[place] = to_node(&u);
         }
         let damping = T::of(-body.model.config.stiffness_damping / h);
-        for kernel in &self.kernels {
+        for kernel in &mut self.kernels {
             kernel.product(damping, &self.u, &mut self.residual);
         }
     }

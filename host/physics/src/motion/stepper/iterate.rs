@@ -51,7 +51,7 @@ impl<T: Real> Stepper<T> {
                 &mut self.q[..free],
             );
             self.q[free..].fill([T::ZERO; 4]);
-            for kernel in &self.kernels {
+            for kernel in &mut self.kernels {
                 kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
             }
             let curvature = vectors::dot(&self.p[..free], &self.q[..free]);

@@ -146,7 +146,7 @@ fn kernels<T: Real>(
         kernels.push(element::kernel(set, matrix, rest));
     }
     if let Some(bending) = &body.model.bending {
-        kernels.push(bending.kernel(&body.assembly.stiffness, rank, matrix));
+        kernels.push(bending.kernel(rank, rest));
     }
     kernels
 }
@@ -387,7 +387,7 @@ impl<T: Real> Stepper<T> {
                 momentum += (body.state.v[node] * (mass / h)).norm_squared();
             }
         }
-        for kernel in &self.kernels {
+        for kernel in &mut self.kernels {
             kernel.product(-T::of(stiffness_factor), &self.u, &mut self.residual);
         }
         let held = self.u[self.free..].iter().flatten();

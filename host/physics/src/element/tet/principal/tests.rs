@@ -117,11 +117,7 @@ fn check<C: Cell<N, Q>, const N: usize, const Q: usize>(
         .collect();
     // The error is the third derivative times the square of a strain of 1e-5, and rounding: 1e-15 over 1e-6.
     assert!(off(&ku, &slope) < 1e-7, "{:e}", off(&ku, &slope));
-    let work: f64 = now
-        .iter()
-        .zip(&u)
-        .map(|(f, u)| crate::lanes::dot(f, u))
-        .sum();
+    let work = crate::linear::vectors::dot(&now, &u);
     let found = (more - less) / (2.0 * step) + work;
     assert!(found.abs() < 1e-7 * energy, "{found:e} {energy}");
 

@@ -1,0 +1,151 @@
+//! The curvature of each triangle from the slopes at its sides.
+//!
+//! By the divergence theorem the mean of the second derivatives over a triangle of area `A` is a sum over its sides,
+//!
+//! ```text
+//! H = 1/A sum_e l_e s_e n_e (x) n_e
+//! ```
+//!
+//! with the slope `s_e` of the sheet across the middle of each side relative to the triangle, the length of the side and
+//! its outward normal `n_e`. This is the curvature of L. S. D. Morley's triangle ("The constant-moment plate-bending
+//! element", 1971), whose unknowns are the vertices and the slopes. Here the slopes are those of `rotation`, so that only
+//! vertices remain. Two triangles use the same derivative on their common
+//! side. Hence a constant moment is in equilibrium, and a constant curvature has its exact energy, on any mesh (the patch
+//! test). The energy is never below the least energy of Morley's triangles over all slopes, which vanishes
+//! for rigid motions alone; so no other motion is free.
+//!
+//! A triangle whose vertices a handle or supports prescribe is rigid, and its gradient is that of the sheet at its sides:
+//! it clamps the triangles beside it.
+//!
+//! On a border nothing resists the rotation of the sheet. The slope there is the slope of least energy, which is
+//! eliminated in the triangle: the moment about a free or a hinged border is zero.
+
+use super::NONE;
+use super::curvature::Plate;
+use super::exact::{Bending, Rotations};
+use super::rotation::{Across, gradient, rotation};
+use super::sheet::BentSheet;
+use super::unfold::nearby;
+use crate::element::triangle::frame::rest_frame;
+use crate::{Mat3, Vec3};
+
+/// Largest stiffness of a patch, the trace of its matrix, as a multiple of the rigidity over the square of the triangle's
+/// longest side. A well-shaped triangle has some hundred, and a needle the third power of its aspect ratio. A needle of
+/// more than a hundred bends too easily instead, because no solver would resolve its stiffness.
+const STIFFEST: f64 = 1e6;
+
+/// The rotations of a sheet, and the number of the rotation at each side of each triangle, or [`NONE`] on a border.
+struct Numbered {
+    rotations: Rotations,
+    /// The triangle from which the derivative of each rotation leads outward.
+    left: Vec<usize>,
+    of_sides: Vec<[u32; 3]>,
+}
+
+fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
+    let count = sheet.triangles.len();
+    let mut all = Numbered {
+        rotations: Rotations::default(),
+        left: Vec::with_capacity(3 * count / 2),
+        of_sides: vec![[NONE; 3]; count],
+    };
+    for triangle in 0..count {
+        for k in 0..3 {
+            let beyond = sheet.neighbours[triangle][k];
+            if beyond == NONE || (beyond as usize) < triangle {
+                continue;
+            }
+            let around = |rings| nearby(sheet, x, rigid, (triangle, k), rings);
+            let weights = match [triangle, beyond as usize].map(|t| rigid[t]) {
+                [true, false] => gradient(&around(0), Across::Before),
+                [false, true] => gradient(&around(0), Across::Beyond),
+                _ => rotation(around(1), || around(2)),
+            };
+            let vertices = &sheet.triangles[triangle];
+            let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
+            let [a, b] = ends.map(|v| &x[v as usize]);
+            // The weights are those of the derivative times the length of the edge.
+            let length = (b - a).norm();
+            let number = all.left.len() as u32;
+            all.of_sides[triangle][k] = number;
+            let back = &sheet.neighbours[beyond as usize];
+            // Two triangles may have several sides in common, so the side is found by its vertices.
+            let across = |j: usize| !ends.contains(&sheet.triangles[beyond as usize][j]);
+            if let Some(j) = (0..3).find(|&j| back[j] == triangle as u32 && across(j)) {
+                all.of_sides[beyond as usize][j] = number;
+            }
+            all.left.push(triangle);
+            let weights = weights.into_iter();
+            all.rotations
+                .push(weights.map(|(vertex, weight)| (vertex, weight / length)));
+        }
+    }
+    all
+}
+
+/// The matrix `R` with `R R^T = matrix`, which is symmetric and positive semidefinite: Cholesky's factor, with zeros in
+/// the columns of pivots that vanish.
+fn root(matrix: &Mat3) -> Mat3 {
+    let mut rest = *matrix;
+    let mut root = Mat3::zeros();
+    let least = 1e-12 * matrix.trace();
+    for k in 0..3 {
+        if rest[(k, k)] > least {
+            let column = rest.column(k) / rest[(k, k)].sqrt();
+            rest -= column * column.transpose();
+            root.set_column(k, &column);
+        }
+    }
+    root
+}
+
+/// The bending of `sheet`, whose vertices are at `x` (m) at rest. `rigid` says of each triangle whether its motion is
+/// prescribed.
+pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending {
+    let numbered = rotations(sheet, x, rigid);
+    let mut bending = Bending::new(numbered.rotations);
+    for (triangle, vertices) in sheet.triangles.iter().enumerate() {
+        let corners = vertices.map(|vertex| &x[vertex as usize]);
+        let Some((gradients, area)) = rest_frame(corners) else {
+            continue;
+        };
+        let numbers = numbered.of_sides[triangle];
+        let Some(&any) = numbers.iter().find(|&&number| number != NONE) else {
+            continue;
+        };
+        // The outward normals of the sides times their lengths are minus twice the area times the gradients.
+        let [g1, g2] = gradients;
+        let outward =
+            [[-g1[0] - g2[0], -g1[1] - g2[1]], g1, g2].map(|g| g.map(|c| -2.0 * area * c));
+        let lengths = outward.map(|n| libm::hypot(n[0], n[1]));
+        let mut plate = *sheet.plate(triangle);
+        let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
+        plate *= area;
+        let bends = [0, 1, 2].map(|k| {
+            let [x, y] = outward[k];
+            Vec3::new(x * x, y * y, 2.0 * x * y) / (lengths[k] * area)
+        });
+        for (number, bend) in numbers.iter().zip(&bends) {
+            let moment = plate * bend;
+            let own = bend.dot(&moment);
+            if *number == NONE && own > 0.0 {
+                plate -= moment * moment.transpose() / own;
+            }
+        }
+        let root = root(&plate).transpose();
+        let weights = [0, 1, 2].map(|k| match numbers[k] {
+            NONE => Vec3::zeros(),
+            number if numbered.left[number as usize] == triangle => root * bends[k],
+            _ => -(root * bends[k]),
+        });
+        let plate = Plate {
+            weights,
+            rest: Vec3::zeros(),
+            square: 4.0 * area * area,
+        };
+        let numbers = numbers.map(|number| if number == NONE { any } else { number });
+        bending.push(*vertices, numbers, plate);
+        bending.rest(x, stiffest);
+    }
+    bending
+}

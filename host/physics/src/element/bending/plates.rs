@@ -1,0 +1,332 @@
+//! The bending of a sheet in blocks: forces, energies and products with the stiffness of Gauss and Newton.
+//!
+//! A pass has three parts. The derivatives across the edges follow from the nodes by a constant sparse matrix. The
+//! triangles compute with the derivatives at their sides, in blocks. The transposed matrix carries the forces on the
+//! derivatives back to the nodes.
+//!
+//! Displacements are relative to the rest positions, so that single precision keeps the digits of small curvatures.
+
+use super::curvature::VECTORS;
+use super::exact::Bending;
+use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
+use super::scalar::{ScalarMatrix, add_product, differences};
+use crate::Vec3;
+use crate::element::kernel::Kernel;
+use crate::lanes::block::{LANES, apart};
+use crate::lanes::{Node, Real};
+use crate::linear::block_matrix::BlockMatrix;
+
+/// A derivative at rest that leaves the plane of its triangle by less than this value is in the plane: rounding.
+const FLAT: f64 = 1e-13;
+
+/// The bending of a sheet in blocks.
+#[derive(Debug)]
+pub(crate) struct BentPlates<T> {
+    exact: Bending,
+    pub(super) blocks: Blocks<T>,
+    /// Block and lane of each triangle.
+    places: Vec<(u32, u32)>,
+    /// The derivatives across edges from nodes, and the transpose.
+    pub(super) derivatives: ScalarMatrix<T>,
+    pub(super) back: ScalarMatrix<T>,
+    /// By edge: the derivative, and the force on it.
+    theta: Vec<Node<T>>,
+    pull: Vec<Node<T>>,
+}
+
+/// The constants of a triangle at rest.
+struct AtRest {
+    sides: [Vec3; 2],
+    along: [[f64; 2]; 3],
+    rise: [f64; 3],
+    normal: Vec3,
+}
+
+impl<T: Real> BentPlates<T> {
+    /// The kernel of `exact`, whose vertices are the nodes in the solver's order, at `rest` (m) at rest.
+    pub(super) fn new(exact: Bending, rest: &[Vec3]) -> Self {
+        let corners: Vec<[u32; 3]> = exact.triangles().collect();
+        let order = apart(corners.len(), |triangle| &corners[triangle]);
+        let at_rest = |triangle: usize| {
+            let (theta, sides) = exact.vectors(triangle, rest);
+            let cross = sides[0].cross(&sides[1]);
+            let square = cross.norm_squared();
+            let duals = [
+                sides[1].cross(&cross) / square,
+                cross.cross(&sides[0]) / square,
+            ];
+            let normal = cross / square.sqrt();
+            AtRest {
+                sides,
+                along: theta.map(|theta| duals.map(|dual| dual.dot(&theta))),
+                rise: theta.map(|theta| theta.dot(&normal)),
+                normal,
+            }
+        };
+        let all: Vec<AtRest> = (0..corners.len()).map(at_rest).collect();
+        let is_curved = all
+            .iter()
+            .any(|one| one.rise.iter().any(|rise| rise.abs() > FLAT));
+        let mut blocks = Blocks::default();
+        let mut places = vec![(0, 0); corners.len()];
+        for (block, triangles) in order.chunks(LANES).enumerate() {
+            let zero = [T::ZERO; LANES];
+            let (mut nodes, mut edges) = ([[0; 3]; LANES], [[0; 3]; LANES]);
+            let mut constants = Rest {
+                sides: [zero; 6],
+                along: [zero; 6],
+                weights: [zero; 9],
+                square: zero,
+            };
+            let mut curved = Curved {
+                rise: [zero; 3],
+                normal: [zero; 3],
+                curvature: [zero; 3],
+            };
+            for lane in 0..LANES {
+                // Copies of the last triangle without stiffness pad the last block.
+                let triangle = triangles[lane.min(triangles.len() - 1)];
+                let (plate, one) = (&exact.plates[triangle], &all[triangle]);
+                nodes[lane] = corners[triangle];
+                edges[lane] = exact.sides[triangle];
+                constants.square[lane] = T::of(plate.square);
+                for i in 0..3 {
+                    for k in 0..2 {
+                        constants.sides[3 * k + i][lane] = T::of(one.sides[k][i]);
+                        constants.along[2 * i + k][lane] = T::of(one.along[i][k]);
+                    }
+                    curved.rise[i][lane] = T::of(one.rise[i]);
+                    curved.normal[i][lane] = T::of(one.normal[i]);
+                }
+                if lane < triangles.len() {
+                    places[triangle] = (block as u32, lane as u32);
+                    for i in 0..3 {
+                        curved.curvature[i][lane] = T::of(plate.rest[i]);
+                        for e in 0..3 {
+                            constants.weights[3 * e + i][lane] = T::of(plate.weights[e][i]);
+                        }
+                    }
+                }
+            }
+            blocks.nodes.push(nodes);
+            blocks.edges.push(edges);
+            blocks.rest.push(constants);
+            blocks.state.push(State::ZERO);
+            if is_curved {
+                blocks.curved.push(curved);
+            }
+        }
+        let edges = exact.rotations.len();
+        let derivatives = ScalarMatrix::new((0..edges).map(|edge| exact.rotations.row(edge)));
+        let zeros = vec![[T::ZERO; 4]; edges];
+        Self {
+            back: derivatives.transposed(rest.len()),
+            derivatives,
+            theta: zeros.clone(),
+            pull: zeros,
+            exact,
+            blocks,
+            places,
+        }
+    }
+
+    /// Number of triangles.
+    pub(super) fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The derivatives of the three components of a triangle's curvature by its five vectors.
+    fn derivatives(&self, triangle: usize) -> [[Vec3; VECTORS]; 3] {
+        let (block, lane) = self.places[triangle];
+        let (block, lane) = (block as usize, lane as usize);
+        let state = &self.blocks.state[block];
+        let number = |rows: &[[T; LANES]], row: usize| rows[row][lane].to_f64();
+        let vector = |rows: &[[T; LANES]], row| Vec3::from_fn(|i, _| number(rows, row + i));
+        let normal = vector(&state.normal, 0);
+        let mut all = [[Vec3::zeros(); VECTORS]; 3];
+        for (c, of) in all.iter_mut().enumerate() {
+            for e in 0..3 {
+                let weight = number(&self.blocks.rest[block].weights, 3 * e + c);
+                of[e] = vector(&state.slopes, 3 * e) * weight;
+                for k in 0..2 {
+                    of[3 + k] -= normal * (weight * number(&state.tilts, 2 * e + k));
+                }
+            }
+        }
+        all
+    }
+}
+
+impl<T: Real> Kernel<T> for BentPlates<T> {
+    fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
+        differences(&self.derivatives, d, &mut self.theta);
+        self.pull.fill([T::ZERO; 4]);
+        let energy = linearize(&mut self.blocks, (d, &self.theta), (force, &mut self.pull));
+        add_product(&self.back, &self.pull, force);
+        energy.to_f64()
+    }
+
+    fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
+        differences(&self.derivatives, u, &mut self.theta);
+        self.pull.fill([T::ZERO; 4]);
+        product(&self.blocks, factor, (u, &self.theta), (y, &mut self.pull));
+        add_product(&self.back, &self.pull, y);
+    }
+
+    fn add_to(&self, matrix: &mut BlockMatrix) {
+        for triangle in 0..self.len() {
+            self.exact
+                .add_to(triangle, &self.derivatives(triangle), matrix);
+        }
+    }
+
+    fn bytes(&self) -> usize {
+        let blocks = &self.blocks;
+        self.exact.bytes()
+            + size_of_val(blocks.nodes.as_slice())
+            + size_of_val(blocks.edges.as_slice())
+            + size_of_val(blocks.rest.as_slice())
+            + size_of_val(blocks.curved.as_slice())
+            + size_of_val(blocks.state.as_slice())
+            + size_of_val(self.places.as_slice())
+            + self.derivatives.bytes()
+            + self.back.bytes()
+            + size_of_val(self.theta.as_slice())
+            + size_of_val(self.pull.as_slice())
+    }
+}
+
+impl Bending {
+    /// The kernel of the bending in another order: `place` gives the place of each row, and `rest` contains the rest
+    /// positions of the places (m).
+    pub(crate) fn kernel<T: Real>(&self, place: &[u32], rest: &[Vec3]) -> Box<dyn Kernel<T>> {
+        let mut exact = self.clone();
+        exact.renumber(place);
+        Box::new(BentPlates::new(exact, rest))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::element::bending::BentSheet;
+    use crate::lanes::{to_node, to_vec};
+    use crate::material::{Material, Tangent};
+
+    const CELLS: u32 = 7;
+
+    /// Numbers between -1/2 and 1/2 without a pattern.
+    fn vector(seed: u32) -> Vec3 {
+        Vec3::from_fn(|i, _| {
+            let mixed = (seed * 3 + i as u32 + 1).wrapping_mul(2_654_435_761) >> 16;
+            f64::from(mixed % 4096) / 4096.0 - 0.5
+        })
+    }
+
+    /// Irregular triangles, at rest on a cylinder or in a plane, with one vertex numbered out of order.
+    fn sheet(curved: bool) -> (Vec<[u32; 3]>, Vec<Vec3>) {
+        let mut triangles = Vec::new();
+        for j in 0..CELLS {
+            for i in 0..CELLS {
+                let a = j * (CELLS + 1) + i;
+                let (b, c, d) = (a + 1, a + CELLS + 2, a + CELLS + 1);
+                if (i + 2 * j) % 3 == 0 {
+                    triangles.extend([[a, b, d], [b, c, d]]);
+                } else {
+                    triangles.extend([[a, b, c], [a, c, d]]);
+                }
+            }
+        }
+        let place = |n: u32| {
+            let grid = Vec3::new(f64::from(n % (CELLS + 1)), f64::from(n / (CELLS + 1)), 0.0);
+            let mut flat = (grid + vector(n) * 0.4) * 0.01;
+            flat.z = 0.0;
+            let (angle, radius) = (flat.x / 0.05, 0.05);
+            if curved {
+                Vec3::new(radius * angle.sin(), flat.y, radius * (1.0 - angle.cos()))
+            } else {
+                flat
+            }
+        };
+        (triangles, (0..(CELLS + 1).pow(2)).map(place).collect())
+    }
+
+    fn rotated(v: &Vec3) -> Vec3 {
+        nalgebra::Rotation3::from_euler_angles(0.7, -0.4, 1.9) * v
+    }
+
+    /// The kernel and the exact form in a turned state with strains and curvatures.
+    fn compare<T: Real>(curved: bool, tolerance: f64) {
+        let (triangles, rest) = sheet(curved);
+        let material = Material {
+            young: 1e6,
+            poisson: 0.3,
+            thickness: 1e-3,
+            density: 1000.0,
+        };
+        let count = rest.len();
+        let x: Vec<Vec3> = (0_u32..)
+            .zip(&rest)
+            .map(|(n, x)| rotated(&(x + vector(n + 500) * 0.002)) + Vec3::repeat(0.02))
+            .collect();
+        let bent = BentSheet::new(&triangles, vec![material.plate()]);
+        let bending = bent.map(|sheet| sheet.bending(&rest, |_| false));
+        let Ok(exact) = bending else {
+            panic!("the sheet is regular");
+        };
+        let nodes: Vec<u32> = (0..count as u32).collect();
+        let mut exact = exact;
+        exact.renumber(&nodes);
+        let mut matrix = BlockMatrix::new(count, count, exact.patches());
+        let mut force = vec![Vec3::zeros(); count];
+        exact.assemble((&x, &nodes), Tangent::Clipped, &mut force, &mut matrix);
+
+        let mut kernel = BentPlates::<T>::new(exact.clone(), &rest);
+        let d: Vec<Node<T>> = x
+            .iter()
+            .zip(&rest)
+            .map(|(x, rest)| to_node(&(x - rest)))
+            .collect();
+        let mut found = vec![[T::ZERO; 4]; count];
+        let energy = kernel.linearize(&d, &mut found);
+        let near = |found: &[Node<T>], expected: &[Vec3]| {
+            let largest = expected.iter().map(Vec3::amax).fold(0.0, f64::max);
+            let errors = found
+                .iter()
+                .zip(expected)
+                .map(|(a, b)| (to_vec(a) - b).amax());
+            let worst = errors.fold(0.0, f64::max);
+            assert!(worst < tolerance * largest, "{worst:e} of {largest:e}");
+        };
+        near(&found, &force);
+        let expected = exact.energy(&x, &nodes);
+        assert!(
+            (energy / expected - 1.0).abs() < tolerance,
+            "{energy:e} {expected:e}"
+        );
+
+        let u: Vec<Vec3> = (0..count as u32).map(|n| vector(n + 900) * 1e-3).collect();
+        let mut ku = vec![Vec3::zeros(); count];
+        matrix.product(&u, &mut ku);
+        let mut found = vec![[T::ZERO; 4]; count];
+        let single: Vec<Node<T>> = u.iter().map(to_node).collect();
+        kernel.product(T::of(1.0), &single, &mut found);
+        near(&found, &ku);
+
+        let mut again = BlockMatrix::new(count, count, exact.patches());
+        kernel.add_to(&mut again);
+        let mut added = vec![Vec3::zeros(); count];
+        again.product(&u, &mut added);
+        let added: Vec<Node<T>> = added.iter().map(to_node).collect();
+        near(&added, &ku);
+    }
+
+    /// Rounding errors of some hundred operations, multiplied by the turn of the sheet over its slopes.
+    #[test]
+    fn the_vector_form_is_the_exact_form() {
+        for curved in [false, true] {
+            compare::<f64>(curved, 1e-12);
+            compare::<f32>(curved, 1e-4);
+        }
+    }
+}
