@@ -87,6 +87,7 @@ fn bodies() -> Vec<(String, Body, [Vec3; 2])> {
         shear: 1e5,
         thickness: 1e-3,
         density: 300.0,
+        rigidity: physics::Rigidity::default(),
     };
     for law in [SheetLawName::Corotational, SheetLawName::StVenantKirchhoff] {
         let body = Body::woven(&mesh, &[weave], law, CONFIG, &handles).unwrap();

@@ -72,7 +72,7 @@ pub use linear::pcg::{Budget, SolveReport};
 pub use linear::places::Places;
 pub use linear::precondition::Preconditioner;
 pub use linear::sparse_cholesky::FactorCode;
-pub use material::{Material, SolidMaterial, Tangent, ThreadMaterial, Weave};
+pub use material::{Material, Rigidity, SolidMaterial, Tangent, ThreadMaterial, Weave};
 pub use motion::{
     AssembledStepper, Equilibrium, EquilibriumOptions, EquilibriumReport, Guess, Integrator,
     IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, StepReport, Stepper,

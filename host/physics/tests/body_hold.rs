@@ -90,6 +90,7 @@ fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
         shear: 1e5,
         thickness: 1e-3,
         density: 500.0,
+        rigidity: physics::Rigidity::default(),
     };
     let law = SheetLawName::StVenantKirchhoff;
     kinds.push((

@@ -5,7 +5,10 @@ mod common;
 
 use common::*;
 use physics::mesh::TriMesh;
-use physics::{Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Material, Vec3};
+use physics::{
+    Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Material, Rigidity, SheetLawName,
+    Vec3, Weave,
+};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
@@ -343,5 +346,160 @@ fn a_supported_plate_converges_to_the_theory_on_any_mesh() {
             fine.abs() < 0.35 * coarse.abs() + other,
             "{name}: {fine} after {coarse}"
         );
+    }
+}
+
+/// A cloth whose warp is at `angle` to x.
+fn cloth(angle: f64) -> Weave {
+    Weave {
+        warp: Vec3::new(angle.cos(), angle.sin(), 0.3),
+        young_warp: 4e5,
+        young_weft: 1e5,
+        poisson: 0.2,
+        shear: 2e4,
+        thickness: 1e-3,
+        density: 300.0,
+        rigidity: Rigidity {
+            warp: 5e-6,
+            weft: 2e-6,
+            twist: 7e-7,
+        },
+    }
+}
+
+#[test]
+fn a_rolled_cloth_stores_the_energy_of_its_warp_weft_and_twist() {
+    let (lx, ly, radius) = (0.2, 0.15, 0.5);
+    let energy = |mesh: &TriMesh, warp: f64, axis: f64| {
+        let config = BodyConfig {
+            bending: 1.0,
+            ..tight()
+        };
+        let law = SheetLawName::Corotational;
+        let mut body = Body::woven(mesh, &[cloth(warp)], law, config, &[]).unwrap();
+        let rolled = mesh.positions.iter().map(|x| roll(x, radius, axis));
+        body.set_positions(&rolled.collect::<Vec<_>>()).unwrap();
+        body.bending_energy()
+    };
+    for (warp, axis) in [(0.0, 0.0), (0.0, FRAC_PI_2), (0.7, 0.1), (-2.0, 0.8)] {
+        let (c, s): (f64, f64) = ((axis - warp).cos(), (axis - warp).sin());
+        let Rigidity {
+            warp: a,
+            weft: b,
+            twist: t,
+        } = cloth(warp).rigidity;
+        let rigidity = a * c.powi(4) + b * s.powi(4) + t * (2.0 * s * c).powi(2);
+        let exact = 0.5 * rigidity * lx * ly / (radius * radius);
+        for mesh in meshes(lx, ly) {
+            assert_convergent(
+                [4, 8, 16].map(|cells| energy(&mesh(cells), warp, axis) / exact - 1.0),
+            );
+        }
+    }
+}
+
+/// The stress on the faces of a cylinder is `E t / (2 R (1 - nu^2))` around it, times Poisson's ratio along it. The inner
+/// face is compressed.
+#[test]
+fn the_faces_of_a_rolled_sheet_have_the_stress_of_its_moment() {
+    let (material, radius, angle) = (rubber(0.3), 0.5, 0.4);
+    for mesh in meshes(0.2, 0.15) {
+        let mesh = mesh(12);
+        let mut body = sheet(&mesh, material);
+        let rolled: Vec<Vec3> = mesh
+            .positions
+            .iter()
+            .map(|x| roll(x, radius, angle))
+            .collect();
+        body.set_positions(&rolled).unwrap();
+        let expected = material.young * material.thickness
+            / (2.0 * radius * (1.0 - material.poisson * material.poisson));
+        for (element, triangle) in mesh.triangles.iter().enumerate() {
+            let corners = triangle.map(|v| mesh.positions[v as usize]);
+            let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+            // The moment vanishes at the border.
+            if middle.x < 0.02 || middle.x > 0.18 || middle.y < 0.02 || middle.y > 0.13 {
+                continue;
+            }
+            let [a, b, c] = triangle.map(|v| rolled[v as usize]);
+            let up = (b - a).cross(&(c - a)).z.signum();
+            let turn = (middle.x * angle.cos() + middle.y * angle.sin()) / radius;
+            let around = Vec3::new(turn.cos(), 0.0, turn.sin());
+            // The roll turns the direction along the axis to y.
+            let along = Vec3::y();
+            let stress = body.bending_stress(element) * up;
+            // The normal of a triangle differs from that of the cylinder by an angle of half a cell over the radius, and
+            // a patch sees a tenth of that in the curvature.
+            let near =
+                |found: f64, expected_here: f64| (found - expected_here).abs() < 0.03 * expected;
+            assert!(near(around.dot(&(stress * around)), -expected), "{element}");
+            assert!(
+                near(along.dot(&(stress * along)), -0.3 * expected),
+                "{element}"
+            );
+            assert!(near(along.dot(&(stress * around)), 0.0), "{element}");
+        }
+    }
+}
+
+/// The elastica: a cantilever under a force at its tip that keeps its direction (K. Mattiasson, "Numerical results from
+/// large deflection beam and frame problems analysed by means of elliptic integrals", 1981, table 1).
+#[test]
+fn a_cantilever_bends_like_the_elastica_on_any_mesh() {
+    let (length, cells) = (0.1, 50);
+    let width = 4.0 * length / f64::from(cells);
+    let mut kinds: Vec<TriMesh> = [Split::Right, Split::Alternating, Split::Crossed]
+        .map(|split| grid(cells, 4, length, width, split))
+        .to_vec();
+    for seed in [51, 52, 53] {
+        kinds.push(irregular(cells, 4, length, width, 0.2, seed));
+    }
+    // Thin, so that the stretch of the sheet is below a thousandth of the deflection, and without Poisson's ratio, so
+    // that a strip is a beam.
+    let material = Material {
+        thickness: 1e-3,
+        ..rubber(0.0)
+    };
+    let start = length / f64::from(cells);
+    for mut mesh in kinds {
+        // The first column of cells is held whole and is therefore a clamp. The beam begins where it ends.
+        for x in &mut mesh.positions {
+            if (x.x - start).abs() < 0.3 * start {
+                x.x = start;
+            }
+        }
+        let config = BodyConfig {
+            bending: 1.0,
+            ..tight()
+        };
+        let near = |x: f64, place: f64| (x - place).abs() < 1e-9;
+        let column = |low: f64, high: f64| -> Vec<u32> {
+            let vertices = (0_u32..).zip(&mesh.positions);
+            let inside = vertices.filter(|(_, x)| x.x > low - 1e-9 && x.x < high + 1e-9);
+            inside.map(|(vertex, _)| vertex).collect()
+        };
+        let mut body = Body::sheet(&mesh, &[material], config, &[]).unwrap();
+        body.add_support(&column(0.0, start), [true; 3]).unwrap();
+        let tip = column(length, length);
+        let beam = length - start;
+        let force = 10.0 * material.bending_rigidity() * width / (beam * beam);
+        let mut forces = vec![Vec3::zeros(); mesh.positions.len()];
+        for &vertex in &tip {
+            let y = mesh.positions[vertex as usize].y;
+            let at_end = near(y, 0.0) || near(y, width);
+            forces[vertex as usize].z = force * if at_end { 0.125 } else { 0.25 };
+        }
+        body.set_external_forces(&forces).unwrap();
+        let mut solver = Equilibrium::new(&body, EquilibriumOptions::default()).unwrap();
+        for part in 1..=8 {
+            solver.solve(&mut body, &[], f64::from(part) / 8.0).unwrap();
+        }
+        let moved = tip
+            .iter()
+            .map(|&v| body.node_positions()[v as usize] - mesh.positions[v as usize]);
+        let mean = moved.sum::<Vec3>() / tip.len() as f64;
+        let (down, back) = (mean.z / beam, -mean.x / beam);
+        assert!((down / 0.810_61 - 1.0).abs() < 0.005, "{down}");
+        assert!((back / 0.555_00 - 1.0).abs() < 0.005, "{back}");
     }
 }

@@ -23,6 +23,7 @@ fn cloth() -> Weave {
         shear: 1e6,
         thickness: 5e-4,
         density: 400.0,
+        rigidity: physics::Rigidity::default(),
     }
 }
 
@@ -37,6 +38,7 @@ fn isotropic(poisson: f64, warp: Vec3) -> Weave {
         shear: rubber.shear(),
         thickness: rubber.thickness,
         density: rubber.density,
+        rigidity: physics::Rigidity::default(),
     }
 }
 

@@ -26,6 +26,7 @@ fn plain(poisson: f64) -> Weave {
         shear: 0.5e6 / (1.0 + poisson),
         thickness: 1e-3,
         density: 1000.0,
+        rigidity: physics::Rigidity::default(),
     }
 }
 

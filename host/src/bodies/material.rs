@@ -2,10 +2,10 @@
 //! scene.
 
 use super::{Kind, places};
-use crate::scene::spec::body::{Body, LawName};
+use crate::scene::spec::body::{Body, LawName, WeaveFields};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Field, Mesh};
-use physics::{Material, SolidMaterial, ThreadMaterial, Vec3, Weave};
+use physics::{Material, Rigidity, SolidMaterial, ThreadMaterial, Vec3, Weave};
 
 /// The materials of a body, by element.
 pub(super) struct Materials {
@@ -91,6 +91,11 @@ pub(super) fn build(
                 shear: weave.shear * (young[e] / body.material.young),
                 thickness: thickness[e],
                 density: density[e],
+                rigidity: Rigidity {
+                    warp: weave.bending_warp,
+                    weft: weave.bending_weft,
+                    twist: weave.bending_twist,
+                },
             })
             .collect(),
         ),
@@ -114,6 +119,11 @@ pub(super) fn build(
         young,
         poisson,
     })
+}
+
+/// Whether a weave resists bending.
+pub(super) fn bends(weave: WeaveFields) -> bool {
+    weave.bending_warp > 0.0 || weave.bending_weft > 0.0 || weave.bending_twist > 0.0
 }
 
 /// What is allowed where a body of this kind has no such thing.
@@ -213,11 +223,18 @@ fn check(loaded: &LoadedScene, index: usize, kind: Kind) -> Result<(), SceneErro
         return refuse("material.law", found, allowed);
     }
     match (kind, body.bending) {
-        (Kind::Woven | Kind::Solid | Kind::Thread, Some(factor)) if factor > 0.0 => refuse(
+        (Kind::Solid | Kind::Thread, Some(factor)) if factor > 0.0 => refuse(
             "bending",
             &format!("{factor:?}"),
-            "0: only isotropic sheets have a bending model",
+            "0: only sheets have a bending model",
         ),
+        (Kind::Woven, Some(factor)) if factor > 0.0 && !material.weave.is_some_and(bends) => {
+            refuse(
+                "bending",
+                &format!("{factor:?}"),
+                "0 without `bending_warp`, `bending_weft` or `bending_twist` in the weave",
+            )
+        }
         _ => Ok(()),
     }
 }

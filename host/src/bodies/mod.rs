@@ -301,7 +301,8 @@ fn supports(
 /// Factor on the bending stiffness of a body; 0 for a body without a bending model.
 pub fn bending(body: &spec::Body, kind: Kind) -> f64 {
     match kind {
-        Kind::Sheet => body.bending.unwrap_or(1.0),
-        Kind::Woven | Kind::Solid | Kind::Thread => 0.0,
+        Kind::Woven if !body.material.weave.is_some_and(material::bends) => 0.0,
+        Kind::Sheet | Kind::Woven => body.bending.unwrap_or(1.0),
+        Kind::Solid | Kind::Thread => 0.0,
     }
 }

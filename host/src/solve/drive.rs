@@ -249,12 +249,40 @@ impl<'a> Drive<'a> {
         handles.chain(supports).collect()
     }
 
-    /// Cauchy stress of each element (Pa).
+    /// Cauchy stress of each element (Pa), of a sheet in the middle of its thickness.
     fn stresses(&self) -> Vec<Mat3> {
         let body = &self.built.body;
         let sets = body.elements().iter();
         sets.flat_map(|set| (0..set.count()).map(|e| set.stress(e, body.node_positions())))
             .collect()
+    }
+
+    /// The stress of each triangle on the face at the side of its normal and on the other face (Pa), from the stress in
+    /// the middle. `None` for a body that does not bend.
+    fn faces(&self, middle: &[Mat3]) -> Option<[Vec<Mat3>; 2]> {
+        let body = &self.built.body;
+        body.bends().then(|| {
+            let on_face = |sign: f64| {
+                let elements = middle.iter().enumerate();
+                elements
+                    .map(|(e, middle)| middle + body.bending_stress(e) * sign)
+                    .collect()
+            };
+            [on_face(1.0), on_face(-1.0)]
+        })
+    }
+
+    /// The largest von Mises stress of each element (Pa): of a sheet that bends, on its two faces.
+    fn von_mises(middle: &[Mat3], faces: Option<&[Vec<Mat3>; 2]>) -> Vec<f64> {
+        match faces {
+            None => middle.iter().map(von_mises).collect(),
+            Some([top, bottom]) => {
+                let pairs = top.iter().zip(bottom);
+                pairs
+                    .map(|(top, bottom)| von_mises(top).max(von_mises(bottom)))
+                    .collect()
+            }
+        }
     }
 
     /// The present state of the body, with the positions of the deformed body.
@@ -279,6 +307,7 @@ impl<'a> Drive<'a> {
             at_vertices("velocity", body.velocities().collect());
         }
         let stresses = self.stresses();
+        let faces = self.faces(&stresses);
         let mut in_cells = |name: &str, values: Values| {
             // A field of the mesh file that has the same name is renamed.
             for (other, _) in &mut snapshot.in_cells {
@@ -290,9 +319,13 @@ impl<'a> Drive<'a> {
         };
         in_cells(
             "von_mises",
-            Values::Scalar(stresses.iter().map(von_mises).collect()),
+            Values::Scalar(Self::von_mises(&stresses, faces.as_ref())),
         );
         in_cells("stress", Values::Tensor(stresses));
+        if let Some([top, bottom]) = faces {
+            in_cells("stress_top", Values::Tensor(top));
+            in_cells("stress_bottom", Values::Tensor(bottom));
+        }
         in_cells("young", Values::Scalar(self.built.young.clone()));
         if !self.built.poisson.is_empty() {
             in_cells("poisson", Values::Scalar(self.built.poisson.clone()));
@@ -305,6 +338,7 @@ impl<'a> Drive<'a> {
         let body = &self.built.body;
         let moved = body.positions().zip(&self.rest);
         let stresses = self.stresses();
+        let faces = self.faces(&stresses);
         BodySolution {
             name: self.spec.name.clone(),
             kind: self.built.kind,
@@ -324,7 +358,7 @@ impl<'a> Drive<'a> {
             reactions: self.reactions(),
             applied: body.total_external_force().into(),
             displacement: largest(moved.map(|(now, rest)| (now - rest).norm())),
-            von_mises: largest(stresses.iter().map(von_mises)),
+            von_mises: largest(Self::von_mises(&stresses, faces.as_ref()).into_iter()),
             elastic_energy: body.elastic_energy(),
             kinetic_energy: body.kinetic_energy(),
             inverted: body.inverted_count(),

@@ -8,18 +8,18 @@ use super::state::State;
 use super::topology::Topology;
 use super::{Body, BodyConfig};
 use crate::Vec3;
-use crate::element::bending::BentSheet;
+use crate::element::bending::{BentSheet, Plate};
 use crate::element::elements::Elements;
 use crate::element::tet::shape::{Tet4, Tet10};
 use crate::element::tet::solid::Solid;
 use crate::element::triangle::membrane::Membrane;
-use crate::element::triangle::woven::Woven;
+use crate::element::triangle::woven::{Woven, warp_in_frame};
 use crate::element::truss::Truss;
 use crate::error::BodyError;
 use crate::material::law::{Corotational, Law, Linear, StVenantKirchhoff, StableNeoHookean};
 use crate::material::sheet_law::{CorotationalSheet, StVenantKirchhoffSheet};
 use crate::material::weave::Weave;
-use crate::material::{Material, SolidMaterial, ThreadMaterial};
+use crate::material::{Material, Rigidity, SolidMaterial, ThreadMaterial};
 use crate::mesh::{Cells, LineMesh, TetMesh, TriMesh};
 
 /// The laws of solids, by name.
@@ -52,7 +52,7 @@ impl Body {
     ///
     /// # Errors
     ///
-    /// As [`Body::sheet`]. A weave has no bending model, so `config.bending` must be 0.
+    /// As [`Body::sheet`].
     pub fn woven(
         mesh: &TriMesh,
         weaves: &[Weave],
@@ -60,13 +60,7 @@ impl Body {
         config: BodyConfig,
         handles: &[HandleSpec],
     ) -> Result<Self, BodyError> {
-        if config.bending != 0.0 {
-            return Err(BodyError::Config {
-                field: "bending",
-                found: config.bending,
-                expected: "0 for a woven sheet: its bending has no model",
-            });
-        }
+        config.check()?;
         check_positions(&mesh.positions)?;
         let elements: Box<dyn Elements> = match law {
             SheetLawName::Corotational => Box::new(Woven::<CorotationalSheet>::new(mesh, weaves)?),
@@ -74,7 +68,13 @@ impl Body {
                 Box::new(Woven::<StVenantKirchhoffSheet>::new(mesh, weaves)?)
             }
         };
-        Self::from_elements(&mesh.positions, vec![elements], config, handles)
+        let bends = |weave: &Weave| weave.rigidity != Rigidity::default();
+        let bent = if config.bending > 0.0 && weaves.iter().any(bends) {
+            Some(bent_weave(mesh, weaves, config.bending)?)
+        } else {
+            None
+        };
+        Self::build(&mesh.positions, vec![elements], bent, config, handles)
     }
 
     /// Builds a sheet at rest in the shape of `mesh`.
@@ -95,7 +95,10 @@ impl Body {
         config.check()?;
         check_positions(&mesh.positions)?;
         let membrane = Membrane::new(mesh, materials)?;
-        let plate = |material: &Material| material.plate() * config.bending;
+        let plate = |material: &Material| Plate {
+            matrix: material.plate() * config.bending,
+            thickness: material.thickness,
+        };
         let bends = config.bending > 0.0;
         let bent =
             bends.then(|| BentSheet::new(&mesh.triangles, materials.iter().map(plate).collect()));
@@ -211,6 +214,27 @@ impl Body {
             model,
         })
     }
+}
+
+/// The bending of a woven sheet, whose rigidities are multiplied by `scale`.
+fn bent_weave(mesh: &TriMesh, weaves: &[Weave], scale: f64) -> Result<BentSheet, BodyError> {
+    let weave = |element: usize| &weaves[if weaves.len() == 1 { 0 } else { element }];
+    let plates = mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .map(|(element, vertices)| {
+            let corners = vertices.map(|vertex| &mesh.positions[vertex as usize]);
+            let weave = weave(element);
+            Ok(Plate {
+                matrix: weave
+                    .rigidity
+                    .plate(warp_in_frame(element, corners, &weave.warp)?)
+                    * scale,
+                thickness: weave.thickness,
+            })
+        });
+    BentSheet::new(&mesh.triangles, plates.collect::<Result<_, _>>()?)
 }
 
 /// The cells of `mesh` as elements of one law.

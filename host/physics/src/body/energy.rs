@@ -1,7 +1,7 @@
 //! Sums over a body: mass, momentum and energy.
 
 use super::Body;
-use crate::Vec3;
+use crate::{Mat3, Vec3};
 
 impl Body {
     /// Total mass (kg).
@@ -54,6 +54,29 @@ impl Body {
             .map(|set| set.energy(x))
             .sum::<f64>()
             + bending
+    }
+
+    /// Whether the body resists bending.
+    pub fn bends(&self) -> bool {
+        self.model.bending.is_some()
+    }
+
+    /// The stress (Pa) that bending adds at present to an element's [stress](crate::Elements::stress) on the face at the
+    /// side of its normal, in world axes; zero for a body without bending. The other face has the opposite stress.
+    ///
+    /// # Panics
+    ///
+    /// If there is no such element.
+    pub fn bending_stress(&self, element: usize) -> Mat3 {
+        match (&self.model.bent, &self.model.bending) {
+            (Some(sheet), Some(bending)) => sheet.stress(
+                element,
+                bending,
+                (&self.model.rest, &self.state.x),
+                self.assembly.places.nodes(),
+            ),
+            _ => Mat3::zeros(),
+        }
     }
 
     /// Bending energy (J) at the present state; 0 for a body without bending.

@@ -3,7 +3,7 @@
 //! A law is a function of a deformation gradient and the parameters of a material. It is independent of elements,
 //! meshes and time.
 //!
-//! - [`Material`], [`SolidMaterial`], [`ThreadMaterial`], [`Weave`]: the parameters.
+//! - [`Material`], [`SolidMaterial`], [`ThreadMaterial`], [`Weave`], [`Rigidity`]: the parameters.
 //! - [`law`]: laws of elastic solids.
 //! - [`sheet_law`]: laws of thin sheets with a grain.
 
@@ -13,7 +13,7 @@ pub mod sheet_law;
 pub mod weave;
 
 pub use parameters::{Material, SolidMaterial, ThreadMaterial};
-pub use weave::Weave;
+pub use weave::{Rigidity, Weave};
 
 /// The kind of tangent that a law or an element returns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,13 +1,13 @@
 //! The material of a woven triangle, and its checks.
 
 use super::sheet_law::{PlaneStiffness, StiffnessError};
-use crate::Vec3;
 use crate::error::BodyError;
+use crate::{Mat3, Vec3};
 
 /// Orthotropic linear material of one triangle of a sheet, woven of threads in two perpendicular directions.
 ///
 /// ```
-/// use physics::{BodyError, Vec3, Weave};
+/// use physics::{BodyError, Rigidity, Vec3, Weave};
 ///
 /// let weave = Weave {
 ///     warp: Vec3::x(),
@@ -17,6 +17,7 @@ use crate::error::BodyError;
 ///     shear: 2e4,
 ///     thickness: 1e-3,
 ///     density: 300.0,
+///     rigidity: Rigidity { warp: 2e-6, weft: 1e-6, twist: 3e-7 },
 /// };
 /// weave.check(0)?;
 /// // A strain along the warp alone is resisted by E1 t / (1 - nu12 nu21) (N/m).
@@ -42,6 +43,57 @@ pub struct Weave {
     pub thickness: f64,
     /// Density (kg/m^3), positive.
     pub density: f64,
+    /// Resistance to bending. Threads slide over each other, so that it is far below that of a plate of this thickness.
+    pub rigidity: Rigidity,
+}
+
+/// The resistance of a woven sheet to bending, by direction. Zero: none.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rigidity {
+    /// The moment per width (N m / m) over the curvature (1/m) of the warp threads, not negative.
+    pub warp: f64,
+    /// The same of the weft threads.
+    pub weft: f64,
+    /// The twisting moment per width (N m / m) over twice the twist of the surface (1/m), not negative.
+    pub twist: f64,
+}
+
+impl Rigidity {
+    /// The plate's matrix (N m) between moments and curvatures (xx, yy, 2 xy) in a frame whose first axis is at the
+    /// angle with this cosine and sine before the warp.
+    pub(crate) fn plate(&self, [c, s]: [f64; 2]) -> Mat3 {
+        let to_weave = Mat3::new(
+            c * c,
+            s * s,
+            c * s,
+            s * s,
+            c * c,
+            -c * s,
+            -2.0 * c * s,
+            2.0 * c * s,
+            c * c - s * s,
+        );
+        let own = Mat3::from_diagonal(&Vec3::new(self.warp, self.weft, self.twist));
+        to_weave.transpose() * own * to_weave
+    }
+
+    fn check(&self, triangle: usize) -> Result<(), BodyError> {
+        for (field, found) in [
+            ("rigidity.warp", self.warp),
+            ("rigidity.weft", self.weft),
+            ("rigidity.twist", self.twist),
+        ] {
+            if !(found >= 0.0 && found.is_finite()) {
+                return Err(BodyError::Material {
+                    element: triangle,
+                    field,
+                    found,
+                    expected: "a finite number, not negative",
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Weave {
@@ -80,6 +132,7 @@ impl Weave {
     /// [`BodyError::Warp`] for a warp that is zero or not finite.
     pub fn check(&self, triangle: usize) -> Result<(), BodyError> {
         self.stiffness(triangle)?;
+        self.rigidity.check(triangle)?;
         if !(self.density > 0.0 && self.density.is_finite()) {
             return Err(BodyError::Material {
                 element: triangle,

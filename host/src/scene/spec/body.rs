@@ -23,8 +23,8 @@ pub struct Body {
     /// Rayleigh damping.
     #[serde(default, deserialize_with = "check::table")]
     pub damping: Rayleigh,
-    /// Bending stiffness of a sheet, as a multiple of the stiffness of a thin plate; zero switches bending off.
-    /// Default: 1 for isotropic sheets. Woven sheets and solids have no bending model.
+    /// Bending stiffness of a sheet, as a multiple of the stiffness of a thin plate, or of the rigidities of its weave;
+    /// zero switches bending off. Default: 1. Solids and threads have no bending model.
     #[serde(default, deserialize_with = "check::optional_not_negative")]
     pub bending: Option<f64>,
     /// The handles, by which hands hold the body. A run needs at least one.
@@ -100,6 +100,15 @@ pub struct WeaveFields {
     /// Shear modulus between warp and weft (Pa).
     #[serde(deserialize_with = "check::positive")]
     pub shear: f64,
+    /// Rigidity against bending of the warp threads: moment per width over curvature (N m). Default: 0, none.
+    #[serde(default, deserialize_with = "check::not_negative")]
+    pub bending_warp: f64,
+    /// Rigidity against bending of the weft threads (N m). Default: 0, none.
+    #[serde(default, deserialize_with = "check::not_negative")]
+    pub bending_weft: f64,
+    /// Rigidity against twist: twisting moment per width over twice the twist (N m). Default: 0, none.
+    #[serde(default, deserialize_with = "check::not_negative")]
+    pub bending_twist: f64,
 }
 
 fn along_x() -> [f64; 3] {

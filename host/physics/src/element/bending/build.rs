@@ -21,7 +21,7 @@
 //! eliminated in the triangle: the moment about a free or a hinged border is zero.
 
 use super::NONE;
-use super::curvature::Plate;
+use super::curvature::Facet;
 use super::exact::{Bending, Rotations};
 use super::rotation::{Across, gradient, rotation};
 use super::sheet::BentSheet;
@@ -44,11 +44,9 @@ struct Numbered {
 
 fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
     let count = sheet.triangles.len();
-    let mut all = Numbered {
-        rotations: Rotations::default(),
-        left: Vec::with_capacity(3 * count / 2),
-        of_sides: vec![[NONE; 3]; count],
-    };
+    let mut left = Vec::with_capacity(3 * count / 2);
+    let mut of_sides = vec![[NONE; 3]; count];
+    let mut rows: Vec<Vec<(u32, f64)>> = Vec::with_capacity(3 * count / 2);
     for triangle in 0..count {
         for k in 0..3 {
             let beyond = sheet.neighbours[triangle][k];
@@ -66,21 +64,36 @@ fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
             let [a, b] = ends.map(|v| &x[v as usize]);
             // The weights are those of the derivative times the length of the edge.
             let length = (b - a).norm();
-            let number = all.left.len() as u32;
-            all.of_sides[triangle][k] = number;
+            let number = left.len() as u32;
+            of_sides[triangle][k] = number;
             let back = &sheet.neighbours[beyond as usize];
             // Two triangles may have several sides in common, so the side is found by its vertices.
             let across = |j: usize| !ends.contains(&sheet.triangles[beyond as usize][j]);
             if let Some(j) = (0..3).find(|&j| back[j] == triangle as u32 && across(j)) {
-                all.of_sides[beyond as usize][j] = number;
+                of_sides[beyond as usize][j] = number;
             }
-            all.left.push(triangle);
+            left.push(triangle);
             let weights = weights.into_iter();
-            all.rotations
-                .push(weights.map(|(vertex, weight)| (vertex, weight / length)));
+            rows.push(weights.map(|(v, weight)| (v, weight / length)).collect());
         }
     }
-    all
+    // Rows of one length follow each other, so that the processor predicts the ends of their loops.
+    let mut order: Vec<usize> = (0..rows.len()).collect();
+    order.sort_by_key(|&number| rows[number].len());
+    let mut rotations = Rotations::default();
+    let mut place = vec![NONE; rows.len()];
+    for (at, &number) in order.iter().enumerate() {
+        place[number] = at as u32;
+        rotations.push(rows[number].iter().copied());
+    }
+    for number in of_sides.iter_mut().flatten() {
+        *number = place.get(*number as usize).copied().unwrap_or(NONE);
+    }
+    Numbered {
+        rotations,
+        left: order.iter().map(|&number| left[number]).collect(),
+        of_sides,
+    }
 }
 
 /// The matrix `R` with `R R^T = matrix`, which is symmetric and positive semidefinite: Cholesky's factor, with zeros in
@@ -99,32 +112,36 @@ fn root(matrix: &Mat3) -> Mat3 {
     root
 }
 
+/// The curvature (xx, yy, 2 xy) that a unit slope at each side makes in a triangle with these gradients (1/m) of its
+/// second and third hat function and this area (m^2), and the lengths of the sides (m).
+pub(super) fn bends([g1, g2]: [[f64; 2]; 2], area: f64) -> ([Vec3; 3], [f64; 3]) {
+    // The outward normals of the sides times their lengths are minus twice the area times the gradients.
+    let outward = [[-g1[0] - g2[0], -g1[1] - g2[1]], g1, g2].map(|g| g.map(|c| -2.0 * area * c));
+    let lengths = outward.map(|n| libm::hypot(n[0], n[1]));
+    let bends = [0, 1, 2].map(|k| {
+        let [x, y] = outward[k];
+        Vec3::new(x * x, y * y, 2.0 * x * y) / (lengths[k] * area)
+    });
+    (bends, lengths)
+}
+
 /// The bending of `sheet`, whose vertices are at `x` (m) at rest. `rigid` says of each triangle whether its motion is
 /// prescribed.
 pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending {
     let numbered = rotations(sheet, x, rigid);
     let mut bending = Bending::new(numbered.rotations);
+    if numbered.left.is_empty() {
+        return bending;
+    }
     for (triangle, vertices) in sheet.triangles.iter().enumerate() {
         let corners = vertices.map(|vertex| &x[vertex as usize]);
-        let Some((gradients, area)) = rest_frame(corners) else {
-            continue;
-        };
+        let (gradients, area) = rest_frame(corners).unwrap_or_default();
         let numbers = numbered.of_sides[triangle];
-        let Some(&any) = numbers.iter().find(|&&number| number != NONE) else {
-            continue;
-        };
-        // The outward normals of the sides times their lengths are minus twice the area times the gradients.
-        let [g1, g2] = gradients;
-        let outward =
-            [[-g1[0] - g2[0], -g1[1] - g2[1]], g1, g2].map(|g| g.map(|c| -2.0 * area * c));
-        let lengths = outward.map(|n| libm::hypot(n[0], n[1]));
-        let mut plate = *sheet.plate(triangle);
+        let any = numbers.into_iter().find(|&number| number != NONE);
+        let (bends, lengths) = bends(gradients, area);
+        let mut plate = sheet.plate(triangle).matrix;
         let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
         plate *= area;
-        let bends = [0, 1, 2].map(|k| {
-            let [x, y] = outward[k];
-            Vec3::new(x * x, y * y, 2.0 * x * y) / (lengths[k] * area)
-        });
         for (number, bend) in numbers.iter().zip(&bends) {
             let moment = plate * bend;
             let own = bend.dot(&moment);
@@ -138,13 +155,14 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
             number if numbered.left[number as usize] == triangle => root * bends[k],
             _ => -(root * bends[k]),
         });
-        let plate = Plate {
+        let facet = Facet {
             weights,
             rest: Vec3::zeros(),
             square: 4.0 * area * area,
         };
+        let any = any.unwrap_or_default();
         let numbers = numbers.map(|number| if number == NONE { any } else { number });
-        bending.push(*vertices, numbers, plate);
+        bending.push(*vertices, numbers, facet);
         bending.rest(x, stiffest);
     }
     bending

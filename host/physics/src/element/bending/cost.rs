@@ -1,6 +1,6 @@
 //! The operations and bytes of the kernel of bending, counted by hand.
 
-use super::plates::BentPlates;
+use super::facets::BentFacets;
 use super::scalar::ScalarMatrix;
 use crate::cost::Cost;
 use crate::element::kernel::Counted;
@@ -22,7 +22,7 @@ impl<T: Real> ScalarMatrix<T> {
     }
 }
 
-impl<T: Real> BentPlates<T> {
+impl<T: Real> BentFacets<T> {
     /// The cost of the derivatives across edges and of the way back.
     fn edges_cost(&self) -> Cost {
         let vectors = 2 * size_of::<Node<T>>() * self.derivatives.rows();
@@ -33,7 +33,7 @@ impl<T: Real> BentPlates<T> {
     }
 }
 
-impl<T: Real> Counted for BentPlates<T> {
+impl<T: Real> Counted for BentFacets<T> {
     fn linearize_cost(&self) -> Option<Cost> {
         let blocks = &self.blocks;
         let cost = Cost::read(size_of_val(blocks.nodes.as_slice()))

@@ -32,7 +32,7 @@ pub(super) const VECTORS: usize = 5;
 
 /// The constants of a triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Plate {
+pub(super) struct Facet {
     /// The weights of the slopes at its sides (sqrt(J)): the square root of Kirchhoff's matrix times the curvature that
     /// a slope makes. Zero on a border.
     pub(super) weights: [Vec3; 3],
@@ -57,7 +57,7 @@ pub(super) struct Bent {
     tau: [f64; 3],
 }
 
-impl Plate {
+impl Facet {
     /// The triangle with these derivatives at its sides and these two sides (m).
     pub(super) fn bend(&self, theta: [Vec3; 3], [e1, e2]: [Vec3; 2]) -> Bent {
         let normal = e1.cross(&e2);
@@ -80,6 +80,17 @@ impl Plate {
     /// The moments that the slopes feel (N m): the derivative of the energy by the slopes.
     fn moments(&self, bent: &Bent) -> [f64; 3] {
         self.weights.map(|weight| weight.dot(&bent.curvature))
+    }
+
+    /// The same moments for slopes that lead out of the triangle. Some derivatives lead into the triangle.
+    pub(super) fn outward_moments(&self, bent: &Bent) -> [f64; 3] {
+        let [g1, g2] = bent.g;
+        let inward = [-g1 - g2, g1, g2];
+        let moments = self.moments(bent);
+        [0, 1, 2].map(|e| {
+            let leads_in = bent.theta[e].dot(&inward[e]) > 0.0;
+            if leads_in { -moments[e] } else { moments[e] }
+        })
     }
 
     /// The derivative of the energy by the five vectors.
@@ -166,8 +177,8 @@ mod tests {
         Vec3::new(value(0), value(1), value(2))
     }
 
-    fn plate() -> Plate {
-        Plate {
+    fn facet() -> Facet {
+        Facet {
             weights: [1, 2, 3].map(vector),
             rest: vector(4) * 0.3,
             square: 1.0,
@@ -185,31 +196,31 @@ mod tests {
         ]
     }
 
-    fn bend(plate: &Plate, v: &[Vec3; VECTORS]) -> Bent {
-        plate.bend([v[0], v[1], v[2]], [v[3], v[4]])
+    fn bend(facet: &Facet, v: &[Vec3; VECTORS]) -> Bent {
+        facet.bend([v[0], v[1], v[2]], [v[3], v[4]])
     }
 
     /// The derivatives against central differences, whose error is of the order of the square of the step, 1e-10.
     #[test]
     fn derivatives_are_those_of_the_energy() {
-        let (plate, step) = (plate(), 1e-5);
+        let (facet, step) = (facet(), 1e-5);
         for from in [10, 20, 30, 40] {
             let v = state(from);
-            let bent = bend(&plate, &v);
-            let gradient = plate.gradient(&bent);
-            let (z, geometric) = (plate.derivatives(&bent), plate.geometric(&bent));
+            let bent = bend(&facet, &v);
+            let gradient = facet.gradient(&bent);
+            let (z, geometric) = (facet.derivatives(&bent), facet.geometric(&bent));
             for a in 0..VECTORS {
                 for i in 0..3 {
                     let moved = |by: f64| {
                         let mut v = v;
                         v[a][i] += by;
-                        bend(&plate, &v)
+                        bend(&facet, &v)
                     };
                     let (low, high) = (moved(-step), moved(step));
                     let energy = |bent: &Bent| 0.5 * bent.curvature.norm_squared();
                     let slope = (energy(&high) - energy(&low)) / (2.0 * step);
                     assert!((slope - gradient[a][i]).abs() < 1e-8, "{a} {i}");
-                    let (low, high) = (plate.gradient(&low), plate.gradient(&high));
+                    let (low, high) = (facet.gradient(&low), facet.gradient(&high));
                     for b in 0..VECTORS {
                         for j in 0..3 {
                             let expected = (high[b][j] - low[b][j]) / (2.0 * step);
@@ -225,7 +236,7 @@ mod tests {
 
     #[test]
     fn a_closed_fold_keeps_a_finite_slope_that_increases_up_to_145_degrees() {
-        let plate = Plate {
+        let facet = Facet {
             weights: [Vec3::x(), Vec3::zeros(), Vec3::zeros()],
             rest: Vec3::zeros(),
             square: 1.0,
@@ -234,7 +245,7 @@ mod tests {
         let slope = |degrees: f64| {
             let fold = degrees.to_radians();
             let mean = (Vec3::y() + Vec3::y() * fold.cos() + Vec3::z() * fold.sin()) * 0.5;
-            plate.bend([mean; 3], [Vec3::x(), Vec3::y()]).curvature.x
+            facet.bend([mean; 3], [Vec3::x(), Vec3::y()]).curvature.x
         };
         let slopes: Vec<f64> = (0..=180).map(|degrees| slope(f64::from(degrees))).collect();
         assert!(slopes[..146].windows(2).all(|two| two[1] > two[0]));

@@ -3,13 +3,16 @@
 //! Each triangle has a patch: the vertices on which its curvature depends, in ascending order, and for each of them the
 //! weights in the derivatives across its three sides.
 
-use super::curvature::{Bent, Plate, VECTORS};
+use super::curvature::{Bent, Facet, VECTORS};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::material::Tangent;
 use crate::{Mat3, Vec3};
 
 /// Largest number of vertices of a patch: two triangles and two rings around each side.
 const MOST: usize = 48;
+
+/// Largest number of vertices of a patch with one ring around each side: almost all patches.
+const USUAL: usize = 14;
 
 /// The derivatives of the position across the inner edges of a sheet: for each edge, vertices and their weights (1/m).
 #[derive(Clone, Debug)]
@@ -73,7 +76,7 @@ pub(crate) struct Bending {
     /// The rotations at the sides of each triangle. The weight of a side on a border is zero, and its number is that of
     /// another side.
     pub(super) sides: Vec<[u32; 3]>,
-    pub(super) plates: Vec<Plate>,
+    pub(super) facets: Vec<Facet>,
     start: Vec<u32>,
     vertices: Vec<u32>,
     weights: Vec<[f64; 3]>,
@@ -115,7 +118,20 @@ impl Patch<'_> {
 
     /// The Gauss-Newton part of the stiffness, from the derivatives of the curvature by its five vectors.
     fn add_outer(&self, derivatives: &[[Vec3; VECTORS]; 3], matrix: &mut BlockMatrix) {
-        let mut z = [[Vec3::zeros(); 3]; MOST];
+        // Working memory of the usual size is cleared in a fraction of the time.
+        if self.vertices.len() <= USUAL {
+            self.add_outer_within::<USUAL>(derivatives, matrix);
+        } else {
+            self.add_outer_within::<MOST>(derivatives, matrix);
+        }
+    }
+
+    fn add_outer_within<const N: usize>(
+        &self,
+        derivatives: &[[Vec3; VECTORS]; 3],
+        matrix: &mut BlockMatrix,
+    ) {
+        let mut z = [[Vec3::zeros(); 3]; N];
         let z = &mut z[..self.vertices.len()];
         for (j, z) in z.iter_mut().enumerate() {
             *z = derivatives.each_ref().map(|of| self.at(j, of));
@@ -128,7 +144,19 @@ impl Patch<'_> {
 
     /// The other part of the stiffness, from the second derivatives of the energy by the five vectors.
     fn add_geometric(&self, of: &[[Mat3; VECTORS]; VECTORS], matrix: &mut BlockMatrix) {
-        let mut rows = [[Mat3::zeros(); VECTORS]; MOST];
+        if self.vertices.len() <= USUAL {
+            self.add_geometric_within::<USUAL>(of, matrix);
+        } else {
+            self.add_geometric_within::<MOST>(of, matrix);
+        }
+    }
+
+    fn add_geometric_within<const N: usize>(
+        &self,
+        of: &[[Mat3; VECTORS]; VECTORS],
+        matrix: &mut BlockMatrix,
+    ) {
+        let mut rows = [[Mat3::zeros(); VECTORS]; N];
         let rows = &mut rows[..self.vertices.len()];
         for (k, row) in rows.iter_mut().enumerate() {
             let weights = self.weights_of(k);
@@ -149,7 +177,7 @@ impl Bending {
         Self {
             rotations,
             sides: Vec::new(),
-            plates: Vec::new(),
+            facets: Vec::new(),
             start: vec![0],
             vertices: Vec::new(),
             weights: Vec::new(),
@@ -158,10 +186,10 @@ impl Bending {
     }
 
     /// Adds a triangle, whose rotations are `sides`.
-    pub(super) fn push(&mut self, triangle: [u32; 3], sides: [u32; 3], plate: Plate) {
+    pub(super) fn push(&mut self, triangle: [u32; 3], sides: [u32; 3], facet: Facet) {
         let mut patch: Vec<(u32, [f64; 3])> = triangle.map(|vertex| (vertex, [0.0; 3])).to_vec();
         for (side, &edge) in sides.iter().enumerate() {
-            if plate.weights[side] == Vec3::zeros() {
+            if facet.weights[side] == Vec3::zeros() {
                 continue;
             }
             for (vertex, weight) in self.rotations.row(edge as usize) {
@@ -181,44 +209,44 @@ impl Bending {
         self.corners.push([0, 1, 2]);
         self.start.push(self.vertices.len() as u32);
         self.sides.push(sides);
-        self.plates.push(plate);
+        self.facets.push(facet);
     }
 
     /// Makes the curvature of the last triangle at vertex positions `x` (m) its curvature at rest. A triangle whose
     /// stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
     pub(super) fn rest(&mut self, x: &[Vec3], stiffest: f64) {
-        let last = self.plates.len() - 1;
+        let last = self.facets.len() - 1;
         let bent = self.bent(last, |vertex| &x[vertex as usize]);
-        let (patch, plate) = (self.patch(last), &self.plates[last]);
-        let derivatives = plate.derivatives(&bent);
+        let (patch, facet) = (self.patch(last), &self.facets[last]);
+        let derivatives = facet.derivatives(&bent);
         let vertices = 0..patch.vertices.len();
         let squares = |j| derivatives.iter().map(move |of| (j, of));
         let stiffness: f64 = vertices
             .flat_map(squares)
             .map(|(j, of)| patch.at(j, of).norm_squared())
             .sum();
-        let plate = &mut self.plates[last];
-        plate.rest = bent.curvature;
+        let facet = &mut self.facets[last];
+        facet.rest = bent.curvature;
         if stiffness > stiffest {
             let factor = (stiffest / stiffness).sqrt();
-            plate.rest *= factor;
-            plate.weights = plate.weights.map(|weight| weight * factor);
+            facet.rest *= factor;
+            facet.weights = facet.weights.map(|weight| weight * factor);
         }
     }
 
     /// Whether there is nothing that bends.
     pub(crate) fn is_empty(&self) -> bool {
-        self.plates.is_empty()
+        self.facets.is_empty()
     }
 
     /// The vertices of each patch.
     pub(crate) fn patches(&self) -> impl Iterator<Item = &[u32]> {
-        (0..self.plates.len()).map(|triangle| self.patch(triangle).vertices)
+        (0..self.facets.len()).map(|triangle| self.patch(triangle).vertices)
     }
 
     /// The vertices of the corners of each triangle.
     pub(super) fn triangles(&self) -> impl Iterator<Item = [u32; 3]> {
-        (0..self.plates.len()).map(|triangle| self.patch(triangle).triangle())
+        (0..self.facets.len()).map(|triangle| self.patch(triangle).triangle())
     }
 
     /// Replaces each vertex by its place.
@@ -259,7 +287,7 @@ impl Bending {
 
     fn bent<'a>(&self, triangle: usize, x: impl Fn(u32) -> &'a Vec3) -> Bent {
         let (theta, sides) = self.patch(triangle).vectors(x);
-        self.plates[triangle].bend(theta, sides)
+        self.facets[triangle].bend(theta, sides)
     }
 
     /// Adds the bending force (N) at node positions `x` (m) to `force`, and the tangent (N/m) to `stiffness`. `nodes` is
@@ -272,16 +300,16 @@ impl Bending {
         stiffness: &mut BlockMatrix,
     ) {
         let node = |vertex: u32| nodes[vertex as usize] as usize;
-        for (triangle, plate) in self.plates.iter().enumerate() {
+        for (triangle, facet) in self.facets.iter().enumerate() {
             let bent = self.bent(triangle, |vertex| &x[node(vertex)]);
             let patch = self.patch(triangle);
-            let gradient = plate.gradient(&bent);
+            let gradient = facet.gradient(&bent);
             for (j, &vertex) in patch.vertices.iter().enumerate() {
                 force[node(vertex)] -= patch.at(j, &gradient);
             }
-            patch.add_outer(&plate.derivatives(&bent), stiffness);
+            patch.add_outer(&facet.derivatives(&bent), stiffness);
             if tangent == Tangent::Exact {
-                patch.add_geometric(&plate.geometric(&bent), stiffness);
+                patch.add_geometric(&facet.geometric(&bent), stiffness);
             }
         }
     }
@@ -301,10 +329,16 @@ impl Bending {
         self.patch(triangle).vectors(|vertex| &x[vertex as usize])
     }
 
+    /// The moments (N m) that outward slopes at the sides of a triangle feel, at node positions `x`.
+    pub(super) fn moments(&self, triangle: usize, x: &[Vec3], nodes: &[u32]) -> [f64; 3] {
+        let bent = self.bent(triangle, |vertex| &x[nodes[vertex as usize] as usize]);
+        self.facets[triangle].outward_moments(&bent)
+    }
+
     /// Bending energy (J) at node positions `x`.
     pub(crate) fn energy(&self, x: &[Vec3], nodes: &[u32]) -> f64 {
         let bent = |triangle| self.bent(triangle, |vertex| &x[nodes[vertex as usize] as usize]);
-        let squares = (0..self.plates.len()).map(|t| bent(t).curvature.norm_squared());
+        let squares = (0..self.facets.len()).map(|t| bent(t).curvature.norm_squared());
         0.5 * squares.sum::<f64>()
     }
 
@@ -312,7 +346,7 @@ impl Bending {
     pub(crate) fn bytes(&self) -> usize {
         self.rotations.bytes()
             + size_of_val(self.sides.as_slice())
-            + size_of_val(self.plates.as_slice())
+            + size_of_val(self.facets.as_slice())
             + size_of_val(self.start.as_slice())
             + size_of_val(self.vertices.as_slice())
             + size_of_val(self.weights.as_slice())

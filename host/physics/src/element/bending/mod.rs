@@ -16,7 +16,8 @@
 //! - `build`: the curvature of a triangle from the slopes at its sides, and its energy.
 //! - `curvature`: slopes, curvature and their derivatives for one triangle.
 //! - `exact`: forces, energy and stiffness of all triangles.
-//! - `plates`: the same in the form for vector instructions; `kernels`: its loops; `cost`: its operations.
+//! - `moment`: the moments in each triangle, for reports.
+//! - `facets`: forces and products in the form for vector instructions; `kernels`: its loops; `cost`: its operations.
 //!
 //! Deflections converge to those of the plate with the square of the size of the cells on any triangulation
 //! (`palpate bench accuracy`).
@@ -25,15 +26,16 @@ mod build;
 mod cost;
 mod curvature;
 mod exact;
+mod facets;
 mod kernels;
-mod plates;
+mod moment;
 mod rotation;
 pub(crate) mod scalar;
 mod sheet;
 mod unfold;
 
 pub(crate) use exact::Bending;
-pub(crate) use sheet::BentSheet;
+pub(crate) use sheet::{BentSheet, Plate};
 
 /// Stands for the neighbour across a border. An `Option` would take twice the memory.
 const NONE: u32 = u32::MAX;

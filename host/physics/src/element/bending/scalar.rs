@@ -92,6 +92,18 @@ pub(crate) fn differences<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &
     }
 }
 
+/// Sets `y` to the product with `u`. The error is one rounding of the common part of `u`, which does no harm where `u` is
+/// a change of a step.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx2+bmi1+bmi2"))
+)]
+pub(crate) fn set_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
+    for (ends, y) in matrix.row_start.windows(2).zip(y) {
+        *y = row(matrix, ends, u);
+    }
+}
+
 /// Adds the product with `u` to `y`.
 #[cfg_attr(
     not(palpate_one_version),
@@ -99,14 +111,21 @@ pub(crate) fn differences<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &
 )]
 pub(crate) fn add_product<T: Real>(matrix: &ScalarMatrix<T>, u: &[Node<T>], y: &mut [Node<T>]) {
     for (ends, y) in matrix.row_start.windows(2).zip(y) {
-        let range = ends[0] as usize..ends[1] as usize;
-        let mut sum = [T::ZERO; 4];
-        let entries = matrix.columns[range.clone()]
-            .iter()
-            .zip(&matrix.weights[range]);
-        for (&column, &weight) in entries {
-            sum = plus(sum, u[column as usize].map(|c| weight * c));
-        }
-        *y = plus(*y, sum);
+        *y = plus(*y, row(matrix, ends, u));
     }
+}
+
+/// The row between two `ends` times `u`.
+#[inline(always)]
+fn row<T: Real>(matrix: &ScalarMatrix<T>, ends: &[u32], u: &[Node<T>]) -> Node<T> {
+    let range = ends[0] as usize..ends[1] as usize;
+    let mut sum = [T::ZERO; 4];
+    let columns = &matrix.columns[range.clone()];
+    for (&column, &weight) in columns.iter().zip(&matrix.weights[range]) {
+        let u = &u[column as usize];
+        for i in 0..4 {
+            sum[i] += weight * u[i];
+        }
+    }
+    sum
 }

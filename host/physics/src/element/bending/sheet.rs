@@ -12,9 +12,17 @@ pub(crate) struct BentSheet {
     pub(super) triangles: Vec<[u32; 3]>,
     /// By triangle, the neighbour across each side, or [`NONE`].
     pub(super) neighbours: Vec<[u32; 3]>,
-    /// The plate's matrix (N m) between moments and curvatures (xx, yy, 2 xy) in the rest frame of the triangle: one for
-    /// all triangles or one for each.
-    plates: Vec<Mat3>,
+    /// One for all triangles or one for each.
+    plates: Vec<Plate>,
+}
+
+/// The plate that a triangle is a part of.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plate {
+    /// The matrix between moments and curvatures (xx, yy, 2 xy) in the rest frame of the triangle (N m).
+    pub(crate) matrix: Mat3,
+    /// The thickness (m).
+    pub(crate) thickness: f64,
 }
 
 /// A side of a triangle: its vertices in ascending order, the triangle, and the number of the side.
@@ -49,12 +57,12 @@ fn neighbours(triangles: &[[u32; 3]]) -> Result<Vec<[u32; 3]>, BodyError> {
 }
 
 impl BentSheet {
-    /// A sheet of `triangles` with these plate's matrices (N m), one for all triangles or one for each.
+    /// A sheet of `triangles` with these plates, one for all triangles or one for each.
     ///
     /// # Errors
     ///
     /// [`BodyError::NonManifold`].
-    pub(crate) fn new(triangles: &[[u32; 3]], plates: Vec<Mat3>) -> Result<Self, BodyError> {
+    pub(crate) fn new(triangles: &[[u32; 3]], plates: Vec<Plate>) -> Result<Self, BodyError> {
         Ok(Self {
             triangles: triangles.to_vec(),
             neighbours: neighbours(triangles)?,
@@ -62,8 +70,8 @@ impl BentSheet {
         })
     }
 
-    /// The plate's matrix of a triangle (N m).
-    pub(super) fn plate(&self, triangle: usize) -> &Mat3 {
+    /// The plate of a triangle.
+    pub(super) fn plate(&self, triangle: usize) -> &Plate {
         let one = self.plates.len() == 1;
         &self.plates[if one { 0 } else { triangle }]
     }

@@ -208,7 +208,15 @@ impl<L: SheetLaw> Woven<L> {
 }
 
 /// Cosine and sine of the angle from the first edge to the warp in the plane of the triangle.
-fn warp_in_frame(triangle: usize, corners: [&Vec3; 3], warp: &Vec3) -> Result<[f64; 2], BodyError> {
+///
+/// # Errors
+///
+/// [`BodyError::Warp`].
+pub(crate) fn warp_in_frame(
+    triangle: usize,
+    corners: [&Vec3; 3],
+    warp: &Vec3,
+) -> Result<[f64; 2], BodyError> {
     let none = |sine| BodyError::Warp {
         triangle,
         fraction: sine,

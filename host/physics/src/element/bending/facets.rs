@@ -9,7 +9,7 @@
 use super::curvature::VECTORS;
 use super::exact::Bending;
 use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
-use super::scalar::{ScalarMatrix, add_product, differences};
+use super::scalar::{ScalarMatrix, add_product, differences, set_product};
 use crate::Vec3;
 use crate::element::kernel::Kernel;
 use crate::lanes::block::{LANES, apart};
@@ -21,7 +21,7 @@ const FLAT: f64 = 1e-13;
 
 /// The bending of a sheet in blocks.
 #[derive(Debug)]
-pub(crate) struct BentPlates<T> {
+pub(crate) struct BentFacets<T> {
     exact: Bending,
     pub(super) blocks: Blocks<T>,
     /// Block and lane of each triangle.
@@ -42,7 +42,7 @@ struct AtRest {
     normal: Vec3,
 }
 
-impl<T: Real> BentPlates<T> {
+impl<T: Real> BentFacets<T> {
     /// The kernel of `exact`, whose vertices are the nodes in the solver's order, at `rest` (m) at rest.
     pub(super) fn new(exact: Bending, rest: &[Vec3]) -> Self {
         let corners: Vec<[u32; 3]> = exact.triangles().collect();
@@ -86,10 +86,10 @@ impl<T: Real> BentPlates<T> {
             for lane in 0..LANES {
                 // Copies of the last triangle without stiffness pad the last block.
                 let triangle = triangles[lane.min(triangles.len() - 1)];
-                let (plate, one) = (&exact.plates[triangle], &all[triangle]);
+                let (facet, one) = (&exact.facets[triangle], &all[triangle]);
                 nodes[lane] = corners[triangle];
                 edges[lane] = exact.sides[triangle];
-                constants.square[lane] = T::of(plate.square);
+                constants.square[lane] = T::of(facet.square);
                 for i in 0..3 {
                     for k in 0..2 {
                         constants.sides[3 * k + i][lane] = T::of(one.sides[k][i]);
@@ -101,9 +101,9 @@ impl<T: Real> BentPlates<T> {
                 if lane < triangles.len() {
                     places[triangle] = (block as u32, lane as u32);
                     for i in 0..3 {
-                        curved.curvature[i][lane] = T::of(plate.rest[i]);
+                        curved.curvature[i][lane] = T::of(facet.rest[i]);
                         for e in 0..3 {
-                            constants.weights[3 * e + i][lane] = T::of(plate.weights[e][i]);
+                            constants.weights[3 * e + i][lane] = T::of(facet.weights[e][i]);
                         }
                     }
                 }
@@ -157,7 +157,7 @@ impl<T: Real> BentPlates<T> {
     }
 }
 
-impl<T: Real> Kernel<T> for BentPlates<T> {
+impl<T: Real> Kernel<T> for BentFacets<T> {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
         differences(&self.derivatives, d, &mut self.theta);
         self.pull.fill([T::ZERO; 4]);
@@ -167,7 +167,7 @@ impl<T: Real> Kernel<T> for BentPlates<T> {
     }
 
     fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        differences(&self.derivatives, u, &mut self.theta);
+        set_product(&self.derivatives, u, &mut self.theta);
         self.pull.fill([T::ZERO; 4]);
         product(&self.blocks, factor, (u, &self.theta), (y, &mut self.pull));
         add_product(&self.back, &self.pull, y);
@@ -202,14 +202,14 @@ impl Bending {
     pub(crate) fn kernel<T: Real>(&self, place: &[u32], rest: &[Vec3]) -> Box<dyn Kernel<T>> {
         let mut exact = self.clone();
         exact.renumber(place);
-        Box::new(BentPlates::new(exact, rest))
+        Box::new(BentFacets::new(exact, rest))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::element::bending::BentSheet;
+    use crate::element::bending::{BentSheet, Plate};
     use crate::lanes::{to_node, to_vec};
     use crate::material::{Material, Tangent};
 
@@ -269,7 +269,13 @@ mod tests {
             .zip(&rest)
             .map(|(n, x)| rotated(&(x + vector(n + 500) * 0.002)) + Vec3::repeat(0.02))
             .collect();
-        let bent = BentSheet::new(&triangles, vec![material.plate()]);
+        let bent = BentSheet::new(
+            &triangles,
+            vec![Plate {
+                matrix: material.plate(),
+                thickness: material.thickness,
+            }],
+        );
         let bending = bent.map(|sheet| sheet.bending(&rest, |_| false));
         let Ok(exact) = bending else {
             panic!("the sheet is regular");
@@ -281,7 +287,7 @@ mod tests {
         let mut force = vec![Vec3::zeros(); count];
         exact.assemble((&x, &nodes), Tangent::Clipped, &mut force, &mut matrix);
 
-        let mut kernel = BentPlates::<T>::new(exact.clone(), &rest);
+        let mut kernel = BentFacets::<T>::new(exact.clone(), &rest);
         let d: Vec<Node<T>> = x
             .iter()
             .zip(&rest)
