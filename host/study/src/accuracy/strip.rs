@@ -51,6 +51,7 @@ pub(super) fn run(_: Level) -> Result<Vec<Series>, StudyError> {
         shear: RUBBER.shear(),
         thickness: RUBBER.thickness,
         density: RUBBER.density,
+        rigidity: physics::Rigidity::default(),
     };
     let as_sheet = || Body::sheet(&mesh, &[RUBBER], weightless(), &[]);
     let law = SheetLawName::StVenantKirchhoff;

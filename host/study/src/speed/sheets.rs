@@ -77,6 +77,7 @@ pub(super) fn woven(nx: u32, ny: u32, law: SheetLawName) -> Result<Body, StudyEr
         shear: 2e5,
         thickness: 0.001,
         density: 1000.0,
+        rigidity: physics::Rigidity::default(),
     };
     let config = BodyConfig {
         bending: 0.0,

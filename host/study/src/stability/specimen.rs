@@ -317,6 +317,7 @@ impl Isotropic {
             shear: 0.2 * self.young,
             thickness: THICKNESS,
             density: self.density,
+            rigidity: physics::Rigidity::default(),
         }
     }
 }
