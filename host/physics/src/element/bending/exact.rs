@@ -116,59 +116,64 @@ impl Patch<'_> {
         weights.zip(of).map(|(weight, v)| v * weight).sum()
     }
 
-    /// The Gauss-Newton part of the stiffness, from the derivatives of the curvature by its five vectors.
-    fn add_outer(&self, derivatives: &[[Vec3; VECTORS]; 3], matrix: &mut BlockMatrix) {
-        // Working memory of the usual size is cleared in a fraction of the time.
-        if self.vertices.len() <= USUAL {
-            self.add_outer_within::<USUAL>(derivatives, matrix);
-        } else {
-            self.add_outer_within::<MOST>(derivatives, matrix);
-        }
-    }
-
-    fn add_outer_within<const N: usize>(
+    /// Adds the stiffness: the Gauss-Newton part from the derivatives of the curvature by its five vectors, and the other
+    /// part from the second derivatives of the energy by these vectors, if they are given.
+    fn add(
         &self,
         derivatives: &[[Vec3; VECTORS]; 3],
+        others: Option<&[[Mat3; VECTORS]; VECTORS]>,
         matrix: &mut BlockMatrix,
     ) {
+        // Working memory of the usual size is cleared in a fraction of the time.
+        if self.vertices.len() <= USUAL {
+            self.add_within::<USUAL>(derivatives, others, matrix);
+        } else {
+            self.add_within::<MOST>(derivatives, others, matrix);
+        }
+    }
+
+    fn add_within<const N: usize>(
+        &self,
+        derivatives: &[[Vec3; VECTORS]; 3],
+        others: Option<&[[Mat3; VECTORS]; VECTORS]>,
+        matrix: &mut BlockMatrix,
+    ) {
+        let count = self.vertices.len();
         let mut z = [[Vec3::zeros(); 3]; N];
-        let z = &mut z[..self.vertices.len()];
-        for (j, z) in z.iter_mut().enumerate() {
+        for (j, z) in z[..count].iter_mut().enumerate() {
             *z = derivatives.each_ref().map(|of| self.at(j, of));
         }
-        matrix.add_clique(self.vertices, |j, k| {
+        let outer = |j: usize, k: usize| {
             let ([a, b, c], [d, e, f]) = (&z[j], &z[k]);
             a * d.transpose() + b * e.transpose() + c * f.transpose()
-        });
-    }
-
-    /// The other part of the stiffness, from the second derivatives of the energy by the five vectors.
-    fn add_geometric(&self, of: &[[Mat3; VECTORS]; VECTORS], matrix: &mut BlockMatrix) {
-        if self.vertices.len() <= USUAL {
-            self.add_geometric_within::<USUAL>(of, matrix);
-        } else {
-            self.add_geometric_within::<MOST>(of, matrix);
-        }
-    }
-
-    fn add_geometric_within<const N: usize>(
-        &self,
-        of: &[[Mat3; VECTORS]; VECTORS],
-        matrix: &mut BlockMatrix,
-    ) {
-        let mut rows = [[Mat3::zeros(); VECTORS]; N];
-        let rows = &mut rows[..self.vertices.len()];
-        for (k, row) in rows.iter_mut().enumerate() {
-            let weights = self.weights_of(k);
-            for (sum, of) in row.iter_mut().zip(of) {
-                *sum = of.iter().zip(weights).map(|(m, weight)| m * weight).sum();
+        };
+        let Some(others) = others else {
+            matrix.add_clique(self.vertices, outer);
+            return;
+        };
+        let mut weights = [[0.0; VECTORS]; N];
+        let mut columns = [[Mat3::zeros(); VECTORS]; N];
+        for k in 0..count {
+            weights[k] = self.weights_of(k);
+            for (sum, of) in columns[k].iter_mut().zip(others) {
+                *sum = weighted(&weights[k], of);
             }
         }
         matrix.add_clique(self.vertices, |j, k| {
-            let weights = self.weights_of(j).into_iter();
-            weights.zip(&rows[k]).map(|(weight, m)| m * weight).sum()
+            outer(j, k) + weighted(&weights[j], &columns[k])
         });
     }
+}
+
+/// The weighted sum. Most weights are zero.
+fn weighted(weights: &[f64; VECTORS], of: &[Mat3; VECTORS]) -> Mat3 {
+    let mut sum = Mat3::zeros();
+    for (&weight, m) in weights.iter().zip(of) {
+        if weight != 0.0 {
+            sum += m * weight;
+        }
+    }
+    sum
 }
 
 impl Bending {
@@ -307,10 +312,8 @@ impl Bending {
             for (j, &vertex) in patch.vertices.iter().enumerate() {
                 force[node(vertex)] -= patch.at(j, &gradient);
             }
-            patch.add_outer(&facet.derivatives(&bent), stiffness);
-            if tangent == Tangent::Exact {
-                patch.add_geometric(&facet.geometric(&bent), stiffness);
-            }
+            let others = (tangent == Tangent::Exact).then(|| facet.geometric(&bent));
+            patch.add(&facet.derivatives(&bent), others.as_ref(), stiffness);
         }
     }
 
@@ -321,7 +324,7 @@ impl Bending {
         derivatives: &[[Vec3; VECTORS]; 3],
         matrix: &mut BlockMatrix,
     ) {
-        self.patch(triangle).add_outer(derivatives, matrix);
+        self.patch(triangle).add(derivatives, None, matrix);
     }
 
     /// The derivatives across the sides of a triangle and its sides, at vertex positions `x` (m).
