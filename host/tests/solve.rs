@@ -296,7 +296,14 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         ),
         (
             base.replace("mesh", "bending = 1\nmesh"),
-            "x.toml:5: body[0].bending: found 1.0, allowed: 0: only isotropic sheets have a bending model",
+            "x.toml:5: body[0].bending: found 1.0, allowed: 0: only sheets have a bending model",
+        ),
+        (
+            sheet.replace("mesh", "bending = 1\nmesh").replace(
+                "density = 1",
+                "density = 1, weave = { young_weft = 1e3, shear = 1 }",
+            ),
+            "x.toml:5: body[0].bending: found 1.0, allowed: 0 without `bending_warp`, `bending_weft` or `bending_twist` in the weave",
         ),
         (
             sheet.replace("young = 1e3", "young = 1e3, law = \"linear\""),

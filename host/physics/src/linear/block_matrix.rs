@@ -175,18 +175,36 @@ impl BlockMatrix {
         self.blocks[slot as usize] += block;
     }
 
-    /// Adds `block(j, k)` to the block in row `nodes[j]` and column `nodes[k]`, for all pairs. `nodes` ascend. A block
-    /// that the pattern lacks is left out.
-    pub(crate) fn add_clique(&mut self, nodes: &[u32], block: impl Fn(usize, usize) -> Mat3) {
-        for (j, &row) in nodes.iter().enumerate() {
-            let end = self.row_start[row as usize + 1] as usize;
-            let mut slot = self.row_start[row as usize] as usize;
-            for (k, &column) in nodes.iter().enumerate() {
-                while slot < end && self.columns[slot] < column {
-                    slot += 1;
+    /// Adds the symmetric matrix of the blocks `block(j, k)`, which are asked for `j <= k`, in the rows and columns
+    /// `nodes`. These are at most `N` and ascend. A block that the pattern lacks is left out.
+    pub(crate) fn add_symmetric<const N: usize>(
+        &mut self,
+        nodes: &[u32],
+        block: impl Fn(usize, usize) -> Mat3,
+    ) {
+        let mut slots = [[u32::MAX; N]; N];
+        for (&row, slots) in nodes.iter().zip(&mut slots) {
+            let (columns, start) = self.row(row as usize);
+            let mut offset = 0;
+            for (&column, slot) in nodes.iter().zip(slots) {
+                while columns.get(offset).is_some_and(|&c| c < column) {
+                    offset += 1;
                 }
-                if slot < end && self.columns[slot] == column {
-                    self.blocks[slot] += block(j, k);
+                if columns.get(offset) == Some(&column) {
+                    *slot = (start + offset) as u32;
+                }
+            }
+        }
+        for j in 0..nodes.len().min(N) {
+            for k in j..nodes.len().min(N) {
+                let block = block(j, k);
+                if let Some(own) = self.blocks.get_mut(slots[j][k] as usize) {
+                    *own += block;
+                }
+                if let Some(mirror) = self.blocks.get_mut(slots[k][j] as usize)
+                    && j != k
+                {
+                    *mirror += block.transpose();
                 }
             }
         }

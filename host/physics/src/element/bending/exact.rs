@@ -148,7 +148,7 @@ impl Patch<'_> {
             a * d.transpose() + b * e.transpose() + c * f.transpose()
         };
         let Some(others) = others else {
-            matrix.add_clique(self.vertices, outer);
+            matrix.add_symmetric::<N>(self.vertices, outer);
             return;
         };
         let mut weights = [[0.0; VECTORS]; N];
@@ -159,7 +159,7 @@ impl Patch<'_> {
                 *sum = weighted(&weights[k], of);
             }
         }
-        matrix.add_clique(self.vertices, |j, k| {
+        matrix.add_symmetric::<N>(self.vertices, |j, k| {
             outer(j, k) + weighted(&weights[j], &columns[k])
         });
     }
