@@ -37,7 +37,7 @@ type Failure = Box<dyn Error>;
 type Prepare = fn() -> Result<Case, Failure>;
 
 /// Name and preparation of each case.
-pub(crate) const ALL: [(&str, Prepare); 10] = [
+pub(crate) const ALL: [(&str, Prepare); 13] = [
     ("step, solid, f64", || step::<f64>(solid(6, false)?)),
     ("step, solid, f32", || step::<f32>(solid(6, false)?)),
     ("step, quadratic solid, f64", || {
@@ -46,14 +46,34 @@ pub(crate) const ALL: [(&str, Prepare); 10] = [
     ("step, small strains, f64", || {
         step::<f64>(solid_of(SolidLaw::Linear, 6, false)?)
     }),
+    ("step, St. Venant-Kirchhoff solid, f64", || {
+        step::<f64>(solid_of(SolidLaw::StVenantKirchhoff, 6, false)?)
+    }),
     ("step, neo-Hookean solid, f64", || {
         step::<f64>(solid_of(SolidLaw::StableNeoHookean, 6, false)?)
+    }),
+    ("step, neo-Hookean solid, f32", || {
+        step::<f32>(solid_of(SolidLaw::StableNeoHookean, 6, false)?)
+    }),
+    ("step, quadratic neo-Hookean solid, f64", || {
+        step::<f64>(solid_of(SolidLaw::StableNeoHookean, 3, true)?)
     }),
     ("step, sheet, f64", || step::<f64>(strip()?)),
     ("step, sheet, f32", || step::<f32>(strip()?)),
     ("local model, solid, f64", local_model),
     ("factor, solid, f64", factor),
     ("assembled step, solid", assembled),
+];
+
+/// Steps under laws of large strains, and the corotational steps on the same meshes.
+pub(crate) const LAWS: [(&str, &str); 4] = [
+    ("step, St. Venant-Kirchhoff solid, f64", "step, solid, f64"),
+    ("step, neo-Hookean solid, f64", "step, solid, f64"),
+    ("step, neo-Hookean solid, f32", "step, solid, f32"),
+    (
+        "step, quadratic neo-Hookean solid, f64",
+        "step, quadratic solid, f64",
+    ),
 ];
 
 /// A counted call.

@@ -40,6 +40,10 @@ const TABLE: Table = Table {
     more_copies: 0.05,
 };
 
+/// The largest ratio of a step under a law of large strains to the corotational step on the same mesh. Computed point by
+/// point, the singular values alone exceeded this ratio.
+const MOST_OF_A_LAW: f64 = 2.0;
+
 /// A counted case.
 struct Row {
     name: String,
@@ -101,8 +105,29 @@ fn counted(then: impl FnOnce(&[(String, Count)]) -> Result<(), String>) -> Resul
     let rows = said.lines().zip(counts).map(row);
     let rows = rows.collect::<Result<Vec<Row>, String>>()?;
     print_table(&rows);
+    compare_laws(&rows)?;
     let named: Vec<_> = rows.into_iter().map(|row| (row.name, row.count)).collect();
     then(&named)
+}
+
+/// Compares the steps under laws of large strains with corotational steps.
+fn compare_laws(rows: &[Row]) -> Result<(), String> {
+    let count = |name: &str| {
+        let row = rows.iter().find(|row| row.name == name);
+        let row = row.ok_or_else(|| format!("{name}: not counted"))?;
+        Ok::<_, String>(row.count.instructions as f64)
+    };
+    for (law, corotational) in cases::LAWS {
+        let ratio = count(law)? / count(corotational)?;
+        println!("{law}: {ratio:.2} times \"{corotational}\"");
+        if ratio > MOST_OF_A_LAW {
+            return Err(format!(
+                "{law}: {ratio:.2} times \"{corotational}\", at most {MOST_OF_A_LAW} times is allowed"
+            ));
+        }
+    }
+    println!();
+    Ok(())
 }
 
 /// A line of [`run_each`] with its count.

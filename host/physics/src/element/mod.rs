@@ -30,8 +30,7 @@ pub use elements::Elements;
 use crate::Vec3;
 use crate::lanes::Real;
 use crate::linear::block_matrix::BlockMatrix;
-use crate::material::law::Frame;
-use crate::material::law::isotropic::PointLaw;
+use crate::material::law::{Frame, IsotropicLaw};
 use assembled::Assembled;
 use kernel::Kernel;
 use tet::principal;
@@ -47,9 +46,9 @@ pub enum VectorForm {
     /// Quadratic tetrahedra under Hooke's law in a frame.
     HookeanQuadraticTets(Frame, Vec<QuadraticTet>),
     /// Linear tetrahedra of a law in principal axes.
-    IsotropicTets(PointLaw, Vec<Tet>),
+    IsotropicTets(IsotropicLaw, Vec<Tet>),
     /// Quadratic tetrahedra of a law in principal axes.
-    IsotropicQuadraticTets(PointLaw, Vec<QuadraticTet>),
+    IsotropicQuadraticTets(IsotropicLaw, Vec<QuadraticTet>),
     /// Corotational membrane triangles.
     CorotationalTriangles(Vec<Triangle>),
 }

@@ -2,9 +2,11 @@
 //!
 //! - [`Real`]: numbers of single or double precision.
 //! - [`Node`]: the vector of a node, padded.
+//! - `logarithm`: the logarithm in lanes.
 //! - [`block`]: gathering node vectors into arrays over elements, and scattering them back.
 
 pub mod block;
+pub(crate) mod logarithm;
 mod real;
 
 pub use real::Real;

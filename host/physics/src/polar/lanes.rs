@@ -113,7 +113,11 @@ pub fn turn<T: Real>(q: Quaternion<T>, h: &Matrix<T>) -> (Quaternion<T>, bool) {
 pub fn quaternion<T: Real>(h: &Matrix<T>) -> Quaternion<T> {
     let f = Mat3::from_fn(|i, j| h[i][j].to_f64() + if i == j { 1.0 } else { 0.0 });
     let svd = svd(&f);
-    let r = svd.u * svd.v.transpose();
+    of_rotation(&(svd.u * svd.v.transpose()))
+}
+
+/// The quaternion of the rotation matrix `r`.
+pub(crate) fn of_rotation<T: Real>(r: &Mat3) -> Quaternion<T> {
     // Division by the largest component (Shepperd, Journal of Guidance and Control 1, 1978).
     let trace = r.trace();
     let (largest, _) = [trace, r[(0, 0)], r[(1, 1)], r[(2, 2)]]

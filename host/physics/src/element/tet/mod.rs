@@ -2,10 +2,12 @@
 //!
 //! - [`shape`]: shape functions and quadrature.
 //! - [`solid`]: any law, in the exact form.
-//! - `principal` and `principal_kernels`: any isotropic law, in the vector form; `principal_cost`: its operations.
+//! - `principal`: any isotropic law, in the vector form; `principal_linearize` and `principal_kernels`: its forces and
+//!   tangents, and its products; `principal_cost`: its operations.
 
 pub(crate) mod principal;
 mod principal_cost;
 pub(crate) mod principal_kernels;
+mod principal_linearize;
 pub mod shape;
 pub mod solid;

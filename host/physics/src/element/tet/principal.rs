@@ -7,10 +7,12 @@
 //! f_c = U (C : sum_b (U^T u_b) h_b^T) h_c
 //! ```
 //!
-//! so that it needs thirty numbers. The law computes them point by point, in double precision whatever the precision of
-//! the step, since stresses of large strains are differences of large numbers. Products run in blocks.
+//! so that it needs thirty numbers. Linearizations and products run in blocks, in the precision of the step: see
+//! `principal_linearize` and `principal_kernels`.
 
+use super::principal_cost::CountedLaw;
 use super::principal_kernels::{CROSSED, Cell, Four, MODULI, SAME, Tangents, Ten, product};
+use super::principal_linearize::{self as kernels, Axes, Rest};
 use crate::element::kernel::Kernel;
 use crate::element::placed::{InBlocks, Placed};
 use crate::element::tet4::Tet;
@@ -19,68 +21,64 @@ use crate::element::tet10::QuadraticTet;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
-use crate::material::law::Lame;
-use crate::material::law::isotropic::{PAIRS, PointLaw};
+use crate::material::law::isotropic::PAIRS;
+use crate::material::law::lane_law::LaneLaw;
+use crate::material::law::{IsotropicLaw, StVenantKirchhoff, StableNeoHookean};
 use crate::{Mat3, Vec3};
 use core::marker::PhantomData;
 
 /// The constant data of a tetrahedron with `Q` points.
 #[derive(Clone, Copy, Debug)]
-struct Rest<const Q: usize> {
+struct Shape<const Q: usize> {
     /// At each point, the gradients of barycentric coordinates 1, 2 and 3 as rows (1/m).
     gradients: [Mat3; Q],
     /// The volume of each point (m^3).
     volumes: [f64; Q],
-    lame: Lame,
+    mu: f64,
+    lambda: f64,
 }
 
 /// Tetrahedra of an isotropic law in blocks.
 #[derive(Clone, Debug)]
-pub(crate) struct PrincipalTets<T, C, const N: usize, const Q: usize> {
-    law: PointLaw,
+pub(crate) struct PrincipalTets<L, T, C, const N: usize, const Q: usize> {
     pub(super) nodes: Vec<[[u32; N]; LANES]>,
-    /// By block and lane, without the padding of the last block.
-    rest: Vec<Rest<Q>>,
-    /// The latest right axes of each point, by block and lane.
-    right: Vec<[Mat3; Q]>,
+    pub(super) rest: Vec<Rest<T, Q>>,
+    /// The latest right axes.
+    pub(super) right: Vec<Axes<T, Q>>,
     pub(super) tangents: Vec<Tangents<T, Q>>,
     /// Block and lane of each element.
     pub(super) places: Vec<(u32, u32)>,
-    cell: PhantomData<C>,
+    kind: PhantomData<(L, C)>,
 }
 
-impl<T: Real> PrincipalTets<T, Four, 4, 1> {
+impl<L: LaneLaw, T: Real> PrincipalTets<L, T, Four, 4, 1> {
     /// Linear tetrahedra.
-    pub(crate) fn linear(law: PointLaw, tets: &[Tet]) -> Self {
-        let rest = |tet: &Tet| {
+    pub(crate) fn linear(tets: &[Tet]) -> Self {
+        let shape = |tet: &Tet| {
             let [_, b, c, d] = tet.gradients;
-            Rest {
+            Shape {
                 gradients: [rows([b, c, d])],
                 volumes: [tet.volume],
-                lame: Lame {
-                    mu: tet.mu,
-                    lambda: tet.lambda,
-                },
+                mu: tet.mu,
+                lambda: tet.lambda,
             }
         };
-        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, rest(tet))).collect();
-        Self::new(law, &tets)
+        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, shape(tet))).collect();
+        Self::new(&tets)
     }
 }
 
-impl<T: Real> PrincipalTets<T, Ten, 10, 4> {
+impl<L: LaneLaw, T: Real> PrincipalTets<L, T, Ten, 10, 4> {
     /// Quadratic tetrahedra.
-    pub(crate) fn quadratic(law: PointLaw, tets: &[QuadraticTet]) -> Self {
-        let rest = |tet: &QuadraticTet| Rest {
+    pub(crate) fn quadratic(tets: &[QuadraticTet]) -> Self {
+        let shape = |tet: &QuadraticTet| Shape {
             gradients: tet.gradients.map(|gradients| rows(gradients) * Ten::FACTOR),
             volumes: tet.volumes,
-            lame: Lame {
-                mu: tet.mu,
-                lambda: tet.lambda,
-            },
+            mu: tet.mu,
+            lambda: tet.lambda,
         };
-        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, rest(tet))).collect();
-        Self::new(law, &tets)
+        let tets: Vec<_> = tets.iter().map(|tet| (tet.nodes, shape(tet))).collect();
+        Self::new(&tets)
     }
 }
 
@@ -88,25 +86,44 @@ fn rows(vectors: [Vec3; 3]) -> Mat3 {
     Mat3::from_rows(&vectors.map(|vector| vector.transpose()))
 }
 
-impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C, N, Q> {
+impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize>
+    PrincipalTets<L, T, C, N, Q>
+{
     /// The elements. They have no stiffness before the first call of `linearize`.
-    fn new(law: PointLaw, tets: &[([u32; N], Rest<Q>)]) -> Self {
+    fn new(tets: &[([u32; N], Shape<Q>)]) -> Self {
         let order = apart(tets.len(), |element| &tets[element].0);
         let mut all = Self {
-            law,
             nodes: Vec::new(),
-            rest: order.iter().map(|&element| tets[element].1).collect(),
-            right: vec![[Mat3::identity(); Q]; tets.len()],
+            rest: Vec::new(),
+            right: Vec::new(),
             tangents: Vec::new(),
             places: vec![(0, 0); tets.len()],
-            cell: PhantomData,
+            kind: PhantomData,
         };
+        let zero = [T::ZERO; LANES];
+        let one = [T::of(1.0); LANES];
         for (block, elements) in order.chunks(LANES).enumerate() {
-            // Copies of the last element without stiffness pad the last block.
+            // Copies of the last element without gradients pad the last block. They have no strain, force or stiffness.
             let last = elements.len() - 1;
             let nodes = core::array::from_fn(|lane| tets[elements[lane.min(last)]].0);
+            let mut rest = Rest {
+                gradients: [[zero; 9]; Q],
+                mu: [zero; Q],
+                lambda: [zero; Q],
+            };
+            for lane in 0..LANES {
+                let shape = &tets[elements[lane.min(last)]].1;
+                for q in 0..Q {
+                    rest.mu[q][lane] = T::of(shape.volumes[q] * shape.mu);
+                    rest.lambda[q][lane] = T::of(shape.volumes[q] * shape.lambda);
+                    if lane <= last {
+                        put_matrix(&mut rest.gradients[q], lane, &shape.gradients[q]);
+                    }
+                }
+            }
             all.nodes.push(nodes);
-            let zero = [T::ZERO; LANES];
+            all.rest.push(rest);
+            all.right.push([[one, zero, zero, zero]; Q]);
             all.tangents.push(Tangents {
                 axes: [[zero; 9]; Q],
                 gradients: [[zero; 9]; Q],
@@ -120,47 +137,13 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> PrincipalTets<T, C,
     }
 }
 
-impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlocks<T, N>
-    for PrincipalTets<T, C, N, Q>
+impl<L: LaneLaw, T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlocks<T, N>
+    for PrincipalTets<L, T, C, N, Q>
 {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        let mut energy = 0.0;
-        let mut points = [[[T::ZERO; LANES]; 9]; Q];
-        let blocks = self.rest.chunks(LANES).zip(&self.nodes);
-        let state = self.right.chunks_mut(LANES).zip(&mut self.tangents);
-        for ((rest, nodes), (right, tangents)) in blocks.zip(state) {
-            C::spread(nodes, d, &mut points);
-            for (q, point) in points.iter_mut().enumerate() {
-                for lane in 0..LANES {
-                    let Some(rest) = rest.get(lane) else {
-                        put_matrix(point, lane, &Mat3::zeros());
-                        continue;
-                    };
-                    let (gradients, volume) = (&rest.gradients[q], rest.volumes[q]);
-                    let derivatives = matrix_at(point, lane);
-                    let f = derivatives.tr_mul(gradients) + Mat3::identity();
-                    let right = &mut right[lane][q];
-                    let found = (self.law)(rest.lame, &f, right);
-                    *right = found.axes.v;
-                    energy += volume * found.energy;
-                    let pull = gradients * found.stress.transpose() * -volume;
-                    put_matrix(point, lane, &pull);
-                    put_matrix(&mut tangents.axes[q], lane, &found.axes.u);
-                    let turned = gradients * found.axes.v;
-                    put_matrix(&mut tangents.gradients[q], lane, &turned);
-                    let moduli = &mut tangents.moduli[q];
-                    let p = &found.axes.principal;
-                    for (k, [i, j]) in PAIRS.into_iter().enumerate() {
-                        moduli[k][lane] = T::of(volume * p.stretch[(k, k)]);
-                        moduli[3 + k][lane] = T::of(volume * p.stretch[(i, j)]);
-                        moduli[SAME + k][lane] = T::of(volume * p.same()[k]);
-                        moduli[CROSSED + k][lane] = T::of(volume * p.crossed()[k]);
-                    }
-                }
-            }
-            C::collect(nodes, &points, force);
-        }
-        energy
+        let fixed = (self.nodes.as_slice(), self.rest.as_slice());
+        let state = (self.right.as_mut_slice(), self.tangents.as_mut_slice());
+        kernels::linearize::<T, L, C, N, Q>(fixed, state, d, force).to_f64()
     }
 
     fn product(&self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
@@ -209,30 +192,39 @@ impl<T: Real, C: Cell<N, Q>, const N: usize, const Q: usize> InBlocks<T, N>
 
 /// The kernel of linear `tets` of `law`, whose blocks are in `matrix`.
 pub(in crate::element) fn linear_kernel<T: Real>(
-    law: PointLaw,
+    law: IsotropicLaw,
     tets: &[Tet],
     matrix: &BlockMatrix,
 ) -> Box<dyn Kernel<T>> {
-    let elements = PrincipalTets::<T, _, _, _>::linear(law, tets);
-    Box::new(Placed::new(
-        elements,
-        tets.iter().map(|tet| tet.nodes),
-        matrix,
-    ))
+    fn of<L: CountedLaw, T: Real>(tets: &[Tet], matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
+        let elements = PrincipalTets::<L, T, _, _, _>::linear(tets);
+        let nodes = tets.iter().map(|tet| tet.nodes);
+        Box::new(Placed::new(elements, nodes, matrix))
+    }
+    match law {
+        IsotropicLaw::StVenantKirchhoff => of::<StVenantKirchhoff, T>(tets, matrix),
+        IsotropicLaw::StableNeoHookean => of::<StableNeoHookean, T>(tets, matrix),
+    }
 }
 
 /// The kernel of quadratic `tets` of `law`, whose blocks are in `matrix`.
 pub(in crate::element) fn quadratic_kernel<T: Real>(
-    law: PointLaw,
+    law: IsotropicLaw,
     tets: &[QuadraticTet],
     matrix: &BlockMatrix,
 ) -> Box<dyn Kernel<T>> {
-    let elements = PrincipalTets::<T, _, _, _>::quadratic(law, tets);
-    Box::new(Placed::new(
-        elements,
-        tets.iter().map(|tet| tet.nodes),
-        matrix,
-    ))
+    fn of<L: CountedLaw, T: Real>(
+        tets: &[QuadraticTet],
+        matrix: &BlockMatrix,
+    ) -> Box<dyn Kernel<T>> {
+        let elements = PrincipalTets::<L, T, _, _, _>::quadratic(tets);
+        let nodes = tets.iter().map(|tet| tet.nodes);
+        Box::new(Placed::new(elements, nodes, matrix))
+    }
+    match law {
+        IsotropicLaw::StVenantKirchhoff => of::<StVenantKirchhoff, T>(tets, matrix),
+        IsotropicLaw::StableNeoHookean => of::<StableNeoHookean, T>(tets, matrix),
+    }
 }
 
 /// The modulus between two gradients, in principal axes.

@@ -342,7 +342,7 @@ impl<const N: usize, const Q: usize, S: Shape<N, Q> + 'static, L: Law> Elements
     }
 
     fn vector_form(&self) -> Option<VectorForm> {
-        let (frame, law) = (L::FRAME, L::POINT);
+        let (frame, law) = (L::FRAME, L::ISOTROPIC);
         if let Some(tets) = self.tets() {
             return match frame {
                 Some(frame) => Some(VectorForm::HookeanTets(frame, tets)),

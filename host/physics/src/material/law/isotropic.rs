@@ -4,9 +4,12 @@
 //! and three *flips*. The twists and the flips are eigenvalues in closed form (Smith, de Goes and Kim, "Analytic
 //! eigensystems for isotropic distortion energies", 2019). To clip them is to set the negative ones to zero.
 
-use super::{Lame, Law, Modulus, Response};
+use super::lane_law::LaneModuli;
+use super::{Modulus, Response};
+use crate::lanes::Real;
 use crate::material::Tangent;
-use crate::polar::svd::{Svd, svd, svd_from};
+use crate::polar::matrices::{Symmetric, matrix};
+use crate::polar::svd::{Svd, svd};
 use crate::{Mat3, Vec3};
 
 /// Derivatives of the energy density by the principal stretches (Pa).
@@ -24,6 +27,16 @@ pub struct Principal {
 }
 
 impl Principal {
+    /// The derivatives with these first and second ones.
+    pub(super) fn new(stress: Vec3, moduli: &LaneModuli<f64>) -> Self {
+        Self {
+            stress,
+            stretch: symmetric(&moduli.stretch),
+            twist: moduli.twist.into(),
+            flip: moduli.flip.into(),
+        }
+    }
+
     /// For each pair of axes `ij`, the derivative of the shear `P_ij` by `F_ij` (Pa).
     pub fn same(&self) -> Vec3 {
         (self.flip + self.twist) * 0.5
@@ -35,73 +48,6 @@ impl Principal {
     }
 }
 
-/// The principal axes of a deformation gradient `F = u diag(s) v^T`, and the derivatives of a law in these axes.
-#[derive(Clone, Copy, Debug)]
-pub struct Axes {
-    /// The left axes, a rotation.
-    pub u: Mat3,
-    /// The right axes, a rotation.
-    pub v: Mat3,
-    /// Derivatives of the energy density.
-    pub principal: Principal,
-}
-
-impl Axes {
-    fn new(svd: Svd, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Self {
-        let Svd { u, s, v } = svd;
-        let mut principal = law(&s);
-        if tangent == Tangent::Clipped {
-            principal.stretch = clipped(&principal.stretch);
-            principal.twist = principal.twist.sup(&Vec3::zeros());
-            principal.flip = principal.flip.sup(&Vec3::zeros());
-        }
-        Self { u, v, principal }
-    }
-}
-
-/// Energy density, stress and clipped modulus of a law at one deformation gradient, the modulus in principal axes.
-#[derive(Clone, Copy, Debug)]
-pub struct Point {
-    /// Energy per rest volume (J/m^3).
-    pub energy: f64,
-    /// First Piola-Kirchhoff stress (Pa).
-    pub stress: Mat3,
-    /// The modulus.
-    pub axes: Axes,
-}
-
-/// A law as the vector kernels call it. The last argument is an estimate of the right axes of the deformation
-/// gradient.
-pub type PointLaw = fn(Lame, &Mat3, &Mat3) -> Point;
-
-/// Evaluates `law` at `f`. The function `principal` gives the derivatives of the law by the principal stretches, and
-/// `start` is an estimate of the right axes of `f`.
-pub(crate) fn point<L: Law>(
-    law: &L,
-    lame: Lame,
-    f: &Mat3,
-    start: &Mat3,
-    principal: impl Fn(&Vec3) -> Principal,
-) -> Point {
-    Point {
-        energy: law.energy(lame, f),
-        stress: law.stress(lame, f),
-        axes: Axes::new(
-            svd_from(f, &orthonormal(start)),
-            Tangent::Clipped,
-            principal,
-        ),
-    }
-}
-
-/// The rotation near `rounded`, a rotation whose columns are orthonormal only up to rounding (Gram-Schmidt).
-fn orthonormal(rounded: &Mat3) -> Mat3 {
-    let x = rounded.column(0).normalize();
-    let y = rounded.column(1) - x * x.dot(&rounded.column(1));
-    let y = y.normalize();
-    Mat3::from_columns(&[x, y, x.cross(&y)])
-}
-
 /// A pivot above this fraction of the trace is no rounding error.
 const PIVOT: f64 = 1e-10;
 
@@ -110,8 +56,13 @@ pub const PAIRS: [[usize; 2]; 3] = [[1, 2], [0, 2], [0, 1]];
 
 /// Stress and modulus at `f` of the law whose derivatives by the principal stretches `law` gives.
 pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> Response {
-    let Axes { u, v, principal } = Axes::new(svd(f), tangent, law);
-    let p = principal;
+    let Svd { u, s, v } = svd(f);
+    let mut p = law(&s);
+    if tangent == Tangent::Clipped {
+        p.stretch = clipped(&p.stretch);
+        p.twist = p.twist.sup(&Vec3::zeros());
+        p.flip = p.flip.sup(&Vec3::zeros());
+    }
     // In principal axes: dP_ii by dF_jj; and dP_ij by dF_ij and dF_ji.
     let (same, crossed) = (p.same(), p.crossed());
     // The modulus of the term a_ij E_ij (x) E_kl, with E_ij = u_i v_j^T, has the block v_j[J] v_l[L]
@@ -147,20 +98,28 @@ pub fn respond(f: &Mat3, tangent: Tangent, law: impl Fn(&Vec3) -> Principal) -> 
     }
 }
 
-/// Whether every pivot of the elimination is clearly positive.
-fn is_definite(matrix: &Mat3) -> bool {
-    let least = PIVOT * matrix.trace();
-    let first = matrix[(0, 0)];
-    let (y, z) = (matrix[(1, 0)] / first, matrix[(2, 0)] / first);
-    let second = matrix[(1, 1)] - y * matrix[(0, 1)];
-    let beside = matrix[(2, 1)] - z * matrix[(0, 1)];
-    let third = matrix[(2, 2)] - z * matrix[(0, 2)] - beside * beside / second;
-    first > least && second > least && third > least && least > 0.0
+/// Whether every pivot of the elimination is clearly positive. Without branches, for loops over lanes.
+#[inline(always)]
+pub(crate) fn is_definite<T: Real>(matrix: &Symmetric<T>) -> bool {
+    let [first, b, c, bc, ac, ab] = *matrix;
+    let least = T::of(PIVOT) * (first + b + c);
+    let (y, z) = (ab / first, ac / first);
+    let second = b - y * ab;
+    let beside = bc - z * ab;
+    let third = c - z * ac - beside * beside / second;
+    first > least && second > least && third > least && least > T::ZERO
+}
+
+/// The matrix with these entries.
+pub(crate) fn symmetric(entries: &Symmetric<f64>) -> Mat3 {
+    let rows = matrix(entries);
+    Mat3::from_fn(|i, j| rows[i][j])
 }
 
 /// A symmetric matrix with its negative eigenvalues set to zero.
-fn clipped(matrix: &Mat3) -> Mat3 {
-    if is_definite(matrix) {
+pub(crate) fn clipped(matrix: &Mat3) -> Mat3 {
+    let m = |i, j| matrix[(i, j)];
+    if is_definite(&[m(0, 0), m(1, 1), m(2, 2), m(2, 1), m(2, 0), m(1, 0)]) {
         return *matrix;
     }
     // The singular values of a symmetric matrix are the magnitudes of its eigenvalues: the result is `(A + |A|) / 2`.

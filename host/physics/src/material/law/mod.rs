@@ -8,6 +8,7 @@ use crate::Mat3;
 
 mod corotational;
 pub mod isotropic;
+pub(crate) mod lane_law;
 mod linear;
 mod neo_hookean;
 mod stvk;
@@ -57,6 +58,15 @@ pub enum Frame {
     Turning,
 }
 
+/// The laws that the vector kernels compute in principal axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum IsotropicLaw {
+    /// [`StVenantKirchhoff`].
+    StVenantKirchhoff,
+    /// [`StableNeoHookean`].
+    StableNeoHookean,
+}
+
 /// Derivative of the stress `P` by the deformation gradient `F` (Pa).
 ///
 /// Block `[j][l]` holds at row `i`, column `k` the derivative of `P_ij` by `F_kl`, so that an element's
@@ -82,8 +92,8 @@ pub trait Law: Copy + core::fmt::Debug + Default + Send + Sync + 'static {
     /// ([`tet4`](crate::element::tet4), [`tet10`](crate::element::tet10)) handle such a law directly.
     const FRAME: Option<Frame> = None;
 
-    /// The law in principal axes, if the law is isotropic and the vector kernels are to compute with those axes.
-    const POINT: Option<isotropic::PointLaw> = None;
+    /// The name of the law, if the law is isotropic and the vector kernels compute it in principal axes.
+    const ISOTROPIC: Option<IsotropicLaw> = None;
 
     /// Energy per rest volume (J/m^3), zero at rest.
     fn energy(&self, lame: Lame, f: &Mat3) -> f64;

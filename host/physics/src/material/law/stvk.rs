@@ -4,9 +4,14 @@
 //! implement it, so it serves verification. It softens under compression. Below a stretch of `1 / sqrt 3` its
 //! stiffness is negative, and an element may come to rest inverted.
 
-use super::isotropic::{self, PAIRS, PointLaw, Principal};
-use super::{Lame, Law, Response};
+use super::isotropic::{self, PAIRS, Principal};
+use super::lane_law::{LaneLame, LaneLaw, LaneModuli};
+use super::{IsotropicLaw, Lame, Law, Response};
+use crate::lanes::Real;
 use crate::material::Tangent;
+use crate::polar::axes::green;
+use crate::polar::lanes::Matrix;
+use crate::polar::matrices::{matrix, product_of};
 use crate::{Mat3, Vec3};
 
 /// St. Venant-Kirchhoff elasticity.
@@ -16,28 +21,66 @@ pub struct StVenantKirchhoff;
 /// Derivatives of the energy density by the principal stretches `s`.
 fn principal(lame: Lame, s: &Vec3) -> Principal {
     let (mu, lambda) = (lame.mu, lame.lambda);
-    let trace = 0.5 * (s.norm_squared() - 3.0);
-    // psi_i = s_i (mu (s_i^2 - 1) + lambda tr E) is a cubic, so the quotients are polynomials.
-    let base = lambda * trace - mu;
-    let mut twist = Vec3::zeros();
-    let mut flip = Vec3::zeros();
-    for (k, [i, j]) in PAIRS.into_iter().enumerate() {
-        let squares = s[i] * s[i] + s[j] * s[j];
-        twist[k] = base + mu * (squares - s[i] * s[j]);
-        flip[k] = base + mu * (squares + s[i] * s[j]);
+    let base = lambda * (0.5 * (s.norm_squared() - 3.0)) - mu;
+    let moduli = StVenantKirchhoff::moduli(lame.into(), (*s).into());
+    Principal::new(s.map(|s| s * (base + mu * s * s)), &moduli)
+}
+
+impl LaneLaw for StVenantKirchhoff {
+    #[inline(always)]
+    fn respond<T: Real>(lame: LaneLame<T>, h: &Matrix<T>) -> (T, Matrix<T>) {
+        let LaneLame { mu, lambda } = lame;
+        // Twice the Green strain.
+        let e = green(h);
+        let trace = e[0] + e[1] + e[2];
+        let pressure = T::of(0.5) * lambda * trace;
+        let second = matrix(&[
+            mu * e[0] + pressure,
+            mu * e[1] + pressure,
+            mu * e[2] + pressure,
+            mu * e[3],
+            mu * e[4],
+            mu * e[5],
+        ]);
+        let along = e[0] * e[0] + e[1] * e[1] + e[2] * e[2];
+        let across = e[3] * e[3] + e[4] * e[4] + e[5] * e[5];
+        let energy = T::of(0.25) * (mu * (along + (across + across)) + pressure * trace);
+        let mut stress = product_of(h, &second);
+        for i in 0..3 {
+            for j in 0..3 {
+                stress[i][j] += second[i][j];
+            }
+        }
+        (energy, stress)
     }
-    let diagonal = s.map(|s| base + 3.0 * mu * s * s);
-    Principal {
-        stress: s.map(|s| s * (base + mu * s * s)),
-        stretch: Mat3::from_diagonal(&diagonal) + s * s.transpose() * lambda,
-        twist,
-        flip,
+
+    #[inline(always)]
+    fn moduli<T: Real>(lame: LaneLame<T>, s: [T; 3]) -> LaneModuli<T> {
+        let LaneLame { mu, lambda } = lame;
+        let squares = s.map(|s| s * s);
+        let trace = T::of(0.5) * (squares[0] + squares[1] + squares[2] - T::of(3.0));
+        // psi_i = s_i (mu (s_i^2 - 1) + lambda tr E) is a cubic, so the quotients are polynomials.
+        let base = lambda * trace - mu;
+        let threefold = T::of(3.0) * mu;
+        let direct = |i: usize| base + threefold * s[i] * s[i] + squares[i] * lambda;
+        let pairs = PAIRS.map(|[i, j]| (squares[i] + squares[j], s[i] * s[j]));
+        LaneModuli {
+            stretch: [
+                direct(0),
+                direct(1),
+                direct(2),
+                pairs[0].1 * lambda,
+                pairs[1].1 * lambda,
+                pairs[2].1 * lambda,
+            ],
+            twist: pairs.map(|(squares, product)| base + mu * (squares - product)),
+            flip: pairs.map(|(squares, product)| base + mu * (squares + product)),
+        }
     }
 }
 
 impl Law for StVenantKirchhoff {
-    const POINT: Option<PointLaw> =
-        Some(|lame, f, start| isotropic::point(&Self, lame, f, start, |s| principal(lame, s)));
+    const ISOTROPIC: Option<IsotropicLaw> = Some(IsotropicLaw::StVenantKirchhoff);
 
     fn energy(&self, lame: Lame, f: &Mat3) -> f64 {
         let strain = (f.transpose() * f - Mat3::identity()) * 0.5;
