@@ -175,12 +175,13 @@ impl BlockMatrix {
         self.blocks[slot as usize] += block;
     }
 
-    /// Adds the symmetric matrix of the blocks `block(j, k)`, which are asked for `j <= k`, in the rows and columns
-    /// `nodes`. These are at most `N` and ascend. A block that the pattern lacks is left out.
-    pub(crate) fn add_symmetric<const N: usize>(
+    /// Adds a symmetric matrix in the rows and columns `nodes`, which are at most `N` and ascend. Its block (j, k) is
+    /// `block(row(j), k)`, computed for `j <= k`. A block that the pattern lacks is left out.
+    pub(crate) fn add_symmetric<const N: usize, R>(
         &mut self,
         nodes: &[u32],
-        block: impl Fn(usize, usize) -> Mat3,
+        row: impl Fn(usize) -> R,
+        block: impl Fn(&R, usize) -> Mat3,
     ) {
         let mut slots = [[u32::MAX; N]; N];
         for (&row, slots) in nodes.iter().zip(&mut slots) {
@@ -196,8 +197,9 @@ impl BlockMatrix {
             }
         }
         for j in 0..nodes.len().min(N) {
+            let row = row(j);
             for k in j..nodes.len().min(N) {
-                let block = block(j, k);
+                let block = block(&row, k);
                 if let Some(own) = self.blocks.get_mut(slots[j][k] as usize) {
                     *own += block;
                 }

@@ -148,19 +148,15 @@ impl Patch<'_> {
             a * d.transpose() + b * e.transpose() + c * f.transpose()
         };
         let Some(others) = others else {
-            matrix.add_symmetric::<N>(self.vertices, outer);
+            matrix.add_symmetric::<N, _>(self.vertices, |j| j, |&j, k| outer(j, k));
             return;
         };
-        let mut weights = [[0.0; VECTORS]; N];
-        let mut columns = [[Mat3::zeros(); VECTORS]; N];
-        for k in 0..count {
-            weights[k] = self.weights_of(k);
-            for (sum, of) in columns[k].iter_mut().zip(others) {
-                *sum = weighted(&weights[k], of);
-            }
-        }
-        matrix.add_symmetric::<N>(self.vertices, |j, k| {
-            outer(j, k) + weighted(&weights[j], &columns[k])
+        let row = |j: usize| {
+            let weights = self.weights_of(j);
+            (j, others.each_ref().map(|of| weighted(&weights, of)))
+        };
+        matrix.add_symmetric::<N, _>(self.vertices, row, |(j, row), k| {
+            outer(*j, k) + weighted(&self.weights_of(k), row).transpose()
         });
     }
 }
