@@ -10,7 +10,7 @@ use host::engine::pacer::Due;
 use host::engine::virtual_coupling::Link;
 use host::scene::spec::{SchemeName, SolverName};
 use host::scene::{LoadedScene, Scene};
-use physics::{Body, BodyMap, Freedom, HandleSpec};
+use physics::{Body, BodyMap, Border, Freedom, HandleSpec};
 use rig::{MS, Rig, Still};
 use rt_core::{LocalModel, Pose, TickRecord, Vec3};
 use std::collections::BTreeMap;
@@ -66,6 +66,7 @@ fn grab(rig: &Rig, link: Option<Link>) -> Edit {
             vertices: middle(rig),
             origin: rig.rest[2].position,
             freedom: Freedom::Translation,
+            border: Border::Hinged,
         },
         device: 2,
         link,

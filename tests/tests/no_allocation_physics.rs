@@ -5,9 +5,10 @@ use alloc_count::calls::{Counting, count};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
-    Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions, Shapes,
-    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3, Weave,
+    Body, BodyConfig, Border, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
+    HandleSpec, Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions,
+    Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3,
+    Weave,
 };
 
 #[global_allocator]
@@ -28,6 +29,7 @@ fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {
         vertices: vertices.to_vec(),
         origin,
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     }
 }
 

@@ -12,7 +12,7 @@ use crate::scene::spec::{self, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::Mesh;
 use physics::{
-    Body, BodyConfig, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
+    Body, BodyConfig, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
     HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
 };
 
@@ -244,6 +244,7 @@ fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
         vertices,
         origin,
         freedom,
+        border: Border::Hinged,
     }
 }
 
