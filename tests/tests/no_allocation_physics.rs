@@ -79,8 +79,18 @@ fn bodies() -> Vec<(String, Body, [Vec3; 2])> {
         bending: 1.0,
         ..CONFIG
     };
-    let body = Body::sheet(&mesh, &[material], bent, &handles).unwrap();
-    all.push(("sheet".to_owned(), body, ends));
+    for border in [Border::Hinged, Border::Clamped] {
+        let held = handles.iter().cloned();
+        let held: Vec<_> = held.map(|spec| HandleSpec { border, ..spec }).collect();
+        let mut body = Body::sheet(&mesh, &[material], bent, &held).unwrap();
+        if border == Border::Clamped {
+            let bottom = mesh.group("bottom").unwrap().members.iter();
+            let inner = bottom.filter(|v| mesh.positions[**v as usize].x.abs() < 0.02);
+            body.add_clamp(&inner.copied().collect::<Vec<u32>>())
+                .unwrap();
+        }
+        all.push((format!("sheet {border:?}"), body, ends));
+    }
     let weave = Weave {
         warp: Vec3::x(),
         young_warp: 1e6,
