@@ -365,7 +365,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         ),
         (
             base.replace("mesh", "bending = 1\nmesh"),
-            "x.toml:5: body[0].bending: found 1.0, allowed: 0: only isotropic sheets have a bending model",
+            "x.toml:5: body[0].bending: found 1.0, allowed: 0: only sheets have a bending model",
         ),
         (
             sheet.replace("young = 1e3", "young = 1e3, law = \"linear\""),
