@@ -13,7 +13,7 @@ use host::engine::change::{Edit, Grip};
 use host::engine::pacer::Due;
 use host::engine::stats::{Stopwatch, WallStopwatch};
 use host::scene::Scene;
-use physics::{Freedom, HandleSpec};
+use physics::{Border, Freedom, HandleSpec};
 use rt_core::{Pose, TickRecord};
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -122,6 +122,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 vertices: top.map(|(vertex, _)| vertex).collect(),
                 origin: rt_core::Vec3::new(0.0, 0.0, 0.05),
                 freedom: Freedom::Translation,
+                border: Border::Hinged,
             };
             let hands = [pose(0), pose(1), Pose::at(spec.origin)];
             let mut rig = Rig {

@@ -10,7 +10,7 @@ use host::engine::pacer::Due;
 use host::engine::virtual_coupling::Link;
 use host::scene::spec::{SchemeName, SolverName};
 use host::scene::{LoadedScene, Scene};
-use physics::{Body, BodyMap, Freedom, HandleSpec};
+use physics::{Body, BodyMap, Border, Freedom, HandleSpec};
 use rig::{MS, Rig, Still};
 use rt_core::{LocalModel, Pose, TickRecord, Vec3};
 use std::collections::BTreeMap;
@@ -66,6 +66,7 @@ fn grab(rig: &Rig, link: Option<Link>) -> Edit {
             vertices: middle(rig),
             origin: rig.rest[2].position,
             freedom: Freedom::Translation,
+            border: Border::Hinged,
         },
         device: 2,
         link,
@@ -202,6 +203,55 @@ fn a_support_comes_and_goes() {
         .unwrap();
     steps(&mut rig, LANDING + 50);
     assert_eq!(body(&rig).support_count(), 0);
+    assert_eq!(
+        (rig.engine.stats().changes, rig.engine.stats().faults),
+        (2, 0)
+    );
+}
+
+#[test]
+fn a_clamp_comes_and_a_hand_takes_its_place() {
+    let mut rig = moving(&scene(), How::default());
+    // The vertices in the middle of the lower border.
+    let rest: Vec<Vec3> = body(&rig).positions().collect();
+    let lowest = rest.iter().map(|x| x.y).fold(f64::INFINITY, f64::min);
+    let middle = rig.rest[2].position.x;
+    let chosen = |x: &Vec3| x.y < lowest + 1e-3 && (x.x - middle).abs() < 0.03;
+    let numbered = (0_u32..).zip(&rest).filter(|(_, x)| chosen(x));
+    let vertices: Vec<u32> = numbered.map(|(vertex, _)| vertex).collect();
+    assert!(vertices.len() > 2);
+    let clamped = body(&rig).vertex_count() + vertices.len() - 1;
+
+    let clamp = Edit::Clamp {
+        vertices: vertices.clone(),
+    };
+    rig.engine.change(0, vec![clamp]).unwrap();
+    steps(&mut rig, LANDING + 20);
+    assert_eq!(body(&rig).node_positions().len(), clamped);
+    assert_eq!(body(&rig).positions().len(), rest.len());
+    let before: Vec<Vec3> = body(&rig).positions().collect();
+
+    let grip = Edit::Grab(Grip {
+        spec: HandleSpec {
+            vertices: vertices.clone(),
+            origin: rig.rest[2].position,
+            freedom: Freedom::Rigid,
+            border: Border::Clamped,
+        },
+        device: 2,
+        link: None,
+    });
+    rig.engine
+        .change(0, vec![Edit::Lift { support: 0 }, grip])
+        .unwrap();
+    steps(&mut rig, LANDING + 20);
+    assert_eq!(body(&rig).node_positions().len(), clamped);
+    assert_eq!(devices(rig.published.last().unwrap()), [0, 1, 2]);
+    // Support and hand are at rest, and hold the vertices where they were.
+    for &vertex in &vertices {
+        let now = body(&rig).positions().nth(vertex as usize).unwrap();
+        assert!((now - before[vertex as usize]).norm() < 1e-12);
+    }
     assert_eq!(
         (rig.engine.stats().changes, rig.engine.stats().faults),
         (2, 0)

@@ -402,6 +402,12 @@ group = "right"
 group = "right"
   -> group = "right"¶box = [[0,0,0],[1,1,1]]
   x.toml:31: body[0].handle[1]: found both `group` and `box`, allowed: exactly one of them
+device = "right"
+  -> device = "right"¶border = "welded"
+  x.toml:35: body[0].handle[1].border: found "welded", allowed: `hinged` or `clamped`
+device = "right"
+  -> device = "right"¶[[body.support]]¶name = "s"¶group = "top"¶axes = ["z"]¶border = "clamped"
+  x.toml:38: body[0].support[0].axes: found some axes, and a clamped border, allowed: all axes for a support that clamps the border
 box = [[0, 0, 0], [1, 1, 1]]
   ->
   x.toml:22: body[0].region[0]: found neither `group` nor `box`, allowed: exactly one of them

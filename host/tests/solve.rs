@@ -168,6 +168,73 @@ rotation = [1e-3, 0, 0]
     assert!(coarse > fine, "{coarse}: it converges from above");
 }
 
+/// A square plate under pressure, which is held all round: the deflection of its middle against the theory of thin plates
+/// (Timoshenko and Woinowsky-Krieger, "Theory of plates and shells", tables 8 and 35).
+#[test]
+fn a_plate_that_is_held_all_round_is_hinged_or_clamped() {
+    let (side, young, poisson, thickness) = (0.1_f64, 1e9, 0.3, 1e-3_f64);
+    let rigidity = young * thickness.powi(3) / (12.0 * (1.0 - poisson * poisson));
+    for (border, factor) in [("hinged", 0.004_062_353), ("clamped", 0.001_265_319)] {
+        let support = |edge: &str| {
+            format!(
+                "[[body.support]]\nname = \"{edge}\"\ngroup = \"{edge}\"\nborder = \"{border}\"\n"
+            )
+        };
+        let supports = ["left", "right", "bottom", "top"].map(support).concat();
+        let plate = format!(
+            r#"
+name = "plate"
+gravity = [0, 0, 0]
+[[body]]
+name = "plate"
+mesh.sheet = {{ length = {side}, width = {side}, cells = [16, 16], pattern = "alternating" }}
+material = {{ young = {young}, poisson = {poisson}, thickness = {thickness}, density = 1000 }}
+[[body.load]]
+name = "pressure"
+box = [[-1, -1, -1], [1, 1, 1]]
+traction = [0, 0, 0.01]
+"#
+        );
+        let body = body(&(plate + &supports));
+        let deflection = factor * 0.01 * side.powi(4) / rigidity;
+        let error = body.displacement.value / deflection - 1.0;
+        // The error of the finest meshes of `palpate bench accuracy`, times the square of the ratio of the sizes.
+        let most = if border == "hinged" { 0.01 } else { 0.05 };
+        assert!(error.abs() < most, "{border}: {error}");
+    }
+}
+
+/// A strip that is clamped at one end and turned at the other: the moment of a beam, 4 E I / L per radian.
+#[test]
+fn a_turned_support_turns_a_clamped_border() {
+    let body = body(
+        r#"
+name = "strip"
+gravity = [0, 0, 0]
+[[body]]
+name = "strip"
+mesh.sheet = { length = 0.1, width = 0.02, cells = [40, 8] }
+material = { young = 1e9, poisson = 0, thickness = 1e-3, density = 1000 }
+[[body.support]]
+name = "wall"
+group = "left"
+border = "clamped"
+[[body.support]]
+name = "gripper"
+group = "right"
+border = "clamped"
+rotation = [0, 1e-5, 0]
+"#,
+    );
+    let moment = body.reactions.last().unwrap().moment.unwrap()[1];
+    let expected = 4.0 * (1e9 * 0.02 * 1e-3_f64.powi(3) / 12.0) / 0.1 * 1e-5;
+    // The error falls with the square of the size of the cells.
+    assert!(
+        (moment / expected - 1.0).abs() < 0.005,
+        "{moment} {expected}"
+    );
+}
+
 const HANGING: &str = r#"
 name = "hanging"
 duration = 2.0
@@ -282,6 +349,8 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
             "sheet = { length = 1, width = 1, cells = [1, 1] }",
         )
         .replace("density = 1", "density = 1, thickness = 1e-3");
+    let clamp =
+        |which: &str| format!("[[body.support]]\nname = \"s\"\n{which}\nborder = \"clamped\"\n");
     let cases = [
         (
             base.replace("density = 1", "density = 1, thickness = 1"),
@@ -328,6 +397,22 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         (
             format!("{base}[[body.support]]\nname = \"s\"\ngroup = \"lid\"\n"),
             "x.toml:9: body[0].support[0].group: found \"lid\", allowed: a group of the mesh: \"left\", \"right\", \"front\", \"back\", \"bottom\", \"top\"",
+        ),
+        (
+            format!("{base}{}", clamp("group = \"left\"")),
+            "x.toml:10: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\" here",
+        ),
+        (
+            format!(
+                "{}{}",
+                sheet.replace("mesh", "bending = 0\nmesh"),
+                clamp("group = \"left\"\nrotation = [0, 0, 0]")
+            ),
+            "x.toml:12: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\" here",
+        ),
+        (
+            format!("{sheet}{}", clamp("box = [[-1, -1, -1], [0, 0, 1]]")),
+            "x.toml:10: body[0].support[0].border: found \"clamped\", but it holds no edge of the sheet's border, allowed: \"hinged\" here",
         ),
     ];
     for (text, expected) in cases {

@@ -13,7 +13,7 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, Node, Real, SolidLaw,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Node, Real, SolidLaw,
     SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
@@ -42,6 +42,7 @@ fn cube() -> Body {
         vertices: mesh.group(name).expect("a face").members.clone(),
         origin: Vec3::zeros(),
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     });
     Body::solid(&mesh, &[material], SolidLaw::Corotational, CONFIG, &held).expect("a body")
 }
@@ -58,6 +59,7 @@ fn cloth() -> Body {
         vertices: mesh.group(name).expect("an edge").members.clone(),
         origin: Vec3::zeros(),
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     });
     Body::sheet(&mesh, &[material], CONFIG, &held).expect("a body")
 }

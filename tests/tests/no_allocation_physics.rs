@@ -5,9 +5,10 @@ use alloc_count::calls::{Counting, count};
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec,
-    Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions, Shapes,
-    SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3, Weave,
+    Body, BodyConfig, Border, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
+    HandleSpec, Integrator, IntegratorOptions, Material, Part, Preconditioner, Real, ShapeOptions,
+    Shapes, SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, TimeScheme, Vec3,
+    Weave,
 };
 
 #[global_allocator]
@@ -28,6 +29,7 @@ fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {
         vertices: vertices.to_vec(),
         origin,
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     }
 }
 
@@ -77,8 +79,18 @@ fn bodies() -> Vec<(String, Body, [Vec3; 2])> {
         bending: 1.0,
         ..CONFIG
     };
-    let body = Body::sheet(&mesh, &[material], bent, &handles).unwrap();
-    all.push(("sheet".to_owned(), body, ends));
+    for border in [Border::Hinged, Border::Clamped] {
+        let held = handles.iter().cloned();
+        let held: Vec<_> = held.map(|spec| HandleSpec { border, ..spec }).collect();
+        let mut body = Body::sheet(&mesh, &[material], bent, &held).unwrap();
+        if border == Border::Clamped {
+            let bottom = mesh.group("bottom").unwrap().members.iter();
+            let inner = bottom.filter(|v| mesh.positions[**v as usize].x.abs() < 0.02);
+            body.add_clamp(&inner.copied().collect::<Vec<u32>>())
+                .unwrap();
+        }
+        all.push((format!("sheet {border:?}"), body, ends));
+    }
     let weave = Weave {
         warp: Vec3::x(),
         young_warp: 1e6,

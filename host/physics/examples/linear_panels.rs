@@ -10,7 +10,8 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, FactorCode, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial, Vec3,
+    Body, BodyConfig, Border, FactorCode, Freedom, HandleSpec, Material, SolidLaw, SolidMaterial,
+    Vec3,
 };
 use std::time::Instant;
 
@@ -19,6 +20,7 @@ fn handle(vertices: &[u32], origin: Vec3) -> HandleSpec {
         vertices: vertices.to_vec(),
         origin,
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     }
 }
 

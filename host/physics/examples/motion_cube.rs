@@ -4,8 +4,8 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw, SolidMaterial,
-    Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw,
+    SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::time::Instant;
 
@@ -25,6 +25,7 @@ fn run<T: Real>(n: u32, h: f64, options: StepperOptions, name: &str) {
         vertices: face(z),
         origin: Vec3::z() * z,
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     };
     let handles = [spec(-0.05), spec(0.05)];
     let config = BodyConfig {

@@ -6,7 +6,7 @@
 use nalgebra::UnitQuaternion;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::{
-    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Material, Real, Stepper,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Material, Real, Stepper,
     StepperOptions, Vec3,
 };
 use std::error::Error;
@@ -31,6 +31,7 @@ fn strip() -> Result<(Body, [HandleSpec; 2]), Box<dyn Error>> {
             .collect(),
         origin: Vec3::x() * x,
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     };
     let handles = [end(-0.5 * LENGTH), end(0.5 * LENGTH)];
     let config = BodyConfig {

@@ -159,6 +159,16 @@ pub enum BodyError {
         /// The support.
         support: usize,
     },
+    /// A handle or a support cannot clamp the border of the body.
+    #[error("{part} {number} cannot clamp the border of the body: {found}; make its border hinged")]
+    Clamp {
+        /// `handle` or `support`.
+        part: &'static str,
+        /// Its number.
+        number: usize,
+        /// The reason.
+        found: &'static str,
+    },
     /// The pose at which a handle is to hold its vertices is not finite.
     #[error("handle {handle} is to hold its vertices at a pose that is not finite")]
     Pose {

@@ -23,7 +23,8 @@
 //! ```
 //! use physics::mesh::generate_box::solid_box;
 //! use physics::{
-//!     Body, BodyConfig, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Vec3,
+//!     Body, BodyConfig, Border, Equilibrium, EquilibriumOptions, Freedom, HandlePose, HandleSpec, SolidLaw,
+//!     SolidMaterial, Vec3,
 //! };
 //!
 //! let mesh = solid_box([0.1; 3], [2; 3])?;
@@ -33,6 +34,7 @@
 //!         vertices: group.map_or(Vec::new(), |group| group.members.clone()),
 //!         origin: Vec3::zeros(),
 //!         freedom: Freedom::Fixed,
+//!         border: Border::Hinged,
 //!     }
 //! });
 //! let rubber = SolidMaterial { young: 1e5, poisson: 0.3, density: 1000.0 };
@@ -60,6 +62,7 @@ pub mod mesh;
 pub mod motion;
 pub mod polar;
 
+pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
 pub use body::{Body, BodyConfig, BodyMap, SheetLawName, SolidLaw};
 pub use condense::{Condensed, Condenser, ShapeOptions, ShapeReport, Shapes};

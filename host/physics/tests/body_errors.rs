@@ -4,7 +4,7 @@ mod common;
 
 use common::*;
 use physics::mesh::TriMesh;
-use physics::{Body, BodyConfig, BodyError, Freedom, HandleSpec, Material, Vec3};
+use physics::{Body, BodyConfig, BodyError, Border, Freedom, HandleSpec, Material, Vec3};
 
 fn square() -> TriMesh {
     grid(1, 1, 1.0, 1.0, Split::Right)
@@ -160,6 +160,7 @@ fn bad_handles_are_refused_by_name() {
         vertices: vertices.to_vec(),
         origin: Vec3::zeros(),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     };
     let refusal = |handles: &[HandleSpec]| refusal(&square(), &[rubber(0.3)], tight(), handles);
     assert_eq!(

@@ -5,7 +5,7 @@ use physics::mesh::TetMesh;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, BodyError, CondenseError, Condenser, Freedom, HandlePose, HandleSpec,
+    Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Freedom, HandlePose, HandleSpec,
     Integrator, IntegratorOptions, Material, Preconditioner, Real, ShapeOptions, Shapes,
     SheetLawName, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3, Weave,
 };
@@ -32,6 +32,7 @@ fn spec(positions: &[Vec3], holds: impl Fn(&Vec3) -> bool) -> HandleSpec {
         origin: sum / vertices.len() as f64,
         vertices,
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     }
 }
 
@@ -47,7 +48,8 @@ const RUBBER: SolidMaterial = SolidMaterial {
 
 type Build = Box<dyn Fn(&[HandleSpec]) -> Body>;
 
-/// Bodies of every kind: the function that builds each with given handles, and the positions of its vertices.
+/// Bodies of every kind, and a sheet whose handles clamp its border: the function that builds each with given handles, and
+/// the positions of its vertices.
 fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
     let mut kinds: Vec<(&'static str, Vec<Vec3>, Build)> = Vec::new();
     for (name, law, quadratic) in [
@@ -77,11 +79,14 @@ fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
         bending: 1.0,
         ..config(1.0)
     };
-    kinds.push((
-        "sheet",
-        mesh.positions.clone(),
-        Box::new(move |specs| Body::sheet(&bent, &[foil], bending, specs).unwrap()),
-    ));
+    for name in ["sheet", CLAMPED] {
+        let bent = bent.clone();
+        kinds.push((
+            name,
+            mesh.positions.clone(),
+            Box::new(move |specs| Body::sheet(&bent, &[foil], bending, specs).unwrap()),
+        ));
+    }
     let cloth = Weave {
         warp: Vec3::x(),
         young_warp: 1e6,
@@ -99,6 +104,19 @@ fn kinds() -> Vec<(&'static str, Vec<Vec3>, Build)> {
         Box::new(move |specs| Body::woven(&mesh, &[cloth], law, config(1.0), specs).unwrap()),
     ));
     kinds
+}
+
+/// The kind of body whose handles at either end clamp its border.
+const CLAMPED: &str = "clamped sheet";
+
+/// One handle at either end, and one in the middle, for a body of the kind `name`.
+fn specs_of(name: &str, positions: &[Vec3]) -> [HandleSpec; 3] {
+    let mut specs = specs(positions);
+    if name == CLAMPED {
+        specs[0].border = Border::Clamped;
+        specs[1].border = Border::Clamped;
+    }
+    specs
 }
 
 /// One handle at either end, and one in the middle.
@@ -195,7 +213,7 @@ fn pulled(rest: &Body, step: u32) -> Vec<HandlePose> {
 #[test]
 fn grabbing_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_handle() {
     for (name, positions, build) in kinds() {
-        let [left, right, middle] = specs(&positions);
+        let [left, right, middle] = specs_of(name, &positions);
         let built = story(&build(&[left.clone(), right.clone()]));
 
         let mut grabbed = build(&[]);
@@ -216,15 +234,19 @@ fn grabbing_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_handle() {
 fn supporting_a_body_at_rest_gives_the_bytes_of_a_body_built_with_the_support() {
     let (first, second) = ([true, false, true], [true, true, false]);
     for (name, positions, build) in kinds() {
-        let [left, right, middle] = specs(&positions);
+        let [left, right, middle] = specs_of(name, &positions);
+        let add = |body: &mut Body| match name {
+            CLAMPED => body.add_clamp(&left.vertices),
+            _ => body.add_support(&left.vertices, first),
+        };
         let mut built = build(std::slice::from_ref(&right));
-        built.add_support(&left.vertices, first).unwrap();
+        add(&mut built).unwrap();
         let built = story(&built);
 
         // Supports outlive handles, and return the vertices that they took from others.
         let mut lifted = build(&[]);
         lifted.add_support(&middle.vertices, second).unwrap();
-        lifted.add_support(&left.vertices, first).unwrap();
+        add(&mut lifted).unwrap();
         lifted.add_support(&left.vertices, second).unwrap();
         lifted.grab(&right).unwrap();
         lifted.lift_support(2).unwrap();
@@ -250,6 +272,7 @@ type Change = (&'static str, Box<dyn Fn(&mut Body)>);
 
 #[test]
 fn a_node_keeps_its_number_through_every_change_of_the_constraints() {
+    // The clamped sheet differs from the sheet by its handles alone, and these handles hinge.
     for (name, positions, build) in kinds() {
         let [left, right, middle] = specs(&positions);
         let free = build(&[]);

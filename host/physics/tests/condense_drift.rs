@@ -4,8 +4,8 @@ mod common;
 
 use common::*;
 use physics::{
-    Body, BodyConfig, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Real, ShapeOptions,
-    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Condensed, Condenser, Freedom, HandlePose, HandleSpec, Real,
+    ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 /// The length of a step (s).
@@ -29,6 +29,7 @@ fn block(damping: f64) -> (Body, Vec<HandlePose>) {
                 .collect(),
             origin: Vec3::new(0.5, 0.5, at),
             freedom,
+            border: Border::Hinged,
         });
     let material = SolidMaterial {
         young: 2e4,

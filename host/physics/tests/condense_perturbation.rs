@@ -6,8 +6,8 @@ use common::*;
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::{Clipper, Square};
 use physics::{
-    Body, BodyConfig, CondenseError, Condensed, Condenser, Equilibrium, EquilibriumOptions,
-    FactorCode, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial, Tangent, Vec3,
+    Body, BodyConfig, Border, CondenseError, Condensed, Condenser, Equilibrium, EquilibriumOptions,
+    FactorCode, Freedom, HandlePose, HandleSpec, Material, SolidLaw, SolidMaterial, Tangent, Vec3,
 };
 
 const LX: f64 = 0.1;
@@ -27,8 +27,21 @@ fn three_handles(freedom: [Freedom; 3]) -> (Vec<HandleSpec>, physics::mesh::TriM
 
 /// A strip that its handles stretch and twist.
 fn loaded(config: BodyConfig, freedom: [Freedom; 3]) -> (Body, Vec<HandlePose>) {
-    let (handles, mesh) = three_handles(freedom);
-    let sheet = Body::sheet(&mesh, &[rubber(0.3)], config, &handles).unwrap();
+    loaded_strip(config, freedom, rubber(0.3), Border::Hinged)
+}
+
+/// The same strip of `material`. The two handles at its ends clamp or hinge their borders.
+fn loaded_strip(
+    config: BodyConfig,
+    freedom: [Freedom; 3],
+    material: Material,
+    border: Border,
+) -> (Body, Vec<HandlePose>) {
+    let (mut handles, mesh) = three_handles(freedom);
+    for handle in &mut handles[..2] {
+        handle.border = border;
+    }
+    let sheet = Body::sheet(&mesh, &[material], config, &handles).unwrap();
     let mut poses = rest_poses(&handles);
     poses[1].position += Vec3::new(0.015, 0.002, 0.004);
     poses[1].rotation = UnitQuaternion::from_scaled_axis(Vec3::new(0.3, -0.2, 0.1));
@@ -123,6 +136,34 @@ fn at_the_period_of_the_step_the_condensation_repeats_the_perturbed_step() {
         // The required accuracy is 1 %. The perturbed steps have an error of 1e-8.
         assert!(error < 1e-6, "{h}: {error:e}");
     }
+}
+
+#[test]
+fn the_condensation_with_clamped_borders_repeats_the_perturbed_step() {
+    let freedom = [Freedom::Rigid, Freedom::Rigid, Freedom::Translation];
+    // The strip is so thick that its bending resists the turns of the handles.
+    let material = Material {
+        thickness: 0.01,
+        ..rubber(0.3)
+    };
+    let mut turns = Vec::new();
+    for border in [Border::Hinged, Border::Clamped] {
+        let (mut sheet, poses) = loaded_strip(config(), freedom, material, border);
+        settle(&mut sheet, &poses, 1.0, 60).unwrap();
+        for h in [1e-3, 1.0 / 60.0] {
+            sheet.assemble();
+            let mut condenser = Condenser::new(&sheet).unwrap();
+            let condensed = condenser.condense(&sheet, h).unwrap();
+            let rerun = rerun(&sheet, &poses, h, &freedom);
+            let error = difference(&dynamic(condensed, h), &rerun, condensed.length, &freedom);
+            println!("{border:?} {h}: {error:e}");
+            assert!(error < 1e-6, "{border:?} {h}: {error:e}");
+            turns.push(condensed.raw_stiffness[(4, 4)]);
+        }
+    }
+    // The first handle, whose origin is in the middle of its edge, turns about the edge against the clamp alone.
+    println!("{turns:?}");
+    assert!(turns[3] > 10.0 * turns[1].abs(), "{turns:?}");
 }
 
 #[test]
@@ -357,6 +398,7 @@ fn cube_between_plates(law: SolidLaw) -> (Body, Vec<HandlePose>) {
         vertices: face(2, at),
         origin: Vec3::new(0.5, 0.4, at),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     });
     let material = SolidMaterial {
         young: 1e4,

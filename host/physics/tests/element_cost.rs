@@ -7,8 +7,8 @@ use physics::lanes::block::LANES;
 use physics::material::law::Frame;
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Freedom, HandleSpec, Node, Part, Real, SolidLaw, SolidMaterial, Stepper,
-    StepperOptions, Vec3,
+    Body, BodyConfig, Border, Freedom, HandleSpec, Node, Part, Real, SolidLaw, SolidMaterial,
+    Stepper, StepperOptions, Vec3,
 };
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -282,6 +282,7 @@ fn held_cube_of(law: SolidLaw, n: u32, quadratic: bool) -> Body {
             .collect(),
         origin: Vec3::zeros(),
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     };
     let materials = vec![material; mesh.cells.len()];
     let config = BodyConfig::default();

@@ -6,7 +6,7 @@ use common::*;
 use nalgebra::{Rotation3, SMatrix};
 use physics::element::triangle::membrane::Membrane;
 use physics::mesh::TriMesh;
-use physics::{Body, Elements, Freedom, HandlePose, Tangent, Vec3};
+use physics::{Body, Border, Elements, Freedom, HandlePose, Tangent, Vec3};
 use proptest::prelude::*;
 
 fn free_sheet(mesh: &TriMesh, poisson: f64) -> Body {
@@ -80,6 +80,7 @@ fn the_inside_returns_to_the_affine_map_of_its_border() {
             vertices: vec![vertex],
             origin: mesh.positions[vertex as usize],
             freedom: Freedom::Fixed,
+            border: Border::Hinged,
         })
         .collect();
     let mut sheet = Body::sheet(&mesh, &[rubber(0.3)], tight(), &handles).unwrap();

@@ -12,8 +12,8 @@ use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    BlockMatrix, Body, BodyConfig, CondenseError, FactorCode, Freedom, HandleSpec, Node, SolidLaw,
-    SolidMaterial, Vec3,
+    BlockMatrix, Body, BodyConfig, Border, CondenseError, FactorCode, Freedom, HandleSpec, Node,
+    SolidLaw, SolidMaterial, Vec3,
 };
 
 #[global_allocator]
@@ -28,6 +28,7 @@ fn held(vertices: &[u32]) -> HandleSpec {
         vertices: vertices.to_vec(),
         origin: Vec3::zeros(),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     }
 }
 

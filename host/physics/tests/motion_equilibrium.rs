@@ -5,8 +5,8 @@ mod common;
 use common::cube;
 use physics::mesh::TetMesh;
 use physics::{
-    Body, BodyConfig, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom, HandlePose,
-    HandleSpec, NewtonOptions, SolidLaw, SolidMaterial, StepError, Vec3,
+    Body, BodyConfig, Border, Equilibrium, EquilibriumOptions, EquilibriumReport, Freedom,
+    HandlePose, HandleSpec, NewtonOptions, SolidLaw, SolidMaterial, StepError, Vec3,
 };
 
 const EDGE: f64 = 0.1;
@@ -56,6 +56,7 @@ fn bonded(n: usize, law: SolidLaw) -> f64 {
         vertices: face(&mesh, 2, at),
         origin: Vec3::new(0.0, 0.0, at),
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     });
     let mut body = Body::solid(&mesh, &[gelatine(0.3)], law, weightless(), &handles).unwrap();
     let targets = [0.0, 0.9 * EDGE].map(|z| HandlePose::at(Vec3::new(0.0, 0.0, z)));
@@ -142,6 +143,7 @@ fn newton_ends_quadratically_on_the_exact_tangent() {
             vertices: face(&mesh, 2, at),
             origin: Vec3::new(0.0, 0.0, at),
             freedom: Freedom::Translation,
+            border: Border::Hinged,
         });
         let mut body = Body::solid(&mesh, &[gelatine(0.4)], law, weightless(), &handles).unwrap();
         let targets = [0.0, 1.2 * EDGE].map(|z| HandlePose::at(Vec3::new(0.0, 0.0, z)));
@@ -161,6 +163,7 @@ fn handles_and_supports_carry_the_weight() {
             vertices: face(&mesh, 2, 0.0),
             origin: Vec3::zeros(),
             freedom: Freedom::Rigid,
+            border: Border::Hinged,
         }];
         let law = SolidLaw::StableNeoHookean;
         let mut body = Body::solid(
@@ -224,6 +227,7 @@ fn a_body_without_free_nodes_refuses_numbers_that_are_not_finite() {
         vertices: face(&mesh, 2, at),
         origin: Vec3::zeros(),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     });
     let law = SolidLaw::StVenantKirchhoff;
     let config = BodyConfig::default();

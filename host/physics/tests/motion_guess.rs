@@ -3,8 +3,8 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw, SolidMaterial,
-    Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Freedom, Guess, HandlePose, HandleSpec, Real, SolidLaw,
+    SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 /// The largest displacement of each motion (m).
@@ -23,6 +23,7 @@ fn cube(scale: f64) -> Body {
             .collect(),
         origin: Vec3::z() * (0.5 * side * edge),
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     };
     let handles = [face(-1.0), face(1.0)];
     let material = SolidMaterial {

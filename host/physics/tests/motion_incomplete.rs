@@ -7,7 +7,7 @@ use common::{Split, block, grid, handle, rest_poses};
 use physics::linear::dense::Square;
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Condenser, Cost, Freedom, HandlePose, HandleSpec, Material, Part,
+    Body, BodyConfig, Border, Condenser, Cost, Freedom, HandlePose, HandleSpec, Material, Part,
     Preconditioner, ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
     complete_bytes,
 };
@@ -54,6 +54,7 @@ fn cube(n: u32, contrast: f64) -> Body {
         vertices: mesh.group(name).unwrap().members.clone(),
         origin: Vec3::z() * if name == "top" { 0.05 } else { -0.05 },
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     });
     let mut body = Body::solid(
         &mesh,
@@ -79,6 +80,7 @@ fn guided() -> Body {
         vertices: end(true),
         origin: Vec3::x(),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     };
     let material = SolidMaterial {
         young: 2e4,
@@ -305,6 +307,7 @@ fn a_body_without_free_nodes_steps() {
         vertices: (0..8).collect(),
         origin: Vec3::zeros(),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     };
     let material = SolidMaterial {
         young: 2e4,

@@ -5,7 +5,7 @@ mod common;
 use common::{Random, cube};
 use nalgebra::Rotation3;
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
     NewtonOptions, SolidLaw, SolidMaterial, StepError, TimeScheme, Vec3,
 };
 
@@ -291,6 +291,7 @@ fn a_refused_attempt_leaves_no_trace_at_the_handles() {
             .collect(),
         origin: Vec3::new(0.5, 0.5, at),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     });
     let law = SolidLaw::StableNeoHookean;
     let mut body = Body::solid(&mesh, &[RUBBER], law, config(0.0, 0.0), &handles).unwrap();

@@ -6,7 +6,7 @@ mod common;
 use common::{Random, block, cube};
 use physics::mesh::TetMesh;
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Integrator, IntegratorOptions,
     NewtonOptions, SolidLaw, SolidMaterial, TimeScheme, Vec3,
 };
 
@@ -170,6 +170,7 @@ fn a_handle_jerked_by_ten_body_lengths_leaves_a_body_that_can_be_stepped() {
         vertices: face(at),
         origin: Vec3::new(0.5, 0.5, at),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     });
     for law in LAWS {
         let mut body =

@@ -2,8 +2,8 @@
 
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    AssembledStepper, Body, BodyConfig, Freedom, HandlePose, HandleSpec, SolidLaw, SolidMaterial,
-    StepError, Stepper, StepperOptions, Vec3,
+    AssembledStepper, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, SolidLaw,
+    SolidMaterial, StepError, Stepper, StepperOptions, Vec3,
 };
 
 const H: f64 = 2e-3;
@@ -23,6 +23,7 @@ fn bar(law: SolidLaw) -> Body {
             vertices: held.map(|(vertex, _)| vertex).collect(),
             origin: Vec3::new(if right { 0.1 } else { -0.1 }, 0.0, 0.0),
             freedom: Freedom::Rigid,
+            border: Border::Hinged,
         }
     };
     let rubber = SolidMaterial {

@@ -7,8 +7,8 @@ use common::{Random, Split, block, grid, handle, rest_poses};
 use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{
-    Body, BodyConfig, Condenser, Freedom, Guess, HandlePose, HandleSpec, Material, ShapeOptions,
-    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Condenser, Freedom, Guess, HandlePose, HandleSpec, Material,
+    ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 const LAWS: [SolidLaw; 4] = [
@@ -49,6 +49,7 @@ fn solid(law: SolidLaw, quadratic: bool, guided: bool) -> (Body, Vec<HandleSpec>
         vertices: end(far),
         origin: Vec3::new(if far { 1.0 } else { 0.0 }, 0.2, 0.3),
         freedom: Freedom::Rigid,
+        border: Border::Hinged,
     };
     let handles = if guided {
         vec![spec(true)]

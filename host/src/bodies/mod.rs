@@ -8,12 +8,12 @@ mod material;
 mod mesh;
 mod places;
 
-use crate::scene::spec::{self, body::LawName};
+use crate::scene::spec::{self, body::BorderName, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::Mesh;
 use physics::{
-    Body, BodyConfig, CondenseError, Condenser, Equilibrium, EquilibriumOptions, Freedom,
-    HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
+    Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions,
+    Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
 };
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
@@ -131,7 +131,12 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
         // The material was made for this mesh.
         _ => return Err(refuse(&"a material for another kind of mesh")),
     }
-    .map_err(|error| refuse(&error))?;
+    .map_err(|error| match error {
+        BodyError::Clamp { number, found, .. } => {
+            unclamped(loaded, &field_of_handle(index, &parts, number), found)
+        }
+        error => refuse(&error),
+    })?;
 
     let mut carriers = Vec::new();
     for (number, part) in parts.into_iter().enumerate() {
@@ -140,9 +145,16 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
             Part::Guided(vertices) if vertices.is_empty() => Carrier::Nothing,
             Part::Guided(vertices) => {
                 let field = format!("body[{index}].support[{number}]");
-                let refuse = |e| loaded.source.error(&field, format!("{e}"), "a support");
-                let axes = spec.supports[number].axes;
-                Carrier::Support(body.add_support(&vertices, axes).map_err(refuse)?)
+                let refuse = |error| match error {
+                    BodyError::Clamp { found, .. } => unclamped(loaded, &field, found),
+                    error => loaded.source.error(&field, error.to_string(), "a support"),
+                };
+                let support = &spec.supports[number];
+                let added = match support.border {
+                    BorderName::Hinged => body.add_support(&vertices, support.axes),
+                    BorderName::Clamped => body.add_clamp(&vertices),
+                };
+                Carrier::Support(added.map_err(refuse)?)
             }
         });
     }
@@ -220,7 +232,8 @@ fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<Handle
             let field = format!("body[{index}].handle[{number}]");
             let group = handle.group.as_deref();
             let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
-            Ok(holding(vertices, mesh, freedom(loaded, handle)))
+            let freedom = freedom(loaded, handle);
+            Ok(holding(vertices, mesh, freedom, handle.border.into()))
         })
         .collect()
 }
@@ -236,7 +249,7 @@ pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
 }
 
 /// A handle about the centre of `vertices`.
-fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
+fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom, border: Border) -> HandleSpec {
     let positions = mesh.positions();
     let sum: Vec3 = vertices.iter().map(|&v| positions[v as usize]).sum();
     let origin = sum / vertices.len().max(1) as f64;
@@ -244,6 +257,7 @@ fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom) -> HandleSpec {
         vertices,
         origin,
         freedom,
+        border,
     }
 }
 
@@ -277,7 +291,8 @@ fn supports(
     let mut parts: Vec<Option<Part>> = Vec::new();
     for (support, vertices) in supports.iter().zip(&all) {
         parts.push(support.rotation.map(|_| {
-            handles.push(holding(vertices.clone(), mesh, Freedom::Rigid));
+            let border = support.border.into();
+            handles.push(holding(vertices.clone(), mesh, Freedom::Rigid, border));
             Part::Turned(handles.len() - 1)
         }));
     }
@@ -296,6 +311,24 @@ fn supports(
         .zip(all)
         .map(|(part, vertices)| part.unwrap_or_else(|| Part::Guided(free(vertices))))
         .collect())
+}
+
+/// The field of the scene from which the handle `number` of the body comes.
+fn field_of_handle(index: usize, parts: &[Part], number: usize) -> String {
+    let turned = |part: &Part| matches!(part, Part::Turned(handle) if *handle == number);
+    match parts.iter().position(turned) {
+        Some(support) => format!("body[{index}].support[{support}]"),
+        None => format!("body[{index}].handle[{number}]"),
+    }
+}
+
+/// The error of a handle or a support at `field` that cannot clamp the border.
+fn unclamped(loaded: &LoadedScene, field: &str, found: &str) -> SceneError {
+    let found = format!("\"clamped\", but {found}");
+    let allowed = "\"hinged\" here";
+    loaded
+        .source
+        .error(&format!("{field}.border"), found, allowed)
 }
 
 /// Factor on the bending stiffness of a body; 0 for a body without a bending model.

@@ -46,6 +46,12 @@ pub enum Edit {
         /// The guided world axes.
         axes: [bool; 3],
     },
+    /// Adds a support that holds vertices along all axes, where they are when the change lands, and clamps the border of a
+    /// sheet between them.
+    Clamp {
+        /// The vertices.
+        vertices: Vec<u32>,
+    },
     /// Removes a support. The numbers of later supports decrease by one.
     Lift {
         /// The support.
@@ -198,6 +204,10 @@ fn make(
             Edit::Guide { vertices, axes } => {
                 body.add_support(&vertices, axes)
                     .map_err(ChangeError::from)?;
+                map.supports.push(None);
+            }
+            Edit::Clamp { vertices } => {
+                body.add_clamp(&vertices).map_err(ChangeError::from)?;
                 map.supports.push(None);
             }
             Edit::Lift { support } => {

@@ -73,8 +73,6 @@ impl Parts {
 /// Runs what is prepared under virtual time. `progress` is given the number of ticks done.
 // The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
 #[inline(never)]
-// The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
-#[inline(never)]
 pub(super) fn under_virtual_time(
     prepared: Setup,
     mut observers: Observers,
@@ -112,8 +110,6 @@ pub(super) fn under_virtual_time(
 ///
 /// # Errors
 /// The system gives no thread, or the tick's thread panicked.
-// The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
-#[inline(never)]
 // The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
 #[inline(never)]
 pub(super) fn under_the_real_clock(

@@ -1,6 +1,7 @@
 //! Checks across several fields: whether the parts of a scene are consistent.
 
 use super::drivers::drivers;
+use super::spec::body::BorderName;
 use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
@@ -176,6 +177,12 @@ fn check_supports(at: &str, body: &Body) -> Check {
             &format!("{at}.axes"),
             "some axes, and a rotation",
             "all axes for a support that is turned",
+        )?;
+        require(
+            all || support.border == BorderName::Hinged,
+            &format!("{at}.axes"),
+            "some axes, and a clamped border",
+            "all axes for a support that clamps the border",
         )?;
         for axis in 0..3 {
             require(

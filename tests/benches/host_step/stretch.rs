@@ -2,7 +2,7 @@
 
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
-use physics::{Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, Vec3};
+use physics::{Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, Vec3};
 use sim::Tremor;
 use std::sync::LazyLock;
 
@@ -57,6 +57,7 @@ fn handle(mesh: &TriMesh, group: &str) -> HandleSpec {
         origin: sum / vertices.len() as f64,
         vertices,
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     }
 }
 

@@ -7,8 +7,8 @@
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Budget, Freedom, HandlePose, HandleSpec, Material, Real, ShapeOptions,
-    Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Budget, Freedom, HandlePose, HandleSpec, Material, Real,
+    ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::error::Error;
 use std::hint::black_box;
@@ -130,6 +130,7 @@ fn ends(positions: &[Vec3], axis: Vec3, length: f64, freedom: Freedom) -> [Handl
             .collect(),
         origin: axis * (side * length),
         freedom,
+        border: Border::Hinged,
     })
 }
 

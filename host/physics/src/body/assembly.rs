@@ -43,8 +43,12 @@ impl Assembly {
         let places = constraints.places();
         let (count, free) = (model.rest.len(), places.free());
         let bent = model.bent.as_ref();
-        let bending =
-            bent.map(|sheet| sheet.bending(&model.rest, |nodes| constraints.prescribe_all(nodes)));
+        let ghosts = constraints.clamps().map(|clamp| (clamp.side, clamp.ghost));
+        let bending = bent.map(|sheet| {
+            sheet.bending(&model.rest, ghosts, |nodes| {
+                constraints.prescribe_all(nodes)
+            })
+        });
         let mut bending = bending.filter(|bending| !bending.is_empty());
         let cliques = model
             .elements

@@ -1,6 +1,7 @@
 //! The construction of a body at rest from a mesh, materials and handles.
 
 use super::assembly::Assembly;
+use super::border;
 use super::constraints::Constraints;
 use super::handle::{Handle, HandleSpec};
 use super::model::Model;
@@ -190,8 +191,12 @@ impl Body {
         if let Some(vertex) = mass.iter().position(|&mass| mass == 0.0) {
             return Err(BodyError::Unreferenced { vertex });
         }
-        let handles = handles.iter().map(|spec| Handle::new(positions, spec));
-        let constraints = Constraints::new(count, handles.collect());
+        let numbered = handles.iter().enumerate();
+        let handles = numbered.map(|(handle, spec)| {
+            let clamps = clamps_of_handle(handle, spec, bent.as_ref())?;
+            Ok(Handle::new(positions, spec, clamps))
+        });
+        let mut constraints = Constraints::new(handles.collect::<Result<_, BodyError>>()?);
         let mut model = Model {
             config,
             elements,
@@ -203,13 +208,15 @@ impl Body {
             mass,
             load,
         };
+        let mut state = State::at_rest(positions);
+        border::lay(count, &mut constraints, &mut model, &mut state);
         Ok(Self {
             assembly: Assembly::new(&mut model, &constraints),
             topology: Topology {
                 vertex_count: count,
                 epoch: 0,
             },
-            state: State::at_rest(positions),
+            state,
             constraints,
             model,
         })
@@ -277,6 +284,22 @@ fn check_elements(elements: &[Box<dyn Elements>], count: usize) -> Result<(), Bo
         }
     }
     Ok(())
+}
+
+/// The clamps of a handle.
+///
+/// # Errors
+/// [`BodyError::Clamp`].
+pub(super) fn clamps_of_handle(
+    handle: usize,
+    spec: &HandleSpec,
+    sheet: Option<&BentSheet>,
+) -> Result<Vec<border::Clamp>, BodyError> {
+    border::clamps(spec.border, &spec.vertices, sheet).map_err(|found| BodyError::Clamp {
+        part: "handle",
+        number: handle,
+        found,
+    })
 }
 
 /// Checks that a handle can be made of `spec`. `holder` gives the handle of each vertex, if there is one; the vertices

@@ -2,6 +2,7 @@
 //!
 //! Constraints are masks over the nodes. They renumber no node.
 
+use super::border::{self, Clamp};
 use super::handle::Handle;
 use super::support::Supports;
 use crate::Vec3;
@@ -17,27 +18,32 @@ pub(crate) struct Constraints {
 }
 
 impl Constraints {
-    /// Constraints of `count` nodes by `handles`.
-    pub(crate) fn new(count: usize, handles: Vec<Handle>) -> Self {
-        let mut constraints = Self {
+    /// Constraints by `handles`, which have still to be [laid](border::lay).
+    pub(crate) fn new(handles: Vec<Handle>) -> Self {
+        Self {
             handles,
             supports: Supports::default(),
-            is_held: vec![false; count],
-        };
-        constraints.mark();
-        constraints
+            is_held: Vec::new(),
+        }
     }
 
-    /// Adds a handle. No other handle may hold its nodes.
-    pub(crate) fn hold(&mut self, handle: Handle) {
-        self.handles.push(handle);
-        self.mark();
+    /// All clamps, in the order of their ghosts.
+    pub(crate) fn clamps(&self) -> impl Iterator<Item = &Clamp> {
+        let supports = self.supports.list.iter();
+        let handles = self.handles.iter().flat_map(|handle| &handle.clamps);
+        handles.chain(supports.flat_map(|support| &support.clamps))
     }
 
-    /// Removes a handle.
-    pub(crate) fn release(&mut self, handle: usize) {
-        self.handles.remove(handle);
+    /// Numbers the ghosts after the first `vertices` of `count` nodes, and finds which handle or support each node has.
+    pub(super) fn lay_out(&mut self, vertices: usize, count: usize) {
+        let mut next = vertices as u32;
+        for handle in &mut self.handles {
+            border::number(&mut handle.vertices, &mut handle.clamps, &mut next);
+        }
+        self.supports.number_ghosts(&mut next);
+        self.is_held.resize(count, false);
         self.mark();
+        self.supports.lay_out(count);
     }
 
     /// Whether the motion of all `nodes` is prescribed: by one handle, or by supports along all axes.

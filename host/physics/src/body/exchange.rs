@@ -112,6 +112,7 @@ impl Body {
             self.state.x[node] = old.state.x[from as usize];
             self.state.v[node] = old.state.v[from as usize];
         }
+        self.place_ghosts(old, map);
         for (handle, from) in map.handles.iter().enumerate() {
             if let Some(from) = *from {
                 self.constraints.handles[handle].report = old.constraints.handles[from].report;
@@ -134,6 +135,22 @@ impl Body {
         Ok(())
     }
 
+    /// Places the ghosts: where `old` has the same edge clamped, as there, and else where they continue the sheet.
+    fn place_ghosts(&mut self, old: &Self, map: &BodyMap) {
+        for clamp in self.constraints.clamps() {
+            let node = clamp.ghost as usize;
+            let ends = clamp.side.ends.map(|end| map.vertices[end as usize]);
+            let from = old.constraints.clamps().find(|other| other.joins(ends));
+            for (now, then) in [
+                (&mut self.state.x, &old.state.x),
+                (&mut self.state.v, &old.state.v),
+            ] {
+                now[node] =
+                    from.map_or_else(|| clamp.extend(now), |from| then[from.ghost as usize]);
+            }
+        }
+    }
+
     /// Gives a handle the pose `pose`; its vertices stay where they are and move with the handle from now on.
     ///
     /// # Errors
@@ -153,7 +170,7 @@ impl Body {
         Ok(())
     }
 
-    /// Makes the offsets of a handle those of its vertices from `pose`.
+    /// Makes the offsets of a handle those of its nodes from `pose`.
     fn take_hold(&mut self, handle: usize, pose: &HandlePose) {
         let held = &mut self.constraints.handles[handle];
         held.report.pose = *pose;

@@ -1,5 +1,6 @@
 //! Handles: rigid groups of vertices that a hand holds and moves.
 
+use super::border::{Border, Clamp};
 use crate::Vec3;
 use nalgebra::UnitQuaternion;
 
@@ -35,6 +36,8 @@ pub struct HandleSpec {
     pub origin: Vec3,
     /// The motions for which the condensation has shapes.
     pub freedom: Freedom,
+    /// Whether a sheet that bends turns freely about the edges of its border that the handle holds.
+    pub border: Border,
 }
 
 /// The pose of a handle: the position of its origin, and its rotation from the rest shape.
@@ -100,9 +103,10 @@ pub struct HandleReport {
 /// A handle of a body.
 #[derive(Clone, Debug)]
 pub(crate) struct Handle {
-    /// The nodes that it holds.
+    /// The nodes that it holds: its vertices, then the ghosts of its clamps.
     pub(crate) vertices: Vec<u32>,
-    /// Vertices relative to the origin when the handle was made (m).
+    pub(crate) clamps: Vec<Clamp>,
+    /// Nodes relative to the origin when the handle was made (m).
     pub(crate) offsets: Vec<Vec3>,
     /// Force of the hand on each node, less the node's inertia, in the last step (N).
     pub(crate) grip: Vec<Vec3>,
@@ -111,9 +115,14 @@ pub(crate) struct Handle {
 }
 
 impl Handle {
-    /// A handle that holds its vertices where they are: at `x` (m), by node.
-    pub(crate) fn new(x: &[Vec3], spec: &HandleSpec) -> Self {
-        let offset = |&vertex: &u32| x[vertex as usize] - spec.origin;
+    /// A handle that holds its vertices and `clamps` where they are: at `x` (m), by node. The handle has still to be
+    /// [laid](super::border::lay).
+    pub(crate) fn new(x: &[Vec3], spec: &HandleSpec, clamps: Vec<Clamp>) -> Self {
+        let vertices = spec.vertices.iter();
+        let ghosts = clamps.iter();
+        let at = vertices.clone().map(|&vertex| x[vertex as usize]);
+        let at = at.chain(ghosts.clone().map(|clamp| clamp.extend(x)));
+        let offsets: Vec<Vec3> = at.map(|at| at - spec.origin).collect();
         let report = HandleReport {
             pose: HandlePose::at(spec.origin),
             linear_velocity: Vec3::zeros(),
@@ -123,12 +132,21 @@ impl Handle {
             inertia: Wrench::default(),
         };
         Self {
-            vertices: spec.vertices.clone(),
-            offsets: spec.vertices.iter().map(offset).collect(),
-            grip: vec![Vec3::zeros(); spec.vertices.len()],
+            vertices: vertices
+                .copied()
+                .chain(ghosts.map(|clamp| clamp.ghost))
+                .collect(),
+            grip: vec![Vec3::zeros(); offsets.len()],
+            offsets,
+            clamps,
             freedom: spec.freedom,
             report,
         }
+    }
+
+    /// The vertices that it holds, without ghosts.
+    pub(crate) fn own(&self) -> &[u32] {
+        &self.vertices[..self.vertices.len() - self.clamps.len()]
     }
 
     /// Its nodes, each with its offset from the origin when the handle was made (m).

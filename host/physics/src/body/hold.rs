@@ -8,6 +8,7 @@
 //! nor model moves. In its next step each solver builds its matrices and factors again.
 
 use super::assembly::Assembly;
+use super::border::{self, Border, Clamp};
 use super::handle::{Handle, HandleSpec};
 use super::{Body, build};
 use crate::error::BodyError;
@@ -24,7 +25,7 @@ impl Body {
         let handle = self.constraints.handles.len();
         let mut holder = vec![None; self.vertex_count()];
         for (held, other) in self.constraints.handles.iter().enumerate() {
-            for &vertex in &other.vertices {
+            for &vertex in other.own() {
                 holder[vertex as usize] = Some(held);
             }
         }
@@ -38,7 +39,9 @@ impl Body {
                 });
             }
         }
-        self.constraints.hold(Handle::new(&self.state.x, spec));
+        let clamps = build::clamps_of_handle(handle, spec, self.model.bent.as_ref())?;
+        let held = Handle::new(&self.state.x, spec, clamps);
+        self.constraints.handles.push(held);
         self.follow_handles();
         Ok(handle)
     }
@@ -53,7 +56,7 @@ impl Body {
         if handle >= count {
             return Err(BodyError::NoHandle { handle, count });
         }
-        self.constraints.release(handle);
+        self.constraints.handles.remove(handle);
         self.follow_handles();
         Ok(())
     }
@@ -68,6 +71,28 @@ impl Body {
     ///
     /// [`BodyError::Support`], [`BodyError::HeldAndGuided`]; nothing has changed then.
     pub fn add_support(&mut self, vertices: &[u32], axes: [bool; 3]) -> Result<usize, BodyError> {
+        self.support(vertices, axes, Border::Hinged)
+    }
+
+    /// Adds a support that holds vertices along all axes and clamps the border of a sheet that bends: the sheet leaves the
+    /// edges of the border between these vertices in its present direction. All else is as with
+    /// [`add_support`](Self::add_support). The clamp stays with this support where a later support guides the same
+    /// vertices.
+    ///
+    /// # Errors
+    ///
+    /// As [`add_support`](Self::add_support), and [`BodyError::Clamp`] for a body without bending and for vertices that
+    /// no edge of the border joins; nothing has changed then.
+    pub fn add_clamp(&mut self, vertices: &[u32]) -> Result<usize, BodyError> {
+        self.support(vertices, [true; 3], Border::Clamped)
+    }
+
+    fn support(
+        &mut self,
+        vertices: &[u32],
+        axes: [bool; 3],
+        border: Border,
+    ) -> Result<usize, BodyError> {
         let support = self.constraints.supports.list.len();
         for &vertex in vertices {
             if vertex as usize >= self.topology.vertex_count {
@@ -86,10 +111,25 @@ impl Body {
             }
         }
         let rigid = self.rigid_triangles();
+        let clamps = self.clamps_of_support(support, vertices, border)?;
         let supports = &mut self.constraints.supports;
-        let support = supports.add(vertices, axes, &self.state.x)?;
+        let support = supports.add(vertices, axes, clamps, &self.state.x)?;
         self.follow_supports(&rigid);
         Ok(support)
+    }
+
+    fn clamps_of_support(
+        &self,
+        support: usize,
+        vertices: &[u32],
+        border: Border,
+    ) -> Result<Vec<Clamp>, BodyError> {
+        let bent = self.model.bent.as_ref();
+        border::clamps(border, vertices, bent).map_err(|found| BodyError::Clamp {
+            part: "support",
+            number: support,
+            found,
+        })
     }
 
     /// Removes a support. Its vertices become free along its axes, or return to an earlier support that guides the same
@@ -130,10 +170,11 @@ impl Body {
         bent.map_or_else(Vec::new, |sheet| sheet.rigid(is_rigid))
     }
 
-    /// Takes the mask of the present supports. Other triangles may be rigid than `before`; the bending is then built
-    /// again.
+    /// Lays the ghosts, and takes the mask of the present supports. Other triangles may be rigid than `before`; the
+    /// bending is then built again.
     fn follow_supports(&mut self, before: &[bool]) {
-        if self.rigid_triangles() == before {
+        let other_ghosts = self.lay_ghosts();
+        if !other_ghosts && self.rigid_triangles() == before {
             self.assembly.guide(&self.constraints);
         } else {
             self.assembly = Assembly::new(&mut self.model, &self.constraints);
@@ -141,8 +182,19 @@ impl Body {
         self.begin_epoch();
     }
 
-    /// Builds the matrix for the present handles, and discards what the last step left.
+    /// Lays the ghosts of the present constraints. Returns whether they have changed.
+    fn lay_ghosts(&mut self) -> bool {
+        border::lay(
+            self.topology.vertex_count,
+            &mut self.constraints,
+            &mut self.model,
+            &mut self.state,
+        )
+    }
+
+    /// Lays the ghosts, builds the matrix for the present handles, and discards what the last step left.
     fn follow_handles(&mut self) {
+        self.lay_ghosts();
         self.constraints.forget_grips();
         self.state.forget_step();
         self.assembly = Assembly::new(&mut self.model, &self.constraints);

@@ -13,6 +13,7 @@ impl Body {
             size_of_val(handle)
                 + size_of_val(handle.offsets.as_slice())
                 + size_of_val(handle.vertices.as_slice())
+                + size_of_val(handle.clamps.as_slice())
                 + size_of_val(handle.grip.as_slice())
         };
         size_of::<Self>()

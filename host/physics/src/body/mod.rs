@@ -1,10 +1,12 @@
 //! A body: its state, and the quantities that can be read from it.
 //!
-//! A node is a vertex: state, model and constraints are in the mesh's order, whatever handles and supports there are.
+//! The nodes are the vertices in the mesh's order, whatever handles and supports there are. Only the ghosts of clamped
+//! borders come after them. State, model and constraints are by node.
 //! Solvers order the rows of their matrices by [places](Places): free nodes first, then the nodes of each handle.
 //!
 //! - `topology`, `state`, `constraints`, `model`: the parts of a body. `assembly`: the data that solvers work with.
 //! - `hold`: grab and release of handles, addition and lift of supports.
+//! - [`border`]: hinged and clamped borders of sheets.
 //! - [`handle`] and `support`: vertices that a hand holds, and vertices that are guided along some axes.
 //! - `build`: the construction of a body at rest from a mesh, materials and handles. `exchange`: the replacement of a
 //!   moving body by one of another material, with other handles and supports, or with another mesh.
@@ -14,6 +16,7 @@
 //! - `rounding`: the uncertainty of positions, forces and energies that rounding causes.
 
 mod assembly;
+pub mod border;
 mod build;
 mod constraints;
 mod energy;
@@ -237,29 +240,34 @@ impl Body {
         &self.assembly.places
     }
 
-    /// Positions (m) by node.
+    /// Positions (m) by node: the vertices, then the ghosts of clamped [borders](border).
     pub fn node_positions(&self) -> &[Vec3] {
         &self.state.x
     }
 
-    /// Masses (kg) by node.
+    /// Masses (kg) by node. A ghost of a clamped border has none.
     pub fn node_masses(&self) -> &[f64] {
         &self.model.mass
     }
 
     /// Positions of the vertices (m).
     pub fn positions(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.state.x.iter().copied()
+        self.of_vertices(&self.state.x)
     }
 
     /// Velocities of the vertices (m/s).
     pub fn velocities(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.state.v.iter().copied()
+        self.of_vertices(&self.state.v)
     }
 
     /// Elastic forces on the vertices at the state in which [`assemble`](Self::assemble) last ran (N).
     pub fn internal_forces(&self) -> impl ExactSizeIterator<Item = Vec3> + '_ {
-        self.assembly.internal.iter().copied()
+        self.of_vertices(&self.assembly.internal)
+    }
+
+    /// Those of `values` by node that belong to vertices.
+    fn of_vertices<'a>(&self, values: &'a [Vec3]) -> impl ExactSizeIterator<Item = Vec3> + 'a {
+        values[..self.topology.vertex_count].iter().copied()
     }
 
     /// Replaces the positions (m), one per vertex. The vertices of a handle return to its pose in the next step.
@@ -268,8 +276,8 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_positions(&mut self, positions: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("positions", positions, self.state.x.len())?;
-        self.state.x.copy_from_slice(positions);
+        check_vectors("positions", positions, self.topology.vertex_count)?;
+        self.state.x[..positions.len()].copy_from_slice(positions);
         self.forget_promise();
         self.state.revision += 1;
         self.state.motions += 1;
@@ -282,8 +290,8 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_velocities(&mut self, velocities: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("velocities", velocities, self.state.x.len())?;
-        self.state.v.copy_from_slice(velocities);
+        check_vectors("velocities", velocities, self.topology.vertex_count)?;
+        self.state.v[..velocities.len()].copy_from_slice(velocities);
         self.forget_promise();
         self.state.revision += 1;
         Ok(())
@@ -295,8 +303,8 @@ impl Body {
     ///
     /// [`BodyError::Length`] or [`BodyError::NotFinite`]; nothing has changed then.
     pub fn set_external_forces(&mut self, forces: &[Vec3]) -> Result<(), BodyError> {
-        check_vectors("external forces", forces, self.state.x.len())?;
-        self.model.external.copy_from_slice(forces);
+        check_vectors("external forces", forces, self.topology.vertex_count)?;
+        self.model.external[..forces.len()].copy_from_slice(forces);
         self.state.revision += 1;
         for (external, &load) in self.model.external.iter_mut().zip(&self.model.load) {
             *external += self.model.config.gravity * load;

@@ -4,13 +4,16 @@
 //! that may slide, a plane of symmetry, a prescribed displacement. Guided nodes count as free nodes; the
 //! solvers leave out the guided axes (the filter of Baraff and Witkin, "Large steps in cloth simulation", 1998).
 
+use super::border::{self, Clamp};
 use crate::Vec3;
 use crate::error::BodyError;
 
 /// One support: its nodes, axes and displacement, and the force that it gave.
 #[derive(Clone, Debug)]
 pub(crate) struct Support {
+    /// Its vertices, then the ghosts of its clamps.
     nodes: Vec<u32>,
+    pub(super) clamps: Vec<Clamp>,
     axes: [bool; 3],
     /// Positions of the nodes when the support was added (m).
     base: Vec<Vec3>,
@@ -38,7 +41,9 @@ impl Supports {
     /// Memory of the supports (bytes).
     pub(crate) fn bytes(&self) -> usize {
         let own = |support: &Support| {
-            size_of_val(support.nodes.as_slice()) + size_of_val(support.base.as_slice())
+            size_of_val(support.nodes.as_slice())
+                + size_of_val(support.clamps.as_slice())
+                + size_of_val(support.base.as_slice())
         };
         size_of_val(self.list.as_slice())
             + self.list.iter().map(own).sum::<usize>()
@@ -48,12 +53,14 @@ impl Supports {
             + size_of_val(self.rest.as_slice())
     }
 
-    /// Adds a support of nodes that no handle holds, at their present positions `x` (m). Where several supports guide the same axis of a
-    /// node, the latest of them applies.
+    /// Adds a support of nodes that no handle holds, and of `clamps`, at their present positions `x` (m). Where several
+    /// supports guide the same axis of a node, the latest of them applies. The support has still to be
+    /// [laid](border::lay).
     pub(crate) fn add(
         &mut self,
         nodes: &[u32],
         axes: [bool; 3],
+        clamps: Vec<Clamp>,
         x: &[Vec3],
     ) -> Result<usize, BodyError> {
         let support = self.list.len();
@@ -67,14 +74,18 @@ impl Supports {
         if support >= usize::from(u16::MAX) {
             return fail("there are too many supports");
         }
+        let ghosts = clamps.iter().map(|clamp| clamp.ghost);
+        let base = nodes.iter().map(|&node| x[node as usize]);
         self.list.push(Support {
-            nodes: nodes.to_vec(),
+            nodes: nodes.iter().copied().chain(ghosts).collect(),
             axes,
-            base: nodes.iter().map(|&node| x[node as usize]).collect(),
+            base: base
+                .chain(clamps.iter().map(|clamp| clamp.extend(x)))
+                .collect(),
+            clamps,
             displacement: Vec3::zeros(),
             reaction: Vec3::zeros(),
         });
-        self.lay_out(x.len());
         Ok(support)
     }
 
@@ -88,10 +99,16 @@ impl Supports {
         self.lay_out(self.mask.len());
     }
 
-    /// Removes a support.
+    /// Removes a support. The others have to be [laid](border::lay) again.
     pub(crate) fn lift(&mut self, support: usize) {
         self.list.remove(support);
-        self.lay_out(self.mask.len());
+    }
+
+    /// Gives the ghosts the numbers from `next` on.
+    pub(super) fn number_ghosts(&mut self, next: &mut u32) {
+        for support in &mut self.list {
+            border::number(&mut support.nodes, &mut support.clamps, next);
+        }
     }
 
     /// The support that guides a node along some axis.
@@ -102,7 +119,7 @@ impl Supports {
     }
 
     /// Finds the support of each axis of `count` nodes.
-    fn lay_out(&mut self, count: usize) {
+    pub(super) fn lay_out(&mut self, count: usize) {
         let count = if self.list.is_empty() { 0 } else { count };
         self.mask = vec![Vec3::repeat(1.0); count];
         self.owner = vec![[0; 3]; count];

@@ -1,6 +1,7 @@
 //! The vertices of a body, and the count of the changes of their connections.
 //!
-//! A node of a body is a vertex of its mesh and has the number of the vertex, whatever handles and supports there are.
+//! A vertex of the mesh is a node of the body and has the same number, whatever handles and supports there are. The
+//! ghosts of clamped borders have the numbers after the vertices.
 
 /// The number of vertices, and the epoch.
 #[derive(Clone, Copy, Debug)]

@@ -4,7 +4,8 @@
 use physics::mesh::tet::MIDSIDE_ENDS;
 use physics::mesh::{Cells, TetMesh, TriMesh};
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Mat3, Material, SolveReport, StepError, Vec3,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Mat3, Material, SolveReport,
+    StepError, Vec3,
 };
 
 /// The pattern of the diagonals of the grid cells.
@@ -138,6 +139,7 @@ pub(crate) fn handle(
         origin: sum / vertices.len() as f64,
         vertices,
         freedom,
+        border: Border::Hinged,
     }
 }
 

@@ -184,6 +184,29 @@ pub struct Handle {
     pub in_box: Option<[[f64; 3]; 2]>,
     /// Name of the device that holds the handle.
     pub device: String,
+    /// Whether a sheet turns freely about the edges of its border that the handle holds.
+    #[serde(default, deserialize_with = "check::word")]
+    pub border: BorderName,
+}
+
+/// What a handle or a support does with the border of a sheet that bends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BorderName {
+    /// The sheet turns freely about the edge.
+    #[default]
+    Hinged,
+    /// The sheet keeps its direction at the edge.
+    Clamped,
+}
+
+impl From<BorderName> for physics::Border {
+    fn from(name: BorderName) -> Self {
+        match name {
+            BorderName::Hinged => Self::Hinged,
+            BorderName::Clamped => Self::Clamped,
+        }
+    }
 }
 
 /// `[[body.support]]`: vertices that are held, guided or moved. Vertices that a handle or a turned support holds
@@ -202,6 +225,9 @@ pub struct Support {
     /// The axes of the world along which the support holds its vertices. They slide freely along the other axes.
     #[serde(default = "every_axis", deserialize_with = "check::axes")]
     pub axes: [bool; 3],
+    /// Whether a sheet turns freely about the edges of its border that the support holds.
+    #[serde(default, deserialize_with = "check::word")]
+    pub border: BorderName,
     /// `palpate solve`: displacement of the support (m).
     #[serde(default, deserialize_with = "check::finite3")]
     pub displacement: [f64; 3],

@@ -21,8 +21,9 @@ use super::solve::{vertices, weightless};
 use crate::{Level, StudyError};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom, HandlePose,
-    HandleSpec, Integrator, IntegratorOptions, SolidLaw, SolidMaterial, Tangent, TimeScheme, Vec3,
+    Body, BodyConfig, Border, Condensed, Condenser, Equilibrium, EquilibriumOptions, Freedom,
+    HandlePose, HandleSpec, Integrator, IntegratorOptions, SolidLaw, SolidMaterial, Tangent,
+    TimeScheme, Vec3,
 };
 use serde::Serialize;
 
@@ -122,6 +123,7 @@ impl Scene {
                     vertices: vertices(&mesh.positions, |x| (x.z - z).abs() < 1e-9),
                     origin: Vec3::new(0.0, 0.0, z),
                     freedom,
+                    border: Border::Hinged,
                 }
             });
         let config = BodyConfig {

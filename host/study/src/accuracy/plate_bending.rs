@@ -3,8 +3,8 @@
 //!
 //! A strip held at one end bends as a beam (nu = 0), under a force at its end and under pressure. A strip eight times
 //! as wide as long (nu = 0.3) bends cylindrically, so that `D` governs the middle of its end. A square plate is held
-//! along all its edges. Values are deflections relative to the theory. Sheets have no angles; a clamp is one more row
-//! of cells that is held, whose triangles are rigid. For comparison, the first strip is also computed as a slab of quadratic tetrahedra.
+//! along all its edges. Values are deflections relative to the theory. The held borders are clamped. For comparison, the
+//! first strip is also computed as a slab of quadratic tetrahedra.
 //!
 //! Deflections converge to the theory with the square of the size of the cells, however the sheet is cut into triangles.
 
@@ -166,9 +166,8 @@ fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, Stud
                 .wrapping_add(1_442_695_040_888_963_407);
             (state >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
         };
-        // Two rows on each side keep their places, so that clamps and borders are straight. The middle vertex keeps its
-        // place, too.
-        let inner = |x: f64, axis: usize| x.abs() < 0.5 * size[axis] - 1.5 * cell[axis];
+        // The border keeps its place, so that it is straight. The middle vertex keeps its place, too.
+        let inner = |x: f64, axis: usize| x.abs() < 0.5 * (size[axis] - cell[axis]);
         for x in &mut mesh.positions {
             let by = [signed(), signed()];
             if inner(x.x, 0) && inner(x.y, 1) && x.norm() > 0.5 * cell[0] {
@@ -180,7 +179,7 @@ fn rectangle(size: [f64; 2], nx: u32, ny: u32, cut: Cut) -> Result<TriMesh, Stud
     Ok(mesh)
 }
 
-/// A body of `mesh` that resists bending, moves along z only, and is fixed where `held` holds.
+/// A body of `mesh` that resists bending, moves along z only, and is clamped where `held` holds.
 fn plate(mesh: &TriMesh, poisson: f64, held: impl Fn(&Vec3) -> bool) -> Result<Body, StudyError> {
     let config = BodyConfig {
         bending: 1.0,
@@ -193,7 +192,7 @@ fn plate(mesh: &TriMesh, poisson: f64, held: impl Fn(&Vec3) -> bool) -> Result<B
         &[],
     )?;
     body.add_support(&vertices(&mesh.positions, |_| true), [true, true, false])?;
-    body.add_support(&vertices(&mesh.positions, held), [false, false, true])?;
+    body.add_clamp(&vertices(&mesh.positions, held))?;
     Ok(body)
 }
 
@@ -218,10 +217,9 @@ fn strip(
     load: Load,
     cut: Cut,
 ) -> Result<f64, StudyError> {
-    let cell = 1.0 / f64::from(n);
-    let mut mesh = rectangle([1.0 + cell, width], n + 1, across, cut)?;
+    let mut mesh = rectangle([1.0, width], n, across, cut)?;
     for x in &mut mesh.positions {
-        x.x += 0.5 * (1.0 - cell);
+        x.x += 0.5;
     }
     let mut body = plate(&mesh, poisson, |x| x.x < 1e-9)?;
     let rigidity = sheet_material(1.0, poisson, THICKNESS).bending_rigidity();
@@ -240,9 +238,7 @@ fn strip(
 
 /// Deflection of the middle, relative to the theory.
 fn square(n: u32, cut: Cut) -> Result<f64, StudyError> {
-    let cell = 1.0 / f64::from(n);
-    let whole = 1.0 + 2.0 * cell;
-    let mesh = rectangle([whole; 2], n + 2, n + 2, cut)?;
+    let mesh = rectangle([1.0; 2], n, n, cut)?;
     let mut body = plate(&mesh, 0.3, |x| x.amax() > 0.5 - 1e-9)?;
     let rigidity = sheet_material(1.0, 0.3, THICKNESS).bending_rigidity();
     let load = DEFLECTION * rigidity / 0.001_265_319;

@@ -10,7 +10,7 @@ use super::trial::{Course, Scene};
 use crate::{Level, StudyError};
 use physics::mesh::TetMesh;
 use physics::mesh::generate_box::solid_box;
-use physics::{Body, BodyConfig, Freedom, HandleSpec, SolidLaw, SolidMaterial, Vec3};
+use physics::{Body, BodyConfig, Border, Freedom, HandleSpec, SolidLaw, SolidMaterial, Vec3};
 
 pub(super) const EDGE: f64 = 0.1;
 const YOUNG: f64 = 2e4;
@@ -105,6 +105,7 @@ fn cube_with(
                 .collect(),
             origin: Vec3::z() * (0.5 * side * EDGE),
             freedom: Freedom::Translation,
+            border: Border::Hinged,
         }
     };
     let handles = [face(-1.0), face(1.0)];

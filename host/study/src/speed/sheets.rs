@@ -12,7 +12,7 @@ use super::trial::Scene;
 use crate::{Level, StudyError};
 use physics::mesh::TriMesh;
 use physics::mesh::generate::{Pattern, sheet};
-use physics::{Body, BodyConfig, Freedom, HandleSpec, Material, SheetLawName, Vec3, Weave};
+use physics::{Body, BodyConfig, Border, Freedom, HandleSpec, Material, SheetLawName, Vec3, Weave};
 
 pub(super) const SIDE: f64 = 0.2;
 /// Cells along and across.
@@ -116,5 +116,6 @@ fn held(mesh: &TriMesh, origin: Vec3, chosen: impl Fn(&Vec3) -> bool) -> HandleS
             .collect(),
         origin,
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     }
 }

@@ -4,7 +4,7 @@ use super::specimen::{Isotropic, Kind, quiet, rest_poses};
 use super::trial::{Method, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
-use physics::{BodyConfig, Freedom, HandleSpec, Vec3};
+use physics::{BodyConfig, Border, Freedom, HandleSpec, Vec3};
 
 /// Free fall of a vibrating body: momentum is exact under both schemes.
 pub(super) fn fall(level: Level) -> Plan {
@@ -88,6 +88,7 @@ fn swings(kind: Kind, method: Method, h: f64, steps: usize) -> Result<Outcome, S
         vertices: vec![0],
         origin: shape.positions()[0],
         freedom: Freedom::Translation,
+        border: Border::Hinged,
     }];
     let config = BodyConfig {
         gravity: Vec3::new(3.0, 2.0, -9.0),

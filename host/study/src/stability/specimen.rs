@@ -6,7 +6,7 @@ use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::{TetMesh, TriMesh};
 use physics::{
-    Body, BodyConfig, Freedom, HandlePose, HandleSpec, Material, SheetLawName, SolidLaw,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Material, SheetLawName, SolidLaw,
     SolidMaterial, Vec3, Weave,
 };
 
@@ -226,6 +226,7 @@ impl Shape {
                 .collect(),
             origin: Vec3::x() * (0.5 * side),
             freedom: Freedom::Rigid,
+            border: Border::Hinged,
         }
     }
 

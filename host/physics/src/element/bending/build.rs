@@ -133,7 +133,7 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
     if numbered.left.is_empty() {
         return bending;
     }
-    for (triangle, vertices) in sheet.triangles.iter().enumerate() {
+    for (triangle, vertices) in sheet.triangles.iter().enumerate().take(sheet.count) {
         let corners = vertices.map(|vertex| &x[vertex as usize]);
         let (gradients, area) = rest_frame(corners).unwrap_or_default();
         let numbers = numbered.of_sides[triangle];

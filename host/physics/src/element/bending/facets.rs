@@ -276,7 +276,7 @@ mod tests {
                 thickness: material.thickness,
             }],
         );
-        let bending = bent.map(|sheet| sheet.bending(&rest, |_| false));
+        let bending = bent.map(|sheet| sheet.bending(&rest, core::iter::empty(), |_| false));
         let Ok(exact) = bending else {
             panic!("the sheet is regular");
         };

@@ -35,7 +35,7 @@ mod sheet;
 mod unfold;
 
 pub(crate) use exact::Bending;
-pub(crate) use sheet::{BentSheet, Plate};
+pub(crate) use sheet::{BentSheet, BorderSide, Plate};
 
 /// Stands for the neighbour across a border. An `Option` would take twice the memory.
 const NONE: u32 = u32::MAX;

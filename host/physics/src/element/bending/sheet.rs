@@ -10,6 +10,8 @@ use crate::{Mat3, Vec3};
 #[derive(Clone, Debug)]
 pub(crate) struct BentSheet {
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Number of the sheet's own triangles. The triangles of ghosts come after them.
+    pub(super) count: usize,
     /// By triangle, the neighbour across each side, or [`NONE`].
     pub(super) neighbours: Vec<[u32; 3]>,
     /// One for all triangles or one for each.
@@ -23,6 +25,16 @@ pub(crate) struct Plate {
     pub(crate) matrix: Mat3,
     /// The thickness (m).
     pub(crate) thickness: f64,
+}
+
+/// A side of a triangle on the border of a sheet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BorderSide {
+    triangle: u32,
+    /// The vertex of the triangle across the side: 0, 1 or 2.
+    corner: u32,
+    pub(crate) ends: [u32; 2],
+    pub(crate) across: u32,
 }
 
 /// A side of a triangle: its vertices in ascending order, the triangle, and the number of the side.
@@ -65,6 +77,7 @@ impl BentSheet {
     pub(crate) fn new(triangles: &[[u32; 3]], plates: Vec<Plate>) -> Result<Self, BodyError> {
         Ok(Self {
             triangles: triangles.to_vec(),
+            count: triangles.len(),
             neighbours: neighbours(triangles)?,
             plates,
         })
@@ -76,10 +89,42 @@ impl BentSheet {
         &self.plates[if one { 0 } else { triangle }]
     }
 
-    /// The bending of the sheet, whose vertices are at `x` (m) at rest. `is_rigid` says whether the motion of a triangle
-    /// is prescribed.
-    pub(crate) fn bending(&self, x: &[Vec3], is_rigid: impl Fn(&[u32; 3]) -> bool) -> Bending {
-        build::bending(self, x, &self.rigid(is_rigid))
+    /// The bending of the sheet, whose nodes are at `x` (m) at rest. `is_rigid` says whether the motion of a triangle is
+    /// prescribed. Each of the `ghosts` is the far corner of another triangle beyond a side of the border. These triangles
+    /// have no energy of their own.
+    pub(crate) fn bending(
+        &self,
+        x: &[Vec3],
+        ghosts: impl Iterator<Item = (BorderSide, u32)>,
+        is_rigid: impl Fn(&[u32; 3]) -> bool,
+    ) -> Bending {
+        let mut ghosts = ghosts.peekable();
+        if ghosts.peek().is_none() {
+            return build::bending(self, x, &self.rigid(is_rigid));
+        }
+        let mut sheet = self.clone();
+        for (side, ghost) in ghosts {
+            let beyond = sheet.triangles.len() as u32;
+            let [a, b] = side.ends;
+            sheet.triangles.push([a, b, ghost]);
+            sheet.neighbours.push([NONE, NONE, side.triangle]);
+            sheet.neighbours[side.triangle as usize][side.corner as usize] = beyond;
+        }
+        build::bending(&sheet, x, &sheet.rigid(is_rigid))
+    }
+
+    /// The sides of its border.
+    pub(crate) fn border(&self) -> impl Iterator<Item = BorderSide> + '_ {
+        let triangles = self.triangles.iter().zip(&self.neighbours).enumerate();
+        triangles.flat_map(|(triangle, (vertices, neighbours))| {
+            let sides = (0..3).filter(|&k| neighbours[k] == NONE);
+            sides.map(move |k| BorderSide {
+                triangle: triangle as u32,
+                corner: k as u32,
+                ends: [vertices[(k + 1) % 3], vertices[(k + 2) % 3]],
+                across: vertices[k],
+            })
+        })
     }
 
     /// Whether the motion of each triangle is prescribed.

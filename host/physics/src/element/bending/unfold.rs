@@ -76,8 +76,8 @@ pub(super) fn nearby(
         at: vec![[-0.5, 0.0], [0.5, 0.0]],
     };
     let opposite = |triangle: usize, ends: [u32; 2]| {
-        let vertices = sheet.triangles[triangle].into_iter();
-        vertices.filter(|v| !ends.contains(v)).next_back()
+        let mut vertices = sheet.triangles[triangle].into_iter();
+        vertices.rfind(|v| !ends.contains(v))
     };
     let across = opposite(beyond, [a, b]).unwrap_or(c);
     for (vertex, sign) in [(c, -1.0), (across, 1.0)] {
