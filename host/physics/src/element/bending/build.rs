@@ -55,9 +55,10 @@ fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
             }
             let around = |rings| nearby(sheet, x, rigid, (triangle, k), rings);
             let weights = match [triangle, beyond as usize].map(|t| rigid[t]) {
-                [true, false] => gradient(&around(0), Across::Before),
+                // Between two rigid triangles there is nothing to bend.
+                [true, _] => gradient(&around(0), Across::Before),
                 [false, true] => gradient(&around(0), Across::Beyond),
-                _ => rotation(around(1), || around(2)),
+                [false, false] => rotation(around(1), || around(2)),
             };
             let vertices = &sheet.triangles[triangle];
             let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
