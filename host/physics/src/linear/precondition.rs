@@ -59,7 +59,7 @@ impl Solves {
     pub(crate) fn solve(&mut self, team: &dyn Team, r: &mut [Node<f32>]) {
         match self {
             Self::Complete(panels) => panels.solve_with(team, r),
-            Self::Incomplete(incomplete) => incomplete.solve(r),
+            Self::Incomplete(incomplete) => incomplete.solve(team, r),
         }
     }
 
