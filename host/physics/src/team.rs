@@ -16,6 +16,11 @@ pub type Work<'a> = dyn FnMut() + Send + 'a;
 pub trait Team: fmt::Debug + Sync {
     /// Runs both pieces once, in any order or at once, and returns after both.
     fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>);
+
+    /// Whether the team is the calling thread alone. It may then take a shorter way to the same result.
+    fn is_alone(&self) -> bool {
+        false
+    }
 }
 
 /// A team of one: the calling thread.
@@ -26,6 +31,10 @@ impl Team for Alone {
     fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
         one();
         other();
+    }
+
+    fn is_alone(&self) -> bool {
+        true
     }
 }
 
