@@ -24,11 +24,13 @@ use core::ops::Range;
 /// Factors with fewer cache lines are not cut: 4 MiB. A solve takes about a tenth of a millisecond there.
 const LEAST: usize = 65_536;
 
-/// A piece has at most the total over this number.
-const PIECES: usize = 16;
+/// A piece has at most the total over this number. More and smaller pieces take one thread
+/// some hundredths longer.
+const PIECES: usize = 8;
 
-/// Cache lines of a group of columns: 128 KiB, some microseconds.
-const GROUP: usize = 2048;
+/// Cache lines of a group of columns: 256 KiB, some microseconds. Smaller groups take one thread some
+/// hundredths longer.
+const GROUP: usize = 4096;
 
 /// Supernodes with places and rows of their own.
 #[derive(Clone, Debug)]
