@@ -48,6 +48,13 @@ fn why(loaded: &LoadedScene, name: &str) -> String {
 }
 
 #[test]
+fn several_threads_are_named() {
+    let solve = |host: &str| why(&scene("", SHEET, host), "solve");
+    assert!(solve("[host]\nthreads = 3\n").starts_with("implicit Euler at 250 Hz on 3 threads, "));
+    assert!(solve("").starts_with("implicit Euler at 250 Hz, "));
+}
+
+#[test]
 fn a_scene_pays_for_what_it_names() {
     // A small sheet without weight, bending and damping.
     let (top, host) = ("gravity = [0, 0, 0]", "[host]\nsolver = \"frozen\"\n");

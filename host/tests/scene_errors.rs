@@ -138,6 +138,9 @@ step_rate = 250.0
   -> [host]¶max_iterations = 0
   x.toml:9: host.max_iterations: found 0, allowed: a whole number from 1 to 100000
 [host]
+  -> [host]¶threads = 65
+  x.toml:9: host.threads: found 65, allowed: a whole number from 1 to 64
+[host]
   -> [host]¶tolerance = 1.0
   x.toml:9: host.tolerance: found 1.0, allowed: a number between 0 and 1
 [loop]

@@ -61,6 +61,7 @@ pub mod material;
 pub mod mesh;
 pub mod motion;
 pub mod polar;
+pub mod team;
 
 pub use body::border::Border;
 pub use body::handle::{Freedom, HandlePose, HandleReport, HandleSpec, Wrench};
@@ -81,6 +82,7 @@ pub use motion::{
     IntegratorOptions, NewtonOptions, NewtonReport, Part, Refresher, StepReport, Stepper,
     StepperOptions, StepperReport, TimeScheme, complete_bytes,
 };
+pub use team::{Alone, Team};
 
 /// A vector in three dimensions (m, m/s or N, as its name says).
 pub type Vec3 = nalgebra::Vector3<f64>;

@@ -11,9 +11,10 @@ use physics::linear::order::{order, places};
 use physics::linear::panel::Panels;
 use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
+use physics::team::Work;
 use physics::{
     BlockMatrix, Body, BodyConfig, Border, CondenseError, FactorCode, Freedom, HandleSpec, Node,
-    SolidLaw, SolidMaterial, Vec3,
+    SolidLaw, SolidMaterial, Team, Vec3,
 };
 
 #[global_allocator]
@@ -260,6 +261,37 @@ fn panels_solve_with_the_accuracy_of_single_precision() {
         assert!(error < bound, "{name}: {error:e}, {bound:e}, {condition:e}");
         // The lower bound shows that the panels are not in double precision by mistake.
         assert!(error > 1e-10, "{name}: {error:e}");
+    }
+}
+
+/// A factor that is solved in pieces.
+#[test]
+fn the_panels_of_a_large_factor_solve_in_pieces() {
+    let body = solid([14, 13, 12]);
+    let mut factor = factor_of(&body, None);
+    let mut panels = Panels::new(&factor);
+    let b = right_side(factor.unknowns());
+    let mut expected = b.clone();
+    factor.solve(&mut expected);
+    let error = difference(&by_panels(&mut panels, &b), &expected);
+    // The rounding of single precision, as for small factors.
+    assert!(error < 1e-4, "{error:e}");
+    let places: Vec<Node<f32>> = padded(&b);
+    let mut turned = places.clone();
+    panels.solve_with(&Turned, &mut turned);
+    let mut straight = places;
+    panels.solve(&mut straight);
+    assert_eq!(turned, straight);
+}
+
+/// Does the second piece of work first.
+#[derive(Debug)]
+struct Turned;
+
+impl Team for Turned {
+    fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
+        other();
+        one();
     }
 }
 

@@ -8,7 +8,7 @@ use super::clock::BodyClock;
 use super::path::HandlePath;
 use super::recipe::Recipe;
 use super::solver::Solver;
-use super::stats::{EngineStats, StepFault, Stopwatch};
+use super::stats::{StepFault, Stopwatch, Tally};
 use super::stored::Stored;
 use super::virtual_coupling::{Link, VirtualCoupling};
 use nalgebra::UnitQuaternion;
@@ -43,6 +43,11 @@ pub struct HostBody {
     behind: bool,
     /// Whether nothing has failed in the present step.
     sound: bool,
+    /// The fault of the present stage.
+    pub(super) fault: Option<StepFault>,
+    /// Whether the present step publishes.
+    publishes: bool,
+    tally: Tally,
     /// The largest age at which models must be good (s).
     horizon: f64,
     model: LocalModel,
@@ -133,6 +138,9 @@ impl HostBody {
             time_ns: None,
             behind: false,
             sound: true,
+            fault: None,
+            publishes: false,
+            tally: Tally::default(),
             horizon: parts.horizon,
             model,
             recipe: parts.recipe,
@@ -189,16 +197,14 @@ impl HostBody {
     }
 
     /// Begins a step towards the poses of the hands at the end of the step.
-    pub(super) fn predict(
-        &mut self,
-        watch: &impl Stopwatch,
-        stats: &mut EngineStats,
-    ) -> Result<(), StepFault> {
+    pub(super) fn predict(&mut self, watch: &impl Stopwatch) -> Result<(), StepFault> {
+        self.tally = Tally::default();
+        self.publishes = false;
         self.time_ns = self.newest_ns.map(|newest| self.clock.step(newest));
         self.behind = self.aim(self.time_ns.unwrap_or(0));
         self.sound = false;
         self.solver
-            .predict(&mut self.body, self.step, watch, stats)?;
+            .predict(&mut self.body, self.step, watch, &mut self.tally)?;
         self.sound = true;
         Ok(())
     }
@@ -222,23 +228,22 @@ impl HostBody {
         Ok(())
     }
 
-    /// Takes the step. Returns the model to publish, if one is due. Does nothing where an earlier stage of the step
+    /// Takes the step, and makes the model to publish, if one is due. Does nothing where an earlier stage of the step
     /// failed.
     pub(super) fn finish(
         &mut self,
         publishes: bool,
         watch: &impl Stopwatch,
-        stats: &mut EngineStats,
-    ) -> Result<Option<&LocalModel>, StepFault> {
+    ) -> Result<(), StepFault> {
         if !self.sound {
-            return Ok(None);
+            return Ok(());
         }
-        self.solver.finish(&mut self.body, watch, stats)?;
+        self.solver.finish(&mut self.body, watch, &mut self.tally)?;
         let solved = watch.now_ns();
 
         // Before the first record the state has no time.
         let Some(time_ns) = self.time_ns else {
-            return Ok(None);
+            return Ok(());
         };
         // Where no record comes for long, the body's time stops. The tick would refuse a second model of the same
         // time.
@@ -247,9 +252,9 @@ impl HostBody {
         // model.
         let held = !self.devices.is_empty();
         if !publishes || published || self.behind || !held {
-            return Ok(None);
+            return Ok(());
         }
-        self.condense(stats)?;
+        self.condense()?;
         self.model.sequence += 1;
         self.model.time_ns = time_ns;
         for (i, reference) in self
@@ -271,13 +276,26 @@ impl HostBody {
             let elastic = self.solver.elastic_energy(&self.body);
             stored.publish(&self.body, elastic, &mut self.model);
         }
-        let model = match &mut self.coupling {
-            Some(coupling) => coupling.through(&self.model),
+        if let Some(coupling) = &mut self.coupling {
+            coupling.through(&self.model);
+        }
+        self.publishes = true;
+        self.tally.condense = Some(watch.now_ns().saturating_sub(solved));
+        Ok(())
+    }
+
+    /// The counts and times of the present step.
+    pub(super) fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// The model that the present step publishes, if one is due.
+    pub(super) fn published(&self) -> Option<&LocalModel> {
+        let model = match &self.coupling {
+            Some(coupling) => coupling.model(),
             None => &self.model,
         };
-        stats.publications += 1;
-        stats.condense.record(watch.now_ns().saturating_sub(solved));
-        Ok(Some(model))
+        self.publishes.then_some(model)
     }
 
     /// Sets the targets of the handles for the next step: the poses of the hands at `time_ns`. A handle moves no
@@ -317,7 +335,7 @@ impl HostBody {
         behind
     }
 
-    fn condense(&mut self, stats: &mut EngineStats) -> Result<(), StepFault> {
+    fn condense(&mut self) -> Result<(), StepFault> {
         let Some(condensed) = self.solver.condense(&self.body, self.horizon)? else {
             return Ok(());
         };
@@ -330,10 +348,8 @@ impl HostBody {
         }
         let clips = [condensed.stiffness_clip, condensed.damping_clip];
         if clips.iter().any(|clip| clip.count > 0) {
-            stats.clipped += 1;
-            stats.worst_clip = clips
-                .iter()
-                .fold(stats.worst_clip, |worst, c| worst.max(c.fraction));
+            let worst = clips.iter().fold(0.0_f64, |worst, c| worst.max(c.fraction));
+            self.tally.clip = Some(worst);
         }
         Ok(())
     }

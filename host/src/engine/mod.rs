@@ -1,7 +1,7 @@
 //! The host loop's work: stages in their order, ending in a published local model.
 //!
 //! `handles -> predict -> constrain -> solve -> finish -> condense -> publish`. This is the only module that joins
-//! the physics to the tick. The engine owns no thread and reads no clock. Under the real clock a thread drives it;
+//! the physics to the tick. The engine owns no thread and reads no clock; its caller may lend it [threads]. Under the real clock a thread drives it;
 //! under virtual time the run's only loop does. The time of a stage is measured through the [`Stopwatch`] that the
 //! caller passes; nothing in the state depends on this time.
 
@@ -19,18 +19,25 @@ pub mod recipe;
 mod solver;
 pub mod stats;
 mod stored;
+pub mod threads;
 pub mod virtual_coupling;
 
 use body::HostBody;
 use change::{ChangeError, Edit};
+use core::ops::Range;
 use pacer::Due;
-use physics::BodyError;
+use physics::team::each;
+use physics::{Alone, BodyError, Team};
 use rt_core::{LocalModel, TickRecord};
-use stats::{EngineStats, Stopwatch};
+use stats::{EngineStats, StepFault, Stopwatch};
 
 /// All bodies of a scene, stepped together.
 pub struct Engine {
     bodies: Vec<HostBody>,
+    /// Steps bodies beside each other.
+    team: &'static dyn Team,
+    /// Number of threads of the team.
+    threads: usize,
     stats: EngineStats,
 }
 
@@ -39,7 +46,19 @@ impl Engine {
     pub fn new(bodies: Vec<HostBody>) -> Self {
         Self {
             bodies,
+            team: &Alone,
+            threads: 1,
             stats: EngineStats::new(),
+        }
+    }
+
+    /// The engine on `count` threads: those in whose [`Threads::run`](threads::Threads::run) it is stepped.
+    #[must_use]
+    pub fn on(self, count: usize) -> Self {
+        Self {
+            team: threads::team(count),
+            threads: count,
+            ..self
         }
     }
 
@@ -98,26 +117,40 @@ impl Engine {
                 Err(fault) => stats.fault(index, &fault),
             }
         }
-        for (index, body) in self.bodies.iter_mut().enumerate() {
-            if let Err(fault) = body.predict(watch, stats) {
-                stats.fault(index, &fault);
+        let all = 0..self.bodies.len();
+        self.stage(all.clone(), &|body| body.predict(watch));
+        self.stage(all.clone(), &|body| body.constrain(watch));
+        self.stage(all, &|body| body.solve(watch));
+        // One thread publishes the model of a body before it finishes the next body.
+        let beside = match self.threads {
+            1 => 1,
+            _ => self.bodies.len().max(1),
+        };
+        for first in (0..self.bodies.len()).step_by(beside) {
+            let range = first..self.bodies.len().min(first + beside);
+            self.stage(range.clone(), &|body| body.finish(due.publishes, watch));
+            for index in range {
+                let body = &self.bodies[index];
+                self.stats.add(body.tally());
+                if let Some(model) = body.published() {
+                    publish(index, model);
+                }
             }
         }
-        for (index, body) in self.bodies.iter_mut().enumerate() {
-            if let Err(fault) = body.constrain(watch) {
-                stats.fault(index, &fault);
-            }
-        }
-        for (index, body) in self.bodies.iter_mut().enumerate() {
-            if let Err(fault) = body.solve(watch) {
-                stats.fault(index, &fault);
-            }
-        }
-        for (index, body) in self.bodies.iter_mut().enumerate() {
-            match body.finish(due.publishes, watch, stats) {
-                Ok(Some(model)) => publish(index, model),
-                Ok(None) => {}
-                Err(fault) => stats.fault(index, &fault),
+    }
+
+    /// Makes one call for the bodies in `range`, beside each other.
+    fn stage(
+        &mut self,
+        range: Range<usize>,
+        call: &(impl Fn(&mut HostBody) -> Result<(), StepFault> + Sync),
+    ) {
+        each(self.team, &mut self.bodies[range.clone()], &|body| {
+            body.fault = call(body).err();
+        });
+        for index in range {
+            if let Some(fault) = self.bodies[index].fault.take() {
+                self.stats.fault(index, &fault);
             }
         }
     }

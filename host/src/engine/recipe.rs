@@ -5,6 +5,7 @@ use super::build::How;
 use super::plan::BodyPlan;
 use super::solver::{Assembled, Frozen, Solver};
 use super::stats::StepFault;
+use super::threads::team;
 use crate::scene::spec::{Scene, SolverName};
 use physics::{Body, Condenser, Preconditioner, Real, ShapeOptions, Stepper, StepperOptions};
 
@@ -27,6 +28,8 @@ pub struct Recipe {
     real: bool,
     /// Time that a step may take under the real clock (ns).
     budget_ns: Option<u64>,
+    /// Number of threads that share a step.
+    threads: usize,
 }
 
 impl Recipe {
@@ -50,6 +53,7 @@ impl Recipe {
             condenses: plan.condenses,
             real: how.real,
             budget_ns: budget.map(|budget| (budget * 1e9) as u64),
+            threads: scene.host.threads,
         }
     }
 
@@ -78,6 +82,7 @@ impl Recipe {
 
     fn frozen<T: Real>(&self, body: &Body) -> Result<Frozen<T>, StepFault> {
         let mut stepper = Stepper::new(body, self.options)?;
+        stepper.team = team(self.threads);
         stepper.prepare(body, self.step)?;
         let shapes = self.condenses.then(|| ShapeOptions {
             max_iterations: match self.options.preconditioner {

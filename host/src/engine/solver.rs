@@ -1,7 +1,7 @@
 //! How a body is stepped and condensed: assembled, or on a frozen factor.
 
 use super::beside::{Beside, Work};
-use super::stats::{EngineStats, StepFault, Stopwatch};
+use super::stats::{StepFault, Stopwatch, Tally};
 use physics::{
     AssembledStepper, Body, Condensed, Condenser, HandlePose, Real, Refresher, ShapeOptions,
     Shapes, Stepper,
@@ -19,7 +19,7 @@ pub trait Solver: Send {
         body: &mut Body,
         h: f64,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault>;
 
     /// Sets up the equation of the step, in which the handles move to `targets`.
@@ -47,7 +47,7 @@ pub trait Solver: Send {
         &mut self,
         body: &mut Body,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault>;
 
     /// Elastic energy of `body` (J) after the last step.
@@ -106,11 +106,11 @@ impl Solver for Assembled {
         body: &mut Body,
         h: f64,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault> {
         let mut assemble = Spent::default();
         assemble.count(watch, || self.stepper.predict(body, h))?;
-        stats.assemble.record(assemble.0);
+        tally.assemble = Some(assemble.0);
         self.spent = Spent::default();
         Ok(())
     }
@@ -136,16 +136,16 @@ impl Solver for Assembled {
         &mut self,
         body: &mut Body,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault> {
         let stepper = &mut self.stepper;
         let report = self.spent.count(watch, || stepper.finish(body))?;
-        stats.solve.record(self.spent.0);
-        stats.solved(
+        tally.solve = Some(self.spent.0);
+        tally.solved = Some((
             report.iterations,
             report.converged,
             report.relative_residual(),
-        );
+        ));
         Ok(())
     }
 
@@ -214,12 +214,12 @@ impl<T: Real> Solver for Frozen<T> {
         body: &mut Body,
         h: f64,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault> {
         // If the thread has ended, the factor in use stays in use.
         if let Ok(Some(refresher)) = self.beside.done() {
             self.stepper.give_back(refresher);
-            stats.factors += 1;
+            tally.factors += 1;
         }
         self.spent = Spent::default();
         let stepper = &mut self.stepper;
@@ -249,18 +249,18 @@ impl<T: Real> Solver for Frozen<T> {
         &mut self,
         body: &mut Body,
         watch: &dyn Stopwatch,
-        stats: &mut EngineStats,
+        tally: &mut Tally,
     ) -> Result<(), StepFault> {
         let (start, before) = (watch.now_ns(), self.spent);
         let late = || before.reaches(self.budget_ns, watch, start);
         let stepper = &mut self.stepper;
         let report = self.spent.count(watch, || stepper.finish(body, late))?;
-        stats.solve.record(self.spent.0);
-        stats.solved(
+        tally.solve = Some(self.spent.0);
+        tally.solved = Some((
             report.iterations,
             report.converged,
             report.residual / report.reference.max(f64::MIN_POSITIVE),
-        );
+        ));
         if let Some(refresher) = self.stepper.lend() {
             self.beside.begin(refresher);
         }

@@ -5,7 +5,7 @@ use physics::{CondenseError, StepError};
 use runner::latency::LatencyHistogram;
 
 /// Reads a clock for measurement only: nothing in the state may depend on the time that it returns.
-pub trait Stopwatch {
+pub trait Stopwatch: Sync {
     /// Time since some fixed start (ns).
     fn now_ns(&self) -> u64;
 }
@@ -39,6 +39,23 @@ pub enum StepFault {
     /// A change could not be made; the body continues as it was.
     #[error("change: {0}")]
     Change(#[from] ChangeError),
+}
+
+/// Counts and times of one body's part of a step. Bodies are stepped beside each other, so each has a tally of its own.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tally {
+    /// Time to assemble (ns).
+    pub(super) assemble: Option<u64>,
+    /// Time to solve (ns).
+    pub(super) solve: Option<u64>,
+    /// Time to condense and publish (ns).
+    pub(super) condense: Option<u64>,
+    /// Iterations of the solver, whether it converged, and the relative residual.
+    pub(super) solved: Option<(usize, bool, f64)>,
+    /// Factors that were made beside the steps and then taken.
+    pub(super) factors: u64,
+    /// The largest clipped eigenvalue, relative to the largest eigenvalue of its matrix, if one was clipped.
+    pub(super) clip: Option<f64>,
 }
 
 /// Counts and times over all bodies.
@@ -96,10 +113,28 @@ impl EngineStats {
         }
     }
 
-    pub(super) fn solved(&mut self, iterations: usize, converged: bool, relative_residual: f64) {
-        self.iterations.record(iterations as u64);
-        self.unconverged += u64::from(!converged);
-        self.worst_residual = self.worst_residual.max(relative_residual);
+    /// Adds the tally of a body.
+    pub(super) fn add(&mut self, tally: &Tally) {
+        for (times, time) in [
+            (&mut self.assemble, tally.assemble),
+            (&mut self.solve, tally.solve),
+            (&mut self.condense, tally.condense),
+        ] {
+            if let Some(time) = time {
+                times.record(time);
+            }
+        }
+        if let Some((iterations, converged, relative_residual)) = tally.solved {
+            self.iterations.record(iterations as u64);
+            self.unconverged += u64::from(!converged);
+            self.worst_residual = self.worst_residual.max(relative_residual);
+        }
+        self.publications += u64::from(tally.condense.is_some());
+        self.factors += tally.factors;
+        if let Some(clip) = tally.clip {
+            self.clipped += 1;
+            self.worst_clip = self.worst_clip.max(clip);
+        }
     }
 
     pub(super) fn fault(&mut self, body: usize, fault: &StepFault) {

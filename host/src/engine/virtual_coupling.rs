@@ -116,6 +116,11 @@ impl VirtualCoupling {
         &self.model
     }
 
+    /// The latest model of [`through`](Self::through).
+    pub fn model(&self) -> &LocalModel {
+        &self.model
+    }
+
     fn read(&mut self, model: &LocalModel) {
         let arm = self.length;
         let rows = self.root.iter_mut().zip(&mut self.ratio).enumerate();

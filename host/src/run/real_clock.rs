@@ -53,6 +53,7 @@ pub(super) fn run(
         host,
         log,
         engine,
+        threads,
         faults,
         pacer,
         timing,
@@ -69,7 +70,7 @@ pub(super) fn run(
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
     let host = named("palpate-host", move || {
-        host_loop(host, engine, pacer, &host_over)
+        threads.run(|| host_loop(host, engine, pacer, &host_over))
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;

@@ -5,6 +5,7 @@ use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
 use crate::engine::pacer::Pacer;
+use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
@@ -42,6 +43,8 @@ pub struct Setup {
     pub log: LogEnd,
     /// The physics.
     pub engine: Engine,
+    /// The threads on which the engine is stepped.
+    pub threads: Threads,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
     /// The due times of the host's steps.
@@ -103,7 +106,8 @@ pub(crate) fn setup_with(
         tick: TickLoop::new(Controller::new(&config), devices, end),
         host,
         log,
-        engine: Engine::new(held),
+        engine: Engine::new(held).on(scene.host.threads),
+        threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         timing: Timing {

@@ -1,4 +1,5 @@
-//! A run under virtual time: devices, hands, host and log on one clock, in one thread.
+//! A run under virtual time: devices, hands, host and log on one clock, in one thread. The host's threads share the
+//! work of a step only.
 //!
 //! A host step starts when it is due and the host is free. The step sees the records of the ticks before it, and its
 //! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
@@ -11,6 +12,7 @@ use super::timeline::{Host, Timeline};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
+use crate::engine::threads::Threads;
 use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,6 +29,7 @@ pub fn run(
         host,
         mut log,
         engine,
+        threads,
         faults,
         pacer,
         timing,
@@ -34,6 +37,7 @@ pub fn run(
     let bodies = engine.bodies().len();
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
+        threads,
         pacer,
         link: LateLink::new(host, bodies),
         latency_ns: timing.latency_ns,
@@ -66,6 +70,7 @@ pub fn run(
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
     engine: Failing,
+    threads: Threads,
     pacer: Pacer,
     link: LateLink,
     latency_ns: u64,
@@ -104,8 +109,11 @@ impl Host for Paced {
         let (engine, link) = (&mut self.engine, &mut self.link);
         link.drain(|record| engine.follow(record));
         let arrival_ns = start + self.latency_ns;
-        engine.step(due, &self.watch, |body, model| {
-            link.send(arrival_ns, body, model);
+        let watch = &self.watch;
+        self.threads.run(|| {
+            engine.step(due, watch, |body, model| {
+                link.send(arrival_ns, body, model);
+            });
         });
         if due.publishes {
             self.free_at = arrival_ns;

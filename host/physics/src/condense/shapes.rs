@@ -231,8 +231,9 @@ impl<T: Real> Stepper<T> {
             self.u[place] = to_node(&u);
             self.residual[place] = to_node(&(u * (-mass_factor * body.model.mass[node])));
         }
-        for kernel in &mut self.kernels {
-            kernel.product(T::of(-stiffness_factor), &self.u, &mut self.residual);
+        let factor = T::of(-stiffness_factor);
+        for set in &mut self.elements {
+            set.product(self.team, factor, &self.u, &mut self.residual);
         }
     }
 

@@ -4,6 +4,7 @@
 //! - [`Elements`]: the interface of any set of elements to a body, exact.
 //! - `kernel`: the interface of a set to the realtime step, on padded nodes. `placed` and `assembled` are its two
 //!   kinds.
+//! - `parts`: a large set as several kernels, for several cores.
 //! - [`tet`]: the common parts of linear and quadratic tetrahedra: shape functions, any law in exact form, any
 //!   isotropic law in vectors.
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
@@ -18,6 +19,7 @@ mod assembled;
 pub mod bending;
 pub mod elements;
 pub(crate) mod kernel;
+pub(crate) mod parts;
 pub(crate) mod placed;
 pub mod tet;
 pub mod tet10;
@@ -33,6 +35,7 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::material::law::{Frame, IsotropicLaw};
 use assembled::Assembled;
 use kernel::Kernel;
+use parts::{Divided, Listed, cut};
 use tet::principal;
 use tet4::Tet;
 use tet10::QuadraticTet;
@@ -53,6 +56,23 @@ pub enum VectorForm {
     CorotationalTriangles(Vec<Triangle>),
 }
 
+/// Lists of elements that can be cut into parts.
+macro_rules! listed {
+    ($($element:ty),*) => {$(
+        impl Listed for $element {
+            fn nodes(&self) -> &[u32] {
+                &self.nodes
+            }
+
+            fn nodes_mut(&mut self) -> &mut [u32] {
+                &mut self.nodes
+            }
+        }
+    )*};
+}
+
+listed!(Tet, QuadraticTet, Triangle);
+
 impl VectorForm {
     /// The kernel of the elements, with the slots of their blocks in `matrix`.
     fn kernel<T: Real>(self, matrix: &BlockMatrix) -> Box<dyn Kernel<T>> {
@@ -66,6 +86,36 @@ impl VectorForm {
             Self::CorotationalTriangles(triangles) => triangles::kernel(&triangles, matrix),
         }
     }
+
+    /// The parts of a large set, each with the places of its nodes; none for a small set. The nodes are at `rest` (m).
+    fn in_parts(&self, rest: &[Vec3]) -> Vec<(Self, Vec<u32>)> {
+        match self {
+            Self::HookeanTets(frame, tets) => {
+                forms(tets, rest, |tets| Self::HookeanTets(*frame, tets))
+            }
+            Self::HookeanQuadraticTets(frame, tets) => {
+                forms(tets, rest, |tets| Self::HookeanQuadraticTets(*frame, tets))
+            }
+            Self::IsotropicTets(law, tets) => {
+                forms(tets, rest, |tets| Self::IsotropicTets(*law, tets))
+            }
+            Self::IsotropicQuadraticTets(law, tets) => {
+                forms(tets, rest, |tets| Self::IsotropicQuadraticTets(*law, tets))
+            }
+            Self::CorotationalTriangles(triangles) => {
+                forms(triangles, rest, Self::CorotationalTriangles)
+            }
+        }
+    }
+}
+
+fn forms<E: Listed>(
+    elements: &[E],
+    rest: &[Vec3],
+    form: impl Fn(Vec<E>) -> VectorForm,
+) -> Vec<(VectorForm, Vec<u32>)> {
+    let cuts = cut(elements, rest).into_iter();
+    cuts.map(|cut| cut.form(&form)).collect()
 }
 
 /// The kernel of `elements`, whose nodes are in the solver's order: the kernel of their vector form if they have one,
@@ -82,4 +132,19 @@ pub(crate) fn kernel<T: Real>(
     let places: Vec<u32> = (0..matrix.nodes() as u32).collect();
     elements.bind(matrix, &places);
     Box::new(Assembled::new(elements, matrix, rest))
+}
+
+/// The elements as a stepper computes them: the [`kernel`] in parts if the set is large.
+pub(crate) fn divided<T: Real>(
+    elements: Box<dyn Elements>,
+    matrix: &BlockMatrix,
+    rest: &[Vec3],
+) -> Divided<T> {
+    let form = elements.vector_form();
+    let parts = form.map_or_else(Vec::new, |form| form.in_parts(rest));
+    if parts.is_empty() {
+        Divided::Whole(kernel(elements, matrix, rest))
+    } else {
+        Divided::parts(parts, rest.len())
+    }
 }

@@ -7,7 +7,7 @@
 //! - [`pcg`]: conjugate gradients on an assembled matrix; `vectors`: the same on padded nodes, pass by pass.
 //! - [`order`], [`supernodes`]: in which order nodes are eliminated, and which columns of the factor go together.
 //! - `sparse_cholesky`: a sparse factorization; [`cholesky`]: that of a body's matrix, for dense right-hand sides.
-//! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner.
+//! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner; `subtrees`: its solves on several cores.
 //! - [`incomplete`]: an incomplete factor with a coarse space, for bodies whose complete factor is too large.
 //! - [`precondition`]: the choice between the two preconditioners of a step.
 
@@ -23,6 +23,7 @@ pub mod places;
 pub mod precondition;
 pub(crate) mod sparse_cholesky;
 pub(crate) mod step_matrix;
+mod subtrees;
 pub mod supernodes;
 mod sweep;
 pub(crate) mod vectors;

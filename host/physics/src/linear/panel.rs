@@ -13,11 +13,13 @@
 //! [`FactorCode`](crate::linear::sparse_cholesky::FactorCode)) therefore gives the same result on every machine.
 
 use super::factor::{Factor, Rows};
+use super::subtrees::Subtrees;
 use super::supernodes::{Supernode, Supernodes};
 use super::sweep::{self, LANES, Line, Work, column_blocks, lines, strips};
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
+use crate::team::{Alone, Team};
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
@@ -42,6 +44,8 @@ pub struct Panels {
     start: Vec<u32>,
     values: Vec<Line>,
     work: Work,
+    /// The pieces of a large factor.
+    subtrees: Option<Subtrees>,
     build: Build,
 }
 
@@ -156,6 +160,7 @@ impl Panels {
         let most = |size: fn(&Supernode) -> usize| blocks.iter().map(size).max().unwrap_or(0);
         let width = most(|block| 3 * block.width());
         let mut panels = Self {
+            subtrees: Subtrees::new(&supernodes, &start),
             start,
             values: vec![Line::ZERO; total],
             work: Work::new(width, most(strips)),
@@ -209,6 +214,7 @@ impl Panels {
             + size_of_val(self.start.as_slice())
             + size_of_val(self.values.as_slice())
             + self.work.bytes()
+            + self.subtrees.as_ref().map_or(0, Subtrees::bytes)
             + size_of_val(local.as_slice())
             + size_of_val(diagonal.as_slice())
             + size_of_val(strips.as_slice())
@@ -249,15 +255,30 @@ impl Panels {
     ///
     /// Places past those of the factor are not changed. If `r` is shorter than the factor, the function does nothing.
     pub fn solve(&mut self, r: &mut [Node<f32>]) {
+        self.solve_with(&Alone, r);
+    }
+
+    /// [`solve`](Self::solve) with a team, which gives the same result.
+    pub fn solve_with(&mut self, team: &dyn Team, r: &mut [Node<f32>]) {
         if r.len() < self.build.local.len() {
             return;
         }
-        sweep::solve(&self.supernodes, &self.values, &mut self.work, r);
+        match &mut self.subtrees {
+            Some(subtrees) => subtrees.solve(team, &self.values, r),
+            None => sweep::solve(&self.supernodes, &self.values, &mut self.work, r),
+        }
     }
 
-    /// [`solve`](Self::solve) for three right-hand sides. Each pass reads the panels once for all three.
+    /// [`solve`](Self::solve) for three right-hand sides. Each pass reads the panels of a small factor once for all
+    /// three.
     pub fn solve_three(&mut self, r: [&mut [Node<f32>]; 3]) {
         if r.iter().any(|r| r.len() < self.build.local.len()) {
+            return;
+        }
+        if self.subtrees.is_some() {
+            for r in r {
+                self.solve(r);
+            }
             return;
         }
         sweep::solve_three(&self.supernodes, &self.values, &mut self.work, r);

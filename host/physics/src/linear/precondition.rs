@@ -11,6 +11,7 @@ use crate::Vec3;
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
+use crate::team::Team;
 
 /// A kind of factor that preconditions steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,10 +56,10 @@ pub(crate) enum Solves {
 
 impl Solves {
     /// Solves in place, in f32. `r` contains the right-hand side by places.
-    pub(crate) fn solve(&mut self, r: &mut [Node<f32>]) {
+    pub(crate) fn solve(&mut self, team: &dyn Team, r: &mut [Node<f32>]) {
         match self {
-            Self::Complete(panels) => panels.solve(r),
-            Self::Incomplete(incomplete) => incomplete.solve(r),
+            Self::Complete(panels) => panels.solve_with(team, r),
+            Self::Incomplete(incomplete) => incomplete.solve(team, r),
         }
     }
 

@@ -49,6 +49,11 @@ pub struct Supernodes {
 }
 
 impl Supernodes {
+    /// The places below `block`, ascending.
+    pub(crate) fn below_of(&self, block: &Supernode) -> &[u32] {
+        &self.below[block.below_start as usize..block.below_end as usize]
+    }
+
     /// Memory of the supernodes (bytes).
     pub fn bytes(&self) -> usize {
         size_of_val(self.blocks.as_slice()) + size_of_val(self.below.as_slice())

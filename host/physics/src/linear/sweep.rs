@@ -151,12 +151,18 @@ fn pack(nodes: &[Node<f32>], flat: &mut [f32]) {
 
 /// The inverse of [`pack`]. The fourth number of a node becomes the first number of the next node.
 #[inline(always)]
-fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
+pub(super) fn unpack(flat: &[f32], nodes: &mut [Node<f32>]) {
     for (at, node) in nodes.iter_mut().enumerate() {
         if let Some(row) = flat[3 * at..].first_chunk::<4>() {
             *node = *row;
         }
     }
+}
+
+/// Rows of `strips` strips, with room to begin at a cache line.
+pub(super) fn rows(strips: usize) -> Vec<f32> {
+    // Packing writes one number more than it packs.
+    vec![0.0; LANES * (strips + 2)]
 }
 
 /// The rows and columns of the current supernode, for each right-hand side.
@@ -168,12 +174,18 @@ pub(crate) struct Work {
 }
 
 impl Work {
+    /// The rows and the columns of one right-hand side.
+    pub(crate) fn one(&mut self) -> (&mut [[f32; LANES]], &mut [f32]) {
+        let ([rows, ..], [columns, ..]) = (&mut self.rows, &mut self.columns);
+        (aligned(rows), columns)
+    }
+}
+
+impl Work {
     /// Room for supernodes of up to `width` columns and `strips` strips.
     pub(crate) fn new(width: usize, strips: usize) -> Self {
-        // Packing writes one number more than it packs.
-        let rows = || vec![0.0; LANES * (strips + 2)];
         Self {
-            rows: core::array::from_fn(|_| rows()),
+            rows: core::array::from_fn(|_| rows(strips)),
             columns: core::array::from_fn(|_| vec![0.0; width + 4]),
         }
     }
@@ -189,30 +201,26 @@ impl Work {
 
 /// The part of `buffer` that begins at a cache line, in strips.
 #[inline(always)]
-fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
+pub(super) fn aligned(buffer: &mut [f32]) -> &mut [[f32; LANES]] {
     let skip = buffer.as_ptr().align_offset(64).min(LANES - 1);
     buffer[skip..].as_chunks_mut::<LANES>().0
 }
 
+/// The forward pass through the panels `values` of `supernodes`.
 #[inline(always)]
-fn both_ways<const K: usize>(
+fn forward_pass<const K: usize>(
     supernodes: &Supernodes,
     values: &[Line],
-    rows: [&mut [f32]; K],
-    mut columns: [&mut [f32]; K],
-    r: [&mut [Node<f32>]; K],
+    rows: &mut [&mut [[f32; LANES]]; K],
+    columns: &mut [&mut [f32]; K],
+    r: &mut [&mut [Node<f32>]; K],
 ) {
-    let mut rows = rows.map(aligned);
     let mut rest = values;
     for block in &supernodes.blocks {
-        let (first, end) = (block.first as usize, block.end as usize);
-        let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
         let strips = strips(block);
         for k in 0..K {
-            pack(&r[k][first..end], columns[k]);
-            columns[k][width..width + 3].fill(0.0);
-            rows[k][..strips].fill([0.0; LANES]);
+            begin(block, r[k], &mut rows[k][..strips], columns[k]);
         }
         for (column, count) in column_blocks(width) {
             let strip = column / LANES;
@@ -223,32 +231,26 @@ fn both_ways<const K: usize>(
             by_width!(count, forward_block(lines, x, &mut rows));
         }
         for k in 0..K {
-            let flat = rows[k].as_flattened();
-            unpack(flat, &mut r[k][first..end]);
-            for (at, &place) in below.iter().enumerate() {
-                if let Some(row) = flat[width + 3 * at..].first_chunk::<4>() {
-                    // The fourth number belongs to the next row. It is never read.
-                    let node = &mut r[k][place as usize];
-                    *node = core::array::from_fn(|i| node[i] + row[i]);
-                }
-            }
+            add_below(block, supernodes.below_of(block), rows[k], r[k]);
         }
     }
+}
+
+/// The backward pass through the panels `values` of `supernodes`.
+#[inline(always)]
+fn backward_pass<const K: usize>(
+    supernodes: &Supernodes,
+    values: &[Line],
+    rows: &mut [&mut [[f32; LANES]]; K],
+    columns: &mut [&mut [f32]; K],
+    r: &mut [&mut [Node<f32>]; K],
+) {
     let mut rest = values;
     for block in supernodes.blocks.iter().rev() {
-        let (first, end) = (block.first as usize, block.end as usize);
-        let below = &supernodes.below[block.below_start as usize..block.below_end as usize];
         let width = 3 * block.width();
         let strips = strips(block);
         for k in 0..K {
-            let flat = rows[k].as_flattened_mut();
-            pack(&r[k][first..end], flat);
-            for (at, &place) in below.iter().enumerate() {
-                if let Some(row) = flat[width + 3 * at..].first_chunk_mut::<4>() {
-                    *row = r[k][place as usize];
-                }
-            }
-            flat[width + 3 * below.len()..LANES * strips].fill(0.0);
+            collect(block, supernodes.below_of(block), r[k], rows[k]);
         }
         for (column, count) in column_blocks_reversed(width) {
             let strip = column / LANES;
@@ -258,18 +260,91 @@ fn both_ways<const K: usize>(
             let rows = rows.each_ref().map(|rows| &rows[strip..strips]);
             by_width!(count, backward_block(lines, x, rows));
         }
+        let own = block.first as usize..block.end as usize;
         for k in 0..K {
-            unpack(columns[k], &mut r[k][first..end]);
+            unpack(columns[k], &mut r[k][own.clone()]);
         }
     }
+}
+
+/// Begins the forward step of a supernode: its part of `r` in `columns`, and no result in `rows` yet.
+#[inline(always)]
+pub(crate) fn begin(
+    block: &Supernode,
+    r: &[Node<f32>],
+    rows: &mut [[f32; LANES]],
+    columns: &mut [f32],
+) {
+    let width = 3 * block.width();
+    pack(&r[block.first as usize..block.end as usize], columns);
+    columns[width..width + 3].fill(0.0);
+    rows.fill([0.0; LANES]);
+}
+
+/// Ends the forward step of a supernode: its places take the first rows, and the places `below` add the others.
+#[inline(always)]
+pub(crate) fn add_below(
+    block: &Supernode,
+    below: &[u32],
+    rows: &[[f32; LANES]],
+    r: &mut [Node<f32>],
+) {
+    let flat = rows.as_flattened();
+    unpack(flat, &mut r[block.first as usize..block.end as usize]);
+    let flat = &flat[3 * block.width()..];
+    for (at, &place) in below.iter().enumerate() {
+        if let Some(row) = flat[3 * at..].first_chunk::<4>() {
+            // The fourth number belongs to the next row. It is never read.
+            let node = &mut r[place as usize];
+            *node = core::array::from_fn(|i| node[i] + row[i]);
+        }
+    }
+}
+
+/// Begins the backward step of a supernode: the rows of its places and of the places `below`.
+#[inline(always)]
+pub(crate) fn collect(
+    block: &Supernode,
+    below: &[u32],
+    r: &[Node<f32>],
+    rows: &mut [[f32; LANES]],
+) {
+    let width = 3 * block.width();
+    let flat = rows.as_flattened_mut();
+    pack(&r[block.first as usize..block.end as usize], flat);
+    for (at, &place) in below.iter().enumerate() {
+        if let Some(row) = flat[width + 3 * at..].first_chunk_mut::<4>() {
+            *row = r[place as usize];
+        }
+    }
+    flat[width + 3 * below.len()..LANES * strips(block)].fill(0.0);
+}
+
+/// Clears the padding of the places of `supernodes`.
+#[inline(always)]
+pub(crate) fn clear_padding(supernodes: &Supernodes, r: &mut [Node<f32>]) {
     let count = supernodes
         .blocks
         .last()
         .map_or(0, |block| block.end as usize);
+    for node in &mut r[..count] {
+        node[3] = 0.0;
+    }
+}
+
+#[inline(always)]
+fn both_ways<const K: usize>(
+    supernodes: &Supernodes,
+    values: &[Line],
+    rows: [&mut [f32]; K],
+    mut columns: [&mut [f32]; K],
+    mut r: [&mut [Node<f32>]; K],
+) {
+    let mut rows = rows.map(aligned);
+    forward_pass(supernodes, values, &mut rows, &mut columns, &mut r);
+    backward_pass(supernodes, values, &mut rows, &mut columns, &mut r);
     for r in r {
-        for node in &mut r[..count] {
-            node[3] = 0.0;
-        }
+        clear_padding(supernodes, r);
     }
 }
 
@@ -303,4 +378,93 @@ pub(crate) fn solve_three(
     let rows = work.rows.each_mut().map(Vec::as_mut_slice);
     let columns = work.columns.each_mut().map(Vec::as_mut_slice);
     both_ways(supernodes, values, rows, columns, r);
+}
+
+/// The forward pass for one right-hand side.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn forward(
+    supernodes: &Supernodes,
+    values: &[Line],
+    work: &mut Work,
+    r: &mut [Node<f32>],
+) {
+    let (rows, columns) = work.one();
+    forward_pass(supernodes, values, &mut [rows], &mut [columns], &mut [r]);
+}
+
+/// The backward pass for one right-hand side.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn backward(
+    supernodes: &Supernodes,
+    values: &[Line],
+    work: &mut Work,
+    r: &mut [Node<f32>],
+) {
+    let (rows, columns) = work.one();
+    backward_pass(supernodes, values, &mut [rows], &mut [columns], &mut [r]);
+}
+
+/// Adds the product of `count` columns of a panel, from column `first` on, with `x` to `rows`. `values` holds the blocks
+/// of these columns alone.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn forward_columns(
+    values: &[Line],
+    (first, count): (usize, usize),
+    x: &[f32],
+    rows: &mut [[f32; LANES]],
+) {
+    const K: usize = 1;
+    let mut rest = values;
+    for (column, count) in column_blocks(count) {
+        let strip = (first + column) / LANES;
+        let lines;
+        (lines, rest) = rest.split_at(count * (rows.len() - strip));
+        let mut rows = [&mut rows[strip..]];
+        by_width!(count, forward_block(lines, [&x[column..]], &mut rows));
+    }
+}
+
+/// The product of a transposed panel with `rows`, for the blocks of columns from column `first` on, as many columns as
+/// there are in `x`. `values` holds these blocks alone.
+#[cfg_attr(
+    not(palpate_one_version),
+    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
+)]
+pub(crate) fn backward_columns(
+    values: &[Line],
+    first: usize,
+    rows: &[[f32; LANES]],
+    x: &mut [f32],
+) {
+    backward_range(values, first, &[rows], &mut [x]);
+}
+
+/// Sets `columns`, those of a panel from number `first` on, to the transposed panel times `rows`. The function has the
+/// form of [`backward_pass`]: in a plainer form, LLVM shuffles single columns, and a product takes six times as long.
+#[inline(always)]
+fn backward_range<const K: usize>(
+    values: &[Line],
+    first: usize,
+    rows: &[&[[f32; LANES]]; K],
+    columns: &mut [&mut [f32]; K],
+) {
+    let mut rest = values;
+    let (width, strips) = (columns[0].len(), rows[0].len());
+    for (column, count) in column_blocks_reversed(width) {
+        let strip = (first + column) / LANES;
+        let lines;
+        (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
+        let x = columns.each_mut().map(|x| &mut x[column..column + count]);
+        let rows = rows.each_ref().map(|rows| &rows[strip..strips]);
+        by_width!(count, backward_block(lines, x, rows));
+    }
 }

@@ -157,8 +157,12 @@ fn solve(scene: &Scene, bodies: &[BodyPlan]) -> String {
         };
         format!("{name}{how} ({})", body.choice.why)
     });
+    let threads = match host.threads {
+        1 => String::new(),
+        count => format!(" on {count} threads"),
+    };
     format!(
-        "implicit Euler at {} Hz, at most {} iterations: {}",
+        "implicit Euler at {} Hz{threads}, at most {} iterations: {}",
         host.step_rate,
         host.max_iterations,
         each.collect::<Vec<_>>().join("; ")

@@ -102,6 +102,8 @@ macro_rules! wholes {
 wholes! {
     /// Iterations of a solver.
     iterations: "a whole number from 1 to 100000", 1, 100_000;
+    /// Threads of the host.
+    threads: "a whole number from 1 to 64", 1, 64;
     /// Frames of a result.
     frames: "a whole number from 1 to 10000", 1, 10_000;
     /// Order of the elements.

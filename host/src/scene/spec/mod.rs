@@ -187,6 +187,9 @@ pub struct Host {
     /// Solver: largest number of iterations per step.
     #[serde(deserialize_with = "check::iterations")]
     pub max_iterations: usize,
+    /// Threads that share the work of a step. The results do not depend on the number.
+    #[serde(deserialize_with = "check::threads")]
+    pub threads: usize,
 }
 
 /// `host.solver`: the solver of a step.
@@ -218,6 +221,7 @@ impl Default for Host {
             budget: None,
             tolerance: 1e-6,
             max_iterations: 1000,
+            threads: 1,
         }
     }
 }

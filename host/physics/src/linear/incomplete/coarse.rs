@@ -16,6 +16,7 @@ use crate::linear::order;
 use crate::linear::panel::Panels;
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::linear::step_matrix::StepMatrix;
+use crate::team::Team;
 use crate::{Mat3, Vec3};
 
 /// The fraction by which diagonals are enlarged. A patch whose nodes lie on a line has no stiffness against turns about
@@ -45,7 +46,7 @@ fn cross(a: &Node<f32>, b: &Node<f32>) -> Node<f32> {
 }
 
 impl Coarse {
-    /// Sums the forces and moments of `r` on each patch, and solves for the motions of the patches.
+    /// Sums the forces and moments of `r` on each patch.
     pub(crate) fn gather(&mut self, r: &[Node<f32>]) {
         self.motion.fill([0.0; 4]);
         for ((&patch, arm), r) in self.patch.iter().zip(&self.arm).zip(r) {
@@ -59,7 +60,11 @@ impl Coarse {
                 moment[i] += turn[i];
             }
         }
-        self.panels.solve(&mut self.motion);
+    }
+
+    /// Solves for the motions of the patches.
+    pub(crate) fn solve(&mut self, team: &dyn Team) {
+        self.panels.solve_with(team, &mut self.motion);
     }
 
     /// Adds the motions of the patches to `z`.
@@ -76,7 +81,7 @@ impl Coarse {
         }
     }
 
-    /// The cost of `gather` and `add_to`.
+    /// The cost of `gather`, `solve` and `add_to`.
     pub(crate) fn solve_cost(&self) -> Cost {
         let nodes = self.patch.len();
         let patches = Cost::read(size_of_val(self.patch.as_slice()))

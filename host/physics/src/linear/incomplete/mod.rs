@@ -36,6 +36,7 @@ use crate::Vec3;
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
+use crate::team::Team;
 use coarse::{Coarse, CoarseMaker};
 
 /// The incomplete factor and the coarse space.
@@ -46,11 +47,13 @@ pub struct Incomplete {
 }
 
 impl Incomplete {
-    /// Applies the preconditioner in place to `r`, the residual by places.
-    pub(crate) fn solve(&mut self, r: &mut [Node<f32>]) {
-        self.coarse.gather(r);
-        self.blocks.solve(r);
-        self.coarse.add_to(r);
+    /// Applies the preconditioner in place to `r`, the residual by places. The two parts are computed beside each
+    /// other.
+    pub(crate) fn solve(&mut self, team: &dyn Team, r: &mut [Node<f32>]) {
+        let Self { blocks, coarse } = self;
+        coarse.gather(r);
+        team.join(&mut || coarse.solve(team), &mut || blocks.solve(r));
+        coarse.add_to(r);
     }
 
     /// The cost of a solve.

@@ -10,6 +10,7 @@
 
 use super::Stepper;
 use crate::cost::Cost;
+use crate::element::parts::Divided;
 use crate::error::CondenseError;
 use crate::lanes::{Node, Real};
 use crate::linear::vectors;
@@ -46,10 +47,10 @@ impl<T: Real> Stepper<T> {
                 // kernel.
                 let mut sum = Cost::write(all) + Cost::read(all).again();
                 sum.touched += all;
-                for (i, kernel) in self.kernels.iter().enumerate() {
+                for (i, set) in self.elements.iter().enumerate() {
                     let own = match part {
-                        Part::Linearize => kernel.linearize_cost()?,
-                        _ => kernel.product_cost()?,
+                        Part::Linearize => set.linearize_cost()?,
+                        _ => set.product_cost()?,
                     };
                     sum = sum + own + Cost::update(all).again();
                     if i > 0 {
@@ -90,8 +91,8 @@ impl<T: Real> Stepper<T> {
             Part::Linearize => self.linearize_elements(),
             Part::Product => {
                 self.q.fill([T::ZERO; 4]);
-                for kernel in &mut self.kernels {
-                    kernel.product(T::of(1.0), &self.u, &mut self.q);
+                for set in &mut self.elements {
+                    set.product(self.team, T::of(1.0), &self.u, &mut self.q);
                 }
             }
             Part::Precondition => {
@@ -119,7 +120,7 @@ impl<T: Real> Stepper<T> {
     /// Memory of the stepper (bytes): its own arrays and, unless it is lent, the refresher, without the shapes of local
     /// models.
     pub fn bytes(&self) -> usize {
-        let kernels: usize = self.kernels.iter().map(|kernel| kernel.bytes()).sum();
+        let elements: usize = self.elements.iter().map(Divided::bytes).sum();
         let by_place = [
             &self.mask,
             &self.d,
@@ -131,7 +132,7 @@ impl<T: Real> Stepper<T> {
         ];
         let nodes: usize = by_place.iter().map(|v| size_of_val(v.as_slice())).sum();
         size_of::<Self>()
-            + kernels
+            + elements
             + self.refresher_bytes()
             + self.solves.bytes()
             + nodes

@@ -127,8 +127,8 @@ impl<T: Real> Stepper<T> {
             self.u[place] = to_node(&u);
         }
         let damping = T::of(-body.model.config.stiffness_damping / h);
-        for kernel in &mut self.kernels {
-            kernel.product(damping, &self.u, &mut self.residual);
+        for set in &mut self.elements {
+            set.product(self.team, damping, &self.u, &mut self.residual);
         }
     }
 }

@@ -51,8 +51,8 @@ impl<T: Real> Stepper<T> {
                 &mut self.q[..free],
             );
             self.q[free..].fill([T::ZERO; 4]);
-            for kernel in &mut self.kernels {
-                kernel.product(T::of(stiffness_factor), &self.p, &mut self.q);
+            for set in &mut self.elements {
+                set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
             }
             let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
             // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
@@ -100,7 +100,7 @@ impl<T: Real> Stepper<T> {
     pub(crate) fn precondition(&mut self) -> f64 {
         vectors::round(&self.residual, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
-        self.solves.solve(&mut self.z);
+        self.solves.solve(self.team, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
         vectors::dot_single(&self.z, &self.residual)
     }

@@ -34,11 +34,11 @@ use super::sleep::Sleep;
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
-use crate::element::{self, kernel::Kernel};
+use crate::element::{self, Elements, kernel::Kernel, parts::Divided};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, Real, to_node, to_vec};
-use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{self, Preconditioner, Solves};
+use crate::team::{Alone, Team};
 use stages::Underway;
 
 /// A complete factor has aged if an iteration leaves more than this fraction of the residual. A fresh factor leaves a
@@ -61,6 +61,8 @@ pub(crate) struct Stepped {
 pub struct Stepper<T> {
     /// The options of the steps; they may be changed between steps.
     pub options: StepperOptions,
+    /// The team that does the parts of a step. The team may be changed between steps; every team gives the same bytes.
+    pub team: &'static dyn Team,
     /// The topology epoch of the body for which all data here are made.
     pub(crate) epoch: u64,
     /// The place of each node, and the node at each place. Free nodes come first, in an order that keeps the factor
@@ -68,7 +70,7 @@ pub struct Stepper<T> {
     pub(crate) place: Vec<u32>,
     pub(crate) node: Vec<u32>,
     pub(crate) free: usize,
-    pub(crate) kernels: Vec<Box<dyn Kernel<T>>>,
+    pub(crate) elements: Vec<Divided<T>>,
     /// The refresher; absent while it is lent.
     pub(crate) refresher: Option<Box<Refresher<T>>>,
     /// The factor that preconditions the steps.
@@ -131,24 +133,25 @@ fn factors(body: &Body, h: f64) -> (f64, f64) {
     )
 }
 
-/// The kernels of the element sets of `body` and of its bending, in the order of places. `place` gives the place of each
-/// node, and `rank` that of each row of the stiffness.
-fn kernels<T: Real>(
+/// The element sets of `body`, each made by `of_set` in the order of places, and its bending. `place` gives the place of
+/// each node, and `rank` that of each row of the stiffness. `rest` contains the rest positions of the places (m).
+fn elements<T: Real, E>(
     body: &Body,
     (place, rank): (&[u32], &[u32]),
-    matrix: &BlockMatrix,
     rest: &[Vec3],
-) -> Vec<Box<dyn Kernel<T>>> {
-    let mut kernels: Vec<Box<dyn Kernel<T>>> = Vec::new();
+    of_set: impl Fn(Box<dyn Elements>) -> E,
+    of_bending: impl Fn(Box<dyn Kernel<T>>) -> E,
+) -> Vec<E> {
+    let mut all: Vec<E> = Vec::new();
     for set in &body.model.elements {
         let mut set = set.boxed();
         set.renumber(place);
-        kernels.push(element::kernel(set, matrix, rest));
+        all.push(of_set(set));
     }
     if let Some(bending) = &body.model.bending {
-        kernels.push(bending.kernel(rank, rest));
+        all.push(of_bending(bending.kernel(rank, rest)));
     }
-    kernels
+    all
 }
 
 impl<T: Real> Stepper<T> {
@@ -180,7 +183,11 @@ impl<T: Real> Stepper<T> {
         };
         let rest = by_place(&body.model.rest);
         let matrix = body.assembly.stiffness.renumbered(&rank);
-        let kernels = || kernels(body, (&place, &rank), &matrix, &rest);
+        let by = (&*place, &*rank);
+        let divided = |set| element::divided(set, &matrix, &rest);
+        let divided = elements(body, by, &rest, divided, Divided::Whole);
+        let kernel = |set| element::kernel(set, &matrix, &rest);
+        let kernels = elements(body, by, &rest, kernel, |bending| bending);
         let guided = body
             .constraints
             .supports
@@ -193,10 +200,9 @@ impl<T: Real> Stepper<T> {
             .iter()
             .map(|&node| body.model.mass[node as usize])
             .collect();
-        let kept = kernels();
         let mask = guided.iter().map(to_node).collect();
         let refresher = Refresher::new(
-            kernels(),
+            kernels,
             matrix.clone(),
             &rest,
             mass.clone(),
@@ -211,7 +217,8 @@ impl<T: Real> Stepper<T> {
         Ok(Self {
             options,
             epoch: body.epoch(),
-            kernels: kept,
+            elements: divided,
+            team: &Alone,
             solves: refresher.like_made(),
             refresher: Some(Box::new(refresher)),
             place,
@@ -255,9 +262,9 @@ impl<T: Real> Stepper<T> {
     pub fn follow(&mut self, body: &Body) -> Result<(), CondenseError> {
         if self.epoch != body.epoch() {
             // The count continues, so that no shapes of another epoch pass for those of this linearization.
-            let state = self.state;
+            let (state, team) = (self.state, self.team);
             *self = Self::new(body, self.options)?;
-            self.state = state;
+            (self.state, self.team) = (state, team);
         }
         Ok(())
     }
@@ -325,8 +332,8 @@ impl<T: Real> Stepper<T> {
     pub(crate) fn linearize_elements(&mut self) {
         self.force.fill([T::ZERO; 4]);
         self.elastic = 0.0;
-        for kernel in &mut self.kernels {
-            self.elastic += kernel.linearize(&self.d, &mut self.force);
+        for set in &mut self.elements {
+            self.elastic += set.linearize(self.team, &self.d, &mut self.force);
         }
     }
 
@@ -387,8 +394,9 @@ impl<T: Real> Stepper<T> {
                 momentum += (body.state.v[node] * (mass / h)).norm_squared();
             }
         }
-        for kernel in &mut self.kernels {
-            kernel.product(-T::of(stiffness_factor), &self.u, &mut self.residual);
+        let factor = -T::of(stiffness_factor);
+        for set in &mut self.elements {
+            set.product(self.team, factor, &self.u, &mut self.residual);
         }
         let held = self.u[self.free..].iter().flatten();
         let moved = !self.mask.is_empty() || held.copied().any(|u| u != T::ZERO);

@@ -1,0 +1,164 @@
+//! Times of the realtime step on several threads, for cubes of 20,250 and of 48,000 tetrahedra.
+//!
+//! `cargo run --release -p palpate-physics --example motion_threads [threads ...]`
+//!
+//! The settings take turns, a few steps at a time, so that a machine that slows down slows them all.
+
+use physics::mesh::generate_box::solid_box;
+use physics::team::Work;
+use physics::{
+    Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw,
+    SolidMaterial, Stepper, StepperOptions, Team, Vec3,
+};
+use rayon_core::{ThreadPool, ThreadPoolBuilder};
+use std::error::Error;
+use std::time::Instant;
+
+const STEP: f64 = 0.005;
+const ROUNDS: usize = 12;
+const STEPS: usize = 20;
+const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
+
+/// Does pairs of parts on the threads of the present pool.
+#[derive(Debug)]
+struct Pool;
+
+impl Team for Pool {
+    fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
+        rayon_core::join(one, other);
+    }
+}
+
+/// One number of threads, with a body of its own.
+struct Setting {
+    threads: usize,
+    pool: ThreadPool,
+    body: Body,
+    stepper: Stepper<f64>,
+    poses: [HandlePose; 2],
+    steps: Vec<f64>,
+    parts: [Vec<f64>; 3],
+    iterations: usize,
+}
+
+impl Setting {
+    fn new(threads: usize, body: &Body) -> Result<Self, Box<dyn Error>> {
+        let options = StepperOptions {
+            refresh: false,
+            ..StepperOptions::default()
+        };
+        let mut stepper = Stepper::new(body, options)?;
+        stepper.prepare(body, STEP)?;
+        stepper.team = if threads > 1 { &Pool } else { &Alone };
+        Ok(Self {
+            threads,
+            pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
+            body: body.clone(),
+            stepper,
+            poses: [-0.05, 0.05].map(|z| HandlePose::at(Vec3::z() * z)),
+            steps: Vec::new(),
+            parts: Default::default(),
+            iterations: 0,
+        })
+    }
+
+    /// Some steps of a press and a shear, and each part alone.
+    fn round(&mut self) -> Result<(), String> {
+        let Self {
+            pool,
+            body,
+            stepper,
+            poses,
+            steps,
+            parts,
+            iterations,
+            ..
+        } = self;
+        pool.install(|| {
+            for _ in 0..STEPS {
+                let at = steps.len() as f64;
+                poses[1].position = Vec3::new(2e-3 * (0.1 * at).sin(), 0.0, 0.05 - 2e-5 * at);
+                let start = Instant::now();
+                let report = stepper.step(body, STEP, poses, || false);
+                steps.push(start.elapsed().as_secs_f64());
+                *iterations += report.map_err(|e| e.to_string())?.iterations;
+            }
+            for (part, times) in PARTS.iter().zip(parts) {
+                for _ in 0..STEPS {
+                    let start = Instant::now();
+                    stepper.repeat(*part).map_err(|e| e.to_string())?;
+                    times.push(start.elapsed().as_secs_f64());
+                }
+            }
+            Ok(())
+        })
+    }
+
+    fn print(&mut self) {
+        let cell = |times: &mut Vec<f64>| {
+            times.sort_by(f64::total_cmp);
+            let at = |fraction: usize| 1e6 * times[times.len() * fraction / 100];
+            format!("{:7.0} {:7.0}", at(5), at(50))
+        };
+        let mean = self.iterations as f64 / self.steps.len() as f64;
+        let parts = self.parts.each_mut().map(cell);
+        println!(
+            "{:7} {mean:5.2} {}   {}",
+            self.threads,
+            cell(&mut self.steps),
+            parts.join("   ")
+        );
+    }
+}
+
+fn cube(cells: u32) -> Result<Body, Box<dyn Error>> {
+    let mesh = solid_box([0.1; 3], [cells; 3])?;
+    let material = SolidMaterial {
+        young: 2e4,
+        poisson: 0.3,
+        density: 1000.0,
+    };
+    let mut handles = Vec::new();
+    for (name, z) in [("bottom", -0.05), ("top", 0.05)] {
+        handles.push(HandleSpec {
+            vertices: mesh.group(name).ok_or(name)?.members.clone(),
+            origin: Vec3::z() * z,
+            freedom: Freedom::Translation,
+            border: Border::Hinged,
+        });
+    }
+    let config = BodyConfig {
+        gravity: Vec3::zeros(),
+        mass_damping: 0.1,
+        stiffness_damping: 0.1,
+        ..BodyConfig::default()
+    };
+    let law = SolidLaw::Corotational;
+    Ok(Body::solid(&mesh, &[material], law, config, &handles)?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut threads = Vec::new();
+    for argument in std::env::args().skip(1) {
+        threads.push(argument.parse()?);
+    }
+    if threads.is_empty() {
+        threads = vec![1, 2];
+    }
+    for cells in [15, 20] {
+        let body = cube(cells)?;
+        println!("{} tetrahedra; 5 % and median, us", body.element_count());
+        println!(
+            "threads  iter            step         linearize           product      precondition"
+        );
+        let settings = threads.iter().map(|&count| Setting::new(count, &body));
+        let mut settings = settings.collect::<Result<Vec<_>, _>>()?;
+        for _ in 0..ROUNDS {
+            for setting in &mut settings {
+                setting.round()?;
+            }
+        }
+        settings.iter_mut().for_each(Setting::print);
+    }
+    Ok(())
+}
