@@ -121,8 +121,8 @@ fn a_scheme_without_extrapolation_condenses_nothing() {
 #[test]
 fn the_reasons_name_the_kind_of_the_body() {
     for (body, elements, bending) in [
-        (SOLID, "tetrahedra of 1 body", "no isotropic sheet"),
-        (THREAD, "bars of 1 body", "no isotropic sheet"),
+        (SOLID, "tetrahedra of 1 body", "no sheet"),
+        (THREAD, "bars of 1 body", "no sheet"),
         (SHEET, "isotropic membranes of 1 body", "bending"),
     ] {
         let loaded = scene("", body, "");

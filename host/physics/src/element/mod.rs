@@ -10,7 +10,7 @@
 //! - [`tet4`], [`tet10`]: linear and quadratic tetrahedra under Hooke's law, in vectors.
 //! - [`triangle`]: membranes, with or without a grain.
 //! - [`truss`]: bars of a thread, a suture or a net.
-//! - [`bending`]: the resistance to bending of a sheet that is flat at rest.
+//! - [`bending`]: the resistance of a sheet to bending.
 //!
 //! This file alone registers elements. Each kind needs a line that names its folder. A kind with a kernel for vector
 //! instructions also needs a variant of [`VectorForm`] and the arm that makes the kernel.

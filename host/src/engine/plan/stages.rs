@@ -97,14 +97,13 @@ fn elements(bodies: &[BodyPlan]) -> String {
 
 fn bending(bodies: &[BodyPlan]) -> Stage {
     let bent = bodies.iter().filter(|body| body.bends).count();
-    let why = format!(
-        "bending > 0 in {}; its matrix is constant",
-        count(bent, "body")
-    );
+    let why = format!("bending > 0 in {}", count(bent, "body"));
     let why_not = if bodies.iter().any(|body| body.kind == Kind::Sheet) {
         "bending = 0 in every body"
+    } else if bodies.iter().any(|body| body.kind == Kind::Woven) {
+        "no weave has a rigidity"
     } else {
-        "no isotropic sheet"
+        "no sheet"
     };
     Stage::either("bending", bent > 0, why, why_not)
 }
