@@ -1,14 +1,16 @@
 //! The stated numbers of operations of kernels against counted operations, and the memory of a stepper.
 
+use physics::element::bending;
 use physics::element::tet4::{self, Tet, Tets};
 use physics::element::tet10::{self, QuadraticTet, QuadraticTets};
 use physics::element::triangle::triangles::{self, Triangle, Triangles};
 use physics::lanes::block::LANES;
 use physics::material::law::Frame;
+use physics::mesh::generate::{Pattern, sheet};
 use physics::mesh::generate_box::solid_box;
 use physics::{
-    Body, BodyConfig, Border, Freedom, HandleSpec, Node, Part, Real, SolidLaw, SolidMaterial,
-    Stepper, StepperOptions, Vec3,
+    Body, BodyConfig, Border, Freedom, HandleSpec, Material, Node, Part, Real, SolidLaw,
+    SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 use std::cell::Cell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -255,6 +257,65 @@ fn the_stated_operations_of_isotropic_laws_are_the_counted_ones() {
             let stated = stepper.cost(Part::Product).unwrap().flops;
             assert_eq!(found, stated / elements * filled + filled * fill(nodes));
         }
+    }
+}
+
+/// A sheet of whole blocks of triangles after some steps of swinging down, with or without bending.
+fn swinging_sheet(bending: f64, (nx, ny): (u32, u32)) -> Stepper<Counted> {
+    let mesh = sheet(0.1, 0.1, nx, ny, Pattern::Alternating).unwrap();
+    let material = Material {
+        young: 1e6,
+        poisson: 0.3,
+        thickness: 1e-3,
+        density: 1000.0,
+    };
+    let config = BodyConfig {
+        bending,
+        ..BodyConfig::default()
+    };
+    let left = HandleSpec {
+        vertices: mesh.group("left").unwrap().members.clone(),
+        origin: Vec3::zeros(),
+        freedom: Freedom::Translation,
+        border: Border::Hinged,
+    };
+    let mut body = Body::sheet(&mesh, &[material], config, &[left]).unwrap();
+    assert_eq!(body.element_count() % LANES, 0);
+    let pose = body.handle_report(0).unwrap().pose;
+    let mut stepper = Stepper::<Counted>::new(&body, StepperOptions::default()).unwrap();
+    for _ in 0..5 {
+        stepper.step(&mut body, 0.01, &[pose], || false).unwrap();
+    }
+    stepper
+}
+
+/// The operations of bending are those of a sheet that bends without those of one that does not.
+#[test]
+fn the_stated_operations_of_bending_are_the_counted_ones() {
+    for (nx, ny) in [(4, 4), (8, 4), (8, 8)] {
+        let [mut plain, mut bent] = [0.0, 1.0].map(|bending| swinging_sheet(bending, (nx, ny)));
+        let stated = |part| {
+            let flops = |stepper: &Stepper<Counted>| stepper.cost(part).unwrap().flops;
+            flops(&bent) - flops(&plain)
+        };
+        let stated = [Part::Linearize, Part::Product].map(stated);
+        let mut found = |part| {
+            let repeat = |stepper: &mut Stepper<Counted>| stepper.repeat(part).unwrap();
+            operations(|| repeat(&mut bent)) - operations(|| repeat(&mut plain))
+        };
+        let found = [Part::Linearize, Part::Product].map(&mut found);
+        let (triangles, nodes) = ((2 * nx * ny) as usize, ((nx + 1) * (ny + 1)) as usize);
+        let edges = (3 * nx * ny - nx - ny) as usize;
+        // A product takes 12 operations for each of the entries, there and back.
+        let entries = (stated[1] - triangles * bending::PRODUCT_FLOPS) / 12;
+        // The padding of a triangle: two sides and five vectors that are read, and seven sums of forces.
+        let padding = triangles * (2 + 5 + 7);
+        // The padding of the transpose. The result is added to each node as well.
+        let back = 2 * entries + 4 * nodes;
+        assert_eq!(found[1], stated[1] + padding + 2 * entries + back);
+        // The first vertex of each edge has no difference. The energies of lanes are summed at the end.
+        let differences = 3 * entries - 12 * edges;
+        assert_eq!(found[0], stated[0] + padding + differences + back + LANES);
     }
 }
 

@@ -50,11 +50,12 @@ impl Assembly {
             })
         });
         let mut bending = bending.filter(|bending| !bending.is_empty());
+        let patches = bending.as_ref().map(Bending::patches).unwrap_or_default();
         let cliques = model
             .elements
             .iter()
             .flat_map(|set| (0..set.count()).map(|element| set.nodes(element)))
-            .chain(bending.iter().flat_map(Bending::patches));
+            .chain(patches.iter().map(Vec::as_slice));
         let stiffness = BlockMatrix::with_places(&places, cliques);
         let place = places.of_nodes();
         for set in &mut model.elements {

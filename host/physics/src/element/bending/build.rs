@@ -22,8 +22,9 @@
 
 use super::NONE;
 use super::curvature::Facet;
-use super::exact::{Bending, Rotations};
+use super::exact::Bending;
 use super::rotation::{Across, gradient, rotation};
+use super::scalar::ScalarMatrix;
 use super::sheet::BentSheet;
 use super::unfold::nearby;
 use crate::element::triangle::frame::rest_frame;
@@ -36,7 +37,7 @@ const STIFFEST: f64 = 1e6;
 
 /// The rotations of a sheet, and the number of the rotation at each side of each triangle, or [`NONE`] on a border.
 struct Numbered {
-    rotations: Rotations,
+    rotations: ScalarMatrix<f64>,
     /// The triangle from which the derivative of each rotation leads outward.
     left: Vec<usize>,
     of_sides: Vec<[u32; 3]>,
@@ -81,7 +82,7 @@ fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
     // Rows of one length follow each other, so that the processor predicts the ends of their loops.
     let mut order: Vec<usize> = (0..rows.len()).collect();
     order.sort_by_key(|&number| rows[number].len());
-    let mut rotations = Rotations::default();
+    let mut rotations = ScalarMatrix::default();
     let mut place = vec![NONE; rows.len()];
     for (at, &number) in order.iter().enumerate() {
         place[number] = at as u32;
@@ -138,7 +139,6 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
         let corners = vertices.map(|vertex| &x[vertex as usize]);
         let (gradients, area) = rest_frame(corners).unwrap_or_default();
         let numbers = numbered.of_sides[triangle];
-        let any = numbers.into_iter().find(|&number| number != NONE);
         let (bends, lengths) = bends(gradients, area);
         let mut plate = sheet.plate(triangle).matrix;
         let stiffest = plate.amax() * STIFFEST / lengths.into_iter().fold(0.0, f64::max).powi(2);
@@ -158,11 +158,8 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
         });
         let facet = Facet {
             weights,
-            rest: Vec3::zeros(),
             square: 4.0 * area * area,
         };
-        let any = any.unwrap_or_default();
-        let numbers = numbers.map(|number| if number == NONE { any } else { number });
         bending.push(*vertices, numbers, facet);
         bending.rest(x, stiffest);
     }

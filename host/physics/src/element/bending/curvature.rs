@@ -36,8 +36,6 @@ pub(super) struct Facet {
     /// The weights of the slopes at its sides (sqrt(J)): the square root of Kirchhoff's matrix times the curvature that
     /// a slope makes. Zero on a border.
     pub(super) weights: [Vec3; 3],
-    /// The weighted curvature at rest (sqrt(J)).
-    pub(super) rest: Vec3,
     /// Square of twice its area at rest (m^4).
     pub(super) square: f64,
 }
@@ -58,8 +56,9 @@ pub(super) struct Bent {
 }
 
 impl Facet {
-    /// The triangle with these derivatives at its sides and these two sides (m).
-    pub(super) fn bend(&self, theta: [Vec3; 3], [e1, e2]: [Vec3; 2]) -> Bent {
+    /// The triangle with these derivatives at its sides and these two sides (m). `rest` is its weighted curvature at rest
+    /// (sqrt(J)).
+    pub(super) fn bend(&self, theta: [Vec3; 3], [e1, e2]: [Vec3; 2], rest: Vec3) -> Bent {
         let normal = e1.cross(&e2);
         let square = normal.norm_squared().max(THIN * self.square);
         let n = normal / square.sqrt();
@@ -68,7 +67,7 @@ impl Facet {
         let tau = theta.map(|t| n.dot(&t));
         let slopes = (0..3).map(|e| self.weights[e] * (r[e] * tau[e]));
         Bent {
-            curvature: slopes.sum::<Vec3>() - self.rest,
+            curvature: slopes.sum::<Vec3>() - rest,
             n,
             g,
             theta,
@@ -180,7 +179,6 @@ mod tests {
     fn facet() -> Facet {
         Facet {
             weights: [1, 2, 3].map(vector),
-            rest: vector(4) * 0.3,
             square: 1.0,
         }
     }
@@ -197,7 +195,7 @@ mod tests {
     }
 
     fn bend(facet: &Facet, v: &[Vec3; VECTORS]) -> Bent {
-        facet.bend([v[0], v[1], v[2]], [v[3], v[4]])
+        facet.bend([v[0], v[1], v[2]], [v[3], v[4]], vector(4) * 0.3)
     }
 
     /// The derivatives against central differences, whose error is of the order of the square of the step, 1e-10.
@@ -238,14 +236,14 @@ mod tests {
     fn a_closed_fold_keeps_a_finite_slope_that_increases_up_to_145_degrees() {
         let facet = Facet {
             weights: [Vec3::x(), Vec3::zeros(), Vec3::zeros()],
-            rest: Vec3::zeros(),
             square: 1.0,
         };
         // The mean of the derivatives of two triangles that meet in a fold.
         let slope = |degrees: f64| {
             let fold = degrees.to_radians();
             let mean = (Vec3::y() + Vec3::y() * fold.cos() + Vec3::z() * fold.sin()) * 0.5;
-            facet.bend([mean; 3], [Vec3::x(), Vec3::y()]).curvature.x
+            let sides = [Vec3::x(), Vec3::y()];
+            facet.bend([mean; 3], sides, Vec3::zeros()).curvature.x
         };
         let slopes: Vec<f64> = (0..=180).map(|degrees| slope(f64::from(degrees))).collect();
         assert!(slopes[..146].windows(2).all(|two| two[1] > two[0]));

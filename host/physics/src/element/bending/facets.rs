@@ -6,32 +6,42 @@
 //!
 //! Displacements are relative to the rest positions, so that single precision keeps the digits of small curvatures.
 
+use super::NONE;
 use super::curvature::VECTORS;
 use super::exact::Bending;
 use super::kernels::{Blocks, Curved, Rest, State, linearize, product};
+use super::patch::Sided;
 use super::scalar::{ScalarMatrix, add_product, differences, set_product};
 use crate::Vec3;
 use crate::element::kernel::Kernel;
 use crate::lanes::block::{LANES, apart};
 use crate::lanes::{Node, Real};
 use crate::linear::block_matrix::BlockMatrix;
+use std::sync::Arc;
 
 /// A derivative at rest that leaves the plane of its triangle by less than this value is in the plane: rounding.
 const FLAT: f64 = 1e-13;
 
-/// The bending of a sheet in blocks.
-#[derive(Debug)]
+/// The bending of a sheet in blocks. Clones share the constant data.
+#[derive(Clone, Debug)]
 pub(crate) struct BentFacets<T> {
-    exact: Bending,
-    pub(super) blocks: Blocks<T>,
-    /// Block and lane of each triangle.
-    places: Vec<(u32, u32)>,
-    /// The derivatives across edges from nodes, and the transpose.
-    pub(super) derivatives: ScalarMatrix<T>,
-    pub(super) back: ScalarMatrix<T>,
+    pub(super) plan: Arc<Plan<T>>,
+    /// The latest linearization by block.
+    pub(super) state: Vec<State<T>>,
     /// By edge: the derivative, and the force on it.
     theta: Vec<Node<T>>,
     pull: Vec<Node<T>>,
+}
+
+/// The constant data.
+#[derive(Debug)]
+pub(super) struct Plan<T> {
+    /// Number of triangles. Lanes after the last triangle pad the last block.
+    pub(super) count: usize,
+    pub(super) blocks: Blocks<T>,
+    /// The derivatives across edges from nodes, and the transpose.
+    pub(super) derivatives: ScalarMatrix<T>,
+    pub(super) back: ScalarMatrix<T>,
 }
 
 /// The constants of a triangle at rest.
@@ -44,11 +54,11 @@ struct AtRest {
 
 impl<T: Real> BentFacets<T> {
     /// The kernel of `exact`, whose vertices are the nodes in the solver's order, at `rest` (m) at rest.
-    pub(super) fn new(exact: Bending, rest: &[Vec3]) -> Self {
-        let corners: Vec<[u32; 3]> = exact.triangles().collect();
+    pub(super) fn new(exact: &Bending, rest: &[Vec3]) -> Self {
+        let corners = &exact.triangles;
         let order = apart(corners.len(), |triangle| &corners[triangle]);
         let at_rest = |triangle: usize| {
-            let (theta, sides) = exact.vectors(triangle, rest);
+            let (theta, sides) = exact.vectors(triangle, |vertex| &rest[vertex as usize]);
             let cross = sides[0].cross(&sides[1]);
             let square = cross.norm_squared();
             let duals = [
@@ -67,16 +77,15 @@ impl<T: Real> BentFacets<T> {
         let is_curved = all
             .iter()
             .any(|one| one.rise.iter().any(|rise| rise.abs() > FLAT));
+        let derivatives = exact.rotations.converted();
         let mut blocks = Blocks::default();
-        let mut places = vec![(0, 0); corners.len()];
-        for (block, triangles) in order.chunks(LANES).enumerate() {
+        for triangles in order.chunks(LANES) {
             let zero = [T::ZERO; LANES];
             let (mut nodes, mut edges) = ([[0; 3]; LANES], [[0; 3]; LANES]);
             let mut constants = Rest {
                 sides: [zero; 6],
                 along: [zero; 6],
                 weights: [zero; 9],
-                square: zero,
             };
             let mut curved = Curved {
                 rise: [zero; 3],
@@ -88,8 +97,8 @@ impl<T: Real> BentFacets<T> {
                 let triangle = triangles[lane.min(triangles.len() - 1)];
                 let (facet, one) = (&exact.facets[triangle], &all[triangle]);
                 nodes[lane] = corners[triangle];
-                edges[lane] = exact.sides[triangle];
-                constants.square[lane] = T::of(facet.square);
+                // The slope at a border has no weight, so that any edge does there.
+                edges[lane] = exact.sides[triangle].map(|edge| if edge == NONE { 0 } else { edge });
                 for i in 0..3 {
                     for k in 0..2 {
                         constants.sides[3 * k + i][lane] = T::of(one.sides[k][i]);
@@ -99,9 +108,9 @@ impl<T: Real> BentFacets<T> {
                     curved.normal[i][lane] = T::of(one.normal[i]);
                 }
                 if lane < triangles.len() {
-                    places[triangle] = (block as u32, lane as u32);
+                    let curvature = exact.rest_curvature(triangle);
                     for i in 0..3 {
-                        curved.curvature[i][lane] = T::of(facet.rest[i]);
+                        curved.curvature[i][lane] = T::of(curvature[i]);
                         for e in 0..3 {
                             constants.weights[3 * e + i][lane] = T::of(facet.weights[e][i]);
                         }
@@ -111,42 +120,40 @@ impl<T: Real> BentFacets<T> {
             blocks.nodes.push(nodes);
             blocks.edges.push(edges);
             blocks.rest.push(constants);
-            blocks.state.push(State::ZERO);
             if is_curved {
                 blocks.curved.push(curved);
             }
         }
-        let edges = exact.rotations.len();
-        let derivatives = ScalarMatrix::new((0..edges).map(|edge| exact.rotations.row(edge)));
-        let zeros = vec![[T::ZERO; 4]; edges];
-        Self {
+        let zeros = vec![[T::ZERO; 4]; derivatives.rows()];
+        let plan = Plan {
+            count: corners.len(),
             back: derivatives.transposed(rest.len()),
             derivatives,
+            blocks,
+        };
+        Self {
+            state: vec![State::ZERO; plan.blocks.rest.len()],
+            plan: Arc::new(plan),
             theta: zeros.clone(),
             pull: zeros,
-            exact,
-            blocks,
-            places,
         }
     }
 
     /// Number of triangles.
     pub(super) fn len(&self) -> usize {
-        self.places.len()
+        self.plan.count
     }
 
     /// The derivatives of the three components of a triangle's curvature by its five vectors.
-    fn derivatives(&self, triangle: usize) -> [[Vec3; VECTORS]; 3] {
-        let (block, lane) = self.places[triangle];
-        let (block, lane) = (block as usize, lane as usize);
-        let state = &self.blocks.state[block];
+    fn derivatives(&self, block: usize, lane: usize) -> [[Vec3; VECTORS]; 3] {
+        let (rest, state) = (&self.plan.blocks.rest[block], &self.state[block]);
         let number = |rows: &[[T; LANES]], row: usize| rows[row][lane].to_f64();
         let vector = |rows: &[[T; LANES]], row| Vec3::from_fn(|i, _| number(rows, row + i));
         let normal = vector(&state.normal, 0);
         let mut all = [[Vec3::zeros(); VECTORS]; 3];
         for (c, of) in all.iter_mut().enumerate() {
             for e in 0..3 {
-                let weight = number(&self.blocks.rest[block].weights, 3 * e + c);
+                let weight = number(&rest.weights, 3 * e + c);
                 of[e] = vector(&state.slopes, 3 * e) * weight;
                 for k in 0..2 {
                     of[3 + k] -= normal * (weight * number(&state.tilts, 2 * e + k));
@@ -159,38 +166,61 @@ impl<T: Real> BentFacets<T> {
 
 impl<T: Real> Kernel<T> for BentFacets<T> {
     fn linearize(&mut self, d: &[Node<T>], force: &mut [Node<T>]) -> f64 {
-        differences(&self.derivatives, d, &mut self.theta);
+        let plan = &*self.plan;
+        differences(&plan.derivatives, d, &mut self.theta);
         self.pull.fill([T::ZERO; 4]);
-        let energy = linearize(&mut self.blocks, (d, &self.theta), (force, &mut self.pull));
-        add_product(&self.back, &self.pull, force);
+        let blocks = (&plan.blocks, &mut *self.state);
+        let energy = linearize(blocks, (d, &self.theta), (force, &mut self.pull));
+        add_product(&plan.back, &self.pull, force);
         energy.to_f64()
     }
 
     fn product(&mut self, factor: T, u: &[Node<T>], y: &mut [Node<T>]) {
-        set_product(&self.derivatives, u, &mut self.theta);
+        let plan = &*self.plan;
+        set_product(&plan.derivatives, u, &mut self.theta);
         self.pull.fill([T::ZERO; 4]);
-        product(&self.blocks, factor, (u, &self.theta), (y, &mut self.pull));
-        add_product(&self.back, &self.pull, y);
+        let blocks = (&plan.blocks, &*self.state);
+        product(blocks, factor, (u, &self.theta), (y, &mut self.pull));
+        add_product(&plan.back, &self.pull, y);
     }
 
     fn add_to(&self, matrix: &mut BlockMatrix) {
-        for triangle in 0..self.len() {
-            self.exact
-                .add_to(triangle, &self.derivatives(triangle), matrix);
+        let Plan {
+            count,
+            blocks,
+            derivatives,
+            ..
+        } = &*self.plan;
+        for triangle in 0..*count {
+            let (block, lane) = (triangle / LANES, triangle % LANES);
+            let weights = &blocks.rest[block].weights;
+            let has_weight = |side: usize| (0..3).any(|c| weights[3 * side + c][lane] != T::ZERO);
+            let edges = blocks.edges[block][lane];
+            let sided = Sided {
+                rotations: derivatives,
+                corners: blocks.nodes[block][lane],
+                sides: [0, 1, 2].map(|side| has_weight(side).then_some(edges[side])),
+            };
+            sided.add_to(&self.derivatives(block, lane), None, matrix);
         }
     }
 
+    /// The constant data count in equal parts for each of the kernels that share them.
     fn bytes(&self) -> usize {
-        let blocks = &self.blocks;
-        self.exact.bytes()
-            + size_of_val(blocks.nodes.as_slice())
+        let Plan {
+            blocks,
+            derivatives,
+            back,
+            ..
+        } = &*self.plan;
+        let shared = size_of_val(blocks.nodes.as_slice())
             + size_of_val(blocks.edges.as_slice())
             + size_of_val(blocks.rest.as_slice())
             + size_of_val(blocks.curved.as_slice())
-            + size_of_val(blocks.state.as_slice())
-            + size_of_val(self.places.as_slice())
-            + self.derivatives.bytes()
-            + self.back.bytes()
+            + derivatives.bytes()
+            + back.bytes();
+        shared / Arc::strong_count(&self.plan)
+            + size_of_val(self.state.as_slice())
             + size_of_val(self.theta.as_slice())
             + size_of_val(self.pull.as_slice())
     }
@@ -199,10 +229,10 @@ impl<T: Real> Kernel<T> for BentFacets<T> {
 impl Bending {
     /// The kernel of the bending in another order: `place` gives the place of each row, and `rest` contains the rest
     /// positions of the places (m).
-    pub(crate) fn kernel<T: Real>(&self, place: &[u32], rest: &[Vec3]) -> Box<dyn Kernel<T>> {
+    pub(crate) fn kernel<T: Real>(&self, place: &[u32], rest: &[Vec3]) -> BentFacets<T> {
         let mut exact = self.clone();
         exact.renumber(place);
-        Box::new(BentFacets::new(exact, rest))
+        BentFacets::new(&exact, rest)
     }
 }
 
@@ -281,13 +311,13 @@ mod tests {
             panic!("the sheet is regular");
         };
         let nodes: Vec<u32> = (0..count as u32).collect();
-        let mut exact = exact;
-        exact.renumber(&nodes);
-        let mut matrix = BlockMatrix::new(count, count, exact.patches());
+        let patches = exact.patches();
+        let pattern = || BlockMatrix::new(count, count, patches.iter().map(Vec::as_slice));
+        let mut matrix = pattern();
         let mut force = vec![Vec3::zeros(); count];
         exact.assemble((&x, &nodes), Tangent::Clipped, &mut force, &mut matrix);
 
-        let mut kernel = BentFacets::<T>::new(exact.clone(), &rest);
+        let mut kernel = BentFacets::<T>::new(&exact, &rest);
         let d: Vec<Node<T>> = x
             .iter()
             .zip(&rest)
@@ -319,7 +349,7 @@ mod tests {
         kernel.product(T::of(1.0), &single, &mut found);
         near(&found, &ku);
 
-        let mut again = BlockMatrix::new(count, count, exact.patches());
+        let mut again = pattern();
         kernel.add_to(&mut again);
         let mut added = vec![Vec3::zeros(); count];
         again.product(&u, &mut added);

@@ -19,8 +19,6 @@ pub(super) struct Rest<T> {
     pub(super) along: [Lanes<T>; 6],
     /// The weights of the three slopes, zero in lanes that pad the block.
     pub(super) weights: [Lanes<T>; 9],
-    /// Square of twice the area (m^4).
-    pub(super) square: Lanes<T>,
 }
 
 /// The constant data of a block of triangles that are curved at rest.
@@ -53,8 +51,8 @@ impl<T: Real> State<T> {
     };
 }
 
-/// Triangles by block.
-#[derive(Clone, Debug, Default)]
+/// The constant data of triangles by block.
+#[derive(Debug, Default)]
 pub(super) struct Blocks<T> {
     pub(super) nodes: Vec<[[u32; 3]; LANES]>,
     /// The edges at the sides.
@@ -62,7 +60,6 @@ pub(super) struct Blocks<T> {
     pub(super) rest: Vec<Rest<T>>,
     /// Empty if all triangles are flat at rest.
     pub(super) curved: Vec<Curved<T>>,
-    pub(super) state: Vec<State<T>>,
 }
 
 /// The vectors of a block, padded like nodes: two sides, three derivatives.
@@ -143,7 +140,7 @@ impl<T: Real> Vectors<T> {
     ))
 )]
 pub(super) fn linearize<T: Real>(
-    blocks: &mut Blocks<T>,
+    (blocks, state): (&Blocks<T>, &mut [State<T>]),
     (d, theta): (&[Node<T>], &[Node<T>]),
     (force, pull): (&mut [Node<T>], &mut [Node<T>]),
 ) -> T {
@@ -151,7 +148,7 @@ pub(super) fn linearize<T: Real>(
     let mut vectors = Vectors::ZERO;
     let mut forces = Vectors::ZERO;
     let ends = blocks.nodes.iter().zip(&blocks.edges);
-    let states = blocks.rest.iter().zip(&mut blocks.state);
+    let states = blocks.rest.iter().zip(state);
     for (block, (ends, (rest, state))) in ends.zip(states).enumerate() {
         vectors.gather(ends, d, theta);
         match blocks.curved.get(block) {
@@ -185,7 +182,8 @@ fn respond<T: Real, const CURVED: bool>(
         let e1 = sum([s[0], s[1], s[2]], d[0]);
         let e2 = sum([s[3], s[4], s[5]], d[1]);
         let normal = cross(e1, e2);
-        let square = larger(dot(normal, normal), thin * rest.square[lane]);
+        let flat = cross([s[0], s[1], s[2]], [s[3], s[4], s[5]]);
+        let square = larger(dot(normal, normal), thin * dot(flat, flat));
         let over = one / square;
         let n = times(normal, over.sqrt());
         let g = [
@@ -259,7 +257,7 @@ fn respond<T: Real, const CURVED: bool>(
     ))
 )]
 pub(super) fn product<T: Real>(
-    blocks: &Blocks<T>,
+    (blocks, state): (&Blocks<T>, &[State<T>]),
     factor: T,
     (u, theta): (&[Node<T>], &[Node<T>]),
     (y, pull): (&mut [Node<T>], &mut [Node<T>]),
@@ -267,7 +265,7 @@ pub(super) fn product<T: Real>(
     let mut vectors = Vectors::ZERO;
     let mut forces = Vectors::ZERO;
     let ends = blocks.nodes.iter().zip(&blocks.edges);
-    let states = blocks.rest.iter().zip(&blocks.state);
+    let states = blocks.rest.iter().zip(state);
     for (ends, (rest, state)) in ends.zip(states) {
         vectors.gather(ends, u, theta);
         for lane in 0..LANES {

@@ -15,7 +15,7 @@
 //! - `rotation`: the derivative across an edge, from nearby vertices.
 //! - `build`: the curvature of a triangle from the slopes at its sides, and its energy.
 //! - `curvature`: slopes, curvature and their derivatives for one triangle.
-//! - `exact`: forces, energy and stiffness of all triangles.
+//! - `exact`: forces, energy and stiffness of all triangles; `patch`: the vertices on which each triangle depends.
 //! - `moment`: the moments in each triangle, for reports.
 //! - `facets`: forces and products in the form for vector instructions; `kernels`: its loops; `cost`: its operations.
 //!
@@ -29,11 +29,13 @@ mod exact;
 mod facets;
 mod kernels;
 mod moment;
+mod patch;
 mod rotation;
 pub(crate) mod scalar;
 mod sheet;
 mod unfold;
 
+pub use cost::PRODUCT_FLOPS;
 pub(crate) use exact::Bending;
 pub(crate) use sheet::{BentSheet, BorderSide, Plate};
 

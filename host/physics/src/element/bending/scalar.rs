@@ -13,22 +13,47 @@ pub(crate) struct ScalarMatrix<T> {
     weights: Vec<T>,
 }
 
-impl<T: Real> ScalarMatrix<T> {
-    /// The matrix of these rows of columns and weights.
-    pub(crate) fn new<R: Iterator<Item = (u32, f64)>>(rows: impl Iterator<Item = R>) -> Self {
-        let mut matrix = Self {
+impl<T> Default for ScalarMatrix<T> {
+    fn default() -> Self {
+        Self {
             row_start: vec![0],
             columns: Vec::new(),
             weights: Vec::new(),
-        };
-        for row in rows {
-            for (column, weight) in row {
-                matrix.columns.push(column);
-                matrix.weights.push(T::of(weight));
-            }
-            matrix.row_start.push(matrix.columns.len() as u32);
         }
-        matrix
+    }
+}
+
+impl<T: Real> ScalarMatrix<T> {
+    /// Adds a row of columns and weights.
+    pub(crate) fn push(&mut self, row: impl Iterator<Item = (u32, T)>) {
+        for (column, weight) in row {
+            self.columns.push(column);
+            self.weights.push(weight);
+        }
+        self.row_start.push(self.columns.len() as u32);
+    }
+
+    /// The columns of a row and their weights.
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = (u32, T)> + '_ {
+        let range = self.row_start[row] as usize..self.row_start[row + 1] as usize;
+        let columns = self.columns[range.clone()].iter().copied();
+        columns.zip(self.weights[range].iter().copied())
+    }
+
+    /// Replaces each column by its place.
+    pub(crate) fn renumber(&mut self, place: &[u32]) {
+        for column in &mut self.columns {
+            *column = place[*column as usize];
+        }
+    }
+
+    /// The matrix with its weights in another precision.
+    pub(crate) fn converted<U: Real>(&self) -> ScalarMatrix<U> {
+        ScalarMatrix {
+            row_start: self.row_start.clone(),
+            columns: self.columns.clone(),
+            weights: self.weights.iter().map(|w| U::of(w.to_f64())).collect(),
+        }
     }
 
     /// The transpose, with `rows` rows.

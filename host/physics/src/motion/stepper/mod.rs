@@ -34,7 +34,7 @@ use super::sleep::Sleep;
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::handle::HandlePose;
-use crate::element::{self, Elements, kernel::Kernel, parts::Divided};
+use crate::element::{self, Elements, parts::Divided};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, Real, to_node, to_vec};
 use crate::linear::precondition::{self, Preconditioner, Solves};
@@ -133,25 +133,14 @@ fn factors(body: &Body, h: f64) -> (f64, f64) {
     )
 }
 
-/// The element sets of `body`, each made by `of_set` in the order of places, and its bending. `place` gives the place of
-/// each node, and `rank` that of each row of the stiffness. `rest` contains the rest positions of the places (m).
-fn elements<T: Real, E>(
-    body: &Body,
-    (place, rank): (&[u32], &[u32]),
-    rest: &[Vec3],
-    of_set: impl Fn(Box<dyn Elements>) -> E,
-    of_bending: impl Fn(Box<dyn Kernel<T>>) -> E,
-) -> Vec<E> {
-    let mut all: Vec<E> = Vec::new();
-    for set in &body.model.elements {
+/// The element sets of `body` in the order of places, each made by `of_set`. `place` gives the place of each node.
+fn sets<E>(body: &Body, place: &[u32], of_set: impl Fn(Box<dyn Elements>) -> E) -> Vec<E> {
+    let in_order = body.model.elements.iter().map(|set| {
         let mut set = set.boxed();
         set.renumber(place);
-        all.push(of_set(set));
-    }
-    if let Some(bending) = &body.model.bending {
-        all.push(of_bending(bending.kernel(rank, rest)));
-    }
-    all
+        of_set(set)
+    });
+    in_order.collect()
 }
 
 impl<T: Real> Stepper<T> {
@@ -183,11 +172,13 @@ impl<T: Real> Stepper<T> {
         };
         let rest = by_place(&body.model.rest);
         let matrix = body.assembly.stiffness.renumbered(&rank);
-        let by = (&*place, &*rank);
-        let divided = |set| element::divided(set, &matrix, &rest);
-        let divided = elements(body, by, &rest, divided, Divided::Whole);
-        let kernel = |set| element::kernel(set, &matrix, &rest);
-        let kernels = elements(body, by, &rest, kernel, |bending| bending);
+        let mut divided = sets(body, &place, |set| element::divided(set, &matrix, &rest));
+        let mut kernels = sets(body, &place, |set| element::kernel(set, &matrix, &rest));
+        if let Some(bending) = &body.model.bending {
+            let bending = bending.kernel(&rank, &rest);
+            divided.push(Divided::Whole(Box::new(bending.clone())));
+            kernels.push(Box::new(bending));
+        }
         let guided = body
             .constraints
             .supports
