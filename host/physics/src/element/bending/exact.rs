@@ -213,11 +213,11 @@ impl Bending {
         self.facets.push(facet);
     }
 
-    /// Makes the curvature of the last triangle at vertex positions `x` (m) its curvature at rest. A triangle whose
-    /// stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
-    pub(super) fn rest(&mut self, x: &[Vec3], stiffest: f64) {
+    /// Makes the curvature of the last triangle with these derivatives and these sides (m) its curvature at rest. A
+    /// triangle whose stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
+    pub(super) fn rest(&mut self, (theta, sides): ([Vec3; 3], [Vec3; 2]), stiffest: f64) {
         let last = self.facets.len() - 1;
-        let bent = self.bent(last, |vertex| &x[vertex as usize]);
+        let bent = self.facets[last].bend(theta, sides);
         let (patch, facet) = (self.patch(last), &self.facets[last]);
         let derivatives = facet.derivatives(&bent);
         let vertices = 0..patch.vertices.len();
