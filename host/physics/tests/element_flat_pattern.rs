@@ -346,6 +346,67 @@ fn a_woven_sleeve_relaxes_too() {
     assert!((body.bending_energy() / exact - 1.0).abs() < 0.01);
 }
 
+/// A bag of two squares that are sewn together along three sides. It starts 5 % too large and open.
+fn bag(cells: u32, side: f64) -> TriMesh {
+    let piece = irregular(cells, cells, side, side, 0.15, 12);
+    let count = piece.positions.len() as u32;
+    let sewn = |x: &Vec3| x.x < 1e-9 || x.x > side - 1e-9 || x.y < 1e-9;
+    let mut positions = piece.positions.clone();
+    let mut of_back = Vec::new();
+    for (vertex, x) in (0_u32..).zip(&piece.positions) {
+        if sewn(x) {
+            of_back.push(vertex);
+        } else {
+            of_back.push(positions.len() as u32);
+            positions.push(*x);
+        }
+    }
+    for (vertex, x) in (0_u32..).zip(&mut positions) {
+        let face = if vertex < count { 1.0 } else { -1.0 };
+        x.z = face * 0.4 * x.x * (side - x.x) * x.y / (side * side);
+        *x *= 1.05;
+    }
+    let back = piece.triangles.iter();
+    let back = back.map(|&[a, b, c]| [a, c, b].map(|vertex| of_back[vertex as usize]));
+    let triangles = piece.triangles.iter().copied().chain(back).collect();
+    let mut mesh = TriMesh::new(positions, triangles).unwrap();
+    let at = |vertex: u32| piece.positions[vertex as usize];
+    let front = piece
+        .triangles
+        .iter()
+        .map(|t| t.map(|v| [at(v).x, at(v).y]));
+    let back = piece.triangles.iter();
+    let back = back.map(|&[a, b, c]| [a, c, b].map(|v| [2.0 * side + at(v).x, at(v).y]));
+    mesh.flat_pattern = Some(FlatPattern {
+        corners: front.chain(back).collect(),
+    });
+    mesh.validate().unwrap();
+    mesh
+}
+
+#[test]
+fn a_bag_of_two_pieces_shrinks_to_their_size() {
+    let mesh = bag(8, 0.2);
+    let material = rubber(0.3);
+    let mut body = Body::sheet(&mesh, &[material], bending(), &[]).unwrap();
+    let mass = 2.0 * 0.04 * material.thickness * material.density;
+    assert!((body.total_mass() / mass - 1.0).abs() < 1e-12);
+    let start = body.elastic_energy();
+    settle(&mut body, &[], 0.05, 100).unwrap();
+    // The two pieces come to lie on each other, flat and without strain: a fold that is closed has no moment.
+    assert!(body.elastic_energy() < 1e-12 * start);
+    let sides: Vec<f64> = body.positions().map(|x| x.y).collect();
+    let height = sides.iter().fold(f64::MIN, |most, y| y.max(most))
+        - sides.iter().fold(f64::MAX, |least, y| y.min(least));
+    // The bag has turned a little in its plane.
+    assert!((height / 0.2 - 1.0).abs() < 1e-4, "{height}");
+    let moved = body
+        .positions()
+        .zip(&mesh.positions)
+        .map(|(x, start)| x - start);
+    assert!(largest(moved) > 0.005);
+}
+
 /// A plate that is clamped all round, laid out as two pieces: the clamp sees the shapes of the pattern.
 #[test]
 fn a_clamped_plate_in_two_pieces_bends_like_one() {
