@@ -34,7 +34,9 @@ fn every_shipped_scene_loads() -> Outcome {
     names.sort();
     assert_eq!(
         names,
-        ["cloth", "cube", "press", "stretch", "thread", "twist"]
+        [
+            "cloth", "cube", "press", "sleeve", "stretch", "thread", "twist"
+        ]
     );
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod solve_support;
 
 use host::solve::{Frame, solve};
+use meshio::write_vtu::Values;
 use solve_support::{body, cube, force, load, solved};
 use std::convert::Infallible;
 
@@ -77,6 +78,82 @@ axes = ["z"]
     );
     // The plate is softer than without a hole (E t height strain = 1 N). The ligament alone would carry 0.6 N.
     assert!((0.6..1.0).contains(&whole), "{whole}");
+}
+
+/// Kirsch's problem does not feel the resistance to bending: the quarter of a plate 20 radii wide in tension, of any
+/// thickness, has the same largest stress with and without it, on both of its faces.
+#[test]
+fn bending_leaves_the_stress_at_a_hole_as_it_is() {
+    const RADIUS: f64 = 0.01;
+    let (young, strain) = (1e9, 1e-6);
+    let stress = |thickness: f64, bending: f64, guide: &str| {
+        let text = format!(
+            r#"
+name = "kirsch"
+gravity = [0, 0, 0]
+[[body]]
+name = "plate"
+bending = {bending}
+mesh.plate = {{ width = 0.2, height = 0.2, radius = {RADIUS}, cells = [24, 24], quarter = true }}
+material = {{ young = {young}, poisson = 0.3, thickness = {thickness}, density = 1000 }}
+[[body.support]]
+name = "x"
+group = "symmetry_x"
+axes = ["x"]
+[[body.support]]
+name = "y"
+group = "symmetry_y"
+axes = ["y"]
+[[body.support]]
+name = "plane"
+{guide}
+axes = ["z"]
+[[body.load]]
+name = "tension"
+group = "right"
+force = [{}, 0, 0]
+"#,
+            young * strain * thickness * 0.1
+        );
+        let mut faces = Vec::new();
+        let keep = |frame: Frame<'_>| {
+            faces = frame.snapshot.in_cells;
+            Ok::<(), Infallible>(())
+        };
+        let solution = solve(&load(&text), true, |_| {}, keep).unwrap();
+        assert!(solution.failures.is_empty(), "{:?}", solution.failures);
+        let tensors = |name: &str| match faces.iter().find(|(other, _)| other == name) {
+            Some((_, Values::Tensor(tensors))) => tensors.clone(),
+            _ => panic!("no {name}"),
+        };
+        if bending > 0.0 {
+            // In the plane there are no moments at all.
+            assert_eq!(tensors("stress_top"), tensors("stress_bottom"));
+        }
+        let largest = tensors("stress")
+            .iter()
+            .map(|s| s[(0, 0)])
+            .fold(0.0, f64::max);
+        let von_mises = solution.bodies[0].von_mises.value;
+        [largest, von_mises].map(|stress| stress / (young * strain))
+    };
+    let everywhere = "box = [[-1, -1, -1], [1, 1, 1]]";
+    for ratio in [0.1, 0.2, 0.5] {
+        let thickness = ratio * RADIUS;
+        let without = stress(thickness, 0.0, everywhere);
+        // Three times the stress in tension, less what the mean over a cell at the hole loses.
+        assert!((2.8..3.1).contains(&without[0]), "{without:?}");
+        // With bending the plate needs no guide in its plane but along a line of symmetry.
+        for guide in [everywhere, "group = \"symmetry_y\""] {
+            let with = stress(thickness, 1.0, guide);
+            for (with, without) in with.iter().zip(&without) {
+                assert!(
+                    (with / without - 1.0).abs() < 1e-6,
+                    "{ratio}: {with} {without}"
+                );
+            }
+        }
+    }
 }
 
 /// Without friction the strain is uniform, and the force is exactly E A times the strain.

@@ -42,6 +42,11 @@ pub enum MeshFileError {
         /// The beginning of the file.
         found: String,
     },
+    /// The file should have a flat pattern, but its format has no texture coordinates.
+    #[error(
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh with them as .obj"
+    )]
+    NoTexture,
     /// The file has a syntax error.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
@@ -178,6 +183,23 @@ pub fn read_mesh(name: &str, bytes: &[u8]) -> Result<Mesh, MeshFileError> {
         Format::VtkLegacy => vtk_legacy::parse_mesh(bytes)?,
         Format::VtkXml => vtk_xml::parse_mesh(bytes)?,
     })
+}
+
+/// Reads a sheet with a flat pattern from the bytes of a file called `name`. The pattern is in the texture coordinates, whose
+/// unit is `texture_unit` (m). Positions are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found. A corner without texture coordinates is an error, and so is a file of another format
+/// than OBJ, which has none.
+pub fn read_with_pattern(
+    name: &str,
+    bytes: &[u8],
+    texture_unit: f64,
+) -> Result<TriMesh, MeshFileError> {
+    match Format::of(name, bytes)? {
+        Format::Obj => obj::parse_with_pattern(bytes, texture_unit),
+        Format::Gmsh | Format::VtkLegacy | Format::VtkXml => Err(MeshFileError::NoTexture),
+    }
 }
 
 enum Format {

@@ -6,6 +6,9 @@
 //! mesh holds for all. A mesh goes back
 //! to a file's text by [`write_gmsh`], [`write_vtk`] and [`write_vtu`].
 //!
+//! [`read_with_pattern`] reads a sheet whose flat pattern is in the texture coordinates of an OBJ file. Written meshes have no
+//! flat pattern.
+//!
 //! This crate opens no files: it takes bytes and returns text.
 //!
 //! ```
@@ -38,4 +41,4 @@ pub mod write_gmsh;
 pub mod write_vtk;
 pub mod write_vtu;
 
-pub use file::{MeshFileError, Place, read, read_mesh};
+pub use file::{MeshFileError, Place, read, read_mesh, read_with_pattern};

@@ -9,7 +9,10 @@
 //!   stiffness of the sheet depends on the diagonals by which the face is cut, so the user has to choose them.
 //! - The names after `g`, `o` and `usemtl` become groups of the triangles that follow, and of their
 //!   vertices. Groups of the same name are one group. A group without triangles is dropped.
-//! - Texture coordinates, normals, lines, points and materials are skipped. Curved surfaces are an
+//! - `vt` gives a point of the plane of the texture, and the second number of a corner of a face names one. If the caller
+//!   asks for it, these points are the flat pattern of the mesh, as programs for garments write it. A vertex on a seam has
+//!   several of them. Otherwise they are skipped.
+//! - Normals, lines, points and materials are skipped. Curved surfaces are an
 //!   error.
 
 use crate::file::{MAX_GROUPS, MeshFileError, Place};
@@ -18,15 +21,14 @@ use crate::soup::{Fault, Soup};
 use crate::text::line_of;
 use physics::Vec3;
 use physics::mesh::check::Location;
-use physics::mesh::{Group, TriMesh};
+use physics::mesh::{FlatPattern, Group, TriMesh};
 use std::collections::BTreeMap;
 
 /// Largest number of names after one `g`. This limit bounds the memory for groups by the memory for triangles.
 pub(crate) const MAX_NAMES: usize = 8;
 
 /// Statements that do not concern triangles.
-const PASSED_OVER: [&str; 15] = [
-    "vt",
+const PASSED_OVER: [&str; 14] = [
     "vn",
     "vp",
     "s",
@@ -53,6 +55,16 @@ struct Reader {
     names: BTreeMap<String, usize>,
     /// The groups of the next triangles: those of `g`, of `o`, of `usemtl`.
     current: [Vec<usize>; 3],
+    /// The texture, if it is a flat pattern.
+    texture: Option<Texture>,
+}
+
+/// The texture coordinates that have been read so far.
+#[derive(Default)]
+struct Texture {
+    points: Vec<[f64; 2]>,
+    /// The point of each corner of each triangle.
+    corners: Vec<[u32; 3]>,
 }
 
 /// Reads a mesh from the bytes of an OBJ file. Coordinates are taken as metres.
@@ -60,12 +72,53 @@ struct Reader {
 /// # Errors
 /// The first [`MeshFileError`] found.
 pub fn parse(bytes: &[u8]) -> Result<TriMesh, MeshFileError> {
+    let (mesh, _) = read(bytes, Reader::default())?;
+    Ok(mesh)
+}
+
+/// Reads a mesh with a flat pattern from the bytes of an OBJ file. The pattern is in the texture coordinates, whose unit is
+/// `unit` (m); positions are taken as metres.
+///
+/// # Errors
+/// The first [`MeshFileError`] found. A corner without texture coordinates is an error.
+pub fn parse_with_pattern(bytes: &[u8], unit: f64) -> Result<TriMesh, MeshFileError> {
+    let reader = Reader {
+        texture: Some(Texture::default()),
+        ..Reader::default()
+    };
+    let (mut mesh, parts) = read(bytes, reader)?;
+    let point = |corner: u32| {
+        let point = parts.texture.points.get(corner as usize).copied();
+        point.unwrap_or_default().map(|c| c * unit)
+    };
+    let corners = parts.texture.corners.iter();
+    mesh.flat_pattern = Some(FlatPattern {
+        corners: corners.map(|corners| corners.map(point)).collect(),
+    });
+    mesh.check_pattern().map_err(|error| {
+        let line = error
+            .triangle()
+            .and_then(|triangle| parts.triangle_lines.get(triangle as usize));
+        MeshFileError::Mesh {
+            place: Place::Line(line.map_or(1, |&line| line as usize)),
+            source: error.into(),
+        }
+    })?;
+    Ok(mesh)
+}
+
+/// The parts of a file that are not in the mesh.
+struct Parts {
+    texture: Texture,
+    triangle_lines: Vec<u32>,
+}
+
+fn read(bytes: &[u8], mut reader: Reader) -> Result<(TriMesh, Parts), MeshFileError> {
     let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let place = Place::Line(line_of(bytes, error.valid_up_to()));
         MeshFileError::syntax(place, "OBJ text in UTF-8", "bytes that are no text")
     })?;
-    let mut reader = Reader::default();
     let mut lines = Lines::new(text);
     while let Some(fields) = lines.next() {
         reader.statement(fields)?;
@@ -78,6 +131,7 @@ impl Reader {
         let whole = fields;
         match fields.word("a statement")? {
             "v" => self.vertex(fields),
+            "vt" => self.point(fields),
             "f" => self.face(fields),
             "g" => self.groups(0, fields),
             "o" => self.groups(1, fields),
@@ -97,14 +151,35 @@ impl Reader {
         Ok(())
     }
 
+    /// A point of the texture. Its third coordinate is skipped.
+    fn point(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
+        let Some(texture) = &mut self.texture else {
+            return Ok(());
+        };
+        let mut point = [0.0; 2];
+        for coordinate in &mut point {
+            *coordinate = fields.finite("a finite texture coordinate")?;
+        }
+        texture.points.push(point);
+        Ok(())
+    }
+
     fn face(&mut self, mut fields: Fields) -> Result<(), MeshFileError> {
-        let mut corners = [0; 3];
-        for corner in &mut corners {
+        let (mut corners, mut points) = ([0; 3], [0; 3]);
+        for (corner, point) in corners.iter_mut().zip(&mut points) {
             let before = fields;
             let word = fields.word("three vertices of a face")?;
             *corner = self.corner(word).ok_or_else(|| {
                 before.unexpected("the number of a vertex, such as 1, -1 or 1/2/3")
             })?;
+            if let Some(texture) = &self.texture {
+                let number = word.split('/').nth(1).unwrap_or_default();
+                *point = named(number, texture.points.len()).ok_or_else(|| {
+                    before.unexpected(
+                        "a vertex with texture coordinates, such as 1/1, because they are the flat pattern",
+                    )
+                })?;
+            }
         }
         let rest = fields.rest();
         if !rest.is_empty() && !rest.starts_with('#') {
@@ -117,6 +192,9 @@ impl Reader {
         }
         let number = self.soup.triangles.len() as u32;
         self.soup.triangles.push(corners);
+        if let Some(texture) = &mut self.texture {
+            texture.corners.push(points);
+        }
         self.triangle_lines.push(fields.line as u32);
         for &group in self.current.iter().flatten() {
             if let Some(Group { members, .. }) = self.soup.groups.get_mut(group)
@@ -131,21 +209,14 @@ impl Reader {
     /// The vertex that a corner of a face names, counted from zero. The vertex may follow later in the file.
     fn corner(&self, word: &str) -> Option<u32> {
         let mut parts = word.split('/');
-        let number: i64 = parts.next()?.parse().ok()?;
+        let number = parts.next()?;
         let mut others = parts.by_ref().take(2);
         if !others.all(|part| part.is_empty() || part.parse::<i64>().is_ok())
             || parts.next().is_some()
         {
             return None;
         }
-        let vertices = self.soup.positions.len() as i64;
-        let from_zero = if number > 0 {
-            number - 1
-        } else {
-            // Zero is out of range, too.
-            vertices.checked_add(number).filter(|_| number < 0)?
-        };
-        u32::try_from(from_zero).ok()
+        named(number, self.soup.positions.len())
     }
 
     /// Puts the triangles that follow into the groups of these names.
@@ -190,7 +261,7 @@ impl Reader {
         Ok(index)
     }
 
-    fn finish(mut self, last_line: usize) -> Result<TriMesh, MeshFileError> {
+    fn finish(mut self, last_line: usize) -> Result<(TriMesh, Parts), MeshFileError> {
         let vertices = self.soup.positions.len();
         let line = |lines: &[u32], index: u32| {
             let line = lines.get(index as usize);
@@ -205,14 +276,46 @@ impl Reader {
                 ));
             }
         }
+        let texture = self.texture.unwrap_or_default();
+        let points = texture.points.len();
+        for (triangle, corners) in (0_u32..).zip(&texture.corners) {
+            if let Some(point) = corners.iter().find(|&&point| point as usize >= points) {
+                return Err(MeshFileError::syntax(
+                    line(&self.triangle_lines, triangle),
+                    format!("texture coordinates from 1 to {points}"),
+                    (u64::from(*point) + 1).to_string(),
+                ));
+            }
+        }
         self.soup.groups.retain(|group| !group.members.is_empty());
-        self.soup.into_mesh().map_err(|Fault { source, location }| {
-            let place = match location {
-                Location::Vertex(vertex) => line(&self.vertex_lines, vertex),
-                Location::Cell(triangle) => line(&self.triangle_lines, triangle),
-                Location::Mesh => Place::Line(last_line),
-            };
-            MeshFileError::Mesh { place, source }
-        })
+        let mesh = self
+            .soup
+            .into_mesh()
+            .map_err(|Fault { source, location }| {
+                let place = match location {
+                    Location::Vertex(vertex) => line(&self.vertex_lines, vertex),
+                    Location::Cell(triangle) => line(&self.triangle_lines, triangle),
+                    Location::Mesh => Place::Line(last_line),
+                };
+                MeshFileError::Mesh { place, source }
+            })?;
+        let parts = Parts {
+            texture,
+            triangle_lines: self.triangle_lines,
+        };
+        Ok((mesh, parts))
     }
+}
+
+/// The entry, counted from zero, that a `number` of a file names, where `count` entries came before. Negative numbers count
+/// back. The entry may follow later in the file.
+fn named(number: &str, count: usize) -> Option<u32> {
+    let number: i64 = number.parse().ok()?;
+    let from_zero = if number > 0 {
+        number - 1
+    } else {
+        // Zero is out of range, too.
+        (count as i64).checked_add(number).filter(|_| number < 0)?
+    };
+    u32::try_from(from_zero).ok()
 }

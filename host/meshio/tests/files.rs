@@ -1,7 +1,7 @@
 //! Meshes from files of every format: what other programs write is read, what is wrong is refused with
 //! its place.
 
-use meshio::{MeshFileError, read};
+use meshio::{MeshFileError, read, read_with_pattern};
 use physics::mesh::{MeshError, TriMesh};
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -109,6 +109,95 @@ fn check(name: &str, cases: &[(&str, &str)]) {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A sleeve of three sides, cut out of a rectangle. The vertices on the seam have two points of the texture each.
+const SLEEVE: &str = "v 0 0 0\nv 1 0 0\nv 0.5 0 1\nv 0 2 0\nv 1 2 0\nv 0.5 2 1\n\
+    vt 0 0\nvt 100 0\nvt 200 0\nvt 300 0\nvt 0 200\nvt 100 200 7\nvt 200 200\nvt 300 200\n\
+    f 1/1 2/2 5/6\nf 1/1/1 5/6/1 4/5/1\nf 2/2 3/3 6/7\nf 2/2 6/7 5/6\nf 3/3 1/4 4/8\nf 3/3 4/-1 6/-2\n";
+
+#[test]
+fn texture_coordinates_are_a_flat_pattern_where_they_are_wanted() -> Outcome {
+    let mesh = read_with_pattern("sleeve.obj", SLEEVE.as_bytes(), 0.01)?;
+    let pattern = mesh.flat_pattern.as_ref().ok_or("a pattern")?;
+    assert_eq!(pattern.corners[1], [[0.0, 0.0], [1.0, 2.0], [0.0, 2.0]]);
+    assert_eq!(pattern.corners[4], [[2.0, 0.0], [3.0, 0.0], [3.0, 2.0]]);
+    assert_eq!(pattern.corners[5], [[2.0, 0.0], [3.0, 2.0], [2.0, 2.0]]);
+    assert!((mesh.area() - 6.0).abs() < 1e-12);
+    // They are skipped where they are not: the same file is a sheet at rest.
+    let plain = read("sleeve.obj", SLEEVE.as_bytes())?;
+    assert_eq!(plain.flat_pattern, None);
+    assert_eq!(
+        (plain.positions, plain.triangles),
+        (mesh.positions, mesh.triangles)
+    );
+    Ok(())
+}
+
+#[test]
+fn wrong_flat_patterns_are_refused_with_their_line() {
+    let refused = |name: &str, text: &str| match read_with_pattern(name, text.as_bytes(), 0.01) {
+        Ok(_) => panic!("{text:?} has no pattern"),
+        Err(error) => error.to_string(),
+    };
+    let sleeve = |from: &str, to: &str| {
+        assert!(SLEEVE.contains(from));
+        refused("x.obj", &SLEEVE.replacen(from, to, 1))
+    };
+    let wanted =
+        "a vertex with texture coordinates, such as 1/1, because they are the flat pattern";
+    for (from, to, expected) in [
+        (
+            "f 2/2 3/3 6/7",
+            "f 2/2 3 6/7",
+            format!("line 17: expected {wanted}, found \"3 6/7\""),
+        ),
+        (
+            "f 2/2 3/3 6/7",
+            "f 2/2 3//3 6/7",
+            format!("line 17: expected {wanted}, found \"3//3 6/7\""),
+        ),
+        (
+            "f 2/2 3/3 6/7",
+            "f 2/2 3/0 6/7",
+            format!("line 17: expected {wanted}, found \"3/0 6/7\""),
+        ),
+        (
+            "f 2/2 3/3 6/7",
+            "f 2/2 3/9 6/7",
+            "line 17: expected texture coordinates from 1 to 8, found 9".to_owned(),
+        ),
+        (
+            "vt 100 200 7",
+            "vt 100",
+            "line 12: expected a finite texture coordinate, found the end of the line".to_owned(),
+        ),
+        (
+            "vt 100 200 7",
+            "vt 100 inf",
+            "line 12: expected a finite texture coordinate, found \"inf\"".to_owned(),
+        ),
+        (
+            "f 3/3 1/4 4/8",
+            "f 3/3 1/3 4/8",
+            "line 19: triangle 4: it has no area in the flat pattern, its height is 0.000e0 of its longest edge; at \
+             least 1e-6 is needed"
+                .to_owned(),
+        ),
+        (
+            "vt 100 200 7",
+            "vt 100 -200",
+            "line 16: triangle 1: it is mirrored in the flat pattern, where it lies on triangle 0; unfold it, or, if a \
+             seam joins the two, move their pieces apart in the pattern"
+                .to_owned(),
+        ),
+    ] {
+        assert_eq!(sleeve(from, to), expected);
+    }
+    assert_eq!(
+        refused("x.vtk", "# vtk DataFile Version 3.0\n"),
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh with them as .obj"
+    );
 }
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";

@@ -1,7 +1,7 @@
 //! No bytes make a reader of meshes panic, and what it accepts is a mesh.
 
-use meshio::{read, read_mesh};
-use physics::mesh::Mesh;
+use meshio::{read, read_mesh, read_with_pattern};
+use physics::mesh::{Mesh, TriMesh};
 use proptest::prelude::*;
 use proptest::sample::Index;
 
@@ -33,7 +33,16 @@ fn read_and_check(name: &str, bytes: &[u8]) -> Result<(), TestCaseError> {
     if let Ok(sheet) = &sheet {
         prop_assert_eq!(&mesh, &Ok(Mesh::Sheet(sheet.clone())));
     }
-    for error in [sheet.err(), mesh.err()].into_iter().flatten() {
+    let cut = read_with_pattern(name, bytes, 0.01);
+    if let Ok(cut) = &cut {
+        prop_assert_eq!(cut.validate(), Ok(()));
+        let uncut = TriMesh {
+            flat_pattern: None,
+            ..cut.clone()
+        };
+        prop_assert_eq!(&sheet, &Ok(uncut));
+    }
+    for error in [sheet.err(), mesh.err(), cut.err()].into_iter().flatten() {
         let text = error.to_string();
         prop_assert!(!text.contains('\n') && text.len() < 600, "{}", text);
     }

@@ -105,6 +105,7 @@ fn triangles<T: Real>(name: &str, mesh: &TriMesh) {
             nodes: *nodes,
             gradients: [[e2.y / twice, -e2.x / twice], [-e1.y / twice, e1.x / twice]],
             frame: [Vec3::x(), Vec3::y()],
+            strained: [Vec3::zeros(); 2],
             mu: 2e2 * twice,
             lambda: 3e2 * twice,
         }

@@ -1,5 +1,6 @@
 //! The errors of a body, a step and a condensation.
 
+use crate::mesh::PatternError;
 use thiserror::Error;
 
 /// The reason why a body could not be built, or an input to a body was refused.
@@ -37,6 +38,9 @@ pub enum BodyError {
         /// Its longest edge (m).
         edge: f64,
     },
+    /// The flat pattern of a sheet is wrong.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
     /// A line has no length at rest, or so little that its stiffness is infinite.
     #[error(
         "line {line} has no length at rest ({length:e} m); remove it or move its vertices apart"

@@ -4,6 +4,7 @@
 mod common;
 
 use common::*;
+use physics::body::load::spread_on_sheet;
 use physics::mesh::TriMesh;
 use physics::{
     Body, BodyConfig, BodyError, Equilibrium, EquilibriumOptions, Material, Rigidity, SheetLawName,
@@ -292,9 +293,66 @@ fn plate(mesh: &TriMesh, side: f64, clamped: bool) -> f64 {
         .unwrap()
         .solve(&mut body, &[], 1.0)
         .unwrap();
-    let middle = |x: &&Vec3| (*x - Vec3::new(0.5 * side, 0.5 * side, 0.0)).norm() < 1e-9;
-    let vertex = mesh.positions.iter().position(|x| middle(&x)).unwrap();
-    body.node_positions()[vertex].z / deflection
+    middle(mesh, side, body.node_positions()) / deflection
+}
+
+/// The height of the middle of a square, whose vertices are at `x` now: of the vertex there, or else of the polynomial of
+/// even fourth powers that fits the vertices nearby best.
+fn middle(mesh: &TriMesh, side: f64, x: &[Vec3]) -> f64 {
+    const TERMS: usize = 9;
+    let centre = Vec3::new(0.5 * side, 0.5 * side, 0.0);
+    let from_centre = |x: &Vec3| *x - centre;
+    if let Some(vertex) = mesh
+        .positions
+        .iter()
+        .position(|x| from_centre(x).norm() < 1e-9)
+    {
+        return x[vertex].z;
+    }
+    let size = side * (2.0 / mesh.triangles.len() as f64).sqrt();
+    let (mut normal, mut right) = (
+        nalgebra::SMatrix::<f64, TERMS, TERMS>::zeros(),
+        nalgebra::SVector::<f64, TERMS>::zeros(),
+    );
+    for (start, now) in mesh.positions.iter().zip(x) {
+        let at = from_centre(start) / size;
+        if at.norm() > 3.2 {
+            continue;
+        }
+        let (p, q) = (at.x * at.x, at.y * at.y);
+        let terms = [1.0, at.x, at.y, p, at.x * at.y, q, p * p, q * q, p * q];
+        let terms = nalgebra::SVector::from(terms);
+        normal += terms * terms.transpose();
+        right += terms * now.z;
+    }
+    normal.cholesky().unwrap().solve(&right)[0]
+}
+
+/// The algorithms of Gmsh that made meshes of the folder `meshes`.
+const GMSH: [&str; 3] = ["frontal", "delaunay", "meshadapt"];
+
+/// A square of this side from the folder `meshes`.
+fn from_file(name: &str, cells: u32, side: f64) -> TriMesh {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/meshes");
+    let text = std::fs::read_to_string(format!("{folder}/{name}_{cells}.obj")).unwrap();
+    let mut mesh = TriMesh::default();
+    for line in text.lines() {
+        let mut words = line.split(' ');
+        match words.next() {
+            Some("v") => {
+                let at: Vec<f64> = words.map(|word| word.parse().unwrap()).collect();
+                mesh.positions.push(Vec3::new(at[0], at[1], at[2]) * side);
+            }
+            Some("f") => {
+                let named: Vec<u32> = words.map(|word| word.parse().unwrap()).collect();
+                mesh.triangles
+                    .push([named[0] - 1, named[1] - 1, named[2] - 1]);
+            }
+            _ => panic!("{line}"),
+        }
+    }
+    mesh.validate().unwrap();
+    mesh
 }
 
 /// A square whose diagonals are chosen by chance, with its inner vertices moved by up to `by` of a cell; the middle one
@@ -341,6 +399,9 @@ fn kinds(side: f64) -> Vec<Kind> {
     ] {
         kinds.push((name, Box::new(move |n| random(n, side, by, 31))));
     }
+    for name in GMSH {
+        kinds.push((name, Box::new(move |n| from_file(name, n, side))));
+    }
     kinds
 }
 
@@ -370,6 +431,61 @@ fn a_clamped_plate_converges_to_the_theory_on_any_mesh() {
         assert!(fine.abs() < 0.06, "{name}: {fine}");
         assert!(
             fine.abs() < 0.3 * coarse.abs() + 5e-3,
+            "{name}: {fine} after {coarse}"
+        );
+    }
+}
+
+/// Triangulations of random points have angles down to 13 degrees and vertices of four to eleven triangles, so the errors are
+/// larger than on other meshes. They fall as fast.
+#[test]
+fn plates_of_random_points_converge_to_the_theory() {
+    let side = 0.1;
+    for (clamped, most) in [(false, 0.008), (true, 0.02)] {
+        let errors = [8, 16, 32].map(|cells| {
+            let mesh = from_file("random_points", cells, side);
+            (plate(&mesh, side, clamped) - 1.0).abs()
+        });
+        assert!(errors[2] < most, "{errors:?}");
+        assert!(errors[2] < 0.4 * errors[1], "{errors:?}");
+        assert!(errors[1] < 0.6 * errors[0], "{errors:?}");
+    }
+}
+
+/// A square that is clamped on one side and loaded on the opposite one. Without Poisson's ratio it is a beam.
+#[test]
+fn a_cantilever_of_gmsh_s_triangles_bends_like_a_beam() {
+    let side = 0.1;
+    let material = rubber(0.0);
+    let error = |mesh: &TriMesh| {
+        let config = BodyConfig {
+            bending: 1.0,
+            ..tight()
+        };
+        let mut body = Body::sheet(mesh, &[material], config, &[]).unwrap();
+        let on = |place: f64| -> Vec<u32> {
+            let vertices = (0_u32..).zip(&mesh.positions);
+            let near = vertices.filter(|(_, x)| (x.x - place).abs() < 1e-9);
+            near.map(|(vertex, _)| vertex).collect()
+        };
+        body.add_clamp(&on(0.0)).unwrap();
+        let deflection = 1e-4 * material.thickness;
+        let force = 3.0 * material.bending_rigidity() * deflection / (side * side);
+        let tip = spread_on_sheet(mesh, &on(side)).fractions;
+        let forces: Vec<Vec3> = tip.iter().map(|f| Vec3::z() * (force * f)).collect();
+        body.set_external_forces(&forces).unwrap();
+        Equilibrium::new(&body, EquilibriumOptions::default())
+            .unwrap()
+            .solve(&mut body, &[], 1.0)
+            .unwrap();
+        let mean: f64 = body.positions().zip(&tip).map(|(x, f)| x.z * f).sum();
+        mean / deflection - 1.0
+    };
+    for name in GMSH.into_iter().chain(["random_points"]) {
+        let [coarse, fine] = [8, 16].map(|cells| error(&from_file(name, cells, side)));
+        assert!(fine.abs() < 0.003, "{name}: {fine}");
+        assert!(
+            fine.abs() < 0.35 * coarse.abs(),
             "{name}: {fine} after {coarse}"
         );
     }

@@ -215,6 +215,7 @@ fn the_stated_operations_of_a_triangle_are_the_counted_ones() {
         nodes: [0, 1, 2],
         gradients: [[10.0, 0.0], [0.0, 10.0]],
         frame: [Vec3::x(), Vec3::y()],
+        strained: [Vec3::zeros(); 2],
         mu: 8.0,
         lambda: 10.0,
     };

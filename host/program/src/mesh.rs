@@ -5,7 +5,7 @@ use host::atomic_file::write_atomically;
 use host::bodies::{self, Built};
 use meshio::write_vtu::Snapshot;
 use meshio::{write_gmsh, write_vtk};
-use physics::mesh::{Bounds, Field, Group, Mesh};
+use physics::mesh::{Bounds, Field, Group, Mesh, TriMesh};
 use std::path::{Path, PathBuf};
 
 /// Arguments of `palpate mesh`.
@@ -87,6 +87,22 @@ impl Format {
     }
 }
 
+/// A line about the flat pattern, if there is one. Areas that differ by far show a wrong unit of the pattern.
+fn pattern(mesh: &Mesh) -> String {
+    let Mesh::Sheet(mesh) = mesh else {
+        return String::new();
+    };
+    if mesh.flat_pattern.is_none() {
+        return String::new();
+    }
+    let start = TriMesh {
+        flat_pattern: None,
+        ..mesh.clone()
+    };
+    let (rest, start) = (mesh.area(), start.area());
+    format!("  pattern    {rest:.4} m2 of flat cloth, {start:.4} m2 at the start\n")
+}
+
 /// A summary of the mesh: its kind, its size, its groups and its fields.
 fn summary(name: &str, mesh: &Mesh) -> String {
     let (kind, parts) = match mesh {
@@ -132,6 +148,7 @@ fn summary(name: &str, mesh: &Mesh) -> String {
             size[1],
             size[2]
         ),
+        pattern(mesh),
         line("vertices", &counted(groups)),
         line("elements", &counted(parts)),
         line("values", &fields.iter().map(range).collect::<Vec<_>>()),

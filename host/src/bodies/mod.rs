@@ -180,7 +180,8 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
 /// As [`handle_origins`].
 pub fn build_settled(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     let mut built = build(loaded, index)?;
-    settle(&mut built.body, &built.handles);
+    let is_cut = matches!(&built.mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some());
+    settle(&mut built.body, &built.handles, is_cut);
     Ok(built)
 }
 
@@ -200,11 +201,12 @@ where
     Ok(condenser)
 }
 
-/// Brings a body that has weight or bears loads to equilibrium with its handles held, before the run starts. The energy
+/// Brings a body that has weight, bears loads or is cut out of a flat pattern to equilibrium with its handles held, before
+/// the run starts. The energy
 /// that the body then stores need not be supplied by the hands. A body for which no equilibrium is found starts
 /// undeformed.
-fn settle(body: &mut Body, handles: &[HandleSpec]) {
-    if body.total_external_force() == Vec3::zeros() {
+fn settle(body: &mut Body, handles: &[HandleSpec], is_cut: bool) {
+    if !is_cut && body.total_external_force() == Vec3::zeros() {
         return;
     }
     let rest: Vec<_> = handles

@@ -139,6 +139,12 @@ fn check_body(at: &str, body: &Body) -> Check {
         MeshSource::Plate { plate, .. } => cells("plate.cells", &[plate.around, plate.outward])?,
         MeshSource::File(file) => file_name(&format!("{at}.mesh.file"), file)?,
     }
+    require(
+        body.mesh.flat_pattern.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
+        &format!("{at}.mesh.flat_pattern"),
+        "a pattern for a mesh that is built in",
+        "`file` with an OBJ file, whose texture coordinates are the pattern",
+    )?;
     for (index, region) in body.regions.iter().enumerate() {
         check_where(
             &format!("{at}.region[{index}]"),

@@ -49,6 +49,8 @@ pub struct MeshFile {
     pub path: PathBuf,
     /// What it holds. Which format that is, and whether it is text, shows once it is read.
     pub bytes: Vec<u8>,
+    /// The unit of its texture coordinates (m), if they are a flat pattern.
+    texture_unit: Option<f64>,
     mesh: OnceLock<Result<Mesh, MeshFileError>>,
 }
 
@@ -59,7 +61,12 @@ impl MeshFile {
     /// Why the file is no mesh.
     pub fn mesh(&self) -> Result<&Mesh, &MeshFileError> {
         self.mesh
-            .get_or_init(|| meshio::read_mesh(&self.name, &self.bytes))
+            .get_or_init(|| match self.texture_unit {
+                None => meshio::read_mesh(&self.name, &self.bytes),
+                Some(unit) => {
+                    meshio::read_with_pattern(&self.name, &self.bytes, unit).map(Mesh::Sheet)
+                }
+            })
             .as_ref()
     }
 }
@@ -216,7 +223,7 @@ impl<R: Fn(&Path) -> io::Result<Vec<u8>>> Reader<'_, R> {
     }
 }
 
-/// The mesh file of each body; none for a generated mesh. A file that several bodies name is read once.
+/// The mesh file of each body; none for a generated mesh. A file that several bodies name in the same way is read once.
 fn meshes(
     reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
     scene: &Scene,
@@ -227,7 +234,9 @@ fn meshes(
             meshes.push(None);
             continue;
         };
-        let known = meshes.iter().flatten().find(|mesh| mesh.name == *file);
+        let texture_unit = body.mesh.flat_pattern.map(|pattern| pattern.texture_unit);
+        let same = |mesh: &&Arc<MeshFile>| mesh.name == *file && mesh.texture_unit == texture_unit;
+        let known = meshes.iter().flatten().find(same);
         let mesh = if let Some(mesh) = known {
             Arc::clone(mesh)
         } else {
@@ -236,6 +245,7 @@ fn meshes(
                 name: file.clone(),
                 path,
                 bytes,
+                texture_unit,
                 mesh: OnceLock::new(),
             })
         };

@@ -13,6 +13,7 @@ use crate::element::bending::{BentSheet, Plate};
 use crate::element::elements::Elements;
 use crate::element::tet::shape::{Tet4, Tet10};
 use crate::element::tet::solid::Solid;
+use crate::element::triangle::frame::rest_corners;
 use crate::element::triangle::membrane::Membrane;
 use crate::element::triangle::woven::{Woven, warp_in_frame};
 use crate::element::truss::Truss;
@@ -48,7 +49,7 @@ pub enum SheetLawName {
 }
 
 impl Body {
-    /// Builds a woven sheet at rest in the shape of `mesh`. `weaves` holds one material for all triangles or one for
+    /// Builds a woven sheet in the shape of `mesh`, at rest there unless `mesh` has a flat pattern. `weaves` holds one material for all triangles or one for
     /// each.
     ///
     /// # Errors
@@ -78,7 +79,8 @@ impl Body {
         Self::build(&mesh.positions, vec![elements], bent, config, handles)
     }
 
-    /// Builds a sheet at rest in the shape of `mesh`.
+    /// Builds a sheet in the shape of `mesh`, at rest there unless `mesh` has a flat pattern. The stress of a sheet that is cut
+    /// out of a pattern acts from the first step on; mass follows the pattern.
     ///
     /// `materials` holds one material for all triangles or one for each. `handles` may be empty: the sheet is free
     /// then.
@@ -103,10 +105,11 @@ impl Body {
         let bends = config.bending > 0.0;
         let bent =
             bends.then(|| BentSheet::new(&mesh.triangles, materials.iter().map(plate).collect()));
+        let bent = bent.transpose()?;
         Self::build(
             &mesh.positions,
             vec![Box::new(membrane)],
-            bent.transpose()?,
+            bent.map(|sheet| sheet.cut(mesh.flat_pattern.as_ref())),
             config,
             handles,
         )
@@ -231,17 +234,22 @@ fn bent_weave(mesh: &TriMesh, weaves: &[Weave], scale: f64) -> Result<BentSheet,
         .iter()
         .enumerate()
         .map(|(element, vertices)| {
-            let corners = vertices.map(|vertex| &mesh.positions[vertex as usize]);
+            let corners = match rest_corners(mesh, element) {
+                Some(flat) => flat,
+                None => vertices.map(|vertex| mesh.positions[vertex as usize]),
+            };
             let weave = weave(element);
             Ok(Plate {
-                matrix: weave
-                    .rigidity
-                    .plate(warp_in_frame(element, corners, &weave.warp)?)
-                    * scale,
+                matrix: weave.rigidity.plate(warp_in_frame(
+                    element,
+                    corners.each_ref(),
+                    &weave.warp,
+                )?) * scale,
                 thickness: weave.thickness,
             })
         });
-    BentSheet::new(&mesh.triangles, plates.collect::<Result<_, _>>()?)
+    let sheet = BentSheet::new(&mesh.triangles, plates.collect::<Result<_, BodyError>>()?)?;
+    Ok(sheet.cut(mesh.flat_pattern.as_ref()))
 }
 
 /// The cells of `mesh` as elements of one law.

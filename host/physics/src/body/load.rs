@@ -93,10 +93,10 @@ pub fn spread_on_sheet(mesh: &TriMesh, vertices: &[u32]) -> Spread {
     let chosen = chosen(mesh.positions.len(), vertices);
     let inside = |corners: &[u32]| corners.iter().all(|&vertex| chosen[vertex as usize]);
     let at = |vertex: u32| mesh.positions[vertex as usize];
-    let triangles = mesh.triangles.iter().filter(|corners| inside(*corners));
-    let parts = triangles.map(|&corners| {
-        let [a, b, c] = corners.map(at);
-        (corners, 0.5 * (b - a).cross(&(c - a)).norm())
+    let triangles = (0_u32..).zip(&mesh.triangles);
+    let parts = triangles.filter_map(|(triangle, &corners)| {
+        let area = || mesh.triangle_area(triangle).unwrap_or_default();
+        inside(&corners).then(|| (corners, area()))
     });
     let (fractions, area) = weigh(mesh.positions.len(), parts);
     if area > 0.0 {

@@ -4,6 +4,7 @@
 //! stiffness. The checks do not judge the quality of a mesh otherwise. A mesh may be coarse, curved, in several
 //! pieces, or wound differently from triangle to triangle.
 
+use super::PatternError;
 use super::check_named::{check_fields, check_groups};
 use super::{Adjacency, TriMesh};
 use crate::Vec3;
@@ -177,6 +178,9 @@ pub enum MeshError {
         /// The name.
         name: String,
     },
+    /// The flat pattern is wrong.
+    #[error(transparent)]
+    Pattern(#[from] PatternError),
 }
 
 /// The part of a mesh that an error refers to.
@@ -206,6 +210,7 @@ impl MeshError {
                 triangles: [_, _, triangle],
                 ..
             } => Location::Cell(triangle),
+            Self::Pattern(ref error) => error.triangle().map_or(Location::Mesh, Location::Cell),
             Self::Empty
             | Self::TooMany { .. }
             | Self::GroupMember { .. }
@@ -246,6 +251,9 @@ impl TriMesh {
         let adjacency = Adjacency::new(&self.triangles)?;
         check_duplicates(&adjacency)?;
         check_all_used(self)?;
+        if let Some(pattern) = &self.flat_pattern {
+            pattern.check(&self.triangles, &adjacency)?;
+        }
         check_groups(&self.vertex_groups, self.positions.len())?;
         check_groups(&self.triangle_groups, self.triangles.len())?;
         check_fields(&self.triangle_fields, self.triangles.len())

@@ -14,6 +14,7 @@ mod check_neighbours;
 pub mod check_solid;
 pub mod check_thread;
 mod elevate;
+pub mod flat_pattern;
 pub mod generate;
 pub mod generate_box;
 pub mod generate_plate;
@@ -25,6 +26,7 @@ pub use adjacency::Adjacency;
 pub use check::MeshError;
 pub use check_solid::SolidError;
 pub use check_thread::ThreadError;
+pub use flat_pattern::{FlatPattern, PatternError};
 pub use line::LineMesh;
 pub use tet::{Cells, TetMesh};
 
@@ -63,10 +65,12 @@ pub enum Mesh {
 /// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TriMesh {
-    /// Rest positions (m), one per vertex.
+    /// Positions at the start (m), one per vertex. Without a flat pattern they are the shape at rest.
     pub positions: Vec<Vec3>,
     /// Vertex indices of each triangle.
     pub triangles: Vec<[u32; 3]>,
+    /// The flat shapes of the triangles at rest, if they are not those of the positions.
+    pub flat_pattern: Option<FlatPattern>,
     /// Named sets of vertices, in the order in which they were defined.
     pub vertex_groups: Vec<Group>,
     /// Named sets of triangles, in the order in which they were defined.
@@ -193,7 +197,7 @@ impl TriMesh {
             .collect()
     }
 
-    /// The rest positions of a triangle's vertices (m), or `None` if there is no such triangle.
+    /// The positions of a triangle's vertices (m), or `None` if there is no such triangle.
     pub fn corners(&self, triangle: u32) -> Option<[Vec3; 3]> {
         let [a, b, c] = *self.triangles.get(triangle as usize)?;
         let at = |vertex: u32| self.positions.get(vertex as usize).copied();
@@ -202,7 +206,7 @@ impl TriMesh {
 
     /// The rest area of one triangle (m²), or `None` if there is no such triangle.
     pub fn triangle_area(&self, triangle: u32) -> Option<f64> {
-        let [a, b, c] = self.corners(triangle)?;
+        let [a, b, c] = self.rest_corners(triangle)?;
         Some(0.5 * (b - a).cross(&(c - a)).norm())
     }
 

@@ -12,6 +12,17 @@ pub struct Mesh {
     pub source: MeshSource,
     /// Whether linear tetrahedra become quadratic ones, with straight edges.
     pub quadratic: bool,
+    /// The flat pattern out of which a sheet is cut, if it has one.
+    pub flat_pattern: Option<FlatPattern>,
+}
+
+/// `body.mesh.flat_pattern`: the texture coordinates of an OBJ file are the flat rest shapes of its triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FlatPattern {
+    /// The length of a unit of the texture coordinates (m).
+    #[serde(deserialize_with = "check::positive")]
+    pub texture_unit: f64,
 }
 
 /// The source of a mesh.
@@ -83,6 +94,8 @@ struct MeshFields {
     file: Option<String>,
     #[serde(default, deserialize_with = "check::order")]
     order: usize,
+    #[serde(default, deserialize_with = "check::optional_table")]
+    flat_pattern: Option<FlatPattern>,
 }
 
 #[derive(Deserialize)]
@@ -167,7 +180,8 @@ impl TryFrom<MeshFields> for Mesh {
             plate,
             thread,
             file,
-            ..
+            order,
+            flat_pattern,
         } = fields;
         let source = match (sheet, in_box, plate, thread, file) {
             (Some(sheet), None, None, None, None) => MeshSource::Sheet {
@@ -195,7 +209,8 @@ impl TryFrom<MeshFields> for Mesh {
         };
         Ok(Self {
             source,
-            quadratic: fields.order == 2,
+            quadratic: order == 2,
+            flat_pattern,
         })
     }
 }

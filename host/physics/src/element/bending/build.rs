@@ -14,6 +14,9 @@
 //! test). The energy is never below the least energy of Morley's triangles over all slopes, which vanishes
 //! for rigid motions alone; so no other motion is free.
 //!
+//! A sheet that is cut out of a flat pattern has no curvature at rest, whatever its starting positions: not in its pieces,
+//! and not across their seams, which lie flat.
+//!
 //! A triangle whose vertices a handle or supports prescribe is rigid, and its gradient is that of the sheet at its sides:
 //! it clamps the triangles beside it.
 //!
@@ -63,9 +66,8 @@ fn rotations(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Numbered {
             };
             let vertices = &sheet.triangles[triangle];
             let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
-            let [a, b] = ends.map(|v| &x[v as usize]);
             // The weights are those of the derivative times the length of the edge.
-            let length = (b - a).norm();
+            let length = sheet.length((triangle, k), x);
             let number = left.len() as u32;
             of_sides[triangle][k] = number;
             let back = &sheet.neighbours[beyond as usize];
@@ -127,8 +129,24 @@ pub(super) fn bends([g1, g2]: [[f64; 2]; 2], area: f64) -> ([Vec3; 3], [f64; 3])
     (bends, lengths)
 }
 
-/// The bending of `sheet`, whose vertices are at `x` (m) at rest. `rigid` says of each triangle whether its motion is
-/// prescribed.
+/// The derivatives across the sides of a triangle with these corners (m) and its sides, where the sheet is flat. Each
+/// derivative is the unit normal of the side in the plane, which leads out of the triangle or into it.
+fn flat(corners: &[Vec3; 3], leads_out: [bool; 3]) -> ([Vec3; 3], [Vec3; 2]) {
+    let derivatives = [0, 1, 2].map(|k| {
+        let [a, b] = [1, 2].map(|i| corners[(k + i) % 3]);
+        let along = (b - a).normalize();
+        let inward = corners[k] - a;
+        let inward = (inward - along * inward.dot(&along)).normalize();
+        if leads_out[k] { -inward } else { inward }
+    });
+    (
+        derivatives,
+        [corners[1] - corners[0], corners[2] - corners[0]],
+    )
+}
+
+/// The bending of `sheet`, whose vertices start at `x` (m), at rest there unless a pattern makes the sheet flat. `rigid`
+/// says of each triangle whether its motion is prescribed.
 pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending {
     let numbered = rotations(sheet, x, rigid);
     let mut bending = Bending::new(numbered.rotations);
@@ -136,8 +154,8 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
         return bending;
     }
     for (triangle, vertices) in sheet.triangles.iter().enumerate().take(sheet.count) {
-        let corners = vertices.map(|vertex| &x[vertex as usize]);
-        let (gradients, area) = rest_frame(corners).unwrap_or_default();
+        let corners = sheet.corners(triangle, x);
+        let (gradients, area) = rest_frame(corners.each_ref()).unwrap_or_default();
         let numbers = numbered.of_sides[triangle];
         let (bends, lengths) = bends(gradients, area);
         let mut plate = sheet.plate(triangle).matrix;
@@ -151,9 +169,11 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
             }
         }
         let root = root(&plate).transpose();
+        let left = |number: u32| numbered.left.get(number as usize);
+        let leads_out = numbers.map(|number| left(number) == Some(&triangle));
         let weights = [0, 1, 2].map(|k| match numbers[k] {
             NONE => Vec3::zeros(),
-            number if numbered.left[number as usize] == triangle => root * bends[k],
+            _ if leads_out[k] => root * bends[k],
             _ => -(root * bends[k]),
         });
         let facet = Facet {
@@ -161,7 +181,12 @@ pub(super) fn bending(sheet: &BentSheet, x: &[Vec3], rigid: &[bool]) -> Bending 
             square: 4.0 * area * area,
         };
         bending.push(*vertices, numbers, facet);
-        bending.rest(x, stiffest);
+        let at_rest = if sheet.is_cut() {
+            flat(&corners, leads_out)
+        } else {
+            bending.vectors(triangle, |vertex| &x[vertex as usize])
+        };
+        bending.rest(at_rest, stiffest);
     }
     bending
 }

@@ -44,11 +44,11 @@ impl Bending {
         }
     }
 
-    /// Makes the curvature of the last triangle at vertex positions `x` (m) its curvature at rest. A triangle whose
-    /// stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
-    pub(super) fn rest(&mut self, x: &[Vec3], stiffest: f64) {
+    /// Makes the curvature of the last triangle with these derivatives and these sides (m) its curvature at rest. A
+    /// triangle whose stiffness, the trace of its matrix, would be more than `stiffest` (N/m) is made softer.
+    pub(super) fn rest(&mut self, (theta, sides): ([Vec3; 3], [Vec3; 2]), stiffest: f64) {
         let last = self.facets.len() - 1;
-        let bent = self.bent(last, |vertex| &x[vertex as usize]);
+        let bent = self.facets[last].bend(theta, sides, Vec3::zeros());
         let facet = &self.facets[last];
         let stiffness = self.sided(last).trace(&facet.derivatives(&bent));
         let mut curvature = bent.curvature;

@@ -12,7 +12,7 @@ use crate::{Mat3, Vec3};
 impl BentSheet {
     /// The stress (Pa) that bending adds on the face of a triangle at the side of its normal, in world axes: `-6 M / t^2`
     /// with the moment `M` per width and the thickness `t`. The other face has the opposite stress. `rest` and `x` are the
-    /// positions of the vertices at rest and at present (m), and `nodes` is the vertex of each place in `bending`.
+    /// positions of the vertices at the start and at present (m), and `nodes` is the vertex of each place in `bending`.
     pub(crate) fn stress(
         &self,
         triangle: usize,
@@ -21,7 +21,7 @@ impl BentSheet {
         nodes: &[u32],
     ) -> Mat3 {
         let corners = self.triangles[triangle].map(|vertex| vertex as usize);
-        let Some((gradients, area)) = rest_frame(corners.map(|vertex| &rest[vertex])) else {
+        let Some((gradients, area)) = rest_frame(self.corners(triangle, rest).each_ref()) else {
             return Mat3::zeros();
         };
         let (bends, _) = super::build::bends(gradients, area);

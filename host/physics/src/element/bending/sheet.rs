@@ -3,6 +3,7 @@
 use super::exact::Bending;
 use super::{NONE, build};
 use crate::error::BodyError;
+use crate::mesh::FlatPattern;
 use crate::{Mat3, Vec3};
 
 /// A sheet that resists bending, over vertices. A body keeps these facts, from which its bending is built again where
@@ -16,6 +17,8 @@ pub(crate) struct BentSheet {
     pub(super) neighbours: Vec<[u32; 3]>,
     /// One for all triangles or one for each.
     plates: Vec<Plate>,
+    /// With a flat pattern, the corners of each triangle there (m). The sheet is flat at rest then. Otherwise empty.
+    pattern: Vec<[[f64; 2]; 3]>,
 }
 
 /// The plate that a triangle is a part of.
@@ -80,7 +83,53 @@ impl BentSheet {
             count: triangles.len(),
             neighbours: neighbours(triangles)?,
             plates,
+            pattern: Vec::new(),
         })
+    }
+
+    /// The same sheet, cut out of this flat pattern of its triangles, if there is one.
+    pub(crate) fn cut(mut self, pattern: Option<&FlatPattern>) -> Self {
+        self.pattern = pattern.map_or_else(Vec::new, |pattern| pattern.corners.clone());
+        self
+    }
+
+    /// Whether the sheet is flat at rest, as cut out of a pattern, whatever its starting positions.
+    pub(super) fn is_cut(&self) -> bool {
+        !self.pattern.is_empty()
+    }
+
+    /// The corners of a triangle at rest (m), if `x` are the starting positions of the vertices (m). Those of a pattern lie
+    /// in the plane z = 0.
+    pub(super) fn corners(&self, triangle: usize, x: &[Vec3]) -> [Vec3; 3] {
+        match self.pattern.get(triangle) {
+            Some(corners) => corners.map(|[u, v]| Vec3::new(u, v, 0.0)),
+            None => self.triangles[triangle].map(|vertex| x[vertex as usize]),
+        }
+    }
+
+    /// The places of some vertices of a triangle, as [`corners`](Self::corners) gives them.
+    pub(super) fn places<const N: usize>(
+        &self,
+        triangle: usize,
+        vertices: [u32; N],
+        x: &[Vec3],
+    ) -> [Vec3; N] {
+        let corners = self.corners(triangle, x);
+        let named = &self.triangles[triangle];
+        vertices.map(|vertex| corners[named.iter().position(|&v| v == vertex).unwrap_or_default()])
+    }
+
+    /// The length at rest of the edge opposite vertex `k` of a triangle (m): the mean of both triangles there. The two
+    /// sides of a seam may differ in length.
+    pub(super) fn length(&self, (triangle, k): (usize, usize), x: &[Vec3]) -> f64 {
+        let vertices = &self.triangles[triangle];
+        let ends = [1, 2].map(|i| vertices[(k + i) % 3]);
+        let beyond = self.neighbours[triangle][k] as usize;
+        let [own, other] = [triangle, beyond].map(|triangle| {
+            let [a, b] = self.places(triangle, ends, x);
+            (b - a).norm()
+        });
+        0.5 * (own + other)
     }
 
     /// The plate of a triangle.
@@ -89,9 +138,9 @@ impl BentSheet {
         &self.plates[if one { 0 } else { triangle }]
     }
 
-    /// The bending of the sheet, whose nodes are at `x` (m) at rest. `is_rigid` says whether the motion of a triangle is
-    /// prescribed. Each of the `ghosts` is the far corner of another triangle beyond a side of the border. These triangles
-    /// have no energy of their own.
+    /// The bending of the sheet, whose nodes start at `x` (m), at rest there or flat as cut out of a pattern. `is_rigid`
+    /// says whether the motion of a triangle is prescribed. Each of the `ghosts` is the far corner of another triangle
+    /// beyond a side of the border. These triangles have no energy of their own.
     pub(crate) fn bending(
         &self,
         x: &[Vec3],
@@ -107,6 +156,16 @@ impl BentSheet {
             let beyond = sheet.triangles.len() as u32;
             let [a, b] = side.ends;
             sheet.triangles.push([a, b, ghost]);
+            if self.is_cut() {
+                // The parallelogram of the triangle at the edge.
+                let triangle = side.triangle as usize;
+                let [a, b] = self.places(triangle, side.ends, x);
+                let [across] = self.places(triangle, [side.across], x);
+                let corners = [a, b, a + b - across];
+                sheet
+                    .pattern
+                    .push(corners.map(|corner| [corner.x, corner.y]));
+            }
             sheet.neighbours.push([NONE, NONE, side.triangle]);
             sheet.neighbours[side.triangle as usize][side.corner as usize] = beyond;
         }
@@ -137,5 +196,6 @@ impl BentSheet {
         size_of_val(self.triangles.as_slice())
             + size_of_val(self.neighbours.as_slice())
             + size_of_val(self.plates.as_slice())
+            + size_of_val(self.pattern.as_slice())
     }
 }

@@ -3,6 +3,9 @@
 //! The two triangles at the edge come first. The triangles around them follow, ring by ring, each turned about the side
 //! that it has in common with a triangle before it. No length within a triangle changes. On a sheet that is flat at rest
 //! these are the places at rest.
+//!
+//! In a flat pattern the two sides of a seam may differ in length. The edge then has their mean, and along it a triangle
+//! is stretched to fit. The height of each triangle over the edge is its own, so that its gradient across the edge is.
 
 use super::{BentSheet, NONE};
 use crate::Vec3;
@@ -24,9 +27,10 @@ impl Nearby {
         self.at.get(found).copied()
     }
 
-    /// Places `vertex`, which is at `apex` and lies across the side `[p, q]` from the vertex `other`. Distances are in
-    /// units of `unit` (m).
-    fn unfold(&mut self, vertex: u32, sides: [u32; 2], other: u32, x: &[Vec3], unit: f64) {
+    /// Places `vertex`, which lies across the side with the ends `sides` from the vertex `other`, by the shape
+    /// `[p, q, apex]` (m) of its triangle. Distances are in units of `unit` (m). The side of a seam that is eased is as
+    /// long as its place.
+    fn unfold(&mut self, vertex: u32, sides: [u32; 2], other: u32, shape: &Shape, unit: f64) {
         let (Some(p), Some(q), Some(r)) = (
             self.place(sides[0]),
             self.place(sides[1]),
@@ -34,11 +38,14 @@ impl Nearby {
         ) else {
             return;
         };
-        let [xp, xq, apex] = [sides[0], sides[1], vertex].map(|v| &x[v as usize]);
-        let (along, height) = coordinates(xp, xq, apex);
+        let [xp, xq, apex] = &shape.corners;
+        let (mut along, height) = coordinates(xp, xq, apex);
         let side = [q[0] - p[0], q[1] - p[1]];
         let length = libm::hypot(side[0], side[1]);
         let u = side.map(|c| c / length);
+        if shape.may_differ {
+            along *= length * unit / (xq - xp).norm();
+        }
         let mut n = [-u[1], u[0]];
         if (r[0] - p[0]) * n[0] + (r[1] - p[1]) * n[1] > 0.0 {
             n = n.map(|c| -c);
@@ -47,6 +54,13 @@ impl Nearby {
         self.vertices.push(vertex);
         self.at.push(place);
     }
+}
+
+/// A triangle at rest: the ends of a side and the corner across it (m).
+struct Shape {
+    corners: [Vec3; 3],
+    /// Whether the side may have another length in the triangle beyond.
+    may_differ: bool,
 }
 
 /// The coordinate of `apex` along the side from `p` to `q`, from `p` on, and its distance from the side (m).
@@ -69,8 +83,7 @@ pub(super) fn nearby(
     let beyond = sheet.neighbours[triangle][k] as usize;
     let vertices = &sheet.triangles[triangle];
     let [a, b, c] = [1, 2, 0].map(|i| vertices[(k + i) % 3]);
-    let [xa, xb] = [a, b].map(|v| &x[v as usize]);
-    let length = (xb - xa).norm();
+    let length = sheet.length((triangle, k), x);
     let mut near = Nearby {
         vertices: vec![a, b],
         at: vec![[-0.5, 0.0], [0.5, 0.0]],
@@ -80,10 +93,12 @@ pub(super) fn nearby(
         vertices.rfind(|v| !ends.contains(v))
     };
     let across = opposite(beyond, [a, b]).unwrap_or(c);
-    for (vertex, sign) in [(c, -1.0), (across, 1.0)] {
-        let (along, height) = coordinates(xa, xb, &x[vertex as usize]);
+    for (of, vertex, sign) in [(triangle, c, -1.0), (beyond, across, 1.0)] {
+        let [xa, xb, apex] = sheet.places(of, [a, b, vertex], x);
+        let (along, height) = coordinates(&xa, &xb, &apex);
+        let own = (xb - xa).norm();
         near.vertices.push(vertex);
-        near.at.push([along / length - 0.5, sign * height / length]);
+        near.at.push([along / own - 0.5, sign * height / length]);
     }
     let mut triangles = vec![triangle, beyond];
     let mut first = 0;
@@ -102,7 +117,11 @@ pub(super) fn nearby(
                 if let Some(vertex) = opposite(next as usize, ends)
                     && !near.vertices.contains(&vertex)
                 {
-                    near.unfold(vertex, ends, vertices[side], x, length);
+                    let shape = Shape {
+                        corners: sheet.places(next as usize, [ends[0], ends[1], vertex], x),
+                        may_differ: sheet.is_cut(),
+                    };
+                    near.unfold(vertex, ends, vertices[side], &shape, length);
                 }
             }
         }

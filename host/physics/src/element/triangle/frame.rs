@@ -1,7 +1,8 @@
-//! A triangle at rest: an orthonormal frame in its plane, the gradients of its hat functions in that frame, its area.
+//! A triangle at rest, as the mesh or a flat pattern has it: an orthonormal frame in its plane, the gradients of its hat functions in that frame, its area.
 
 use crate::Vec3;
 use crate::error::BodyError;
+use crate::mesh::TriMesh;
 
 /// The gradients `g_1`, `g_2` (1/m) in the triangle's rest frame and its rest area (m²), or `None` if the triangle is
 /// flat.
@@ -33,6 +34,12 @@ pub(crate) fn rest_axes(x: [&Vec3; 3]) -> [Vec3; 2] {
     let (e1, e2) = (x[1] - x[0], x[2] - x[0]);
     let along = e1.normalize();
     [along, e1.cross(&e2).normalize().cross(&along)]
+}
+
+/// The corners of a triangle in the flat pattern of `mesh` (m), or `None` without a pattern: then the mesh is the shape
+/// at rest.
+pub(crate) fn rest_corners(mesh: &TriMesh, triangle: usize) -> Option<[Vec3; 3]> {
+    mesh.flat_pattern.as_ref()?.corners_of(triangle)
 }
 
 /// The error that names a triangle without a frame.

@@ -36,6 +36,8 @@ pub(crate) struct Rest<T> {
 pub(crate) struct Blocks<T> {
     pub(crate) nodes: Vec<[[u32; 3]; LANES]>,
     pub(crate) rest: Vec<Rest<T>>,
+    /// The two columns of the strain at displacement zero. Empty if there is none.
+    pub(crate) strained: Vec<[Lanes<T>; 6]>,
     pub(crate) stiffness: Vec<[Lanes<T>; ENTRIES]>,
 }
 
@@ -63,10 +65,14 @@ pub(crate) fn linearize<T: Real>(
     let mut energies = [T::ZERO; LANES];
     let mut vectors = [[[T::ZERO; 4]; LANES]; 2];
     let mut forces = vectors;
-    let elements = blocks.nodes.iter().zip(&blocks.rest);
-    for ((nodes, rest), stiffness) in elements.zip(&mut blocks.stiffness) {
+    let elements = blocks.nodes.iter().zip(&blocks.rest).enumerate();
+    for ((block, (nodes, rest)), stiffness) in elements.zip(&mut blocks.stiffness) {
         gather(nodes, d, &mut vectors);
-        respond(rest, &vectors, &mut forces, stiffness, &mut energies);
+        let (moved, pulled) = (&vectors, &mut forces);
+        match blocks.strained.get(block) {
+            None => respond::<T, false>((rest, None), moved, pulled, stiffness, &mut energies),
+            start => respond::<T, true>((rest, start), moved, pulled, stiffness, &mut energies),
+        }
         scatter(nodes, &forces, force);
     }
     let mut sum = T::ZERO;
@@ -110,8 +116,8 @@ pub(crate) fn product<T: Real>(blocks: &Blocks<T>, factor: T, u: &[Node<T>], y: 
 
 /// Computes the forces on the last two nodes of each element of a block and its stiffness, and adds to the energies.
 #[inline(always)]
-fn respond<T: Real>(
-    rest: &Rest<T>,
+fn respond<T: Real, const STRAINED: bool>(
+    (rest, strained): (&Rest<T>, Option<&[Lanes<T>; 6]>),
     differences: &Pairs<T>,
     forces: &mut Pairs<T>,
     stiffness: &mut [Lanes<T>; ENTRIES],
@@ -121,10 +127,13 @@ fn respond<T: Real>(
         let shape = shape_at(rest, lane);
         let (g, mu, lambda) = (shape.g, shape.mu, shape.lambda);
         let [d1, d2] = vectors_at(differences, lane);
-        let polar = polar(
-            &shape.frame,
-            &[0, 1].map(|j| combine(d1, g[0][j], d2, g[1][j])),
-        );
+        let mut gradient = [0, 1].map(|j| combine(d1, g[0][j], d2, g[1][j]));
+        if STRAINED && let Some(strained) = strained {
+            let start = [0, 1, 2, 3, 4, 5].map(|row: usize| strained[row][lane]);
+            gradient[0] = sum([start[0], start[1], start[2]], gradient[0]);
+            gradient[1] = sum([start[3], start[4], start[5]], gradient[1]);
+        }
+        let polar = polar(&shape.frame, &gradient);
         let [xx, xy, yy] = polar.strain;
 
         let pressure = lambda * (xx + yy);

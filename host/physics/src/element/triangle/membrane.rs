@@ -24,7 +24,7 @@
 //! [`Tangent::Clipped`] keeps the positive parts of 2 and 3, so that every element's tangent is positive
 //! semidefinite. Without part 3 a step of a sheet under tension is unstable.
 
-use super::frame::{degenerate, rest_axes, rest_frame};
+use super::frame::{degenerate, rest_axes, rest_corners, rest_frame};
 use super::triangles::Triangle;
 use crate::element::VectorForm;
 use crate::element::elements::{Elements, renumber, slots};
@@ -53,6 +53,8 @@ pub struct Membrane {
     gradients: Vec<[[f64; 2]; 2]>,
     /// The axes of the frames of those gradients in world coordinates.
     frames: Vec<[Vec3; 2]>,
+    /// With a flat pattern, the deformation gradient of the starting positions less the frame. Otherwise empty.
+    strained: Vec<[Vec3; 2]>,
     /// Shear modulus times thickness times rest area (N m).
     mu: Vec<f64>,
     /// Plane-stress Lame parameter times thickness times rest area (N m).
@@ -61,6 +63,15 @@ pub struct Membrane {
     volume: Vec<f64>,
     density: Vec<f64>,
     slots: Vec<ElementSlots<3>>,
+}
+
+/// The frame of a triangle that starts at `corners` (m) with these rest gradients (1/m): the rotation of the deformation
+/// gradient. The second value is the difference of deformation gradient and frame, which is the strain at the start.
+fn start(corners: [&Vec3; 3], [g1, g2]: [[f64; 2]; 2]) -> ([Vec3; 2], [Vec3; 2]) {
+    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let f = [0, 1].map(|j| e1 * g1[j] + e2 * g2[j]);
+    let frame = Polar::new(&f[0], &f[1]).r;
+    (frame, [f[0] - frame[0], f[1] - frame[1]])
 }
 
 fn dot2(a: [f64; 2], b: [f64; 2]) -> f64 {
@@ -74,6 +85,7 @@ impl Membrane {
             nodes: Vec::with_capacity(count),
             gradients: Vec::with_capacity(count),
             frames: Vec::with_capacity(count),
+            strained: Vec::new(),
             mu: Vec::with_capacity(count),
             lambda: Vec::with_capacity(count),
             volume: Vec::with_capacity(count),
@@ -102,6 +114,7 @@ impl Membrane {
         for (triangle, material) in materials.iter().enumerate() {
             material.check(triangle)?;
         }
+        mesh.check_pattern()?;
         let count = mesh.positions.len();
         let mut membrane = Self::with_capacity(triangles);
         for (triangle, vertices) in mesh.triangles.iter().enumerate() {
@@ -117,7 +130,15 @@ impl Membrane {
                 return Err(degenerate(triangle, corners));
             };
             let material = &materials[if materials.len() == 1 { 0 } else { triangle }];
-            membrane.push(*vertices, gradients, rest_axes(corners), area, material);
+            let Some(flat) = rest_corners(mesh, triangle) else {
+                membrane.push(*vertices, gradients, rest_axes(corners), area, material);
+                continue;
+            };
+            let flat = flat.each_ref();
+            let (gradients, area) = rest_frame(flat).ok_or_else(|| degenerate(triangle, flat))?;
+            let (frame, strained) = start(corners, gradients);
+            membrane.push(*vertices, gradients, frame, area, material);
+            membrane.strained.push(strained);
         }
         Ok(membrane)
     }
@@ -227,6 +248,7 @@ impl Elements for Membrane {
         size_of_val(self.nodes.as_slice())
             + size_of_val(self.gradients.as_slice())
             + size_of_val(self.frames.as_slice())
+            + size_of_val(self.strained.as_slice())
             + size_of_val(self.mu.as_slice())
             + size_of_val(self.lambda.as_slice())
             + size_of_val(self.volume.as_slice())
@@ -328,6 +350,7 @@ impl Elements for Membrane {
             nodes: self.nodes[e],
             gradients: self.gradients[e],
             frame: self.frames[e],
+            strained: self.strained.get(e).copied().unwrap_or_default(),
             mu: self.mu[e],
             lambda: self.lambda[e],
         };

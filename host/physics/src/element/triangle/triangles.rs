@@ -6,7 +6,8 @@
 //! stored. A product with its 21 numbers takes fewer operations than a product with the 18 numbers from which it is
 //! computed.
 //!
-//! Displacements are relative to the rest positions, so that single precision keeps the digits of small strains.
+//! Displacements are relative to the starting positions, so that single precision keeps the digits of small strains. These
+//! are the positions at rest, unless a flat pattern gives triangles other shapes at rest.
 
 use super::kernels::{BLOCK_11, BLOCK_12, BLOCK_22, Blocks, ENTRIES, Rest, linearize, product};
 use crate::element::kernel::Kernel;
@@ -28,6 +29,9 @@ pub struct Triangle {
     pub gradients: [[f64; 2]; 2],
     /// The axes of that frame in world coordinates.
     pub frame: [Vec3; 2],
+    /// The deformation gradient of the positions from which displacements count, less the frame. It is zero unless a flat
+    /// pattern gives the triangle another shape at rest.
+    pub strained: [Vec3; 2],
     /// Shear modulus times thickness times rest area (N m).
     pub mu: f64,
     /// Lamé's first parameter in plane stress times thickness times rest area (N m).
@@ -46,6 +50,8 @@ impl<T: Real> Triangles<T> {
     /// The elements. They have no stiffness before the first call of `linearize`.
     pub fn new(triangles: &[Triangle]) -> Self {
         let order = apart(triangles.len(), |element| &triangles[element].nodes);
+        let zeros = [Vec3::zeros(); 2];
+        let any_strained = triangles.iter().any(|triangle| triangle.strained != zeros);
         let mut all = Self {
             blocks: Blocks::default(),
             places: vec![(0, 0); triangles.len()],
@@ -59,6 +65,7 @@ impl<T: Real> Triangles<T> {
                 mu: zero,
                 lambda: zero,
             };
+            let mut strained = [zero; 6];
             for lane in 0..LANES {
                 // Copies of the last element without stiffness pad the last block.
                 let element = elements[lane.min(elements.len() - 1)];
@@ -70,6 +77,7 @@ impl<T: Real> Triangles<T> {
                     }
                     for i in 0..3 {
                         rest.frame[3 * a + i][lane] = T::of(triangle.frame[a][i]);
+                        strained[3 * a + i][lane] = T::of(triangle.strained[a][i]);
                     }
                 }
                 if lane < elements.len() {
@@ -80,6 +88,9 @@ impl<T: Real> Triangles<T> {
             }
             all.blocks.nodes.push(nodes);
             all.blocks.rest.push(rest);
+            if any_strained {
+                all.blocks.strained.push(strained);
+            }
             all.blocks.stiffness.push([zero; ENTRIES]);
         }
         all
@@ -100,6 +111,7 @@ impl<T: Real> Triangles<T> {
         size_of_val(self.places.as_slice())
             + size_of_val(self.blocks.nodes.as_slice())
             + size_of_val(self.blocks.rest.as_slice())
+            + size_of_val(self.blocks.strained.as_slice())
             + size_of_val(self.blocks.stiffness.as_slice())
     }
 

@@ -1,12 +1,14 @@
 //! In-plane elasticity of a woven sheet: constant-strain triangles with any [`SheetLaw`].
 //!
+//! With a flat pattern the warp is a direction in the plane of the pattern.
+//!
 //! This module is the counterpart of [`Membrane`](crate::element::triangle::membrane::Membrane) for cloth and for other
 //! laws. Each triangle has an orthonormal rest frame whose first axis is the warp, projected onto its plane. With
 //! the gradients `g_a` of the hat functions in that frame the deformation gradient is `F = sum x_a g_a^T`,
 //! the force `f_a = -A P g_a` and the stiffness `K_ab = A sum_jl g_a[j] g_b[l] dP_j / dF_l` (Bonet and Wood,
 //! "Nonlinear continuum mechanics for finite element analysis", chapter Discretization and solution).
 
-use super::frame::{degenerate, rest_frame};
+use super::frame::{degenerate, rest_corners, rest_frame};
 use super::membrane::Element;
 use crate::element::elements::{Elements, renumber, slots};
 use crate::error::BodyError;
@@ -71,6 +73,7 @@ impl<L: SheetLaw> Woven<L> {
                 elements: triangles,
             });
         }
+        mesh.check_pattern()?;
         let mut woven = Self::with_capacity(triangles);
         for (element, vertices) in mesh.triangles.iter().enumerate() {
             if let Some(&vertex) = vertices.iter().find(|&&vertex| vertex as usize >= count) {
@@ -82,7 +85,14 @@ impl<L: SheetLaw> Woven<L> {
             }
             let corners = vertices.map(|vertex| &mesh.positions[vertex as usize]);
             let weave = &weaves[if weaves.len() == 1 { 0 } else { element }];
-            woven.push(*vertices, corners, weave)?;
+            match rest_corners(mesh, element) {
+                Some(flat) => {
+                    // The triangle has to have a plane at the start, too.
+                    rest_frame(corners).ok_or_else(|| degenerate(element, corners))?;
+                    woven.push(*vertices, flat.each_ref(), weave)?
+                }
+                None => woven.push(*vertices, corners, weave)?,
+            };
         }
         Ok(woven)
     }
