@@ -59,6 +59,24 @@ fn factors_are_made_beside_the_steps_of_frozen_solvers_only() -> Result<(), Box<
     Ok(())
 }
 
+/// At 1 kHz, factors are read ahead before steps take them.
+#[test]
+fn factors_arrive_at_every_rate() -> Result<(), Box<dyn Error>> {
+    let text = fs::read_to_string(Path::new(SCENES).join("stretch.toml"))?;
+    for rate in ["100.0", "500.0", "1000.0"] {
+        let text = text.replace("_rate = 250.0", &format!("_rate = {rate}"));
+        let scene = Scene::load_texts("stretch.toml", &text, &BTreeMap::new())?;
+        let [one, two] = [summary(&scene, 1.5)?, summary(&scene, 1.5)?];
+        assert!(one.host.factors > 1, "{rate}: {}", one.host.factors);
+        assert_eq!(one.host.faults + one.host.unconverged_steps, 0);
+        assert_eq!(one.host.factors, two.host.factors);
+        for (one, two) in one.devices.iter().zip(&two.devices) {
+            assert_eq!(one.peak_force.to_bits(), two.peak_force.to_bits());
+        }
+    }
+    Ok(())
+}
+
 #[test]
 fn a_budget_ends_steps_early_and_the_summary_reports_it() -> Result<(), Box<dyn Error>> {
     // The budget is a nanosecond, so every step ends after its first iteration.

@@ -157,6 +157,7 @@ fn fast_steps_allocate_nothing<T: Real>(preconditioner: Preconditioner) {
                     .unwrap();
                 if let Some(mut refresher) = stepper.lend() {
                     refresher.work().unwrap();
+                    while !refresher.read_ahead(2) {}
                     stepper.give_back(refresher);
                     factors += 1;
                 }

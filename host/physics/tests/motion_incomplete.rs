@@ -234,6 +234,8 @@ fn a_factor_may_be_lent_and_costs_are_known() {
             assert!(stepper.lend().is_none(), "it is not here");
             assert_eq!(stepper.cost(Part::Refresh), None);
             refresher.work().unwrap();
+            let read = [(); 3].map(|()| refresher.read_ahead(3));
+            assert_eq!(read, [false, false, true]);
             stepper.give_back(refresher);
             taken += 1;
         }

@@ -8,7 +8,7 @@ use nalgebra::UnitQuaternion;
 use physics::linear::dense::Square;
 use physics::{
     Body, BodyConfig, Border, Condenser, Freedom, Guess, HandlePose, HandleSpec, Material,
-    ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
+    Refresher, ShapeOptions, Shapes, SolidLaw, SolidMaterial, Stepper, StepperOptions, Vec3,
 };
 
 const LAWS: [SolidLaw; 4] = [
@@ -358,6 +358,47 @@ fn a_factor_may_be_made_beside_the_steps() {
         }
     }
     assert!(taken >= 2, "{taken}");
+}
+
+/// A factor is read in as many parts as the caller asks for, once, and the reads change no result.
+#[test]
+fn a_factor_may_be_read_ahead() {
+    let (body, handles) = solid(SolidLaw::StableNeoHookean, false, false);
+    let positions = |parts: usize| -> Vec<Vec3> {
+        let mut body = body.clone();
+        let elsewhere = StepperOptions {
+            refresh: false,
+            patience: 3,
+            ..options()
+        };
+        let mut stepper = Stepper::<f64>::new(&body, elsewhere).unwrap();
+        let mut taken = 0;
+        for step in 0..40 {
+            let targets = poses(&handles, f64::from(step), 1.0, 1.0);
+            stepper.step(&mut body, 5e-3, &targets, || false).unwrap();
+            if let Some(mut refresher) = stepper.lend() {
+                assert!(refresher.read_ahead(parts), "there is no new factor yet");
+                refresher.work().unwrap();
+                for part in 1..parts {
+                    assert!(!refresher.read_ahead(parts), "part {part} of {parts}");
+                }
+                for _ in 0..2 {
+                    assert!(refresher.read_ahead(parts), "all of {parts}");
+                }
+                stepper.give_back(refresher);
+                taken += 1;
+            }
+        }
+        assert!(taken >= 2, "{taken}");
+        body.positions().collect()
+    };
+    let not_read = positions(0);
+    for parts in [1, 3] {
+        assert_eq!(positions(parts), not_read);
+    }
+    // Two milliseconds, in whole steps.
+    let parts = [1e-2, 2.5e-3, 2e-3, 1e-3, 2.5e-4].map(Refresher::<f64>::parts);
+    assert_eq!(parts, [0, 0, 1, 2, 8]);
 }
 
 /// A step that is stopped after any iteration is the best found so far, and reports its true residual.

@@ -284,6 +284,11 @@ impl HostBody {
         Ok(())
     }
 
+    /// Reads ahead what a later step will need.
+    pub(super) fn read_ahead(&mut self) {
+        self.solver.read_ahead();
+    }
+
     /// The counts and times of the present step.
     pub(super) fn tally(&self) -> &Tally {
         &self.tally

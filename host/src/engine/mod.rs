@@ -137,6 +137,10 @@ impl Engine {
                 }
             }
         }
+        // No hand waits for this.
+        for body in &mut self.bodies {
+            body.read_ahead();
+        }
     }
 
     /// Makes one call for the bodies in `range`, beside each other.

@@ -92,6 +92,12 @@ impl Recipe {
             ..ShapeOptions::default()
         });
         let beside = Beside::new(self.real, self.step);
-        Ok(Frozen::new(stepper, beside, shapes, self.budget_ns))
+        Ok(Frozen::new(
+            stepper,
+            beside,
+            shapes,
+            self.step,
+            self.budget_ns,
+        ))
     }
 }

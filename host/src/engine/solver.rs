@@ -50,6 +50,9 @@ pub trait Solver: Send {
         tally: &mut Tally,
     ) -> Result<(), StepFault>;
 
+    /// Reads ahead what a later step will need. Called once after each step, when its model has been published.
+    fn read_ahead(&mut self) {}
+
     /// Elastic energy of `body` (J) after the last step.
     fn elastic_energy(&self, body: &Body) -> f64;
 
@@ -178,6 +181,12 @@ pub(super) struct Frozen<T> {
     stepper: Stepper<T>,
     /// Makes the other factors.
     beside: Beside<Box<Refresher<T>>>,
+    /// The refresher that has done its work, while its factor is read ahead.
+    made: Option<Box<Refresher<T>>>,
+    /// Whether the whole factor has been read.
+    read: bool,
+    /// Number of parts in which a factor is read ahead; 0 where a step takes a new factor at once.
+    parts: usize,
     /// How the shapes are kept current; `None` where the scheme does not use them.
     options: Option<ShapeOptions>,
     /// The latest shapes, from which the next condensation starts.
@@ -190,20 +199,36 @@ pub(super) struct Frozen<T> {
 
 impl<T: Real> Frozen<T> {
     /// A solver whose `stepper` makes only its first factor; `beside` makes the others. The `options` are those of
-    /// the shapes, if the scheme uses them. Under the real clock a step may take `budget_ns` (ns).
+    /// the shapes, if the scheme uses them. Steps take `h` seconds of the body's time; under the real clock they may
+    /// take `budget_ns` (ns).
     pub(super) fn new(
         stepper: Stepper<T>,
         beside: Beside<Box<Refresher<T>>>,
         options: Option<ShapeOptions>,
+        h: f64,
         budget_ns: Option<u64>,
     ) -> Self {
         Self {
             stepper,
             beside,
+            made: None,
+            read: false,
+            parts: Refresher::<T>::parts(h),
             options,
             shapes: Shapes::default(),
             budget_ns,
             spent: Spent::default(),
+        }
+    }
+
+    /// Takes back a refresher that has done its work, and reads the next part of its factor.
+    fn receive(&mut self) {
+        if self.made.is_none() {
+            // If the thread has ended, the factor in use stays in use.
+            self.made = self.beside.done().unwrap_or_default();
+        }
+        if let Some(refresher) = &mut self.made {
+            self.read = refresher.read_ahead(self.parts);
         }
     }
 }
@@ -216,8 +241,13 @@ impl<T: Real> Solver for Frozen<T> {
         watch: &dyn Stopwatch,
         tally: &mut Tally,
     ) -> Result<(), StepFault> {
-        // If the thread has ended, the factor in use stays in use.
-        if let Ok(Some(refresher)) = self.beside.done() {
+        if self.parts == 0 {
+            self.receive();
+        }
+        if self.read
+            && let Some(refresher) = self.made.take()
+        {
+            self.read = false;
             self.stepper.give_back(refresher);
             tally.factors += 1;
         }
@@ -265,6 +295,12 @@ impl<T: Real> Solver for Frozen<T> {
             self.beside.begin(refresher);
         }
         Ok(())
+    }
+
+    fn read_ahead(&mut self) {
+        if self.parts > 0 {
+            self.receive();
+        }
     }
 
     fn elastic_energy(&self, _body: &Body) -> f64 {

@@ -21,6 +21,7 @@ pub mod panel;
 pub mod pcg;
 pub mod places;
 pub mod precondition;
+pub(crate) mod read_ahead;
 pub(crate) mod sparse_cholesky;
 pub(crate) mod step_matrix;
 mod subtrees;

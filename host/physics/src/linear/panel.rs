@@ -13,6 +13,7 @@
 //! [`FactorCode`](crate::linear::sparse_cholesky::FactorCode)) therefore gives the same result on every machine.
 
 use super::factor::{Factor, Rows};
+use super::read_ahead::{self, Share};
 use super::subtrees::Subtrees;
 use super::supernodes::{Supernode, Supernodes};
 use super::sweep::{self, LANES, Line, Work, column_blocks, lines, strips};
@@ -196,6 +197,11 @@ impl Panels {
             self.build
                 .fill(factor, block, &self.supernodes.below[below], panel);
         }
+    }
+
+    /// Reads a share of the numbers.
+    pub(crate) fn read(&self, share: Share) {
+        read_ahead::read(&self.values, share, |line| line.0[0]);
     }
 
     /// Number of stored numbers, with the zeros that pad strips.

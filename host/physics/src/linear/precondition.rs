@@ -5,6 +5,7 @@ use super::factor::Factor;
 use super::incomplete::{self, Incomplete};
 use super::order;
 use super::panel::{self, Panels};
+use super::read_ahead::Share;
 use super::sparse_cholesky::FactorCode;
 use super::supernodes::Supernodes;
 use crate::Vec3;
@@ -60,6 +61,14 @@ impl Solves {
         match self {
             Self::Complete(panels) => panels.solve_with(team, r),
             Self::Incomplete(incomplete) => incomplete.solve(team, r),
+        }
+    }
+
+    /// Reads a share of the numbers.
+    pub(crate) fn read(&self, share: Share) {
+        match self {
+            Self::Complete(panels) => panels.read(share),
+            Self::Incomplete(incomplete) => incomplete.read(share),
         }
     }
 

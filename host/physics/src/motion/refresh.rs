@@ -11,7 +11,13 @@ use crate::error::CondenseError;
 use crate::lanes::{Node, Real, to_vec};
 use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
+use crate::linear::read_ahead::Share;
 use crate::linear::sparse_cholesky::FactorCode;
+
+/// Time over which a new factor is read ahead (s): a fraction of the time that makes the factor, so that the factor is
+/// hardly older when a step takes it. Between longer steps, caches lose what was read ahead, and a factor that is a step
+/// older may take an iteration more.
+const READING: f64 = 2e-3;
 
 /// The data and the working memory of a factorization.
 #[derive(Debug)]
@@ -24,6 +30,8 @@ pub struct Refresher<T> {
     made: Solves,
     /// Whether `made` is the factor for `factors`.
     done: bool,
+    /// Number of parts of `made` that have been read ahead.
+    read: usize,
     factors: (f64, f64),
     d: Vec<Node<T>>,
     force: Vec<Node<T>>,
@@ -52,6 +60,7 @@ impl<T: Real> Refresher<T> {
             factorization,
             made,
             done: false,
+            read: 0,
             factors: (0.0, 0.0),
             d: zeros.clone(),
             force: zeros,
@@ -90,6 +99,7 @@ impl<T: Real> Refresher<T> {
         self.d.copy_from_slice(d);
         self.factors = factors;
         self.done = false;
+        self.read = 0;
     }
 
     /// Makes the factor. This takes many times as long as a step and does not allocate memory.
@@ -115,6 +125,28 @@ impl<T: Real> Refresher<T> {
         self.factorization.make(&mut self.made, &step)?;
         self.done = true;
         Ok(())
+    }
+
+    /// Number of parts in which a factor is read ahead beside steps of `h` seconds, a part after each step; 0 where a
+    /// step takes a new factor at once.
+    pub fn parts(h: f64) -> usize {
+        // The quotient may be a rounding error below a whole number.
+        (READING / h + 1e-6) as usize
+    }
+
+    /// Reads the next of `parts` parts of the new factor. Returns whether nothing is left to read; without a new factor,
+    /// nothing is.
+    ///
+    /// The caches of the core that made the factor hold its numbers. The first step that solves with these numbers on
+    /// another core would wait for all of them. Calls of this function after the steps before, on the thread of the
+    /// steps, share this wait among those steps. The results do not depend on these calls.
+    pub fn read_ahead(&mut self, parts: usize) -> bool {
+        if self.done && self.read < parts {
+            let part = self.read;
+            self.made.read(Share { part, parts });
+            self.read += 1;
+        }
+        !self.done || self.read >= parts
     }
 
     /// Exchanges the new factor, if there is one, for `solves`. Returns the factors of mass and stiffness in its

@@ -4,8 +4,8 @@
 
 use crate::StudyError;
 use physics::{
-    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Preconditioner, Real,
-    Refresher, StepperOptions, TimeScheme,
+    Body, Budget, HandlePose, Integrator, IntegratorOptions, NewtonOptions, Part, Preconditioner,
+    Real, Refresher, StepperOptions, TimeScheme,
 };
 use std::thread;
 
@@ -53,9 +53,38 @@ pub(super) struct Outcome {
     pub(super) residual: f64,
 }
 
-/// Takes one step of the body for which it was made.
-pub(super) type Stepper =
-    Box<dyn FnMut(&mut Body, f64, &[HandlePose]) -> Result<Outcome, StudyError>>;
+/// The steps of the body for which the value was made.
+pub(super) trait Steps {
+    /// Takes a step of `h` seconds.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    fn step(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+    ) -> Result<Outcome, StudyError>;
+
+    /// Work between two steps of `h` seconds whose time does not count.
+    ///
+    /// # Errors
+    /// [`StudyError`].
+    fn between(&mut self, _h: f64) -> Result<(), StudyError> {
+        Ok(())
+    }
+}
+
+impl<F: FnMut(&mut Body, f64, &[HandlePose]) -> Result<Outcome, StudyError>> Steps for F {
+    fn step(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+    ) -> Result<Outcome, StudyError> {
+        self(body, h, targets)
+    }
+}
 
 /// Conjugate gradients to `tolerance`, with any number of iterations.
 pub(super) const fn to(tolerance: f64) -> Method {
@@ -158,32 +187,78 @@ pub(super) const INCOMPLETE: Path = Path {
     strict: true,
 };
 
+/// The parts of a step that read the arrays of a stepper.
+const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
+
 /// A frozen stepper. Another thread makes the factors, and its time does not count. The stepper takes a factor after a
-/// fixed number of steps, about ten milliseconds, so that errors are reproducible.
-fn frozen_stepper<T: Real>(
-    body: &Body,
-    h: f64,
-    options: StepperOptions,
-) -> Result<Stepper, StudyError> {
-    let mut stepper = physics::Stepper::<T>::new(body, options)?;
-    stepper.prepare(body, h)?;
-    let mut lent: Option<(u32, Box<Refresher<T>>)> = None;
-    Ok(Box::new(move |body, h, targets| {
-        match lent.take() {
-            Some((0 | 1, refresher)) => stepper.give_back(refresher),
-            Some((steps, refresher)) => lent = Some((steps - 1, refresher)),
-            None => {}
+/// fixed number of steps, about ten milliseconds and the steps that read the factor ahead, so that errors are
+/// reproducible.
+struct Frozen<T> {
+    stepper: physics::Stepper<T>,
+    /// The number of steps before the one that takes the new factor, and the refresher with this factor.
+    lent: Option<(usize, Box<Refresher<T>>)>,
+    /// Number of parts in which a factor is read ahead.
+    parts: usize,
+}
+
+impl<T: Real> Frozen<T> {
+    fn new(body: &Body, h: f64, options: StepperOptions) -> Result<Self, StudyError> {
+        let mut stepper = physics::Stepper::<T>::new(body, options)?;
+        stepper.prepare(body, h)?;
+        let mut frozen = Self {
+            stepper,
+            lent: None,
+            parts: Refresher::<T>::parts(h),
+        };
+        frozen.warm()?;
+        Ok(frozen)
+    }
+
+    /// Repeats the parts of a step, but not with a new factor. This study waits for each factor, and a host does not.
+    /// During a wait of ten milliseconds, other users of the machine take the caches. The next step may then take twice
+    /// as long, whatever the program does (the example `motion_tails` of the physics).
+    fn warm(&mut self) -> Result<(), StudyError> {
+        for _ in 0..2 {
+            for part in PARTS {
+                self.stepper.repeat(part)?;
+            }
         }
-        let report = stepper.step(body, h, targets, || false)?;
-        if let Some(mut refresher) = stepper.lend() {
-            thread::scope(|scope| scope.spawn(|| refresher.work()).join()).ok();
-            lent = Some(((0.01 / h).ceil() as u32, refresher));
+        Ok(())
+    }
+}
+
+impl<T: Real> Steps for Frozen<T> {
+    fn step(
+        &mut self,
+        body: &mut Body,
+        h: f64,
+        targets: &[HandlePose],
+    ) -> Result<Outcome, StudyError> {
+        if let Some((_, refresher)) = self.lent.take_if(|(steps, _)| *steps == 0) {
+            self.stepper.give_back(refresher);
+        }
+        let report = self.stepper.step(body, h, targets, || false)?;
+        if let Some((steps, refresher)) = &mut self.lent {
+            if *steps <= self.parts {
+                refresher.read_ahead(self.parts);
+            }
+            *steps -= 1;
         }
         Ok(Outcome {
             iterations: report.iterations,
             residual: report.residual / report.reference.max(f64::MIN_POSITIVE),
         })
-    }))
+    }
+
+    fn between(&mut self, h: f64) -> Result<(), StudyError> {
+        if let Some(mut refresher) = self.stepper.lend() {
+            thread::scope(|scope| scope.spawn(|| refresher.work()).join()).ok();
+            let steps = (0.01 / h).ceil() as usize;
+            self.lent = Some((steps.saturating_sub(1) + self.parts, refresher));
+            self.warm()?;
+        }
+        Ok(())
+    }
 }
 
 impl Method {
@@ -201,11 +276,11 @@ impl Method {
     ///
     /// # Errors
     /// [`StudyError`] if the method cannot be prepared.
-    pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Stepper, StudyError> {
+    pub(super) fn stepper(self, body: &mut Body, h: f64) -> Result<Box<dyn Steps>, StudyError> {
         Ok(match self {
             Self::Assembled(budget) => {
                 body.set_budget(budget)?;
-                Box::new(|body, h, targets| {
+                Box::new(|body: &mut Body, h: f64, targets: &[HandlePose]| {
                     let report = body.step(h, targets)?;
                     Ok(Outcome {
                         iterations: report.iterations,
@@ -230,9 +305,9 @@ impl Method {
                     ..StepperOptions::default()
                 };
                 if single {
-                    frozen_stepper::<f32>(body, h, options)?
+                    Box::new(Frozen::<f32>::new(body, h, options)?)
                 } else {
-                    frozen_stepper::<f64>(body, h, options)?
+                    Box::new(Frozen::<f64>::new(body, h, options)?)
                 }
             }
             Self::Newton { scheme, tolerance } => {
@@ -245,7 +320,7 @@ impl Method {
                     ..IntegratorOptions::default()
                 };
                 let mut integrator = Integrator::new(body, options)?;
-                Box::new(move |body, h, targets| {
+                Box::new(move |body: &mut Body, h: f64, targets: &[HandlePose]| {
                     let report = integrator.step(body, h, targets)?;
                     Ok(Outcome {
                         iterations: report.iterations,

@@ -54,10 +54,11 @@ pub(super) fn drive(
     for step in 0..motion.steps {
         targets[tool].position = start + motion.after(step);
         let before = cpu_time();
-        let outcome = stepper(&mut body, motion.step, &targets)?;
+        let outcome = stepper.step(&mut body, motion.step, &targets)?;
         if step < motion.timed {
             course.times.push(cpu_time() - before);
         }
+        stepper.between(motion.step)?;
         course.iterations.push(outcome.iterations);
         course.residual = course.residual.max(outcome.residual);
         let report = body.handle_report(tool);

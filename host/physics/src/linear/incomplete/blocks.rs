@@ -12,6 +12,7 @@ use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
 use crate::linear::block_matrix::BlockMatrix;
+use crate::linear::read_ahead::{self, Share};
 use crate::linear::step_matrix::StepMatrix;
 use crate::{Mat3, Vec3};
 
@@ -234,6 +235,11 @@ impl Blocks {
         if let Some(r) = r.get_mut(..self.row_end.len()) {
             sweep::solve(&self.row_end, &self.columns, &self.values, r);
         }
+    }
+
+    /// Reads a share of the numbers.
+    pub(crate) fn read(&self, share: Share) {
+        read_ahead::read(&self.values, share, |&number| number);
     }
 
     /// Memory of the factor (bytes).

@@ -14,6 +14,7 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::factor::Factor;
 use crate::linear::order;
 use crate::linear::panel::Panels;
+use crate::linear::read_ahead::{self, Share};
 use crate::linear::sparse_cholesky::FactorCode;
 use crate::linear::step_matrix::StepMatrix;
 use crate::team::Team;
@@ -93,6 +94,12 @@ impl Coarse {
             + Cost::update(r).again()
             + self.panels.solve_cost()
             + Cost::flops((15 + 15) * nodes)
+    }
+
+    /// Reads a share of the numbers.
+    pub(crate) fn read(&self, share: Share) {
+        self.panels.read(share);
+        read_ahead::read(&self.arm, share, |arm| arm[0]);
     }
 
     /// Memory of the factor (bytes).

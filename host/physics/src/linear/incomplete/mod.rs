@@ -30,6 +30,7 @@ mod sweep;
 pub use blocks::Blocks;
 
 use super::block_matrix::BlockMatrix;
+use super::read_ahead::Share;
 use super::sparse_cholesky::FactorCode;
 use super::step_matrix::StepMatrix;
 use crate::Vec3;
@@ -54,6 +55,12 @@ impl Incomplete {
         coarse.gather(r);
         team.join(&mut || coarse.solve(team), &mut || blocks.solve(r));
         coarse.add_to(r);
+    }
+
+    /// Reads a share of the numbers.
+    pub(crate) fn read(&self, share: Share) {
+        self.blocks.read(share);
+        self.coarse.read(share);
     }
 
     /// The cost of a solve.
