@@ -4,35 +4,29 @@
 //!
 //! The settings take turns, a few steps at a time, so that a machine that slows down slows them all.
 
+/// The threads of the program.
+#[expect(unreachable_pub, reason = "in the host, the module is public")]
+#[path = "../../src/engine/threads.rs"]
+mod threads;
+
 use physics::mesh::generate_box::solid_box;
-use physics::team::Work;
 use physics::{
-    Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw,
-    SolidMaterial, Stepper, StepperOptions, Team, Vec3,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw, SolidMaterial,
+    Stepper, StepperOptions, Vec3,
 };
-use rayon_core::{ThreadPool, ThreadPoolBuilder};
 use std::error::Error;
 use std::time::Instant;
+use threads::{Threads, awake};
 
 const STEP: f64 = 0.005;
 const ROUNDS: usize = 12;
 const STEPS: usize = 20;
 const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
 
-/// Does pairs of parts on the threads of the present pool.
-#[derive(Debug)]
-struct Pool;
-
-impl Team for Pool {
-    fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
-        rayon_core::join(one, other);
-    }
-}
-
 /// One number of threads, with a body of its own.
 struct Setting {
     threads: usize,
-    pool: ThreadPool,
+    pool: Threads,
     body: Body,
     stepper: Stepper<f64>,
     poses: [HandlePose; 2],
@@ -49,10 +43,10 @@ impl Setting {
         };
         let mut stepper = Stepper::new(body, options)?;
         stepper.prepare(body, STEP)?;
-        stepper.team = if threads > 1 { &Pool } else { &Alone };
+        stepper.team = threads::team(threads);
         Ok(Self {
             threads,
-            pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
+            pool: Threads::new(threads),
             body: body.clone(),
             stepper,
             poses: [-0.05, 0.05].map(|z| HandlePose::at(Vec3::z() * z)),
@@ -74,19 +68,19 @@ impl Setting {
             iterations,
             ..
         } = self;
-        pool.install(|| {
+        pool.run(|| {
             for _ in 0..STEPS {
                 let at = steps.len() as f64;
                 poses[1].position = Vec3::new(2e-3 * (0.1 * at).sin(), 0.0, 0.05 - 2e-5 * at);
                 let start = Instant::now();
-                let report = stepper.step(body, STEP, poses, || false);
+                let report = awake(|| stepper.step(body, STEP, poses, || false));
                 steps.push(start.elapsed().as_secs_f64());
                 *iterations += report.map_err(|e| e.to_string())?.iterations;
             }
             for (part, times) in PARTS.iter().zip(parts) {
                 for _ in 0..STEPS {
                     let start = Instant::now();
-                    stepper.repeat(*part).map_err(|e| e.to_string())?;
+                    awake(|| stepper.repeat(*part)).map_err(|e| e.to_string())?;
                     times.push(start.elapsed().as_secs_f64());
                 }
             }
