@@ -2,7 +2,9 @@
 //!
 //! `cargo run --release -p palpate-physics --example motion_threads [threads ...]`
 //!
-//! The settings take turns, a few steps at a time, so that a machine that slows down slows them all.
+//! The settings take turns, a few steps at a time, so that a machine that slows down slows them all. The last line of a
+//! cube is the speed-up that the machine allows: of two copies of the body, one on each of two threads, beside each other.
+//! The copies share nothing but the machine. They need twice the memory of one body.
 
 /// The threads of the program.
 #[expect(unreachable_pub, reason = "in the host, the module is public")]
@@ -58,13 +60,33 @@ impl Setting {
 
     /// Some steps of a press and a shear, and each part alone.
     fn round(&mut self) -> Result<(), String> {
+        self.steps()?;
+        let Self {
+            pool,
+            stepper,
+            parts,
+            ..
+        } = self;
+        pool.run(|| {
+            for (part, times) in PARTS.iter().zip(parts) {
+                for _ in 0..STEPS {
+                    let start = Instant::now();
+                    awake(|| stepper.repeat(*part)).map_err(|e| e.to_string())?;
+                    times.push(start.elapsed().as_secs_f64());
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Some steps of a press and a shear.
+    fn steps(&mut self) -> Result<(), String> {
         let Self {
             pool,
             body,
             stepper,
             poses,
             steps,
-            parts,
             iterations,
             ..
         } = self;
@@ -77,15 +99,13 @@ impl Setting {
                 steps.push(start.elapsed().as_secs_f64());
                 *iterations += report.map_err(|e| e.to_string())?.iterations;
             }
-            for (part, times) in PARTS.iter().zip(parts) {
-                for _ in 0..STEPS {
-                    let start = Instant::now();
-                    awake(|| stepper.repeat(*part)).map_err(|e| e.to_string())?;
-                    times.push(start.elapsed().as_secs_f64());
-                }
-            }
             Ok(())
         })
+    }
+
+    /// The median of the steps (s), once they are sorted.
+    fn median(&self) -> f64 {
+        self.steps[self.steps.len() / 2]
     }
 
     fn print(&mut self) {
@@ -103,6 +123,15 @@ impl Setting {
             parts.join("   ")
         );
     }
+}
+
+/// Some steps of each of the copies at once.
+fn side_by_side([one, other]: &mut [Setting; 2]) -> Result<(), String> {
+    std::thread::scope(|scope| {
+        let beside = scope.spawn(|| other.steps());
+        one.steps()?;
+        beside.join().map_err(|_| "a thread has panicked")?
+    })
 }
 
 fn cube(cells: u32) -> Result<Body, Box<dyn Error>> {
@@ -147,12 +176,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
         let settings = threads.iter().map(|&count| Setting::new(count, &body));
         let mut settings = settings.collect::<Result<Vec<_>, _>>()?;
+        let mut copies = [Setting::new(1, &body)?, Setting::new(1, &body)?];
         for _ in 0..ROUNDS {
             for setting in &mut settings {
                 setting.round()?;
             }
+            side_by_side(&mut copies)?;
         }
         settings.iter_mut().for_each(Setting::print);
+        let alone = settings.iter().find(|setting| setting.threads == 1);
+        for copy in &mut copies {
+            copy.steps.sort_by(f64::total_cmp);
+        }
+        if let Some(alone) = alone {
+            let [one, other] = copies.each_ref().map(|copy| alone.median() / copy.median());
+            println!("two copies side by side: {:.2}", one + other);
+        }
     }
     Ok(())
 }
