@@ -255,7 +255,9 @@ impl<T: Real> Stepper<T> {
             sums
         });
         let mut sums = Sums::default();
-        fits.iter().for_each(|fit| sums.include(fit));
+        for fit in fits {
+            sums.include(fit);
+        }
         lead(
             held_nodes,
             &self.residual[free..],
