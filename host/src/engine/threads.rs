@@ -5,8 +5,8 @@
 //! A step allocates no memory for its parts.
 //!
 //! A step has a part every ten to a hundred microseconds, and waking a thread takes tens. The threads therefore stay
-//! awake during a step ([`awake`]): a thread without work looks for parts, for a while ([`PATIENCE`]), and yields its core to any
-//! other thread. Between steps the threads sleep.
+//! awake during a step ([`awake`]): a thread without work looks for parts, for half a millisecond at most, and yields its
+//! core to any other thread. Between steps the threads sleep.
 //!
 //! The threads inherit the processor mask of the thread that makes them. Under the real clock the run has taken the
 //! tick's core from this mask before, so that no thread of the pool runs there.
