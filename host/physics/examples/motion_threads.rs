@@ -2,37 +2,33 @@
 //!
 //! `cargo run --release -p palpate-physics --example motion_threads [threads ...]`
 //!
-//! The settings take turns, a few steps at a time, so that a machine that slows down slows them all.
+//! The settings take turns, a few steps at a time, so that a machine that slows down slows them all. The last line of a
+//! cube is the speed-up that the machine allows: of two copies of the body, one on each of two threads, beside each other.
+//! The copies share nothing but the machine. They need twice the memory of one body.
+
+/// The threads of the program.
+#[expect(unreachable_pub, reason = "in the host, the module is public")]
+#[path = "../../src/engine/threads.rs"]
+mod threads;
 
 use physics::mesh::generate_box::solid_box;
-use physics::team::Work;
 use physics::{
-    Alone, Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw,
-    SolidMaterial, Stepper, StepperOptions, Team, Vec3,
+    Body, BodyConfig, Border, Freedom, HandlePose, HandleSpec, Part, SolidLaw, SolidMaterial,
+    Stepper, StepperOptions, Vec3,
 };
-use rayon_core::{ThreadPool, ThreadPoolBuilder};
 use std::error::Error;
 use std::time::Instant;
+use threads::{Threads, awake};
 
 const STEP: f64 = 0.005;
 const ROUNDS: usize = 12;
 const STEPS: usize = 20;
 const PARTS: [Part; 3] = [Part::Linearize, Part::Product, Part::Precondition];
 
-/// Does pairs of parts on the threads of the present pool.
-#[derive(Debug)]
-struct Pool;
-
-impl Team for Pool {
-    fn join(&self, one: &mut Work<'_>, other: &mut Work<'_>) {
-        rayon_core::join(one, other);
-    }
-}
-
 /// One number of threads, with a body of its own.
 struct Setting {
     threads: usize,
-    pool: ThreadPool,
+    pool: Threads,
     body: Body,
     stepper: Stepper<f64>,
     poses: [HandlePose; 2],
@@ -49,10 +45,10 @@ impl Setting {
         };
         let mut stepper = Stepper::new(body, options)?;
         stepper.prepare(body, STEP)?;
-        stepper.team = if threads > 1 { &Pool } else { &Alone };
+        stepper.team = threads::team(threads);
         Ok(Self {
             threads,
-            pool: ThreadPoolBuilder::new().num_threads(threads).build()?,
+            pool: Threads::new(threads),
             body: body.clone(),
             stepper,
             poses: [-0.05, 0.05].map(|z| HandlePose::at(Vec3::z() * z)),
@@ -64,34 +60,52 @@ impl Setting {
 
     /// Some steps of a press and a shear, and each part alone.
     fn round(&mut self) -> Result<(), String> {
+        self.steps()?;
+        let Self {
+            pool,
+            stepper,
+            parts,
+            ..
+        } = self;
+        pool.run(|| {
+            for (part, times) in PARTS.iter().zip(parts) {
+                for _ in 0..STEPS {
+                    let start = Instant::now();
+                    awake(|| stepper.repeat(*part)).map_err(|e| e.to_string())?;
+                    times.push(start.elapsed().as_secs_f64());
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Some steps of a press and a shear.
+    fn steps(&mut self) -> Result<(), String> {
         let Self {
             pool,
             body,
             stepper,
             poses,
             steps,
-            parts,
             iterations,
             ..
         } = self;
-        pool.install(|| {
+        pool.run(|| {
             for _ in 0..STEPS {
                 let at = steps.len() as f64;
                 poses[1].position = Vec3::new(2e-3 * (0.1 * at).sin(), 0.0, 0.05 - 2e-5 * at);
                 let start = Instant::now();
-                let report = stepper.step(body, STEP, poses, || false);
+                let report = awake(|| stepper.step(body, STEP, poses, || false));
                 steps.push(start.elapsed().as_secs_f64());
                 *iterations += report.map_err(|e| e.to_string())?.iterations;
             }
-            for (part, times) in PARTS.iter().zip(parts) {
-                for _ in 0..STEPS {
-                    let start = Instant::now();
-                    stepper.repeat(*part).map_err(|e| e.to_string())?;
-                    times.push(start.elapsed().as_secs_f64());
-                }
-            }
             Ok(())
         })
+    }
+
+    /// The median of the steps (s), once they are sorted.
+    fn median(&self) -> f64 {
+        self.steps[self.steps.len() / 2]
     }
 
     fn print(&mut self) {
@@ -109,6 +123,15 @@ impl Setting {
             parts.join("   ")
         );
     }
+}
+
+/// Some steps of each of the copies at once.
+fn side_by_side([one, other]: &mut [Setting; 2]) -> Result<(), String> {
+    std::thread::scope(|scope| {
+        let beside = scope.spawn(|| other.steps());
+        one.steps()?;
+        beside.join().map_err(|_| "a thread has panicked")?
+    })
 }
 
 fn cube(cells: u32) -> Result<Body, Box<dyn Error>> {
@@ -153,12 +176,22 @@ fn main() -> Result<(), Box<dyn Error>> {
         );
         let settings = threads.iter().map(|&count| Setting::new(count, &body));
         let mut settings = settings.collect::<Result<Vec<_>, _>>()?;
+        let mut copies = [Setting::new(1, &body)?, Setting::new(1, &body)?];
         for _ in 0..ROUNDS {
             for setting in &mut settings {
                 setting.round()?;
             }
+            side_by_side(&mut copies)?;
         }
         settings.iter_mut().for_each(Setting::print);
+        let alone = settings.iter().find(|setting| setting.threads == 1);
+        for copy in &mut copies {
+            copy.steps.sort_by(f64::total_cmp);
+        }
+        if let Some(alone) = alone {
+            let [one, other] = copies.each_ref().map(|copy| alone.median() / copy.median());
+            println!("two copies side by side: {:.2}", one + other);
+        }
     }
     Ok(())
 }

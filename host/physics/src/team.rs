@@ -93,3 +93,148 @@ fn from<T: Send>(
         from(team, first + half, upper, most, work);
     });
 }
+
+/// Slices that are divided at the same places.
+pub trait Slices: Send + Sized {
+    /// Number of items of the first slice.
+    fn count(&self) -> usize;
+
+    /// The first `middle` items of each slice, and the others.
+    fn divide(self, middle: usize) -> (Self, Self);
+}
+
+impl<T: Sync> Slices for &[T] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn divide(self, middle: usize) -> (Self, Self) {
+        self.split_at(middle)
+    }
+}
+
+impl<T: Send> Slices for &mut [T] {
+    fn count(&self) -> usize {
+        self.len()
+    }
+
+    fn divide(self, middle: usize) -> (Self, Self) {
+        self.split_at_mut(middle)
+    }
+}
+
+/// Implements [`Slices`] for a tuple.
+macro_rules! slices {
+    ($($name:ident $at:tt),+) => {
+        impl<$($name: Slices),+> Slices for ($($name,)+) {
+            fn count(&self) -> usize {
+                self.0.count()
+            }
+
+            fn divide(self, middle: usize) -> (Self, Self) {
+                let parts = ($(self.$at.divide(middle),)+);
+                (($(parts.$at.0,)+), ($(parts.$at.1,)+))
+            }
+        }
+    };
+}
+
+slices!(A 0, B 1);
+slices!(A 0, B 1, C 2);
+slices!(A 0, B 1, C 2, D 3);
+slices!(A 0, B 1, C 2, D 3, E 4);
+
+/// Calls `work` for runs of `most` items of `slices`, the last of which may be shorter. All slices have at least the
+/// length of the first. `results` takes the result of each run. Returns the results, in the order of the runs. If
+/// `results` is too short, the last of its runs has all other items.
+pub fn runs<'a, S: Slices, R: Send>(
+    team: &dyn Team,
+    slices: S,
+    most: usize,
+    results: &'a mut [R],
+    work: &(impl Fn(S) -> R + Sync),
+) -> &'a [R] {
+    let most = most.max(1);
+    let count = slices.count().div_ceil(most).min(results.len());
+    let results = &mut results[..count];
+    fill(team, slices, most, results, work);
+    results
+}
+
+fn fill<S: Slices, R: Send>(
+    team: &dyn Team,
+    slices: S,
+    most: usize,
+    results: &mut [R],
+    work: &(impl Fn(S) -> R + Sync),
+) {
+    match results {
+        [] => {}
+        [result] => *result = work(slices),
+        results => {
+            let half = results.len() / 2;
+            let (low, high) = results.split_at_mut(half);
+            let (lower, upper) = slices.divide(half * most);
+            let (mut lower, mut upper) = (Some(lower), Some(upper));
+            team.join(
+                &mut || {
+                    if let Some(slices) = lower.take() {
+                        fill(team, slices, most, low, work);
+                    }
+                },
+                &mut || {
+                    if let Some(slices) = upper.take() {
+                        fill(team, slices, most, high, work);
+                    }
+                },
+            );
+        }
+    }
+}
+
+/// [`runs`] without results.
+pub fn each_of<S: Slices>(team: &dyn Team, slices: S, most: usize, work: &(impl Fn(S) + Sync)) {
+    if slices.count() <= most.max(1) {
+        work(slices);
+        return;
+    }
+    let half = slices.count() / 2;
+    let (lower, upper) = slices.divide(half);
+    let (mut lower, mut upper) = (Some(lower), Some(upper));
+    team.join(
+        &mut || {
+            if let Some(slices) = lower.take() {
+                each_of(team, slices, most, work);
+            }
+        },
+        &mut || {
+            if let Some(slices) = upper.take() {
+                each_of(team, slices, most, work);
+            }
+        },
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_of_one_length_and_in_order() {
+        let (numbers, mut copies) = ([1, 2, 3, 4, 5, 6, 7, 8, 9, 10_u32], [0; 10]);
+        let mut results = [0; 5];
+        let copy = |(numbers, copies): (&[u32], &mut [u32])| {
+            copies.copy_from_slice(numbers);
+            numbers.iter().sum::<u32>()
+        };
+        let slices = (&numbers[..], &mut copies[..]);
+        assert_eq!(runs(&Alone, slices, 4, &mut results, &copy), [10, 26, 19]);
+        assert_eq!(copies, numbers);
+        // With room for two results, the second run has all other items.
+        let slices = (&numbers[..], &mut copies[..]);
+        let two = &mut results[..2];
+        assert_eq!(runs(&Alone, slices, 4, two, &copy), [10, 45]);
+        let none = (&numbers[..0], &mut copies[..0]);
+        assert!(runs(&Alone, none, 4, &mut results, &copy).is_empty());
+    }
+}

@@ -10,6 +10,7 @@ use super::{RunError, host_panicked, message};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
+use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
@@ -125,9 +126,11 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
             std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
         }
         host.drain(|record| engine.follow(record));
-        engine.step(due, &watch, |body, model| {
-            // The link counts a full ring.
-            let _ = host.publish(body, model);
+        awake(|| {
+            engine.step(due, &watch, |body, model| {
+                // The link counts a full ring.
+                let _ = host.publish(body, model);
+            });
         });
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
     }

@@ -12,7 +12,7 @@ use super::timeline::{Host, Timeline};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
-use crate::engine::threads::Threads;
+use crate::engine::threads::{Threads, awake};
 use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -111,8 +111,10 @@ impl Host for Paced {
         let arrival_ns = start + self.latency_ns;
         let watch = &self.watch;
         self.threads.run(|| {
-            engine.step(due, watch, |body, model| {
-                link.send(arrival_ns, body, model);
+            awake(|| {
+                engine.step(due, watch, |body, model| {
+                    link.send(arrival_ns, body, model);
+                });
             });
         });
         if due.publishes {

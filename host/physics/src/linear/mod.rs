@@ -7,7 +7,8 @@
 //! - [`pcg`]: conjugate gradients on an assembled matrix; `vectors`: the same on padded nodes, pass by pass.
 //! - [`order`], [`supernodes`]: in which order nodes are eliminated, and which columns of the factor go together.
 //! - `sparse_cholesky`: a sparse factorization; [`cholesky`]: that of a body's matrix, for dense right-hand sides.
-//! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner; `subtrees`: its solves on several cores.
+//! - [`factor`], [`panel`], `sweep`: a frozen factor as a preconditioner; `packed`, `subtrees`: a large one, in 16 bits and
+//!   on several cores.
 //! - [`incomplete`]: an incomplete factor with a coarse space, for bodies whose complete factor is too large.
 //! - [`precondition`]: the choice between the two preconditioners of a step.
 
@@ -17,6 +18,7 @@ pub mod dense;
 pub mod factor;
 pub mod incomplete;
 pub mod order;
+mod packed;
 pub mod panel;
 pub mod pcg;
 pub mod places;

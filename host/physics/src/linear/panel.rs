@@ -6,17 +6,18 @@
 //! P. Raghavan, "Efficient parallel sparse triangular solution using selective inversion" (1998).
 //!
 //! The numbers are f32, which suffices for the preconditioner of an iteration in f64. The bandwidth of the caches
-//! limits a solve. Half as many bits (bfloat16) saved 10 to 15 % of the time at 3,267 unknowns and nothing below that
-//! size, with an error of 2e-3 instead of 1e-7.
+//! limits a solve. A large factor (see `subtrees`) has numbers of 16 bits (see `packed`). Below that size, half as many
+//! bits gain little: bfloat16 saved 10 to 15 % of the time at 3,267 unknowns and nothing with fewer.
 //!
 //! No product and sum are contracted into one rounding, and lanes are summed in a fixed order. The same factor (see
 //! [`FactorCode`](crate::linear::sparse_cholesky::FactorCode)) therefore gives the same result on every machine.
 
 use super::factor::{Factor, Rows};
+use super::packed::{self, Packed};
 use super::read_ahead::{self, Share};
-use super::subtrees::Subtrees;
+use super::subtrees::{self, Subtrees};
 use super::supernodes::{Supernode, Supernodes};
-use super::sweep::{self, LANES, Line, Work, column_blocks, lines, strips};
+use super::sweep::{self, LANES, Line, Work, column_blocks, strips};
 use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
@@ -29,6 +30,10 @@ pub const SOLVE_FLOPS: usize = 4;
 
 /// Memory of the numbers of the panels of `supernodes` (bytes).
 pub(crate) fn bytes_of_values(supernodes: &Supernodes) -> usize {
+    let lines = match subtrees::cut(supernodes) {
+        Some(_) => packed::lines,
+        None => sweep::lines,
+    };
     size_of::<Line>() * supernodes.blocks.iter().map(lines).sum::<usize>()
 }
 
@@ -41,13 +46,22 @@ pub(crate) fn bytes_of_values(supernodes: &Supernodes) -> usize {
 #[derive(Clone, Debug)]
 pub struct Panels {
     supernodes: Supernodes,
-    /// First index into `values` of the panel of each supernode.
+    /// The first cache line of the panel of each supernode.
     start: Vec<u32>,
-    values: Vec<Line>,
-    work: Work,
-    /// The pieces of a large factor.
-    subtrees: Option<Subtrees>,
+    numbers: Numbers,
     build: Build,
+}
+
+/// The numbers of panels, with what a solve needs besides.
+#[derive(Clone, Debug)]
+enum Numbers {
+    /// In f32.
+    Single { values: Vec<Line>, work: Work },
+    /// In 16 bits, in the pieces of a large factor.
+    Packed {
+        packed: Packed,
+        subtrees: Box<Subtrees>,
+    },
 }
 
 /// The workspace for the construction of panels.
@@ -84,7 +98,8 @@ fn solve_strip(strip: &mut [[f64; LANES]], diagonal: &[f64], width: usize, end: 
 }
 
 impl Build {
-    fn fill(&mut self, factor: &Factor, block: &Supernode, below: &[u32], panel: &mut [Line]) {
+    /// Computes the panel of `block`.
+    fn fill(&mut self, factor: &Factor, block: &Supernode, below: &[u32]) {
         let (first, width) = (3 * block.first as usize, 3 * block.width());
         for (row, &place) in below.iter().enumerate() {
             self.local[place as usize] = (width + 3 * row) as u32;
@@ -133,12 +148,16 @@ impl Build {
             let end = if rows <= width { rows } else { width };
             solve_strip(strip, diagonal, width, end);
         }
-        let mut panel = panel;
-        for (column, block) in column_blocks(width) {
-            for strip in column / LANES..count {
-                let source = &strips[strip * width..][..width];
+    }
+
+    /// Stores the panel of `block` in f32.
+    fn store(&self, block: &Supernode, mut panel: &mut [Line]) {
+        let width = 3 * block.width();
+        for (column, block_width) in column_blocks(width) {
+            for strip in column / LANES..strips(block) {
+                let source = &self.strips[strip * width..][..width];
                 let lines;
-                (lines, panel) = core::mem::take(&mut panel).split_at_mut(block);
+                (lines, panel) = core::mem::take(&mut panel).split_at_mut(block_width);
                 for (source, line) in source[column..].iter().zip(lines) {
                     line.0 = source.map(|value| value as f32);
                 }
@@ -152,6 +171,11 @@ impl Panels {
     pub fn new(factor: &Factor) -> Self {
         let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
+        let ranges = subtrees::cut(&supernodes);
+        let lines = match ranges {
+            Some(_) => packed::lines,
+            None => sweep::lines,
+        };
         let mut start = Vec::with_capacity(blocks.len());
         let mut total = 0;
         for block in blocks {
@@ -160,13 +184,22 @@ impl Panels {
         }
         let most = |size: fn(&Supernode) -> usize| blocks.iter().map(size).max().unwrap_or(0);
         let width = most(|block| 3 * block.width());
+        let places = factor.order().len();
+        let numbers = match ranges {
+            Some(ranges) => Numbers::Packed {
+                packed: Packed::new(total, 3 * places),
+                subtrees: Box::new(Subtrees::new(&supernodes, ranges, &start)),
+            },
+            None => Numbers::Single {
+                values: vec![Line::ZERO; total],
+                work: Work::new(width, most(strips)),
+            },
+        };
         let mut panels = Self {
-            subtrees: Subtrees::new(&supernodes, &start),
             start,
-            values: vec![Line::ZERO; total],
-            work: Work::new(width, most(strips)),
+            numbers,
             build: Build {
-                local: vec![u32::MAX; factor.order().len()],
+                local: vec![u32::MAX; places],
                 diagonal: vec![0.0; width * width],
                 strips: vec![[0.0; LANES]; most(|block| 3 * block.width() * strips(block))],
             },
@@ -192,21 +225,36 @@ impl Panels {
 
     fn take_over(&mut self, factor: &Factor) {
         for (block, &start) in self.supernodes.blocks.iter().zip(&self.start) {
-            let panel = &mut self.values[start as usize..][..lines(block)];
-            let below = block.below_start as usize..block.below_end as usize;
-            self.build
-                .fill(factor, block, &self.supernodes.below[below], panel);
+            let (start, width) = (start as usize, 3 * block.width());
+            let build = &mut self.build;
+            build.fill(factor, block, self.supernodes.below_of(block));
+            match &mut self.numbers {
+                Numbers::Single { values, .. } => {
+                    build.store(block, &mut values[start..][..sweep::lines(block)]);
+                }
+                Numbers::Packed { packed, .. } => {
+                    let strips = &mut build.strips[..width * strips(block)];
+                    let diagonal = &build.diagonal;
+                    packed.store(block, start, strips, |row| diagonal[row * (width + 1)]);
+                }
+            }
         }
     }
 
     /// Reads a share of the numbers.
     pub(crate) fn read(&self, share: Share) {
-        read_ahead::read(&self.values, share, |line| line.0[0]);
+        match &self.numbers {
+            Numbers::Single { values, .. } => read_ahead::read(values, share, |line| line.0[0]),
+            Numbers::Packed { packed, .. } => packed.read(share),
+        }
     }
 
     /// Number of stored numbers, with the zeros that pad strips.
     pub fn stored(&self) -> usize {
-        LANES * self.values.len()
+        match &self.numbers {
+            Numbers::Single { values, .. } => LANES * values.len(),
+            Numbers::Packed { packed, .. } => packed.stored(),
+        }
     }
 
     /// Memory of the panels (bytes).
@@ -216,19 +264,30 @@ impl Panels {
             diagonal,
             strips,
         } = &self.build;
+        let work = match &self.numbers {
+            Numbers::Single { work, .. } => work.bytes(),
+            Numbers::Packed { subtrees, .. } => subtrees.bytes(),
+        };
         self.supernodes.bytes()
             + size_of_val(self.start.as_slice())
-            + size_of_val(self.values.as_slice())
-            + self.work.bytes()
-            + self.subtrees.as_ref().map_or(0, Subtrees::bytes)
+            + self.bytes_of_numbers()
+            + work
             + size_of_val(local.as_slice())
             + size_of_val(diagonal.as_slice())
             + size_of_val(strips.as_slice())
     }
 
+    /// Memory of the numbers with their scales (bytes).
+    fn bytes_of_numbers(&self) -> usize {
+        match &self.numbers {
+            Numbers::Single { values, .. } => size_of_val(values.as_slice()),
+            Numbers::Packed { packed, .. } => packed.bytes(),
+        }
+    }
+
     /// The cost of a solve. Each of the two passes reads the panels, and reads and writes the right-hand side.
     pub(crate) fn solve_cost(&self) -> Cost {
-        let panels = Cost::read(size_of_val(self.values.as_slice()) + self.supernodes.bytes());
+        let panels = Cost::read(self.bytes_of_numbers() + self.supernodes.bytes());
         let r = Cost::update(size_of::<Node<f32>>() * self.build.local.len());
         let flops = Cost::flops(SOLVE_FLOPS * self.stored());
         panels + panels.again() + r + r.again() + flops
@@ -247,7 +306,7 @@ impl Panels {
                 flops += LANES * end * end + end;
             }
         }
-        let written = size_of_val(self.values.as_slice());
+        let written = self.bytes_of_numbers();
         let read = self.stored() * size_of::<f64>();
         Cost::write(written) + Cost::read(read).again() + Cost::flops(flops)
     }
@@ -269,9 +328,9 @@ impl Panels {
         if r.len() < self.build.local.len() {
             return;
         }
-        match &mut self.subtrees {
-            Some(subtrees) => subtrees.solve(team, &self.values, r),
-            None => sweep::solve(&self.supernodes, &self.values, &mut self.work, r),
+        match &mut self.numbers {
+            Numbers::Single { values, work } => sweep::solve(&self.supernodes, values, work, r),
+            Numbers::Packed { packed, subtrees } => subtrees.solve(team, packed, r),
         }
     }
 
@@ -281,12 +340,15 @@ impl Panels {
         if r.iter().any(|r| r.len() < self.build.local.len()) {
             return;
         }
-        if self.subtrees.is_some() {
-            for r in r {
-                self.solve(r);
+        match &mut self.numbers {
+            Numbers::Single { values, work } => {
+                sweep::solve_three(&self.supernodes, values, work, r);
             }
-            return;
+            Numbers::Packed { packed, subtrees } => {
+                for r in r {
+                    subtrees.solve(&Alone, packed, r);
+                }
+            }
         }
-        sweep::solve_three(&self.supernodes, &self.values, &mut self.work, r);
     }
 }

@@ -39,8 +39,8 @@ impl Preconditioner {
 /// Memory (bytes) that the complete factor of a step matrix with the pattern of `matrix` would take, for nodes at
 /// `rest` (m).
 ///
-/// The memory consists of the factor in f64 and of two sets of panels in f32: the set in use and the set that is
-/// refreshed beside it. The function counts from the pattern alone, which takes a small fraction of the time of the
+/// The memory consists of the factor in f64 and of two sets of panels: the set in use and the set that is refreshed
+/// beside it. The function counts from the pattern alone, which takes a small fraction of the time of the
 /// analysis.
 pub fn complete_bytes(matrix: &BlockMatrix, rest: &[Vec3]) -> usize {
     let order = Preconditioner::Complete.order(matrix, rest);

@@ -13,24 +13,23 @@
 //! The backward pass begins where the forward pass ended, so that one thread finds the panels that it read last in the
 //! cache.
 
+use super::packed::{self, Packed, Slice, lines, lines_of};
 use super::supernodes::{Supernode, Supernodes};
-use super::sweep::{
-    self, LANES, Line, Work, add_below, begin, clear_padding, collect, column_blocks, lines, strips,
-};
+use super::sweep::{self, LANES, Work, add_below, clear_padding, column_blocks, strips};
 use crate::lanes::{Node, add};
 use crate::team::{self, Team};
 use core::ops::Range;
 
-/// Factors with fewer cache lines are not cut: 4 MiB. A solve takes about a tenth of a millisecond there.
+/// Factors with fewer cache lines in f32 are not cut: 4 MiB. A solve takes about a tenth of a millisecond there.
 const LEAST: usize = 65_536;
 
 /// A piece has at most the total over this number. More and smaller pieces take one thread
 /// some hundredths longer.
 const PIECES: usize = 8;
 
-/// Cache lines of a group of columns: 256 KiB, some microseconds. Smaller groups take one thread some
+/// Cache lines of a group of columns: 128 KiB, some microseconds. Smaller groups take one thread some
 /// hundredths longer.
-const GROUP: usize = 4096;
+const GROUP: usize = 2048;
 
 /// Supernodes with places and rows of their own.
 #[derive(Clone, Debug)]
@@ -41,8 +40,8 @@ struct Piece {
     own: Range<usize>,
     /// The place in the top of each further place.
     outer: Vec<u32>,
-    /// The panels.
-    values: Range<usize>,
+    /// The cache lines of the panels.
+    lines: Range<usize>,
     r: Vec<Node<f32>>,
     work: Work,
 }
@@ -54,9 +53,20 @@ struct Group {
     first: usize,
     /// Number of columns, padded.
     count: usize,
-    values: Range<usize>,
+    lines: Range<usize>,
     /// The product of these columns.
     rows: Vec<f32>,
+}
+
+impl Group {
+    /// The first column and the number of columns.
+    fn columns(&self) -> (usize, usize) {
+        (self.first, self.count)
+    }
+
+    fn panel<'a>(&self, packed: &'a Packed) -> Slice<'a> {
+        packed.slice(self.lines.clone(), 0..0)
+    }
 }
 
 /// A supernode of the top.
@@ -66,6 +76,8 @@ struct Front {
     block: Supernode,
     /// The places below.
     below: Vec<u32>,
+    /// The columns of the factor.
+    columns: Range<usize>,
     groups: Vec<Group>,
     work: Work,
 }
@@ -96,9 +108,13 @@ fn work(supernodes: &Supernodes) -> Work {
     )
 }
 
-/// The supernodes of the pieces, as ranges that ascend; the supernodes in no range are those of the top.
-fn ranges(supernodes: &Supernodes) -> Vec<Range<usize>> {
+/// The supernodes of the pieces, as ranges that ascend; the supernodes in no range are those of the top. `None` for a
+/// small factor, or one without separate subtrees.
+pub(super) fn cut(supernodes: &Supernodes) -> Option<Vec<Range<usize>>> {
     let blocks = &supernodes.blocks;
+    if blocks.iter().map(sweep::lines).sum::<usize>() < LEAST {
+        return None;
+    }
     let sizes: Vec<usize> = blocks.iter().map(lines).collect();
     let most = sizes.iter().sum::<usize>() / PIECES;
     // The first supernode, the number of supernodes and the size of each subtree.
@@ -132,7 +148,7 @@ fn ranges(supernodes: &Supernodes) -> Vec<Range<usize>> {
             _ => ranges.push((first[at]..at + 1, size[at])),
         }
     }
-    ranges.into_iter().map(|(range, _)| range).collect()
+    (ranges.len() > 1).then(|| ranges.into_iter().map(|(range, _)| range).collect())
 }
 
 impl Piece {
@@ -173,25 +189,29 @@ impl Piece {
             own: first as usize..end as usize,
             r: vec![[0.0; 4]; (end - first) as usize + above.len()],
             outer: above.iter().map(|&place| top[place as usize]).collect(),
-            values: start..start + size,
+            lines: start..start + size,
         }
     }
 
-    fn forward(&mut self, values: &[Line], r: &[Node<f32>]) {
+    fn panels<'a>(&self, packed: &'a Packed) -> Slice<'a> {
+        packed.slice(self.lines.clone(), 3 * self.own.start..3 * self.own.end)
+    }
+
+    fn forward(&mut self, packed: &Packed, r: &[Node<f32>]) {
         let (own, outer) = self.r.split_at_mut(self.own.len());
         own.copy_from_slice(&r[self.own.clone()]);
         outer.fill([0.0; 4]);
-        let values = &values[self.values.clone()];
-        sweep::forward(&self.supernodes, values, &mut self.work, &mut self.r);
+        let panels = self.panels(packed);
+        packed::forward(&self.supernodes, panels, &mut self.work, &mut self.r);
     }
 
-    fn backward(&mut self, values: &[Line], top: &[Node<f32>], r: &mut [Node<f32>]) {
+    fn backward(&mut self, packed: &Packed, top: &[Node<f32>], r: &mut [Node<f32>]) {
         let count = self.own.len();
         for (node, &place) in self.r[count..].iter_mut().zip(&self.outer) {
             *node = top[place as usize];
         }
-        let values = &values[self.values.clone()];
-        sweep::backward(&self.supernodes, values, &mut self.work, &mut self.r);
+        let panels = self.panels(packed);
+        packed::backward(&self.supernodes, panels, &mut self.work, &mut self.r);
         clear_padding(&self.supernodes, &mut self.r);
         r.copy_from_slice(&self.r[..count]);
     }
@@ -205,29 +225,32 @@ impl Piece {
 }
 
 impl Front {
-    /// The supernode `block` with the places `below`, whose panel begins at the cache line `start`.
-    fn new(block: Supernode, below: Vec<u32>, start: usize) -> Self {
+    /// The supernode `block` with the places `below`, whose panel begins at the cache line `start`. `place` is its first
+    /// place in the factor.
+    fn new(block: Supernode, below: Vec<u32>, place: u32, start: usize) -> Self {
         let strips = strips(&block);
+        let column = 3 * place as usize;
         let mut groups: Vec<Group> = Vec::new();
         let mut end = start;
         for (first, count) in column_blocks(3 * block.width()) {
             let begun = end;
-            end += count * (strips - first / LANES);
+            end += lines_of((first, count), strips);
             match groups.last_mut() {
-                Some(group) if group.values.len() < GROUP => {
+                Some(group) if group.lines.len() < GROUP => {
                     group.count += count;
-                    group.values.end = end;
+                    group.lines.end = end;
                 }
                 _ => groups.push(Group {
                     first,
                     count,
-                    values: begun..end,
+                    lines: begun..end,
                     rows: sweep::rows(strips),
                 }),
             }
         }
         Self {
             work: Work::new(3 * block.width(), strips),
+            columns: column..column + 3 * block.width(),
             block,
             below,
             groups,
@@ -235,18 +258,18 @@ impl Front {
     }
 
     /// Computes the rows of the forward step.
-    fn forward(&mut self, team: &dyn Team, values: &[Line], r: &[Node<f32>]) {
+    fn forward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
+        let scales = packed.slice(0..0, self.columns.clone());
         let (rows, columns) = self.work.one();
         let rows = &mut rows[..strips(&self.block)];
-        begin(&self.block, r, rows, columns);
+        scales.begin(&self.block, r, rows, columns);
         let columns = &*columns;
         let strips = rows.len();
         team::each(team, &mut self.groups, &|group| {
+            let (panel, columns_of) = (group.panel(packed), group.columns());
             let rows = &mut sweep::aligned(&mut group.rows)[..strips];
             rows.fill([0.0; LANES]);
-            let x = &columns[group.first..];
-            let values = &values[group.values.clone()];
-            sweep::forward_columns(values, (group.first, group.count), x, rows);
+            packed::forward_columns(panel, columns_of, &columns[columns_of.0..], rows);
         });
         for group in &mut self.groups {
             let part = &sweep::aligned(&mut group.rows)[..strips];
@@ -256,15 +279,24 @@ impl Front {
                 }
             }
         }
+        scales.end(rows);
     }
 
     /// Computes the columns of the backward step.
-    fn backward(&mut self, team: &dyn Team, values: &[Line], r: &[Node<f32>]) {
+    fn backward(&mut self, team: &dyn Team, packed: &Packed, r: &[Node<f32>]) {
+        let scales = packed.slice(0..0, self.columns.clone());
         let (rows, columns) = self.work.one();
         // The last number that is collected may be past the last strip.
-        collect(&self.block, &self.below, r, rows);
+        scales.collect(&self.block, &self.below, r, rows);
         let rows = &rows[..strips(&self.block)];
-        backward(team, &self.groups, values, rows, columns);
+        backward(team, &self.groups, packed, rows, columns);
+    }
+
+    /// The places of the supernode take the columns.
+    fn unpack(&mut self, packed: &Packed, r: &mut [Node<f32>]) {
+        let scales = packed.slice(0..0, self.columns.clone());
+        let (_, columns) = self.work.one();
+        scales.unpack(&self.block, columns, r);
     }
 
     fn bytes(&self) -> usize {
@@ -278,23 +310,22 @@ impl Front {
 fn backward(
     team: &dyn Team,
     groups: &[Group],
-    values: &[Line],
+    packed: &Packed,
     rows: &[[f32; LANES]],
     x: &mut [f32],
 ) {
     match groups {
         [] => {}
         [group] => {
-            let values = &values[group.values.clone()];
-            sweep::backward_columns(values, group.first, rows, &mut x[..group.count]);
+            packed::backward_columns(group.panel(packed), group.columns(), rows, x);
         }
         groups => {
             let (left, right) = groups.split_at(groups.len() / 2);
             let (low, high) = x.split_at_mut(right[0].first - left[0].first);
             team.join(
-                &mut || backward(team, right, values, rows, high),
+                &mut || backward(team, right, packed, rows, high),
                 &mut || {
-                    backward(team, left, values, rows, low);
+                    backward(team, left, packed, rows, low);
                 },
             );
         }
@@ -332,7 +363,8 @@ impl Top {
             if levels.len() <= level {
                 levels.push(Vec::new());
             }
-            levels[level].push(Front::new(own, below, start[number] as usize));
+            let start = start[number] as usize;
+            levels[level].push(Front::new(own, below, block.first, start));
         }
         Self {
             levels,
@@ -342,10 +374,10 @@ impl Top {
     }
 
     /// The forward pass.
-    fn forward(&mut self, team: &dyn Team, values: &[Line]) {
+    fn forward(&mut self, team: &dyn Team, packed: &Packed) {
         for fronts in &mut self.levels {
             let r = &self.r;
-            team::each(team, fronts, &|front| front.forward(team, values, r));
+            team::each(team, fronts, &|front| front.forward(team, packed, r));
             for front in fronts {
                 let (rows, _) = front.work.one();
                 add_below(&front.block, &front.below, rows, &mut self.r);
@@ -354,14 +386,12 @@ impl Top {
     }
 
     /// The backward pass.
-    fn backward(&mut self, team: &dyn Team, values: &[Line]) {
+    fn backward(&mut self, team: &dyn Team, packed: &Packed) {
         for fronts in self.levels.iter_mut().rev() {
             let r = &self.r;
-            team::each_from_last(team, fronts, &|front| front.backward(team, values, r));
+            team::each_from_last(team, fronts, &|front| front.backward(team, packed, r));
             for front in fronts {
-                let (_, columns) = front.work.one();
-                let own = front.block.first as usize..front.block.end as usize;
-                sweep::unpack(columns, &mut self.r[own]);
+                front.unpack(packed, &mut self.r);
             }
         }
         for node in &mut self.r {
@@ -381,17 +411,10 @@ impl Top {
 }
 
 impl Subtrees {
-    /// The pieces of a large factor; `None` for a small factor, or one without separate subtrees. The panels of
-    /// `supernodes` begin at the cache lines `start`.
-    pub(super) fn new(supernodes: &Supernodes, start: &[u32]) -> Option<Self> {
+    /// The pieces of the supernodes in each of `ranges` (see [`cut`]). The panels of `supernodes` begin at the cache
+    /// lines `start`.
+    pub(super) fn new(supernodes: &Supernodes, ranges: Vec<Range<usize>>, start: &[u32]) -> Self {
         let blocks = &supernodes.blocks;
-        if blocks.iter().map(lines).sum::<usize>() < LEAST {
-            return None;
-        }
-        let ranges = ranges(supernodes);
-        if ranges.len() < 2 {
-            return None;
-        }
         let mut numbers = Vec::new();
         let mut next = 0;
         for range in &ranges {
@@ -409,17 +432,17 @@ impl Subtrees {
             }
         }
         let piece = |range| Piece::new(supernodes, range, &top, start);
-        Some(Self {
+        Self {
             pieces: ranges.into_iter().map(piece).collect(),
             top: Top::new(supernodes, &numbers, (&top, places), start),
-        })
+        }
     }
 
     /// Solves for one right-hand side in place.
-    pub(super) fn solve(&mut self, team: &dyn Team, values: &[Line], r: &mut [Node<f32>]) {
+    pub(super) fn solve(&mut self, team: &dyn Team, packed: &Packed, r: &mut [Node<f32>]) {
         let before = &*r;
         team::each(team, &mut self.pieces, &|piece| {
-            piece.forward(values, before);
+            piece.forward(packed, before);
         });
         let top = &mut self.top;
         for (node, &place) in top.r.iter_mut().zip(&top.places) {
@@ -430,14 +453,14 @@ impl Subtrees {
                 add(&mut top.r[place as usize], sum);
             }
         }
-        top.forward(team, values);
-        top.backward(team, values);
+        top.forward(team, packed);
+        top.backward(team, packed);
         for (node, &place) in top.r.iter().zip(&top.places) {
             r[place as usize] = *node;
         }
         let top = &self.top.r;
         each_piece(team, &mut self.pieces, 0, r, &|piece, own| {
-            piece.backward(values, top, own);
+            piece.backward(packed, top, own);
         });
     }
 

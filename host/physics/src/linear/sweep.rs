@@ -15,9 +15,9 @@ pub(crate) const LANES: usize = 16;
 const MOST: usize = 3;
 
 /// Columns of a block of a panel: those of two nodes.
-const PAIR: usize = 6;
+pub(super) const PAIR: usize = 6;
 /// Columns of the last block if the number of nodes is odd: those of three nodes.
-const TRIPLE: usize = 9;
+pub(super) const TRIPLE: usize = 9;
 
 /// Sixteen rows of a column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,7 +51,7 @@ pub(crate) fn column_blocks(count: usize) -> impl Iterator<Item = (usize, usize)
 
 /// The blocks of [`column_blocks`] from the last to the first.
 #[inline(always)]
-fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
+pub(super) fn column_blocks_reversed(count: usize) -> impl Iterator<Item = (usize, usize)> {
     let mut end = count.max(PAIR);
     let mut width = if end.is_multiple_of(PAIR) {
         PAIR
@@ -97,7 +97,7 @@ fn forward_block<const C: usize, const K: usize>(
 
 /// The sum of all lanes, halves first.
 #[inline(always)]
-fn sum(line: [f32; LANES]) -> f32 {
+pub(super) fn sum(line: [f32; LANES]) -> f32 {
     let eight: [f32; 8] = core::array::from_fn(|i| line[i] + line[i + 8]);
     let four: [f32; 4] = core::array::from_fn(|i| eight[i] + eight[i + 4]);
     (four[0] + four[2]) + (four[1] + four[3])
@@ -378,93 +378,4 @@ pub(crate) fn solve_three(
     let rows = work.rows.each_mut().map(Vec::as_mut_slice);
     let columns = work.columns.each_mut().map(Vec::as_mut_slice);
     both_ways(supernodes, values, rows, columns, r);
-}
-
-/// The forward pass for one right-hand side.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
-)]
-pub(crate) fn forward(
-    supernodes: &Supernodes,
-    values: &[Line],
-    work: &mut Work,
-    r: &mut [Node<f32>],
-) {
-    let (rows, columns) = work.one();
-    forward_pass(supernodes, values, &mut [rows], &mut [columns], &mut [r]);
-}
-
-/// The backward pass for one right-hand side.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
-)]
-pub(crate) fn backward(
-    supernodes: &Supernodes,
-    values: &[Line],
-    work: &mut Work,
-    r: &mut [Node<f32>],
-) {
-    let (rows, columns) = work.one();
-    backward_pass(supernodes, values, &mut [rows], &mut [columns], &mut [r]);
-}
-
-/// Adds the product of `count` columns of a panel, from column `first` on, with `x` to `rows`. `values` holds the blocks
-/// of these columns alone.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
-)]
-pub(crate) fn forward_columns(
-    values: &[Line],
-    (first, count): (usize, usize),
-    x: &[f32],
-    rows: &mut [[f32; LANES]],
-) {
-    const K: usize = 1;
-    let mut rest = values;
-    for (column, count) in column_blocks(count) {
-        let strip = (first + column) / LANES;
-        let lines;
-        (lines, rest) = rest.split_at(count * (rows.len() - strip));
-        let mut rows = [&mut rows[strip..]];
-        by_width!(count, forward_block(lines, [&x[column..]], &mut rows));
-    }
-}
-
-/// The product of a transposed panel with `rows`, for the blocks of columns from column `first` on, as many columns as
-/// there are in `x`. `values` holds these blocks alone.
-#[cfg_attr(
-    not(palpate_one_version),
-    multiversion(targets("x86_64+avx512f+avx512bw+avx512cd+avx512dq+avx512vl", "x86_64+avx2"))
-)]
-pub(crate) fn backward_columns(
-    values: &[Line],
-    first: usize,
-    rows: &[[f32; LANES]],
-    x: &mut [f32],
-) {
-    backward_range(values, first, &[rows], &mut [x]);
-}
-
-/// Sets `columns`, those of a panel from number `first` on, to the transposed panel times `rows`. The function has the
-/// form of [`backward_pass`]: in a plainer form, LLVM shuffles single columns, and a product takes six times as long.
-#[inline(always)]
-fn backward_range<const K: usize>(
-    values: &[Line],
-    first: usize,
-    rows: &[&[[f32; LANES]]; K],
-    columns: &mut [&mut [f32]; K],
-) {
-    let mut rest = values;
-    let (width, strips) = (columns[0].len(), rows[0].len());
-    for (column, count) in column_blocks_reversed(width) {
-        let strip = (first + column) / LANES;
-        let lines;
-        (rest, lines) = rest.split_at(rest.len() - count * (strips - strip));
-        let x = columns.each_mut().map(|x| &mut x[column..column + count]);
-        let rows = rows.each_ref().map(|rows| &rows[strip..strips]);
-        by_width!(count, backward_block(lines, x, rows));
-    }
 }

@@ -137,6 +137,8 @@ impl<T: Real> Stepper<T> {
             + self.solves.bytes()
             + nodes
             + size_of_val(self.history.as_slice())
+            + size_of_val(self.sums.as_slice())
+            + size_of_val(self.fits.as_slice())
             + size_of_val(self.z.as_slice())
             + size_of_val(self.inertia.as_slice())
             + size_of_val(self.mass.as_slice())

@@ -1,12 +1,13 @@
 //! The end of a step: the reports on hands and supports, and the bound on the energy.
 
-use super::{Stepped, Stepper, StepperReport};
+use super::{RUN, Stepped, Stepper, StepperReport};
 use crate::Vec3;
 use crate::body::Body;
 use crate::body::guard::Energy;
 use crate::body::handle::HandlePose;
 use crate::error::StepError;
 use crate::lanes::{Real, to_node, to_vec};
+use crate::team;
 
 impl<T: Real> Stepper<T> {
     /// Takes the step into `body`, and linearizes at its end.
@@ -40,10 +41,19 @@ impl<T: Real> Stepper<T> {
             whole: !breaks && report.held_back == 0.0,
         });
         body.report_step(h, targets, |node| self.pull(node));
-        body.state.x.copy_from_slice(&self.at);
-        for (v, u) in body.state.v.iter_mut().zip(&body.state.displacement) {
-            *v = u / h;
-        }
+        let state = &mut body.state;
+        let nodes = (
+            &mut *state.x,
+            &*self.at,
+            &mut *state.v,
+            &*state.displacement,
+        );
+        team::each_of(self.team, nodes, RUN, &|(x, at, v, u)| {
+            x.copy_from_slice(at);
+            for (v, u) in v.iter_mut().zip(u) {
+                *v = u / h;
+            }
+        });
         body.state.motions += 1;
         Ok(())
     }
@@ -55,9 +65,12 @@ impl<T: Real> Stepper<T> {
         h: f64,
         report: &StepperReport,
     ) -> Result<f64, StepError> {
-        for (u, &node) in self.u.iter().zip(&self.node) {
-            body.state.displacement[node as usize] = to_vec(u);
-        }
+        let nodes = (&mut *body.state.displacement, &*self.place);
+        team::each_of(self.team, nodes, RUN, &|(displacement, places)| {
+            for (displacement, &place) in displacement.iter_mut().zip(places) {
+                *displacement = to_vec(&self.u[place as usize]);
+            }
+        });
         let work = body.take_grip_from(h, |node| self.pull(node));
         if body.is_step_finite(h) && report.residual.is_finite() {
             return Ok(work);
@@ -102,14 +115,12 @@ impl<T: Real> Stepper<T> {
 
     /// Energy at the end of the present displacement. The elements are linearized there.
     pub(crate) fn energy_ahead(&mut self, body: &Body, h: f64) -> Energy {
-        for ((at, x), u) in self
-            .at
-            .iter_mut()
-            .zip(&body.state.x)
-            .zip(&body.state.displacement)
-        {
-            *at = x + u;
-        }
+        let nodes = (&mut *self.at, &*body.state.x, &*body.state.displacement);
+        team::each_of(self.team, nodes, RUN, &|(at, x, u)| {
+            for ((at, x), u) in at.iter_mut().zip(x).zip(u) {
+                *at = x + u;
+            }
+        });
         self.linearize();
         let kinetic = body.kinetic_energy_of(|node| body.state.displacement[node] / h);
         Energy::new(kinetic + self.elastic, body.load_potential_at(&self.at))

@@ -11,11 +11,12 @@
 //! [`follow`] and [`extrapolate`] use AVX2 at most. With AVX-512 they take three times and twice as long, for the
 //! reason given in `vectors`.
 
-use super::Stepper;
 use super::options::Guess;
+use super::{RUN, Stepper};
 use crate::body::Body;
 use crate::body::handle::HandlePose;
 use crate::lanes::{Node, Real, to_node};
+use crate::team;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
@@ -44,7 +45,7 @@ pub(crate) type Differences<T> = [Node<T>; KEPT];
 /// The data of a fit: products of the differences with each other, by rows of the lower triangle, and with the wanted
 /// change of the velocity.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+pub(crate) struct Sums {
     pairs: [f64; PAIRS],
     wanted: [f64; KEPT],
 }
@@ -86,6 +87,16 @@ impl Sums {
         }
         for (sum, lanes) in self.wanted.iter_mut().zip(&lanes.wanted) {
             *sum += total(lanes);
+        }
+    }
+
+    /// Adds the sums of other nodes.
+    fn include(&mut self, other: &Self) {
+        for (sum, other) in self.pairs.iter_mut().zip(other.pairs) {
+            *sum += other;
+        }
+        for (sum, other) in self.wanted.iter_mut().zip(other.wanted) {
+            *sum += other;
         }
     }
 
@@ -225,13 +236,28 @@ impl<T: Real> Stepper<T> {
         let free = self.free;
         body.prescribe(targets);
         // The residual and `q` are free for other use until there is a guess.
-        for ((u, v), &node) in self.u.iter_mut().zip(&mut self.residual).zip(&self.node) {
-            *u = to_node(&body.state.displacement[node as usize]);
-            *v = to_node(&body.state.v[node as usize]);
-        }
+        let state = &body.state;
+        let places = (&mut *self.u, &mut *self.residual, &*self.node);
+        team::each_of(self.team, places, RUN, &|(u, v, nodes)| {
+            for ((u, v), &node) in u.iter_mut().zip(v).zip(nodes) {
+                *u = to_node(&state.displacement[node as usize]);
+                *v = to_node(&state.v[node as usize]);
+            }
+        });
         let (free_nodes, held_nodes) = self.history.split_at_mut(free);
+        let places = (free_nodes, &self.residual[..free]);
+        let fits = team::runs(self.team, places, RUN, &mut self.fits, &|(
+            differences,
+            v,
+        )| {
+            let mut sums = Sums::default();
+            follow(differences, v, &mut sums);
+            sums
+        });
         let mut sums = Sums::default();
-        follow(free_nodes, &self.residual[..free], &mut sums);
+        for fit in fits {
+            sums.include(fit);
+        }
         lead(
             held_nodes,
             &self.residual[free..],
@@ -247,12 +273,11 @@ impl<T: Real> Stepper<T> {
         };
         let guided = self.mask.len();
         self.q[..guided].copy_from_slice(&self.u[..guided]);
-        extrapolate(
-            &self.history[..free],
-            T::of(h),
-            &weights.map(T::of),
-            &mut self.u[..free],
-        );
+        let (h, weights) = (T::of(h), weights.map(T::of));
+        let places = (&mut self.u[..free], &*self.history);
+        team::each_of(self.team, places, RUN, &|(u, differences)| {
+            extrapolate(differences, h, &weights, u);
+        });
         // Supports prescribe the guided axes.
         for ((u, given), mask) in self.u.iter_mut().zip(&self.q).zip(&self.mask) {
             for i in 0..4 {

@@ -1,8 +1,9 @@
 //! The solver of a stepper: conjugate gradients, preconditioned by a frozen factor.
 
-use super::{Stepper, StepperReport};
+use super::{RUN, Stepper, StepperReport, total};
 use crate::lanes::{Real, to_vec};
 use crate::linear::vectors;
+use crate::team;
 
 /// The limits at which conjugate gradients stop.
 #[derive(Clone, Copy, Debug)]
@@ -43,18 +44,24 @@ impl<T: Real> Stepper<T> {
                 rz_new / rz
             };
             rz = rz_new;
-            vectors::turn(
-                &self.z,
-                T::of(beta),
-                &self.inertia,
+            let places = (
+                &*self.z,
+                &*self.inertia,
                 &mut self.p[..free],
                 &mut self.q[..free],
             );
+            team::each_of(self.team, places, RUN, &|(z, inertia, p, q)| {
+                vectors::turn(z, T::of(beta), inertia, p, q);
+            });
             self.q[free..].fill([T::ZERO; 4]);
             for set in &mut self.elements {
                 set.product(self.team, T::of(stiffness_factor), &self.p, &mut self.q);
             }
-            let curvature = vectors::dot(&self.p[..free], &self.q[..free]);
+            let places = (&self.p[..free], &self.q[..free]);
+            let curvature = team::runs(self.team, places, RUN, &mut self.sums, &|(p, q)| {
+                vectors::dot(p, q)
+            });
+            let curvature = total(curvature);
             // The matrix is positive definite. Any other curvature is underflow, or a state that has diverged.
             if !(curvature > 0.0 && curvature.is_finite()) {
                 // The next solve multiplies this direction by zero, and zero times a value that is not a number is not
@@ -66,13 +73,16 @@ impl<T: Real> Stepper<T> {
             // Held places have a residual but no direction.
             let (free_residual, held_residual) = self.residual.split_at_mut(free);
             let (free_q, held_q) = self.q.split_at(free);
-            let square = vectors::advance(
-                alpha,
-                &self.p[..free],
-                free_q,
-                &mut self.u[..free],
-                free_residual,
-            );
+            let places = (&self.p[..free], free_q, &mut self.u[..free], free_residual);
+            let square = team::runs(self.team, places, RUN, &mut self.sums, &|(
+                p,
+                q,
+                u,
+                residual,
+            )| {
+                vectors::advance(alpha, p, q, u, residual)
+            });
+            let square = total(square);
             for (r, q) in held_residual.iter_mut().zip(held_q) {
                 for i in 0..4 {
                     r[i] -= alpha * q[i];
@@ -98,18 +108,28 @@ impl<T: Real> Stepper<T> {
 
     /// Computes `z` from the residual, without guided axes. Returns the product of the two vectors.
     pub(crate) fn precondition(&mut self) -> f64 {
-        vectors::round(&self.residual, &mut self.z);
+        let places = (&mut *self.z, &*self.residual);
+        team::each_of(self.team, places, RUN, &|(z, residual)| {
+            vectors::round(residual, z);
+        });
         vectors::filter(&self.mask, &mut self.z);
         self.solves.solve(self.team, &mut self.z);
         vectors::filter(&self.mask, &mut self.z);
-        vectors::dot_single(&self.z, &self.residual)
+        let places = (&*self.z, &*self.residual);
+        let products = team::runs(self.team, places, RUN, &mut self.sums, &|(z, residual)| {
+            vectors::dot_single(z, residual)
+        });
+        total(products)
     }
 
     /// Norm of the residual on free axes (N).
-    pub(crate) fn norm(&self) -> f64 {
+    pub(crate) fn norm(&mut self) -> f64 {
         let free = &self.residual[..self.free];
         if self.mask.is_empty() {
-            return vectors::dot(free, free).sqrt();
+            let squares = team::runs(self.team, free, RUN, &mut self.sums, &|residual| {
+                vectors::dot(residual, residual)
+            });
+            return total(squares).sqrt();
         }
         let mut sum = 0.0;
         for (r, mask) in free.iter().zip(&self.mask) {

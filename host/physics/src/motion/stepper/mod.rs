@@ -38,7 +38,7 @@ use crate::element::{self, Elements, parts::Divided};
 use crate::error::{CondenseError, StepError};
 use crate::lanes::{Node, Real, to_node, to_vec};
 use crate::linear::precondition::{self, Preconditioner, Solves};
-use crate::team::{Alone, Team};
+use crate::team::{self, Alone, Team};
 use stages::Underway;
 
 /// A complete factor has aged if an iteration leaves more than this fraction of the residual. A fresh factor leaves a
@@ -46,6 +46,14 @@ use stages::Underway;
 /// factor. Where a hand stops, the guess is of no use, and an old factor needs twice as many iterations as a fresh
 /// factor.
 const SLOW: f64 = 0.03;
+
+/// Nodes of a run of vectors, some microseconds of work. A sum over a body has a partial sum for each run.
+const RUN: usize = 2048;
+
+/// The sum of the partial sums of runs.
+fn total(sums: &[f64]) -> f64 {
+    sums.iter().fold(0.0, |total, sum| total + sum)
+}
 
 /// The last step.
 #[derive(Clone, Copy, Debug)]
@@ -110,6 +118,9 @@ pub struct Stepper<T> {
     pub(crate) z: Vec<Node<f32>>,
     pub(crate) p: Vec<Node<T>>,
     pub(crate) q: Vec<Node<T>>,
+    /// Room for the partial sums of runs.
+    sums: Vec<f64>,
+    fits: Vec<guess::Sums>,
     sleep: Sleep,
     /// The step that has begun and not ended.
     underway: Option<Underway>,
@@ -237,6 +248,8 @@ impl<T: Real> Stepper<T> {
             z: vec![[0.0; 4]; free],
             p: zeros.clone(),
             q: zeros,
+            sums: vec![0.0; 2 * count.div_ceil(RUN)],
+            fits: vec![guess::Sums::default(); count.div_ceil(RUN)],
             sleep: Sleep::new(body),
             underway: None,
             targets: Vec::with_capacity(body.handle_count()),
@@ -312,9 +325,13 @@ impl<T: Real> Stepper<T> {
 
     /// Computes forces, tangent and energy at the positions `self.at`.
     fn linearize(&mut self) {
-        for ((d, rest), &node) in self.d.iter_mut().zip(&self.rest).zip(&self.node) {
-            *d = to_node(&(self.at[node as usize] - rest));
-        }
+        let at = &self.at;
+        let nodes = (&mut *self.d, &*self.rest, &*self.node);
+        team::each_of(self.team, nodes, RUN, &|(d, rest, nodes)| {
+            for ((d, rest), &node) in d.iter_mut().zip(rest).zip(nodes) {
+                *d = to_node(&(at[node as usize] - rest));
+            }
+        });
         self.state += 1;
         self.linearize_elements();
     }
@@ -371,20 +388,47 @@ impl<T: Real> Stepper<T> {
     /// effect within the step is in the residual of the guess. If no hand moves, the inertial forces bound this part,
     /// so that a bad guess does not relax the tolerance.
     fn start(&mut self, body: &Body, h: f64, mass_factor: f64, stiffness_factor: f64) -> f64 {
-        let (mut acting, mut momentum) = (0.0, 0.0);
-        self.began.copy_from_slice(&self.force);
-        for (place, r) in self.residual.iter_mut().enumerate() {
-            let node = self.node[place] as usize;
-            let mass = self.mass[place];
-            let internal = to_vec(&self.force[place]);
-            let external = body.model.external[node] * body.model.load_factor;
-            let inertia = body.state.v[node] / h - to_vec(&self.u[place]) * mass_factor;
-            *r = to_node(&(internal + external + inertia * mass));
-            if place < self.free {
-                acting += internal.norm_squared() + external.norm_squared();
-                momentum += (body.state.v[node] * (mass / h)).norm_squared();
+        let (state, model) = (&body.state, &body.model);
+        let external = |node: usize| model.external[node] * model.load_factor;
+        let places = (
+            &mut *self.residual,
+            &mut *self.began,
+            (&*self.force, &*self.u),
+            (&*self.node, &*self.mass),
+        );
+        team::each_of(self.team, places, RUN, &|(
+            residual,
+            began,
+            (force, u),
+            (nodes, mass),
+        )| {
+            began.copy_from_slice(force);
+            let places = residual.iter_mut().zip(force).zip(u).zip(nodes).zip(mass);
+            for ((((r, force), u), &node), &mass) in places {
+                let node = node as usize;
+                let inertia = state.v[node] / h - to_vec(u) * mass_factor;
+                *r = to_node(&(to_vec(force) + external(node) + inertia * mass));
             }
-        }
+        });
+        let free = self.free;
+        let places = (&self.force[..free], &*self.node, &*self.mass);
+        let half = self.sums.len() / 2;
+        let (acting, momentum) = self.sums.split_at_mut(half);
+        let acting = team::runs(self.team, places, RUN, acting, &|(force, nodes, _)| {
+            let mut acting = 0.0;
+            for (force, &node) in force.iter().zip(nodes) {
+                acting += to_vec(force).norm_squared() + external(node as usize).norm_squared();
+            }
+            acting
+        });
+        let momentum = team::runs(self.team, places, RUN, momentum, &|(force, nodes, mass)| {
+            let mut momentum = 0.0;
+            for ((_, &node), mass) in force.iter().zip(nodes).zip(mass) {
+                momentum += (state.v[node as usize] * (mass / h)).norm_squared();
+            }
+            momentum
+        });
+        let (acting, momentum) = (total(acting), total(momentum));
         let factor = -T::of(stiffness_factor);
         for set in &mut self.elements {
             set.product(self.team, factor, &self.u, &mut self.residual);
