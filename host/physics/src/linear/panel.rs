@@ -22,6 +22,7 @@ use crate::cost::Cost;
 use crate::error::CondenseError;
 use crate::lanes::Node;
 use crate::team::{Alone, Team};
+use core::ops::Range;
 #[cfg(not(palpate_one_version))]
 use multiversion::multiversion;
 
@@ -169,9 +170,19 @@ impl Build {
 impl Panels {
     /// The panels of `factor`, with its present numbers.
     pub fn new(factor: &Factor) -> Self {
+        let ranges = subtrees::cut(factor.supernodes());
+        Self::in_pieces(factor, ranges)
+    }
+
+    /// The panels of `factor` in one piece, with numbers in f32 whatever the size of the factor.
+    pub(crate) fn single(factor: &Factor) -> Self {
+        Self::in_pieces(factor, None)
+    }
+
+    /// The panels of `factor`, in 16 bits and in pieces if there are any.
+    fn in_pieces(factor: &Factor, ranges: Option<Vec<Range<usize>>>) -> Self {
         let supernodes = factor.supernodes().clone();
         let blocks = &supernodes.blocks;
-        let ranges = subtrees::cut(&supernodes);
         let lines = match ranges {
             Some(_) => packed::lines,
             None => sweep::lines,
@@ -239,6 +250,11 @@ impl Panels {
                 }
             }
         }
+    }
+
+    /// Whether the numbers have 16 bits.
+    pub(crate) fn is_packed(&self) -> bool {
+        matches!(self.numbers, Numbers::Packed { .. })
     }
 
     /// Reads a share of the numbers.

@@ -7,11 +7,12 @@ use super::order;
 use super::panel::{self, Panels};
 use super::read_ahead::Share;
 use super::sparse_cholesky::FactorCode;
+use super::step_matrix::StepMatrix;
 use super::supernodes::Supernodes;
 use crate::Vec3;
 use crate::cost::Cost;
 use crate::error::CondenseError;
-use crate::lanes::Node;
+use crate::lanes::{Node, to_node, to_vec};
 use crate::team::Team;
 
 /// A kind of factor that preconditions steps.
@@ -46,6 +47,41 @@ pub fn complete_bytes(matrix: &BlockMatrix, rest: &[Vec3]) -> usize {
     let order = Preconditioner::Complete.order(matrix, rest);
     let supernodes = Supernodes::new(matrix, &order);
     size_of::<f64>() * supernodes.entries() + 2 * panel::bytes_of_values(&supernodes)
+}
+
+/// The largest error of a solve with a factor in 16 bits. It is the fraction of the residual that an iteration with the
+/// fresh factor leaves. Blocks have some thousandths at most. Slender, stiff bars and plates have more, because their
+/// softest motion is many orders of magnitude softer than the others.
+const COARSE: f64 = 0.03;
+
+/// The error of a solve with `panels` in the norm of the energy, relative to the solution. `factor` solves exactly. The
+/// right-hand side has no pattern.
+fn error(panels: &mut Panels, factor: &mut Factor, matrix: &StepMatrix<'_>) -> f64 {
+    let free = matrix.stiffness.free();
+    // The fractional parts of the multiples of the golden ratio.
+    let value = |i: usize| (i as f64 * 0.618_033_988_749_895).fract() - 0.5;
+    let load = |place: usize| {
+        let load = Vec3::from_fn(|axis, _| value(3 * place + axis));
+        matrix
+            .mask
+            .map_or(load, |mask| load.component_mul(&mask[place]))
+    };
+    let loads: Vec<Vec3> = (0..free).map(load).collect();
+    let mut exact: Vec<f64> = loads
+        .iter()
+        .flat_map(|load| [load.x, load.y, load.z])
+        .collect();
+    factor.solve(&mut exact);
+    let mut found: Vec<Node<f32>> = loads.iter().map(to_node).collect();
+    panels.solve(&mut found);
+    let exact = exact.chunks_exact(3).map(Vec3::from_column_slice);
+    let (mut errors, mut energy) = (Vec::with_capacity(free), 0.0);
+    for ((exact, found), load) in exact.zip(&found).zip(&loads) {
+        errors.push(to_vec(found) - exact);
+        energy += exact.dot(load);
+    }
+    let mut forces = vec![Vec3::zeros(); free];
+    (matrix.product(&errors, &mut forces) / energy).sqrt()
 }
 
 /// A factor that preconditions steps.
@@ -159,6 +195,19 @@ impl Factorization {
             }
             _ => Err(CondenseError::Topology),
         }
+    }
+
+    /// Replaces `solves`, which has the numbers of this factorization of `matrix`, by a factor in f32 where 16 bits are
+    /// too few. Returns whether they are. This allocates memory.
+    pub(crate) fn widen(&mut self, solves: &mut Solves, matrix: &StepMatrix<'_>) -> bool {
+        let (Self::Complete(factor), Solves::Complete(panels)) = (self, solves) else {
+            return false;
+        };
+        let is_coarse = panels.is_packed() && error(panels, factor, matrix) > COARSE;
+        if is_coarse {
+            *panels = Panels::single(factor);
+        }
+        is_coarse
     }
 
     /// The cost of [`make`](Self::make).

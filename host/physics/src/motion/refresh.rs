@@ -13,6 +13,7 @@ use crate::linear::block_matrix::BlockMatrix;
 use crate::linear::precondition::{Factorization, Preconditioner, Solves, Step};
 use crate::linear::read_ahead::Share;
 use crate::linear::sparse_cholesky::FactorCode;
+use crate::linear::step_matrix::StepMatrix;
 
 /// Time over which a new factor is read ahead (s): a fraction of the time that makes the factor, so that the factor is
 /// hardly older when a step takes it. Between longer steps, caches lose what was read ahead, and a factor that is a step
@@ -147,6 +148,21 @@ impl<T: Real> Refresher<T> {
             self.read += 1;
         }
         !self.done || self.read >= parts
+    }
+
+    /// Replaces `solves`, the first factor, and those to come by factors in f32 where 16 bits are too few. This allocates
+    /// memory.
+    pub(crate) fn widen(&mut self, solves: &mut Solves) {
+        let matrix = StepMatrix {
+            stiffness: &self.matrix,
+            mass: &self.mass,
+            mass_factor: self.factors.0,
+            stiffness_factor: self.factors.1,
+            mask: (!self.guided.is_empty()).then_some(self.guided.as_slice()),
+        };
+        if self.factorization.widen(solves, &matrix) {
+            self.made = solves.clone();
+        }
     }
 
     /// Exchanges the new factor, if there is one, for `solves`. Returns the factors of mass and stiffness in its

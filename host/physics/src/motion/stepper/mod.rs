@@ -350,7 +350,11 @@ impl<T: Real> Stepper<T> {
         if let Some(refresher) = &mut self.refresher {
             refresher.load(&self.d, factors);
             refresher.work()?;
+            let is_first = self.factors.is_none();
             self.factors = refresher.exchange(&mut self.solves);
+            if is_first {
+                refresher.widen(&mut self.solves);
+            }
             self.stale = false;
             self.usual = 0;
         }
