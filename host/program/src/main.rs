@@ -1,8 +1,13 @@
 //! The program `palpate`: one file per command.
 //!
 //! Exit codes: 0 for success; 1 for a failure while the command ran; 2 for an invalid scene or argument; 128 plus
-//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order.
+//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order. A reader that closes the pipe of the
+//! standard output changes no exit code.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)] // These macros panic: see `printing`.
+
+#[macro_use]
+mod printing;
 
 mod bench;
 mod fault;
@@ -122,7 +127,24 @@ impl CommandError {
 }
 
 fn main() -> ExitCode {
-    let command = Arguments::parse().command;
+    let code = match Arguments::try_parse() {
+        Ok(arguments) => execute(arguments.command),
+        Err(message) => {
+            printing::print_message(&message);
+            u8::try_from(message.exit_code()).unwrap_or(1)
+        }
+    };
+    match printing::end() {
+        Ok(()) => ExitCode::from(code),
+        Err(error) => {
+            errln!("cannot write to the standard output: {error}");
+            ExitCode::from(code.max(1))
+        }
+    }
+}
+
+/// Executes a command and reports its error. Returns the exit code.
+fn execute(command: Option<Command>) -> u8 {
     let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
@@ -132,10 +154,10 @@ fn main() -> ExitCode {
         Command::Stress(arguments) => stress::run(&arguments),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
-            eprintln!("palpate: {error}");
-            ExitCode::from(error.exit_code())
+            errln!("{error}");
+            error.exit_code()
         }
     }
 }

@@ -39,8 +39,8 @@ pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
     let built = bodies::build(&loaded, index)?;
     let mesh = with_material(built);
     write_atomically(&arguments.file, format.write(&mesh).as_bytes())?;
-    print!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
-    println!("  {:<10} {}", "file", arguments.file.display());
+    out!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
+    outln!("  {:<10} {}", "file", arguments.file.display());
     Ok(())
 }
 

@@ -39,10 +39,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     });
     let plans = plans.collect::<Result<Vec<_>, SceneError>>()?;
     let stages = stages(&loaded.scene, &plans);
-    println!("{}: stages of a host step", loaded.scene.name);
+    outln!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };
-        println!("  {sign}  {:<10} {}", stage.name, stage.why);
+        outln!("  {sign}  {:<10} {}", stage.name, stage.why);
     }
     if let Some(path) = &arguments.json {
         let json = PlanJson {

@@ -34,7 +34,7 @@ pub(super) fn run(
         None => scene_of(&log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
     };
     let report = replay(&log, &loaded, |_| {}).map_err(|e| refused(e.into()))?;
-    print!("{report}");
+    out!("{report}");
     if let Some(path) = json {
         write_json(path, &report)?;
     }

@@ -200,14 +200,14 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     });
     bar.finish_and_clear();
     let summary = result?;
-    print!("{summary}");
+    out!("{summary}");
     for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
         ("json", &options.json),
     ] {
         if let Some(path) = path {
-            println!("  {output:<10} {}", path.display());
+            outln!("  {output:<10} {}", path.display());
         }
     }
     if !summary.failures.is_empty() {

@@ -46,7 +46,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         SolveError::Frame(error) => CommandError::File(error),
         SolveError::Matrix(error) => CommandError::Solve(error),
     })?;
-    print!("{solution}");
+    out!("{solution}");
     if let Some(path) = &arguments.plot {
         write_atomically(path, chart(&solution).as_bytes())?;
     }
@@ -60,7 +60,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         ("json", &arguments.json),
     ] {
         if let Some(path) = path {
-            println!("  {output:<10} {}", path.display());
+            outln!("  {output:<10} {}", path.display());
         }
     }
     if solution.failures.is_empty() {

@@ -36,8 +36,8 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
 }
 
 fn print_series(found: &Accuracy) {
-    println!("| benchmark | mesh | ours | other program | reference | error | order |");
-    println!("|---|---|---|---|---|---|---|");
+    outln!("| benchmark | mesh | ours | other program | reference | error | order |");
+    outln!("|---|---|---|---|---|---|---|");
     for series in &found.series {
         for point in &series.points {
             let ours = value(point.ours);
@@ -48,15 +48,16 @@ fn print_series(found: &Accuracy) {
                 None => format!("{:.3e}", point.error),
             };
             let order = point.order.map_or(String::new(), |o| format!("{o:.2}"));
-            println!(
+            outln!(
                 "| {} | {} | {ours} | {other} | {reference} | {error} | {order} |",
-                series.title, point.mesh
+                series.title,
+                point.mesh
             );
         }
     }
-    println!();
+    outln!();
     for series in &found.series {
-        println!("- {}: {}", series.title, series.source);
+        outln!("- {}: {}", series.title, series.source);
     }
 }
 
@@ -70,7 +71,7 @@ fn value(value: f64) -> String {
 }
 
 fn print_local_models(found: &LocalModels) {
-    println!(
+    outln!(
         "\nLocal model of a solid: error of the predicted change of force, relative to the change, after a \
          time (steps of {:.3} ms; a held force has the error 1)\n",
         1e3 * found.step
@@ -85,15 +86,15 @@ fn print_local_models(found: &LocalModels) {
         .iter()
         .map(|cell| format!("{:.0} ms", 1e3 * cell.period))
         .collect();
-    println!("| motion | damping (s) | {} |", heads.join(" | "));
-    println!("|---|---|{}", "---|".repeat(heads.len()));
+    outln!("| motion | damping (s) | {} |", heads.join(" | "));
+    outln!("|---|---|{}", "---|".repeat(heads.len()));
     let print = |motion: &str, row: &[Prediction], error: fn(&Prediction) -> f64| {
         let cells: Vec<_> = row
             .iter()
             .map(|cell| format!("{:.4}", error(cell)))
             .collect();
         let damping = row.first().map_or(0.0, |cell| cell.damping);
-        println!("| {motion} | {damping} | {} |", cells.join(" | "));
+        outln!("| {motion} | {damping} | {} |", cells.join(" | "));
     };
     for row in rows {
         if row.first().is_some_and(|cell| cell.motion == "steady") {
@@ -108,7 +109,7 @@ fn print_local_models(found: &LocalModels) {
             print("from rest", row, |cell| cell.error);
         }
     }
-    println!(
+    outln!(
         "\nError over one linearized step, with inertia added: {:.1e}",
         found.exactness
     );

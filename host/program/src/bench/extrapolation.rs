@@ -36,18 +36,21 @@ pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError
 }
 
 fn print_tables(found: &Extrapolation) {
-    println!(
+    outln!(
         "RMS force error between publications (N); 1 ms physics steps, reference published every step"
     );
-    println!(
+    outln!(
         "peak force {:.2} N pulling apart, {:.2} N moving together; thesis: k = {:.0} N/m, k_v = {:.2} N s/m",
-        found.peak[0], found.peak[1], found.thesis_gains[0], found.thesis_gains[1]
+        found.peak[0],
+        found.peak[1],
+        found.thesis_gains[0],
+        found.thesis_gains[1]
     );
     let resisted = found.rigid_stiffness.iter();
     let resisted: Vec<_> = resisted
         .map(|(rate, k)| format!("{k:.1} at {rate} Hz"))
         .collect();
-    println!(
+    outln!(
         "published stiffness against hands that move together (N/m): {}",
         resisted.join(", ")
     );
@@ -57,20 +60,20 @@ fn print_tables(found: &Extrapolation) {
         } else {
             "two ticks"
         };
-        println!("\nBlend into a new model over {over}:\n");
-        println!(
+        outln!("\nBlend into a new model over {over}:\n");
+        outln!(
             "| Hz | hold, apart | thesis, apart | linear, apart | hold, together | thesis, together | linear, together |"
         );
-        println!("|---|---|---|---|---|---|---|");
+        outln!("|---|---|---|---|---|---|---|");
         for rate in RATES {
-            print!("| {rate} ");
+            out!("| {rate} ");
             for motion in [Motion::Apart, Motion::Together] {
                 for scheme in ["hold", "thesis", "linear"] {
                     let rms = found.rms(motion, rate, scheme, blend).unwrap_or(f64::NAN);
-                    print!("| {rms:.4} ");
+                    out!("| {rms:.4} ");
                 }
             }
-            println!("|");
+            outln!("|");
         }
     }
 }

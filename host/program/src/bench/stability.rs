@@ -43,10 +43,10 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
 }
 
 fn print_families(report: &Report) {
-    println!(
+    outln!(
         "| family | cases | pass | reported | fail | refused | damped | figure | worst | allowed | where |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
     for family in &report.families {
         let [pass, reported, fail] =
             [Verdict::Pass, Verdict::Reported, Verdict::Fail].map(|verdict| family.count(verdict));
@@ -65,7 +65,7 @@ fn print_families(report: &Report) {
                 describe(case),
             )
         });
-        println!(
+        outln!(
             "| {} | {} | {pass} | {reported} | {fail} | {refused} | {damped} | {} | {} | {allowed} | {at} |",
             family.name,
             family.cases.len(),
@@ -73,11 +73,11 @@ fn print_families(report: &Report) {
             worst.trim_end(),
         );
     }
-    println!(
+    outln!(
         "\nRefused: steps that ended in a typed error. Damped: steps that would have created energy.\n"
     );
     for family in &report.families {
-        println!("- {}: {}.", family.name, family.stress);
+        outln!("- {}: {}.", family.name, family.stress);
     }
 }
 
@@ -111,11 +111,11 @@ fn laws(family: &Family) -> Vec<&'static str> {
 
 fn print_recovery(report: &Report) {
     for family in starts(report) {
-        println!("\nRecovery, {}:\n", family.name);
-        println!(
+        outln!("\nRecovery, {}:\n", family.name);
+        outln!(
             "| law | body | starts | elements not inverted at the end | starts without inverted elements | back at rest | refused |"
         );
-        println!("|---|---|---|---|---|---|---|");
+        outln!("|---|---|---|---|---|---|---|");
         for law in laws(family) {
             for body in ["linear tetrahedra", "quadratic tetrahedra"] {
                 let these = || {
@@ -130,7 +130,7 @@ fn print_recovery(report: &Report) {
                 let recovered = these().filter(|case| case.recovered()).count();
                 let refused = these().filter(|case| case.account.refused > 0).count();
                 let right = 100.0 * right;
-                println!(
+                outln!(
                     "| {law} | {body} | {count} | {right:.1} % | {all_right} | {recovered} | {refused} |"
                 );
             }
@@ -141,7 +141,7 @@ fn print_recovery(report: &Report) {
 fn print_failures(report: &Report) {
     for (family, case) in report.failures() {
         let reason = case.reason.as_deref().unwrap_or_default();
-        println!("\nFAIL {}: {}: {reason}", family.name, describe(case));
+        outln!("\nFAIL {}: {}: {reason}", family.name, describe(case));
     }
 }
 

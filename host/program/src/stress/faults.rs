@@ -56,21 +56,21 @@ fn print(cells: &BTreeMap<u64, Outcome>) {
             *met.entry(event).or_default() += count;
         }
     }
-    println!(
+    outln!(
         "| scheme | cells | ticks | not finite | beyond limits | account lost | not recovered | panics |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|");
     for (scheme, sums) in by_scheme {
         let columns: Vec<_> = sums.iter().map(u64::to_string).collect();
-        println!("| {scheme} | {} |", columns.join(" | "));
+        outln!("| {scheme} | {} |", columns.join(" | "));
     }
-    println!("\nEvents that occurred:");
+    outln!("\nEvents that occurred:");
     for (event, count) in met {
-        println!("  {count:>12}  {event}");
+        outln!("  {count:>12}  {event}");
     }
     for (number, cell) in cells {
         if let Some(panic) = &cell.panic {
-            println!("  cell {number} panicked: {panic}");
+            outln!("  cell {number} panicked: {panic}");
         }
     }
 }

@@ -75,7 +75,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
     bar.finish_and_clear();
     let cells = cells?;
-    println!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
+    outln!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
     table::print(&cells);
     if let Some(path) = &common.plot {
         write_atomically(path, picture::distributions(&name, &cells).as_bytes())?;
@@ -85,7 +85,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         .filter_map(|(n, c)| Some((n, c.failed.as_ref()?)));
     match failed.next() {
         Some((number, why)) => {
-            eprintln!("palpate: cell {number}: {why}");
+            errln!("cell {number}: {why}");
             Err(CommandError::Incomplete)
         }
         None => Ok(()),
@@ -98,11 +98,11 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     let (draw, reference, runs) = study.traces(cell, &[wanted])?;
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
-    println!("{draw:#?}");
+    outln!("{draw:#?}");
     for run in &runs {
         let outcome = Outcome::of(run, &reference, &draw);
-        println!("{scheme}: {outcome:#?}");
-        println!(
+        outln!("{scheme}: {outcome:#?}");
+        outln!(
             "reference: net energy {:.3} mJ, {:#?}",
             1e3 * reference.net_energy(),
             reference.stillness()
