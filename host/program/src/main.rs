@@ -12,12 +12,14 @@ mod printing;
 mod bench;
 mod fault;
 mod mesh;
+mod outputs;
 mod plan;
 mod replay;
 mod run;
 mod signals;
 mod solve;
 mod stress;
+mod written;
 
 use clap::{Parser, Subcommand};
 use host::scene::{LoadedScene, Scene, SceneError};
@@ -73,6 +75,8 @@ enum CommandError {
     Scene(#[from] SceneError),
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
+    #[error(transparent)]
+    Output(#[from] outputs::OutputError),
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
     #[error("{}: {source}", path.display())]
@@ -120,6 +124,7 @@ impl CommandError {
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,
+            Self::Output(error) => error.exit_code(),
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }

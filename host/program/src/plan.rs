@@ -1,5 +1,6 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
+use super::outputs::{Declared, Format};
 use super::{CommandError, SceneArgument, load};
 use host::atomic_file::write_json;
 use host::bodies;
@@ -30,7 +31,12 @@ struct PlanJson<'a> {
 }
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
-    let loaded = load(arguments.scene.scene.as_deref())?;
+    let scene = arguments.scene.scene.as_deref();
+    let loaded = load(scene)?;
+    let _held = Declared::default()
+        .scene(scene, &loaded)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;
     let plans = (0..loaded.scene.bodies.len()).map(|index| {

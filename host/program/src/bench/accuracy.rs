@@ -1,6 +1,8 @@
 //! `palpate bench accuracy`: the error of sheets and solids against exact solutions and independent programs.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -22,16 +24,20 @@ pub(super) struct AccuracyArguments {
 }
 
 pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let level = level(arguments.quick);
     let found = with_bar(|progress| accuracy::run(level, progress))?;
     print_series(&found);
     print_local_models(&found.local_models);
-    if let Some(path) = &arguments.json {
-        write_json(path, &found)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&found).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&found).as_bytes())
+    });
+    written.end()?;
     Ok(())
 }
 

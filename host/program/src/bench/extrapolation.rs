@@ -1,6 +1,8 @@
 //! `palpate bench extrapolation`: the force error of each scheme between publications.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::with_bar;
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -24,14 +26,18 @@ const BLENDS: [f64; 2] = [0.5, 0.0];
 const DURATION: f64 = 6.0;
 
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let found = with_bar(|progress| extrapolation::run(DURATION, &RATES, &BLENDS, progress))?;
     print_tables(&found);
-    if let Some(path) = &arguments.json {
-        write_json(path, &found)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&found).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&found).as_bytes())
+    });
+    written.end()?;
     Ok(())
 }
 

@@ -1,6 +1,8 @@
 //! `palpate bench stability`: the numerical stress suite, with a verdict and the worst figure for each family.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -25,17 +27,21 @@ pub(super) struct StabilityArguments {
 }
 
 pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let level = level(arguments.quick);
     let report = with_bar(|progress| stability::run(level, arguments.family.as_deref(), progress));
     print_families(&report);
     print_recovery(&report);
     print_failures(&report);
-    if let Some(path) = &arguments.json {
-        write_json(path, &report)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&report).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &report));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&report).as_bytes())
+    });
+    written.end()?;
     match report.failures().count() {
         0 => Ok(()),
         failed => Err(CommandError::Unstable { failed }),

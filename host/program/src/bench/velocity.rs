@@ -1,6 +1,7 @@
 //! `palpate bench velocity`: the error of velocity estimates from encoder counts.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
 use super::with_bar;
 use host::atomic_file::write_json;
 use std::path::PathBuf;
@@ -15,6 +16,9 @@ pub(super) struct VelocityArguments {
 }
 
 pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     let found = with_bar(|progress| velocity::run(progress));
     print_means(&found);
     print_devices(&found);

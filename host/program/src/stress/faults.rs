@@ -1,6 +1,6 @@
 //! `palpate stress faults`: runs the tick on invalid input of devices, host and clock.
 
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, Declared, progress_bar, show};
 use std::collections::BTreeMap;
 use study::stress::faults::{self, Outcome};
 use study::stress::jobs;
@@ -14,6 +14,7 @@ pub(super) struct FaultsArguments {
 
 pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
+    let _held = common.declare(Declared::default()).check()?;
     let header = faults::header(common.seed, common.quick);
     let bar = progress_bar();
     let cells = jobs::run(

@@ -1,7 +1,7 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, without faults.
 
 use super::scene::{log, picture};
-use super::{CommandError, Common, progress_bar, scheme_of, show};
+use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
 use host::atomic_file::write_atomically;
 use host::scene::Scene;
 use host::scene::spec::SchemeName;
@@ -57,6 +57,10 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
         let cell = judge(Scene::load(path)?)?;
         return finish(&BTreeMap::from([(0, cell)]));
     }
+    let declared = Declared::default()
+        .file("--log", arguments.log.as_ref(), Format::Csv)
+        .file("--scene", arguments.scene.as_ref(), Format::Toml);
+    let _held = common.declare(declared).check()?;
     let study = Study::new(common.seed);
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, study, cell);
@@ -218,7 +222,8 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
             1e3 * traces.reference.net_energy(),
             traces.reference.stillness()
         );
-        if let Some(path) = &arguments.common.plot {
+        let mut written = Written::default();
+        written.write(arguments.common.plot.as_ref(), |path| {
             let subtitle = format!(
                 "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
                 100.0 * outcome.force_errors.hold_error,
@@ -227,11 +232,12 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
                 100.0 * outcome.capped
             );
             let svg = picture::cell(&title, &subtitle, run, &traces.reference);
-            write_atomically(path, svg.as_bytes())?;
-        }
-        if let Some(path) = &arguments.log {
-            write_atomically(path, log(run, &traces.reference).as_bytes())?;
-        }
+            write_atomically(path, svg.as_bytes())
+        });
+        written.write(arguments.log.as_ref(), |path| {
+            write_atomically(path, log(run, &traces.reference).as_bytes())
+        });
+        written.end()?;
     }
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, Declared, progress_bar, show};
 use host::atomic_file::write_atomically;
 use host::plot::{self, Map, MapCell, MapLine, MapPanel};
 use std::collections::BTreeMap;
@@ -29,6 +29,7 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
         map_rate: arguments.rate,
         map_delay: usize::from(arguments.delay),
     };
+    let _held = common.declare(Declared::default()).check()?;
     let bar = progress_bar();
     let cells = study.run(&common.options(), |at| show(&bar, at));
     bar.finish_and_clear();
