@@ -18,7 +18,7 @@ pub struct AtomicFileError {
 /// Replaces the file at `path` by `content`. The function writes a temporary file in the same folder, flushes
 /// this file to the disk and renames it. A link is followed. A device or a pipe is written to directly. The names of
 /// the standard streams (`/dev/stdout`) mean the streams of this process, wherever they lead: a file to which the output
-/// is redirected is not replaced.
+/// is redirected is not replaced, and a reader that closes the pipe of the output has read enough.
 ///
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
@@ -33,7 +33,11 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     match stream(path) {
         Some(Stream::Output) => {
             let mut output = io::stdout().lock();
-            return output.write_all(content).and_then(|()| output.flush());
+            return match output.write_all(content).and_then(|()| output.flush()) {
+                // Its reader has read enough.
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+                written => written,
+            };
         }
         Some(Stream::Error) => return io::stderr().lock().write_all(content),
         None => {}
@@ -79,7 +83,7 @@ pub fn stream(path: &Path) -> Option<Stream> {
 }
 
 /// The file that a write to `path` would replace or create: links are followed, also a link to a file that does not
-/// exist.
+/// exist. Different paths of one place give the same path.
 pub fn target(path: &Path) -> PathBuf {
     if let Ok(there) = fs::canonicalize(path) {
         return there;
@@ -92,10 +96,9 @@ pub fn target(path: &Path) -> PathBuf {
             Err(_) => break,
         }
     }
-    // A file that does not exist yet has a folder, or the write fails.
-    let folder = fs::canonicalize(folder_of(&target)).ok();
-    match folder.zip(target.file_name()) {
-        Some((folder, name)) => folder.join(name),
+    // The folder may be new, too.
+    match target.file_name() {
+        Some(name) => self::target(folder_of(&target)).join(name),
         None => target,
     }
 }
@@ -175,6 +178,19 @@ mod tests {
         write_atomically(&link, b"newer").expect("through the link");
         assert_eq!(fs::read(&file).expect("the file"), b"newer");
         assert!(fs::symlink_metadata(&link).expect("the link").is_symlink());
+    }
+
+    #[test]
+    fn a_place_has_one_path_also_before_it_exists() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |path: &str| target(&folder.path().join(path));
+        let expected = fs::canonicalize(&folder).expect("a folder").join("new/a/b");
+        for path in ["new/a/b", "./new/./a/b", "new//a/b"] {
+            assert_eq!(at(path), expected, "{path}");
+        }
+        let here = std::env::current_dir().expect("a folder");
+        assert_eq!(target(Path::new("new/b")), here.join("new/b"));
+        assert_eq!(target(Path::new("./new/b")), here.join("new/b"));
     }
 
     #[test]

@@ -338,7 +338,7 @@ impl Declared {
                 flag,
                 path: path.clone(),
                 stream,
-                direct: !format.grows(),
+                direct: stream == OUTPUT && !format.grows(),
             });
         }
         format.check(flag, path)
@@ -364,7 +364,7 @@ impl Declared {
                 let folder = folder_of(&target);
                 let created = self.outputs.iter().any(|other| {
                     matches!(other.kind, Kind::Folder(_))
-                        && atomic_file::target(&other.path) == atomic_file::target(folder)
+                        && atomic_file::target(&other.path) == folder
                 });
                 if created || folder.is_dir() {
                     return Ok(());
@@ -383,7 +383,7 @@ impl Output {
             Kind::File(_) => same_file(&self.path, path),
             Kind::Folder(writes) => {
                 let place = atomic_file::target(path);
-                let inside = place.parent() == Some(&*atomic_file::target(&self.path));
+                let inside = place.parent() == Some(atomic_file::target(&self.path).as_path());
                 let name = place.file_name().and_then(|name| name.to_str());
                 inside && name.is_some_and(writes)
             }
@@ -437,8 +437,8 @@ fn hold(output: &Output) -> Result<Option<LockFile>, OutputError> {
     {
         return Ok(None);
     }
-    // A log that grows, or a study's results.
-    if is_locked(&target) {
+    // A log that grows, or a study's results. A study itself says more about two runs with one file of results.
+    if *format != Format::JsonLines && is_locked(&target) {
         return Err(busy());
     }
     if there.is_some() {
@@ -523,15 +523,14 @@ fn same_file(a: &Path, b: &Path) -> bool {
     }
 }
 
+const OUTPUT: &str = "standard output";
+
 /// The stream of this process that leads to the file at `path`, if one does.
 #[cfg(unix)]
 fn printed_to(path: &Path) -> Option<&'static str> {
     use std::os::fd::AsFd;
     let (output, error) = (io::stdout(), io::stderr());
-    let streams = [
-        ("standard output", output.as_fd()),
-        ("standard error", error.as_fd()),
-    ];
+    let streams = [(OUTPUT, output.as_fd()), ("standard error", error.as_fd())];
     let leads = |stream: std::os::fd::BorrowedFd<'_>| {
         let open = File::from(stream.try_clone_to_owned().ok()?);
         let open = open.metadata().ok()?;
