@@ -70,7 +70,10 @@ fn folder() -> Result<tempfile::TempDir, Box<dyn Error>> {
 }
 
 /// The name and the content of each file of a folder.
-fn contents(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, Box<dyn Error>> {
+type Contents = Vec<(String, Vec<u8>)>;
+
+/// What a folder holds.
+fn contents(folder: &Path) -> Result<Contents, Box<dyn Error>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
