@@ -16,8 +16,9 @@ pub struct AtomicFileError {
 }
 
 /// Replaces the file at `path` by `content`. The function writes a temporary file in the same folder, flushes
-/// this file to the disk and renames it. A link is followed. A device or a pipe (such as `/dev/stdout`) is
-/// written to directly.
+/// this file to the disk and renames it. A link is followed. A device or a pipe is written to directly. The names of
+/// the standard streams (`/dev/stdout`) mean the streams of this process, wherever they lead: a file to which the output
+/// is redirected is not replaced, and a reader that closes the pipe of the output has read enough.
 ///
 /// # Errors
 /// If the folder is missing or not writable, or the disk is full.
@@ -29,8 +30,19 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> Result<(), AtomicFileErr
 }
 
 fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
-    // An error here means that the file does not exist yet; any other cause fails again below.
-    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    match stream(path) {
+        Some(Stream::Output) => {
+            let mut output = io::stdout().lock();
+            return match output.write_all(content).and_then(|()| output.flush()) {
+                // Its reader has read enough.
+                Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+                written => written,
+            };
+        }
+        Some(Stream::Error) => return io::stderr().lock().write_all(content),
+        None => {}
+    }
+    let target = target(path);
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
         Ok(there) if !there.is_file() => {
@@ -41,10 +53,7 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
         }
         _ => {}
     }
-    let folder = match target.parent() {
-        Some(folder) if folder != Path::new("") => folder,
-        _ => Path::new("."),
-    };
+    let folder = folder_of(&target);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".palpate-").suffix(".tmp");
     ordinary_permissions(&mut builder);
@@ -53,6 +62,53 @@ fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     file.as_file().sync_all()?;
     file.persist(&target).map_err(|error| error.error)?;
     Ok(())
+}
+
+/// A standard stream.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// The standard output.
+    Output,
+    /// The standard error.
+    Error,
+}
+
+/// The standard stream that the path names, if it names one.
+pub fn stream(path: &Path) -> Option<Stream> {
+    match path.to_str()? {
+        "/dev/stdout" | "/dev/fd/1" | "/proc/self/fd/1" => Some(Stream::Output),
+        "/dev/stderr" | "/dev/fd/2" | "/proc/self/fd/2" => Some(Stream::Error),
+        _ => None,
+    }
+}
+
+/// The file that a write to `path` would replace or create: links are followed, also a link to a file that does not
+/// exist. Different paths of one place give the same path.
+pub fn target(path: &Path) -> PathBuf {
+    if let Ok(there) = fs::canonicalize(path) {
+        return there;
+    }
+    let mut target = path.to_owned();
+    // Linux follows 40 links.
+    for _ in 0..40 {
+        match fs::read_link(&target) {
+            Ok(next) => target = folder_of(&target).join(next),
+            Err(_) => break,
+        }
+    }
+    // The folder may be new, too.
+    match target.file_name() {
+        Some(name) => self::target(folder_of(&target)).join(name),
+        None => target,
+    }
+}
+
+/// The folder of a file.
+pub fn folder_of(file: &Path) -> &Path {
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => Path::new("."),
+    }
 }
 
 /// Gives the temporary file the permissions of any new file, less the user's mask. By default a temporary file
@@ -117,6 +173,24 @@ mod tests {
         assert_eq!(fs::read(&file).expect("the file"), b"new");
         assert!(fs::symlink_metadata(&link).expect("the link").is_symlink());
         write_atomically(Path::new("/dev/null"), b"gone").expect("the device");
+        // A link to a file that does not exist yet.
+        fs::remove_file(&file).expect("removed");
+        write_atomically(&link, b"newer").expect("through the link");
+        assert_eq!(fs::read(&file).expect("the file"), b"newer");
+        assert!(fs::symlink_metadata(&link).expect("the link").is_symlink());
+    }
+
+    #[test]
+    fn a_place_has_one_path_also_before_it_exists() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |path: &str| target(&folder.path().join(path));
+        let expected = fs::canonicalize(&folder).expect("a folder").join("new/a/b");
+        for path in ["new/a/b", "./new/./a/b", "new//a/b"] {
+            assert_eq!(at(path), expected, "{path}");
+        }
+        let here = std::env::current_dir().expect("a folder");
+        assert_eq!(target(Path::new("new/b")), here.join("new/b"));
+        assert_eq!(target(Path::new("./new/b")), here.join("new/b"));
     }
 
     #[test]

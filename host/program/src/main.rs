@@ -1,18 +1,25 @@
 //! The program `palpate`: one file per command.
 //!
 //! Exit codes: 0 for success; 1 for a failure while the command ran; 2 for an invalid scene or argument; 128 plus
-//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order.
+//! the number of a signal (130 for Ctrl-C) for a run that a signal ended in order. A reader that closes the pipe of the
+//! standard output changes no exit code.
 #![forbid(unsafe_code)]
+#![deny(clippy::print_stdout, clippy::print_stderr)] // These macros panic: see `printing`.
+
+#[macro_use]
+mod printing;
 
 mod bench;
 mod fault;
 mod mesh;
+mod outputs;
 mod plan;
 mod replay;
 mod run;
 mod signals;
 mod solve;
 mod stress;
+mod written;
 
 use clap::{Parser, Subcommand};
 use host::scene::{LoadedScene, Scene, SceneError};
@@ -68,6 +75,8 @@ enum CommandError {
     Scene(#[from] SceneError),
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
+    #[error(transparent)]
+    Output(#[from] outputs::OutputError),
     #[error("the run ended, but a part of the run failed")]
     Incomplete,
     #[error("{}: {source}", path.display())]
@@ -115,6 +124,7 @@ impl CommandError {
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,
+            Self::Output(error) => error.exit_code(),
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }
@@ -122,7 +132,24 @@ impl CommandError {
 }
 
 fn main() -> ExitCode {
-    let command = Arguments::parse().command;
+    let code = match Arguments::try_parse() {
+        Ok(arguments) => execute(arguments.command),
+        Err(message) => {
+            printing::print_message(&message);
+            u8::try_from(message.exit_code()).unwrap_or(1)
+        }
+    };
+    match printing::end() {
+        Ok(()) => ExitCode::from(code),
+        Err(error) => {
+            errln!("cannot write to the standard output: {error}");
+            ExitCode::from(code.max(1))
+        }
+    }
+}
+
+/// Executes a command and reports its error. Returns the exit code.
+fn execute(command: Option<Command>) -> u8 {
     let result = match command.unwrap_or_else(|| Command::Run(run::RunArguments::default())) {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
@@ -132,10 +159,10 @@ fn main() -> ExitCode {
         Command::Stress(arguments) => stress::run(&arguments),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
-            eprintln!("palpate: {error}");
-            ExitCode::from(error.exit_code())
+            errln!("{error}");
+            error.exit_code()
         }
     }
 }

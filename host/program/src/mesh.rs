@@ -1,5 +1,6 @@
 //! `palpate mesh`: writes the mesh of a scene's body to a file for other programs.
 
+use super::outputs::{self, Declared};
 use super::{CommandError, load};
 use host::atomic_file::write_atomically;
 use host::bodies::{self, Built};
@@ -36,11 +37,15 @@ pub(super) fn run(arguments: &MeshArguments) -> Result<(), CommandError> {
                 })?
         }
     };
+    let _held = Declared::default()
+        .scene(Some(&arguments.scene), &loaded)
+        .file("FILE", Some(&arguments.file), outputs::Format::Mesh)
+        .check()?;
     let built = bodies::build(&loaded, index)?;
     let mesh = with_material(built);
+    out!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
     write_atomically(&arguments.file, format.write(&mesh).as_bytes())?;
-    print!("{}", summary(&loaded.scene.bodies[index].name, &mesh));
-    println!("  {:<10} {}", "file", arguments.file.display());
+    outln!("  {:<10} {}", "file", arguments.file.display());
     Ok(())
 }
 

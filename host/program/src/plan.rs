@@ -1,5 +1,6 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
+use super::outputs::{Declared, Format};
 use super::{CommandError, SceneArgument, load};
 use host::atomic_file::write_json;
 use host::bodies;
@@ -30,7 +31,12 @@ struct PlanJson<'a> {
 }
 
 pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
-    let loaded = load(arguments.scene.scene.as_deref())?;
+    let scene = arguments.scene.scene.as_deref();
+    let loaded = load(scene)?;
+    let _held = Declared::default()
+        .scene(scene, &loaded)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;
     let plans = (0..loaded.scene.bodies.len()).map(|index| {
@@ -39,10 +45,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     });
     let plans = plans.collect::<Result<Vec<_>, SceneError>>()?;
     let stages = stages(&loaded.scene, &plans);
-    println!("{}: stages of a host step", loaded.scene.name);
+    outln!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };
-        println!("  {sign}  {:<10} {}", stage.name, stage.why);
+        outln!("  {sign}  {:<10} {}", stage.name, stage.why);
     }
     if let Some(path) = &arguments.json {
         let json = PlanJson {

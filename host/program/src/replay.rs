@@ -1,11 +1,12 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
+use super::outputs::{Declared, Format};
 use super::{CommandError, load};
 use host::atomic_file::write_json;
 use host::log::{Log, LogError};
 use host::run::replay::{ReplayError, replay, scene_of};
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The reason why a log could not be replayed.
 #[derive(Debug, thiserror::Error)]
@@ -22,7 +23,7 @@ pub(super) enum ReplayFileError {
 pub(super) fn run(
     path: &Path,
     scene: Option<&Path>,
-    json: Option<&Path>,
+    json: Option<&PathBuf>,
 ) -> Result<(), CommandError> {
     let refused = |source| CommandError::Replay {
         path: path.to_owned(),
@@ -33,8 +34,15 @@ pub(super) fn run(
         Some(_) => load(scene)?,
         None => scene_of(&log, &path.display().to_string()).map_err(|e| refused(e.into()))?,
     };
+    let declared = Declared::default().input("the log", Some(path));
+    let declared = match scene {
+        Some(_) => declared.scene(scene, &loaded),
+        // The log holds the files of its scene.
+        None => declared,
+    };
+    let _held = declared.file("--json", json, Format::Json).check()?;
     let report = replay(&log, &loaded, |_| {}).map_err(|e| refused(e.into()))?;
-    print!("{report}");
+    out!("{report}");
     if let Some(path) = json {
         write_json(path, &report)?;
     }

@@ -1,6 +1,7 @@
 //! `palpate run`: runs a scene from beginning to end.
 
 use super::fault::fault;
+use super::outputs::{Declared, Format};
 use super::{CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
@@ -156,12 +157,19 @@ fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if let Some(path) = &arguments.replay {
         let (scene, json) = (&arguments.scene.scene, &arguments.json);
-        return super::replay::run(path, scene.as_deref(), json.as_deref());
+        return super::replay::run(path, scene.as_deref(), json.as_ref());
     }
     needs_real_clock(arguments)?;
     let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
     Cores::of_this_machine().check(core)?;
-    let loaded = load(arguments.scene.scene.as_deref())?;
+    let scene = arguments.scene.scene.as_deref();
+    let loaded = load(scene)?;
+    let _held = Declared::default()
+        .scene(scene, &loaded)
+        .file("--log", arguments.log.as_ref(), Format::Mcap)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     let mut options = RunOptions {
         duration: arguments.duration,
         seed: arguments.seed,
@@ -200,14 +208,17 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     });
     bar.finish_and_clear();
     let summary = result?;
-    print!("{summary}");
+    out!("{summary}");
     for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
         ("json", &options.json),
     ] {
-        if let Some(path) = path {
-            println!("  {output:<10} {}", path.display());
+        if let Some(path) = path
+            .as_ref()
+            .filter(|path| !summary.unwritten.contains(path))
+        {
+            outln!("  {output:<10} {}", path.display());
         }
     }
     if !summary.failures.is_empty() {

@@ -1,5 +1,7 @@
 //! `palpate solve`: solves a scene without devices for equilibrium or motion.
 
+use super::outputs::{Declared, Format};
+use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -26,6 +28,12 @@ pub(super) struct SolveArguments {
 
 pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let loaded = load(Some(&arguments.scene))?;
+    let _held = Declared::default()
+        .scene(Some(&arguments.scene), &loaded)
+        .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     let mut frames = match &arguments.vtu {
         Some(folder) => Some(FrameFolder::create(folder)?),
         None => None,
@@ -46,23 +54,23 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
         SolveError::Frame(error) => CommandError::File(error),
         SolveError::Matrix(error) => CommandError::Solve(error),
     })?;
-    print!("{solution}");
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&solution).as_bytes())?;
-    }
-    if let Some(path) = &arguments.json {
-        write_json(path, &solution)?;
-    }
+    out!("{solution}");
+    let mut written = Written::default();
+    let plot = written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&solution).as_bytes())
+    });
+    let json = written.write(arguments.json.as_ref(), |path| write_json(path, &solution));
     let list = frames.map(|folder| folder.list_file());
-    for (output, path) in [
-        ("vtu", &list),
-        ("plot", &arguments.plot),
-        ("json", &arguments.json),
+    for (output, path, there) in [
+        ("vtu", &list, true),
+        ("plot", &arguments.plot, plot),
+        ("json", &arguments.json, json),
     ] {
-        if let Some(path) = path {
-            println!("  {output:<10} {}", path.display());
+        if let Some(path) = path.as_ref().filter(|_| there) {
+            outln!("  {output:<10} {}", path.display());
         }
     }
+    written.end()?;
     if solution.failures.is_empty() {
         Ok(())
     } else {

@@ -14,6 +14,7 @@
 
 mod cdr;
 mod chunks;
+mod file;
 mod geometry;
 mod model;
 mod read;
@@ -23,13 +24,13 @@ mod tick;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, Write};
-use std::path::Path;
 
 use mcap::records::MessageHeader;
 use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{LocalModel, Telemetry};
 
+pub(crate) use file::LogFile;
 pub use model::ModelRow;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
@@ -63,6 +64,14 @@ pub enum LogError {
         log: String,
         /// The system's error.
         source: io::Error,
+    },
+    /// Another program writes to the file.
+    #[error(
+        "cannot write the log {log}: another program is writing to it; give each run a log of its own"
+    )]
+    Busy {
+        /// The log, as messages name it.
+        log: String,
     },
     /// The file could not be written.
     #[error("cannot write the log {log}: {source} (the ticks flushed before are kept)")]
@@ -119,16 +128,13 @@ pub struct LogWriter<W: Write + Seek> {
 }
 
 impl LogWriter<BufWriter<File>> {
-    /// Begins a log in a new file, which replaces an older one.
+    /// Begins a log in a file, whose older content is lost.
     ///
     /// # Errors
-    /// If the file cannot be created or written.
-    pub(crate) fn create_file(path: &Path, header: &LogHeader) -> Result<Self, LogError> {
-        let name = path.display().to_string();
-        match File::create(path) {
-            Ok(file) => Self::with_name(BufWriter::new(file), name, header),
-            Err(source) => Err(LogError::Create { log: name, source }),
-        }
+    /// If the file cannot be emptied or written.
+    pub(crate) fn begin_file(file: LogFile, header: &LogHeader) -> Result<Self, LogError> {
+        let (file, name) = file.begin()?;
+        Self::with_name(BufWriter::new(file), name, header)
     }
 }
 

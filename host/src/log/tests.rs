@@ -8,7 +8,7 @@ use rt_core::{
 };
 
 use super::tick::SCHEMA;
-use super::{Log, LogError, LogHeader, LogWriter, TickRow, energy_sums, read_log};
+use super::{Log, LogError, LogFile, LogHeader, LogWriter, TickRow, energy_sums, read_log};
 
 fn header() -> LogHeader {
     LogHeader {
@@ -206,7 +206,8 @@ fn every_cut_gives_the_ticks_before_it() {
 #[test]
 fn flushed_ticks_can_be_read_during_the_run() {
     let file = tempfile::NamedTempFile::new().expect("a temporary file");
-    let mut writer = LogWriter::create_file(file.path(), &header()).expect("a file");
+    let mut writer = LogWriter::begin_file(LogFile::open(file.path()).expect("a file"), &header())
+        .expect("room on the disk");
     for tick in 0..10 {
         writer.write(&telemetry(tick)).expect("room on the disk");
     }
@@ -302,9 +303,7 @@ fn a_full_disk_is_reported_and_later_writes_fail_quietly() {
 #[test]
 fn an_error_names_the_file() {
     let path = std::path::Path::new("no such folder/run.mcap");
-    let error = LogWriter::create_file(path, &header())
-        .err()
-        .expect("no such folder");
+    let error = LogFile::open(path).err().expect("no such folder");
     assert!(
         error.to_string().contains("no such folder/run.mcap"),
         "{error}"

@@ -20,7 +20,7 @@ use crate::atomic_file::{AtomicFileError, write_atomically, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
-use crate::log::{LogError, LogHeader, LogWriter};
+use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::Collector;
@@ -33,7 +33,7 @@ use runner::{CoreChoice, Cores, Reserved};
 use setup::Setup;
 use std::any::Any;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
@@ -99,9 +99,6 @@ pub enum RunError {
     /// The log cannot be written.
     #[error(transparent)]
     Log(#[from] LogError),
-    /// A file cannot be written.
-    #[error(transparent)]
-    File(#[from] AtomicFileError),
     /// The tick's thread cannot start.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
@@ -131,7 +128,8 @@ impl Progress {
     }
 }
 
-/// Runs a scene and writes the files that `options` name. `progress` is called from time to time.
+/// Runs a scene and writes the files that `options` name. `progress` is called from time to time. The log is locked
+/// before anything else. A file that cannot be written at the end is one of the failures of the summary.
 ///
 /// # Errors
 /// [`RunError`].
@@ -166,6 +164,7 @@ pub fn run_watched(
     mut progress: impl FnMut(Progress),
 ) -> Result<RunSummary, RunError> {
     let seed = options.seed.unwrap_or(loaded.scene.seed);
+    let log = options.log.as_deref().map(LogFile::open).transpose()?;
     // The core is reserved before the run starts its first thread: the thread that makes factors starts with the
     // engine.
     let core = match options.clock {
@@ -180,7 +179,7 @@ pub fn run_watched(
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
-    let observers = observers(loaded, options, seed, others, &logged)?;
+    let observers = observers(loaded, options, seed, others, log, &logged)?;
     let of = prepared.timing.ticks;
     let progress = |ticks| {
         let logged = logged.load(Ordering::Relaxed);
@@ -193,8 +192,8 @@ pub fn run_watched(
         }
     };
     parts.judge(options.log.is_some());
-    let summary = report::summarize(loaded, options, seed, size, &parts);
-    write_files(loaded, options, &parts, &summary)?;
+    let mut summary = report::summarize(loaded, options, seed, size, &parts);
+    write_files(loaded, options, &parts, &mut summary);
     Ok(summary)
 }
 
@@ -217,6 +216,7 @@ fn observers(
     options: &RunOptions,
     seed: u64,
     others: Observers,
+    log: Option<LogFile>,
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, LogError> {
     let scene = &loaded.scene;
@@ -227,29 +227,37 @@ fn observers(
         options.plot.is_some(),
     );
     let observers = others.with(collector);
-    let Some(path) = &options.log else {
+    let Some(file) = log else {
         return Ok(observers);
     };
-    let log = LogWriter::create_file(path, &header(loaded, options, seed))?;
+    let log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
     let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(logged));
     Ok(observers.with(log))
 }
 
-/// Writes the plot and the summary to the files that `options` names.
+/// Writes the plot and the summary to the files that `options` names, and adds what cannot be written to the failures
+/// of the summary.
 fn write_files(
     loaded: &LoadedScene,
     options: &RunOptions,
     parts: &Parts,
-    summary: &RunSummary,
-) -> Result<(), AtomicFileError> {
+    summary: &mut RunSummary,
+) {
+    let note = |summary: &mut RunSummary, path: &Path, written: Result<(), AtomicFileError>| {
+        if let Err(error) = written {
+            summary.failures.push(error.to_string());
+            summary.unwritten.push(path.to_owned());
+        }
+    };
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
-        write_atomically(path, svg.as_bytes())?;
+        note(summary, path, write_atomically(path, svg.as_bytes()));
     }
+    // Last, so that the file holds the failures before it.
     if let Some(path) = &options.json {
-        write_json(path, summary)?;
+        let written = write_json(path, summary);
+        note(summary, path, written);
     }
-    Ok(())
 }
 
 fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {

@@ -42,6 +42,7 @@ pub(super) fn summarize(
         refusals: refusals(scene, &couplings),
         degradations: parts.degradations.clone(),
         failures: parts.failures.clone(),
+        unwritten: Vec::new(),
     }
 }
 

@@ -3,6 +3,7 @@
 mod print;
 
 use serde::Serialize;
+use std::path::PathBuf;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
 pub const SCHEMA: &str = "palpate.run/3";
@@ -73,6 +74,9 @@ pub struct RunSummary {
     pub degradations: Vec<String>,
     /// Failures, such as those that ended a part of the run early.
     pub failures: Vec<String>,
+    /// The requested files that could not be written at the end. The reasons are among the failures.
+    #[serde(skip)]
+    pub unwritten: Vec<PathBuf>,
 }
 
 /// The realtime loop.

@@ -3,30 +3,48 @@
 use super::Frame;
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use std::fmt::Write as _;
-use std::fs;
+use std::fs::{self, File, TryLockError};
+use std::io;
 use std::path::{Path, PathBuf};
 
-/// A folder of frames. The list is written again with each frame, so that it is complete whenever the solve ends.
+const LIST: &str = "frames.pvd";
+
+/// A folder of frames. The list is written again with each frame, so that it is complete whenever the solve ends. No
+/// other program can open the folder for its frames at the same time.
 #[derive(Debug)]
 pub struct FrameFolder {
     folder: PathBuf,
     list: String,
+    /// The folder, open and locked.
+    _lock: Option<File>,
 }
 
 impl FrameFolder {
     /// Creates the folder, if it does not exist.
     ///
     /// # Errors
-    /// If the folder cannot be created.
+    /// If the folder cannot be created, or another program writes its frames there.
     pub fn create(folder: &Path) -> Result<Self, AtomicFileError> {
-        fs::create_dir_all(folder).map_err(|source| AtomicFileError {
+        let locked = fs::create_dir_all(folder).and_then(|()| lock(folder));
+        let lock = locked.map_err(|source| AtomicFileError {
             path: folder.to_owned(),
             source,
         })?;
         Ok(Self {
             folder: folder.to_owned(),
             list: String::new(),
+            _lock: lock,
         })
+    }
+
+    /// Whether a solve of bodies of these names may write a file of the name `file`.
+    pub fn may_write<'a>(file: &str, bodies: impl IntoIterator<Item = &'a str>) -> bool {
+        let numbered = file.strip_suffix(".vtu").and_then(|f| f.rsplit_once('_'));
+        let frame = numbered.filter(|(_, number)| {
+            number.len() >= 4 && number.bytes().all(|byte| byte.is_ascii_digit())
+        });
+        file == LIST
+            || frame.is_some_and(|(body, _)| bodies.into_iter().any(|name| plain(name) == body))
     }
 
     /// Writes one frame and the list.
@@ -51,7 +69,22 @@ impl FrameFolder {
 
     /// The path of the list, the file to open in ParaView.
     pub fn list_file(&self) -> PathBuf {
-        self.folder.join("frames.pvd")
+        self.folder.join(LIST)
+    }
+}
+
+/// Locks a folder. There is no lock where the system has none for folders.
+fn lock(folder: &Path) -> io::Result<Option<File>> {
+    let Ok(open) = File::open(folder) else {
+        return Ok(None);
+    };
+    match open.try_lock() {
+        Ok(()) => Ok(Some(open)),
+        Err(TryLockError::WouldBlock) => Err(io::Error::new(
+            io::ErrorKind::ResourceBusy,
+            "another program is writing its frames there; give each solve a folder of its own",
+        )),
+        Err(TryLockError::Error(_)) => Ok(None),
     }
 }
 
@@ -65,4 +98,40 @@ fn plain(name: &str) -> String {
         }
     };
     name.chars().map(keep).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_names_of_the_files_are_known() {
+        let bodies = ["cube", "left hand"];
+        for name in ["frames.pvd", "cube_0001.vtu", "left_hand_12345.vtu"] {
+            assert!(FrameFolder::may_write(name, bodies), "{name}");
+        }
+        for name in [
+            "cube.vtu",
+            "cube_001.vtu",
+            "cube_0001.vtk",
+            "ball_0001.vtu",
+            "cube_000x.vtu",
+        ] {
+            assert!(!FrameFolder::may_write(name, bodies), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_folder_has_one_writer() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let held = FrameFolder::create(folder.path()).expect("a folder");
+        let second = FrameFolder::create(folder.path()).expect_err("one writer");
+        let said = second.to_string();
+        assert!(
+            said.contains("another program is writing its frames there"),
+            "{said}"
+        );
+        drop(held);
+        assert!(FrameFolder::create(folder.path()).is_ok());
+    }
 }

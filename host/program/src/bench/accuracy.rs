@@ -1,6 +1,8 @@
 //! `palpate bench accuracy`: the error of sheets and solids against exact solutions and independent programs.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -22,22 +24,26 @@ pub(super) struct AccuracyArguments {
 }
 
 pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let level = level(arguments.quick);
     let found = with_bar(|progress| accuracy::run(level, progress))?;
     print_series(&found);
     print_local_models(&found.local_models);
-    if let Some(path) = &arguments.json {
-        write_json(path, &found)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&found).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&found).as_bytes())
+    });
+    written.end()?;
     Ok(())
 }
 
 fn print_series(found: &Accuracy) {
-    println!("| benchmark | mesh | ours | other program | reference | error | order |");
-    println!("|---|---|---|---|---|---|---|");
+    outln!("| benchmark | mesh | ours | other program | reference | error | order |");
+    outln!("|---|---|---|---|---|---|---|");
     for series in &found.series {
         for point in &series.points {
             let ours = value(point.ours);
@@ -48,15 +54,16 @@ fn print_series(found: &Accuracy) {
                 None => format!("{:.3e}", point.error),
             };
             let order = point.order.map_or(String::new(), |o| format!("{o:.2}"));
-            println!(
+            outln!(
                 "| {} | {} | {ours} | {other} | {reference} | {error} | {order} |",
-                series.title, point.mesh
+                series.title,
+                point.mesh
             );
         }
     }
-    println!();
+    outln!();
     for series in &found.series {
-        println!("- {}: {}", series.title, series.source);
+        outln!("- {}: {}", series.title, series.source);
     }
 }
 
@@ -70,7 +77,7 @@ fn value(value: f64) -> String {
 }
 
 fn print_local_models(found: &LocalModels) {
-    println!(
+    outln!(
         "\nLocal model of a solid: error of the predicted change of force, relative to the change, after a \
          time (steps of {:.3} ms; a held force has the error 1)\n",
         1e3 * found.step
@@ -85,15 +92,15 @@ fn print_local_models(found: &LocalModels) {
         .iter()
         .map(|cell| format!("{:.0} ms", 1e3 * cell.period))
         .collect();
-    println!("| motion | damping (s) | {} |", heads.join(" | "));
-    println!("|---|---|{}", "---|".repeat(heads.len()));
+    outln!("| motion | damping (s) | {} |", heads.join(" | "));
+    outln!("|---|---|{}", "---|".repeat(heads.len()));
     let print = |motion: &str, row: &[Prediction], error: fn(&Prediction) -> f64| {
         let cells: Vec<_> = row
             .iter()
             .map(|cell| format!("{:.4}", error(cell)))
             .collect();
         let damping = row.first().map_or(0.0, |cell| cell.damping);
-        println!("| {motion} | {damping} | {} |", cells.join(" | "));
+        outln!("| {motion} | {damping} | {} |", cells.join(" | "));
     };
     for row in rows {
         if row.first().is_some_and(|cell| cell.motion == "steady") {
@@ -108,7 +115,7 @@ fn print_local_models(found: &LocalModels) {
             print("from rest", row, |cell| cell.error);
         }
     }
-    println!(
+    outln!(
         "\nError over one linearized step, with inertia added: {:.1e}",
         found.exactness
     );

@@ -1,6 +1,8 @@
 //! `palpate bench extrapolation`: the force error of each scheme between publications.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::with_bar;
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -24,30 +26,37 @@ const BLENDS: [f64; 2] = [0.5, 0.0];
 const DURATION: f64 = 6.0;
 
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let found = with_bar(|progress| extrapolation::run(DURATION, &RATES, &BLENDS, progress))?;
     print_tables(&found);
-    if let Some(path) = &arguments.json {
-        write_json(path, &found)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&found).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&found).as_bytes())
+    });
+    written.end()?;
     Ok(())
 }
 
 fn print_tables(found: &Extrapolation) {
-    println!(
+    outln!(
         "RMS force error between publications (N); 1 ms physics steps, reference published every step"
     );
-    println!(
+    outln!(
         "peak force {:.2} N pulling apart, {:.2} N moving together; thesis: k = {:.0} N/m, k_v = {:.2} N s/m",
-        found.peak[0], found.peak[1], found.thesis_gains[0], found.thesis_gains[1]
+        found.peak[0],
+        found.peak[1],
+        found.thesis_gains[0],
+        found.thesis_gains[1]
     );
     let resisted = found.rigid_stiffness.iter();
     let resisted: Vec<_> = resisted
         .map(|(rate, k)| format!("{k:.1} at {rate} Hz"))
         .collect();
-    println!(
+    outln!(
         "published stiffness against hands that move together (N/m): {}",
         resisted.join(", ")
     );
@@ -57,20 +66,20 @@ fn print_tables(found: &Extrapolation) {
         } else {
             "two ticks"
         };
-        println!("\nBlend into a new model over {over}:\n");
-        println!(
+        outln!("\nBlend into a new model over {over}:\n");
+        outln!(
             "| Hz | hold, apart | thesis, apart | linear, apart | hold, together | thesis, together | linear, together |"
         );
-        println!("|---|---|---|---|---|---|---|");
+        outln!("|---|---|---|---|---|---|---|");
         for rate in RATES {
-            print!("| {rate} ");
+            out!("| {rate} ");
             for motion in [Motion::Apart, Motion::Together] {
                 for scheme in ["hold", "thesis", "linear"] {
                     let rms = found.rms(motion, rate, scheme, blend).unwrap_or(f64::NAN);
-                    print!("| {rms:.4} ");
+                    out!("| {rms:.4} ");
                 }
             }
-            println!("|");
+            outln!("|");
         }
     }
 }

@@ -1,6 +1,8 @@
 //! `palpate bench stability`: the numerical stress suite, with a verdict and the worst figure for each family.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
@@ -25,17 +27,21 @@ pub(super) struct StabilityArguments {
 }
 
 pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .check()?;
     let level = level(arguments.quick);
     let report = with_bar(|progress| stability::run(level, arguments.family.as_deref(), progress));
     print_families(&report);
     print_recovery(&report);
     print_failures(&report);
-    if let Some(path) = &arguments.json {
-        write_json(path, &report)?;
-    }
-    if let Some(path) = &arguments.plot {
-        write_atomically(path, chart(&report).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &report));
+    written.write(arguments.plot.as_ref(), |path| {
+        write_atomically(path, chart(&report).as_bytes())
+    });
+    written.end()?;
     match report.failures().count() {
         0 => Ok(()),
         failed => Err(CommandError::Unstable { failed }),
@@ -43,10 +49,10 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
 }
 
 fn print_families(report: &Report) {
-    println!(
+    outln!(
         "| family | cases | pass | reported | fail | refused | damped | figure | worst | allowed | where |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
     for family in &report.families {
         let [pass, reported, fail] =
             [Verdict::Pass, Verdict::Reported, Verdict::Fail].map(|verdict| family.count(verdict));
@@ -65,7 +71,7 @@ fn print_families(report: &Report) {
                 describe(case),
             )
         });
-        println!(
+        outln!(
             "| {} | {} | {pass} | {reported} | {fail} | {refused} | {damped} | {} | {} | {allowed} | {at} |",
             family.name,
             family.cases.len(),
@@ -73,11 +79,11 @@ fn print_families(report: &Report) {
             worst.trim_end(),
         );
     }
-    println!(
+    outln!(
         "\nRefused: steps that ended in a typed error. Damped: steps that would have created energy.\n"
     );
     for family in &report.families {
-        println!("- {}: {}.", family.name, family.stress);
+        outln!("- {}: {}.", family.name, family.stress);
     }
 }
 
@@ -111,11 +117,11 @@ fn laws(family: &Family) -> Vec<&'static str> {
 
 fn print_recovery(report: &Report) {
     for family in starts(report) {
-        println!("\nRecovery, {}:\n", family.name);
-        println!(
+        outln!("\nRecovery, {}:\n", family.name);
+        outln!(
             "| law | body | starts | elements not inverted at the end | starts without inverted elements | back at rest | refused |"
         );
-        println!("|---|---|---|---|---|---|---|");
+        outln!("|---|---|---|---|---|---|---|");
         for law in laws(family) {
             for body in ["linear tetrahedra", "quadratic tetrahedra"] {
                 let these = || {
@@ -130,7 +136,7 @@ fn print_recovery(report: &Report) {
                 let recovered = these().filter(|case| case.recovered()).count();
                 let refused = these().filter(|case| case.account.refused > 0).count();
                 let right = 100.0 * right;
-                println!(
+                outln!(
                     "| {law} | {body} | {count} | {right:.1} % | {all_right} | {recovered} | {refused} |"
                 );
             }
@@ -141,7 +147,7 @@ fn print_recovery(report: &Report) {
 fn print_failures(report: &Report) {
     for (family, case) in report.failures() {
         let reason = case.reason.as_deref().unwrap_or_default();
-        println!("\nFAIL {}: {}: {reason}", family.name, describe(case));
+        outln!("\nFAIL {}: {}: {reason}", family.name, describe(case));
     }
 }
 

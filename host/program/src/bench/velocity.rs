@@ -1,6 +1,7 @@
 //! `palpate bench velocity`: the error of velocity estimates from encoder counts.
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
 use super::with_bar;
 use host::atomic_file::write_json;
 use std::path::PathBuf;
@@ -15,6 +16,9 @@ pub(super) struct VelocityArguments {
 }
 
 pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .check()?;
     let found = with_bar(|progress| velocity::run(progress));
     print_means(&found);
     print_devices(&found);
@@ -25,34 +29,34 @@ pub(super) fn run(arguments: &VelocityArguments) -> Result<(), CommandError> {
 }
 
 fn print_means(found: &VelocityStudy) {
-    println!(
+    outln!(
         "RMS error of the velocity (mm/s), chatter under {DAMPING} N s/m in a slow press (N), largest damping that \
          stops the bare device (N s/m);\ngeometric means over all devices at {} Hz\n",
         RATES.map(|rate| rate.to_string()).join(" and ")
     );
-    println!(
+    outln!(
         "| method | longest delay ms | press | rub | hand | tap | hold | all | chatter | stable |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|");
     for mean in &found.means {
-        print!("| {} | {:.1} ", mean.method, 1e3 * mean.delay);
+        out!("| {} | {:.1} ", mean.method, 1e3 * mean.delay);
         for rms in mean.rms.iter().chain([&mean.all]) {
-            print!("| {:.1} ", 1e3 * rms);
+            out!("| {:.1} ", 1e3 * rms);
         }
-        println!("| {:.3} | {:.1} |", mean.chatter, mean.stable);
+        outln!("| {:.3} | {:.1} |", mean.chatter, mean.stable);
     }
 }
 
 fn print_devices(found: &VelocityStudy) {
-    println!("\nBy device: error and lag in the motion of a hand, error in a hold\n");
-    println!("| device | Hz | method | hand mm/s | lag ms | hold mm/s | chatter | stable |");
-    println!("|---|---|---|---|---|---|---|---|");
+    outln!("\nBy device: error and lag in the motion of a hand, error in a hold\n");
+    outln!("| device | Hz | method | hand mm/s | lag ms | hold mm/s | chatter | stable |");
+    outln!("|---|---|---|---|---|---|---|---|");
     for row in &found.rows {
         let of = |motion| row.errors.iter().find(|e| e.motion == motion);
         let (Some(hand), Some(hold)) = (of(Motion::Hand), of(Motion::Hold)) else {
             continue;
         };
-        println!(
+        outln!(
             "| {} | {} | {} | {:.1} | {:.2} | {:.1} | {:.3} | {:.1} |",
             row.device,
             row.rate,

@@ -1,6 +1,6 @@
 //! `palpate stress faults`: runs the tick on invalid input of devices, host and clock.
 
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, Declared, progress_bar, show};
 use std::collections::BTreeMap;
 use study::stress::faults::{self, Outcome};
 use study::stress::jobs;
@@ -14,6 +14,7 @@ pub(super) struct FaultsArguments {
 
 pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
+    let _held = common.declare(Declared::default()).check()?;
     let header = faults::header(common.seed, common.quick);
     let bar = progress_bar();
     let cells = jobs::run(
@@ -56,21 +57,21 @@ fn print(cells: &BTreeMap<u64, Outcome>) {
             *met.entry(event).or_default() += count;
         }
     }
-    println!(
+    outln!(
         "| scheme | cells | ticks | not finite | beyond limits | account lost | not recovered | panics |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|");
     for (scheme, sums) in by_scheme {
         let columns: Vec<_> = sums.iter().map(u64::to_string).collect();
-        println!("| {scheme} | {} |", columns.join(" | "));
+        outln!("| {scheme} | {} |", columns.join(" | "));
     }
-    println!("\nEvents that occurred:");
+    outln!("\nEvents that occurred:");
     for (event, count) in met {
-        println!("  {count:>12}  {event}");
+        outln!("  {count:>12}  {event}");
     }
     for (number, cell) in cells {
         if let Some(panic) = &cell.panic {
-            println!("  cell {number} panicked: {panic}");
+            outln!("  cell {number} panicked: {panic}");
         }
     }
 }

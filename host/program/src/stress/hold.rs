@@ -1,7 +1,7 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, without faults.
 
 use super::scene::{log, picture};
-use super::{CommandError, Common, progress_bar, scheme_of, show};
+use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
 use host::atomic_file::write_atomically;
 use host::scene::Scene;
 use host::scene::spec::SchemeName;
@@ -57,6 +57,10 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
         let cell = judge(Scene::load(path)?)?;
         return finish(&BTreeMap::from([(0, cell)]));
     }
+    let declared = Declared::default()
+        .file("--log", arguments.log.as_ref(), Format::Csv)
+        .file("--scene", arguments.scene.as_ref(), Format::Toml);
+    let _held = common.declare(declared).check()?;
     let study = Study::new(common.seed);
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, study, cell);
@@ -74,7 +78,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
     bar.finish_and_clear();
     let cells: BTreeMap<u64, CellResult> = cells?;
-    println!("{} cells, seed {}\n", cells.len(), common.seed);
+    outln!("{} cells, seed {}\n", cells.len(), common.seed);
     print(&cells);
     if let Some(path) = &common.plot {
         write_atomically(path, picture::holds(&cells).as_bytes())?;
@@ -88,7 +92,7 @@ fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
     print_failures(cells, &failing);
     for (number, cell) in cells {
         if let Some(why) = &cell.failed {
-            eprintln!("palpate: cell {number}: {why}");
+            errln!("cell {number}: {why}");
         }
     }
     if failing.is_empty() {
@@ -102,7 +106,7 @@ fn finish(cells: &BTreeMap<u64, CellResult>) -> Result<(), CommandError> {
 
 /// Prints a table by specimen, by device and by rate, and the worst cells.
 fn print(cells: &BTreeMap<u64, CellResult>) {
-    println!("By specimen:\n");
+    outln!("By specimen:\n");
     head("specimen");
     rows("all", cells, |_| true);
     rows("cases", cells, |cell| cell.case.is_some());
@@ -111,14 +115,14 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
             cell.draw.as_ref().is_some_and(|draw| draw.kind == kind)
         });
     }
-    println!("\nBy device:\n");
+    outln!("\nBy device:\n");
     head("device");
     for (name, _) in DeviceModel::all() {
         rows(name, cells, |cell| {
             cell.draw.as_ref().is_some_and(|draw| draw.device == name)
         });
     }
-    println!("\nBy publication rate:\n");
+    outln!("\nBy publication rate:\n");
     head("Hz");
     for (name, low, high) in [
         ("30 to 60", 0.0, 60.0),
@@ -134,11 +138,11 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
 
 /// Prints the cases and the worst of the failing cells, one row per scheme.
 fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResult, Vec<Failure>)]) {
-    println!("\nCases and worst cells:\n");
-    println!(
+    outln!("\nCases and worst cells:\n");
+    outln!(
         "| cell | case or specimen | Hz | scheme | fails | hold error % | run error % | ripple N | capped % | net energy mJ |"
     );
-    println!("|{}", "---|".repeat(10));
+    outln!("|{}", "---|".repeat(10));
     let cases = cells.iter().filter(|(_, cell)| cell.case.is_some());
     let cases = cases.map(|(number, cell)| (*number, cell));
     let drawn = failing.iter().filter(|(_, cell, _)| cell.case.is_none());
@@ -150,7 +154,7 @@ fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResul
         );
         for (scheme, outcome) in &cell.schemes {
             let names = failures(cell, scheme).into_iter().map(Failure::name);
-            println!(
+            outln!(
                 "| {number} | {name} | {:.0} | {scheme} | {} | {:.1} | {:.1} | {:.3} | {:.1} | {:.2} |",
                 cell.rate,
                 names.collect::<Vec<_>>().join(", "),
@@ -166,10 +170,10 @@ fn print_failures(cells: &BTreeMap<u64, CellResult>, failing: &[(u64, &CellResul
 
 fn head(first: &str) {
     let failures = Failure::ALL.map(Failure::name).join(" | ");
-    println!(
+    outln!(
         "| {first} | scheme | runs | pass | {failures} | hold error %: median, 90 % | run error % | ripple N | capped %, most | net energy mJ, most |"
     );
-    println!("|{}", "---|".repeat(9 + Failure::ALL.len()));
+    outln!("|{}", "---|".repeat(9 + Failure::ALL.len()));
 }
 
 fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResult) -> bool) {
@@ -179,7 +183,7 @@ fn rows(first: &str, cells: &BTreeMap<u64, CellResult>, which: impl Fn(&CellResu
         };
         let failed = row.failed.map(|count| count.to_string()).join(" | ");
         let percent = |[a, b]: [f64; 2]| format!("{:.2}, {:.2}", 100.0 * a, 100.0 * b);
-        println!(
+        outln!(
             "| {first} | {scheme} | {} | {} | {failed} | {} | {} | {:.3}, {:.3} | {:.2} | {:.2} |",
             row.runs,
             row.passed,
@@ -205,20 +209,21 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
     let draw = study.draw(cell);
     let title = match (&draw, CASES.get(cell as usize)) {
         (Some(draw), _) => {
-            println!("{draw:#?}");
+            outln!("{draw:#?}");
             format!("Cell {cell}: {}, {}", draw.kind.name(), draw.device)
         }
         (None, case) => format!("Cell {cell}: {}", case.map_or("", |(name, ..)| name)),
     };
     for (run, outcome) in traces.runs.iter().zip(traces.outcomes()) {
-        println!("{title}\n{scheme}: {outcome:#?}");
-        println!(
+        outln!("{title}\n{scheme}: {outcome:#?}");
+        outln!(
             "one count: {:.3} N; reference: net energy {:.3} mJ, {:#?}",
             traces.count,
             1e3 * traces.reference.net_energy(),
             traces.reference.stillness()
         );
-        if let Some(path) = &arguments.common.plot {
+        let mut written = Written::default();
+        written.write(arguments.common.plot.as_ref(), |path| {
             let subtitle = format!(
                 "\"{scheme}\": hold error {:.1} %, run error {:.1} % of the peak, ripple {:.3} N, capped {:.1} %",
                 100.0 * outcome.force_errors.hold_error,
@@ -227,11 +232,12 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
                 100.0 * outcome.capped
             );
             let svg = picture::cell(&title, &subtitle, run, &traces.reference);
-            write_atomically(path, svg.as_bytes())?;
-        }
-        if let Some(path) = &arguments.log {
-            write_atomically(path, log(run, &traces.reference).as_bytes())?;
-        }
+            write_atomically(path, svg.as_bytes())
+        });
+        written.write(arguments.log.as_ref(), |path| {
+            write_atomically(path, log(run, &traces.reference).as_bytes())
+        });
+        written.end()?;
     }
     Ok(())
 }

@@ -6,6 +6,8 @@ mod hold;
 mod scene;
 mod wall;
 
+use super::outputs::{Declared, Format};
+use super::written::Written;
 use super::{CommandError, progress_bar};
 use host::scene::spec::SchemeName;
 use indicatif::ProgressBar;
@@ -63,6 +65,13 @@ impl Common {
             threads: self.threads,
             file: self.json.clone(),
         }
+    }
+
+    /// Declares the outputs of every study.
+    fn declare(&self, declared: Declared) -> Declared {
+        declared
+            .file("--json", self.json.as_ref(), Format::JsonLines)
+            .file("--plot", self.plot.as_ref(), Format::Svg)
     }
 }
 

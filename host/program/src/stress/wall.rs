@@ -1,6 +1,6 @@
 //! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
-use super::{CommandError, Common, progress_bar, show};
+use super::{CommandError, Common, Declared, progress_bar, show};
 use host::atomic_file::write_atomically;
 use host::plot::{self, Map, MapCell, MapLine, MapPanel};
 use std::collections::BTreeMap;
@@ -29,13 +29,14 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
         map_rate: arguments.rate,
         map_delay: usize::from(arguments.delay),
     };
+    let _held = common.declare(Declared::default()).check()?;
     let bar = progress_bar();
     let cells = study.run(&common.options(), |at| show(&bar, at));
     bar.finish_and_clear();
     let cells = cells?;
     let of = study.header().cells;
     if (cells.len() as u64) < of {
-        println!(
+        outln!(
             "{} of {of} cells: merge the files of all shards for the rest\n",
             cells.len()
         );
@@ -81,15 +82,15 @@ impl Worst {
 }
 
 fn print_boundaries(cells: &Cells) {
-    println!(
+    outln!(
         "Largest stiffness (N/m) of a plain wall, without friction and quantization; error in %."
     );
-    println!("Passive: for a stiff hand and any motion. Stable: for a typical hand.\n");
-    println!(
+    outln!("Passive: for a stiff hand and any motion. Stable: for a typical hand.\n");
+    outln!(
         "| device | rate (Hz) | delay | passive at B = 0, theory | measured | error | worst over B \
          | stable at B = 0, theory | measured | error | worst over B |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
     let mut rows: Vec<(Setting, [Worst; 2])> = Vec::new();
     for outcome in cells.values() {
         let (setting, kind, theory, measured) = match outcome {
@@ -116,7 +117,7 @@ fn print_boundaries(cells: &Cells) {
         rows[at].1[kind].add(setting, *theory, *measured);
     }
     for (setting, [passive, stable]) in &rows {
-        println!(
+        outln!(
             "| {} | {} | {} | {} | {} |",
             setting.device,
             setting.rate,
@@ -128,15 +129,15 @@ fn print_boundaries(cells: &Cells) {
 }
 
 fn print_whole(cells: &Cells) {
-    println!(
+    outln!(
         "\nLargest passive stiffness (N/m) with friction, quantization and the driver's velocity, B = 0, hands up to {} \
          m/s:\n",
         passive::SPEED
     );
-    println!(
+    outln!(
         "| device | rate (Hz) | Abbott and Okamura, any speed | theory at this speed | measured | error |"
     );
-    println!("|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|");
     for outcome in cells.values() {
         if let Outcome::Passive {
             setting,
@@ -147,7 +148,7 @@ fn print_whole(cells: &Cells) {
         } = outcome
         {
             let measured = measured.unwrap_or(f64::INFINITY);
-            println!(
+            outln!(
                 "| {} | {} | {any_speed:.0} | {theory:.0} | {measured:.0} | {:+.1} |",
                 setting.device,
                 setting.rate,
@@ -158,7 +159,7 @@ fn print_whole(cells: &Cells) {
 }
 
 fn print_gains(cells: &Cells) {
-    println!(
+    outln!(
         "\nLargest stiffness, as a multiple of the plain bound 2 b / T (with delay: over 2 d + 1), at which the adversary \
          extracts\nat most {:.0} mJ and the wall renders at least {:.0} % of the static stiffness. In brackets: the \
          largest energy found (mJ)\nup to ten times the bound. No scheme can exceed the column \"bound\" against a \
@@ -167,11 +168,11 @@ fn print_gains(cells: &Cells) {
         100.0 * wall::RENDERED
     );
     let names = SCHEMES.map(|scheme| scheme.name());
-    println!(
+    outln!(
         "| device | rate (Hz) | delay | friction, counts | motion | bound | {} |",
         names.join(" | ")
     );
-    println!("|---|---|---|---|---|---|{}", "---|".repeat(names.len()));
+    outln!("|---|---|---|---|---|---|{}", "---|".repeat(names.len()));
     let gains = wall::gains(cells);
     let key = |gain: &Gain| {
         (
@@ -196,7 +197,7 @@ fn print_gains(cells: &Cells) {
                 format!("{} ({:.2})", gain.times(), 1e3 * most)
             })
         });
-        println!(
+        outln!(
             "| {} | {} | {} | {} | {} | {} | {} |",
             gain.device,
             gain.rate,

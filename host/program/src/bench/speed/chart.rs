@@ -3,12 +3,15 @@
 use host::plot::{self, Marker, Series};
 use study::speed::{Speed, Varied};
 
+/// The names of the files.
+pub(super) const NAMES: [&str; 3] = ["speed-solver.svg", "speed-mesh.svg", "speed-time-step.svg"];
+
 /// File names with their charts.
 pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
     let step = "processor time of a step (ms)";
     [
         (
-            "speed-solver.svg",
+            NAMES[0],
             chart(
                 found,
                 Varied::Solver,
@@ -17,7 +20,7 @@ pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
             ),
         ),
         (
-            "speed-mesh.svg",
+            NAMES[1],
             chart(
                 found,
                 Varied::Mesh,
@@ -26,7 +29,7 @@ pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
             ),
         ),
         (
-            "speed-time-step.svg",
+            NAMES[2],
             chart(
                 found,
                 Varied::TimeStep,

@@ -6,13 +6,13 @@ pub(super) fn print(rows: &[KernelRow]) {
     if rows.is_empty() {
         return;
     }
-    println!("\nEach kind of element and law, compressed or extended by a tenth in 0.5 s:\n");
-    println!(
+    outln!("\nEach kind of element and law, compressed or extended by a tenth in 0.5 s:\n");
+    outln!(
         "| elements | law | number | assemble ns | linearize ns | product ns | assembled step ns | fast step ns | times as fast | assembled error | fast error |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|");
     for row in rows {
-        println!(
+        outln!(
             "| {} | {} | {} | {:.0} | {:.0} | {:.1} | {:.0} | {:.0} | {:.1} | {:.1e} | {:.1e} |",
             row.kind,
             row.law,
@@ -27,7 +27,7 @@ pub(super) fn print(rows: &[KernelRow]) {
             row.fast_error,
         );
     }
-    println!(
+    outln!(
         "\nMedians of processor time per element. Linearize and product: those of the fast step, with bending. Steps: \
          solved to 1e-6. Errors: the largest error of the force over the motion, against implicit Euler by Newton's \
          method, relative to the largest force."

@@ -7,8 +7,10 @@ mod parts;
 mod table;
 
 use super::super::CommandError;
+use super::super::outputs::{Declared, Format};
+use super::super::written::Written;
 use super::{level, with_bar};
-use host::atomic_file::{AtomicFileError, write_atomically, write_json};
+use host::atomic_file::{write_atomically, write_json};
 use std::path::PathBuf;
 use study::speed::{self, Section};
 
@@ -66,26 +68,27 @@ impl From<Part> for Section {
 }
 
 pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
+    let _held = Declared::default()
+        .file("--json", arguments.json.as_ref(), Format::Json)
+        .file("--csv", arguments.csv.as_ref(), Format::Csv)
+        .folder("--plot", arguments.plot.as_ref(), |file| {
+            chart::NAMES.contains(&file)
+        })
+        .check()?;
     let level = level(arguments.quick);
     let found =
         with_bar(|progress| speed::run(level, arguments.only.map(Section::from), progress))?;
     table::print(&found);
-    if let Some(path) = &arguments.json {
-        write_json(path, &found)?;
-    }
-    if let Some(path) = &arguments.csv {
-        write_atomically(path, csv::rows(&found).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(arguments.json.as_ref(), |path| write_json(path, &found));
+    written.write(arguments.csv.as_ref(), |path| {
+        write_atomically(path, csv::rows(&found).as_bytes())
+    });
     // The charts show the part `precision` only.
-    let drawn = !found.precision.is_empty();
-    if let Some(folder) = arguments.plot.as_ref().filter(|_| drawn) {
-        std::fs::create_dir_all(folder).map_err(|source| AtomicFileError {
-            path: folder.clone(),
-            source,
-        })?;
-        for (name, svg) in chart::all(&found) {
-            write_atomically(&folder.join(name), svg.as_bytes())?;
-        }
+    let drawn = arguments.plot.is_some() && !found.precision.is_empty();
+    for (name, svg) in drawn.then(|| chart::all(&found)).into_iter().flatten() {
+        let path = arguments.plot.as_ref().map(|folder| folder.join(name));
+        written.write(path.as_ref(), |path| write_atomically(path, svg.as_bytes()));
     }
-    Ok(())
+    written.end()
 }

@@ -6,13 +6,13 @@ pub(super) fn print(found: &Parts) {
     if found.timed.is_empty() {
         return;
     }
-    println!("\nDistribution of the time of the fast step:\n");
-    println!(
+    outln!("\nDistribution of the time of the fast step:\n");
+    outln!(
         "| body | elements | step | part | median us | per step | fraction of step | kB | Mflop | GB/s | machine GB/s | fraction of bandwidth | Gflop/s | machine Gflop/s | fraction of peak |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for part in &found.timed {
-        println!(
+        outln!(
             "| {} | {} | {} | {} | {:.1} | {:.1} | {:.0} % | {:.0} | {:.3} | {:.1} | {:.1} | {:.0} % | {:.1} | {:.1} | {:.0} % |",
             part.body,
             part.elements,
@@ -31,20 +31,20 @@ pub(super) fn print(found: &Parts) {
             100.0 * part.fraction_of_peak,
         );
     }
-    println!(
+    outln!(
         "\nMedians of processor time. Each part is repeated in the present state of the body. Per step: mean number of \
          executions in a step. Bytes: every array counts once for each pass that reads or writes the array. Machine: one \
          thread that repeatedly reads a block as large as the memory of the part, and one that multiplies and adds in \
          registers without fused operations. The factorization belongs to a library and uses fused operations: its \
          fraction of the peak may exceed that of the other parts."
     );
-    println!("\nMemory of the fast step:\n");
-    println!(
+    outln!("\nMemory of the fast step:\n");
+    outln!(
         "| body | elements | step | stepper kB | of which refresher kB | bytes per element | body kB | bytes per element |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|");
     for memory in &found.memory {
-        println!(
+        outln!(
             "| {} | {} | {} | {:.0} | {:.0} | {:.0} | {:.0} | {:.0} |",
             memory.body,
             memory.elements,

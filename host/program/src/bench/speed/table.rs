@@ -17,15 +17,15 @@ pub(super) fn print(found: &Speed) {
 
 fn print_scenes(found: &Speed) {
     if !found.cube.is_empty() {
-        println!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
+        outln!("\nCube of 10 cm, 20 kPa, bonded to two plates:\n");
         print_rows(&found.cube);
     }
     if !found.sheets.is_empty() {
-        println!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
+        outln!("\nSheets of 20 cm, 1 MPa, 1 mm, with bending:\n");
         print_rows(&found.sheets);
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
-        println!(
+        outln!(
             "\nTimes: processor time of one thread for a whole step. Errors: the largest error of the force over the \
              motion, relative to the largest force. The solver error is against the same equation solved to 1e-12, the \
              step error against implicit Euler by Newton's method. JND: the larger of the two errors, in just-noticeable \
@@ -36,15 +36,15 @@ fn print_scenes(found: &Speed) {
 
 fn print_elsewhere_all(found: &Speed) {
     if !found.cube.is_empty() {
-        println!("\nOther programs, the cube pressed with steps of 10 ms:\n");
+        outln!("\nOther programs, the cube pressed with steps of 10 ms:\n");
         print_elsewhere(&found.machine, &SPEED.cube, &found.cube, "press");
     }
     if !found.sheets.is_empty() {
-        println!("\nOther programs, sheets:\n");
+        outln!("\nOther programs, sheets:\n");
         print_elsewhere(&found.machine, &SPEED.sheets, &found.sheets, "sheet_pull");
     }
     if !(found.cube.is_empty() && found.sheets.is_empty()) {
-        println!(
+        outln!(
             "\nScaled: multiplied by the ratio of the small kernel's times, {:.2}. The ratios on the right are the scaled \
              time of the other program over the time of palpate.",
             found.machine.scaled(1.0)
@@ -53,14 +53,14 @@ fn print_elsewhere_all(found: &Speed) {
 }
 
 fn print_machine(machine: &Machine) {
-    println!(
+    outln!(
         "{}, {} cores; built for {}, found {}",
         machine.processor,
         machine.cores,
         machine.built_for.join(" "),
         machine.found.join(" ")
     );
-    println!(
+    outln!(
         "Small kernel: {:.2} us on this machine, {:.2} us on the machine that measured the other programs",
         1e6 * machine.calibration,
         1e6 * machine.calibration_elsewhere
@@ -68,17 +68,17 @@ fn print_machine(machine: &Machine) {
 }
 
 fn print_rows(rows: &[Row]) {
-    println!(
+    outln!(
         "| scene | elements | path | median us | 99 % | 99.9 % | iterations | most | residual | force N | solver error | step error | JND |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for row in rows {
         let [median, p99, p999] =
             [row.times.median, row.times.p99, row.times.p999].map(|time| 1e6 * time);
         let step_error = row
             .step_error
             .map_or(String::new(), |error| format!("{error:.1e}"));
-        println!(
+        outln!(
             "| {} | {} | {} | {median:.0} | {p99:.0} | {p999:.0} | {:.1} | {} | {:.1e} | {:.4} | {:.1e} | {step_error} | {:.1e} |",
             row.title,
             row.elements,
@@ -101,11 +101,11 @@ fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &s
             paths.push(row.path);
         }
     }
-    println!(
+    outln!(
         "| program and setting | elements | ms there | ms scaled | {} |",
         paths.join(" | ")
     );
-    println!("|---|---|---|---|{}", "---|".repeat(paths.len()));
+    outln!("|---|---|---|---|{}", "---|".repeat(paths.len()));
     let each = figures
         .iter()
         .flat_map(|figure| figure.times().map(move |time| (figure, time)));
@@ -126,7 +126,7 @@ fn print_elsewhere(machine: &Machine, figures: &[Steps], rows: &[Row], scene: &s
             })
         };
         let ratios: Vec<_> = paths.iter().map(ratio).collect();
-        println!(
+        outln!(
             "| {} | {} | {:.2} | {} | {} |",
             figure.setting,
             elements,
@@ -141,11 +141,11 @@ fn print_scaling(found: &Speed) {
     if found.scaling.is_empty() {
         return;
     }
-    println!("\nLarger cubes, pressed with steps of 10 ms:\n");
-    println!(
+    outln!("\nLarger cubes, pressed with steps of 10 ms:\n");
+    outln!(
         "| path | tetrahedra | unknowns | median ms | iterations | ns per tetrahedron and iteration | bytes per tetrahedron | set-up ms | new factor ms |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    outln!("|---|---|---|---|---|---|---|---|---|");
     for scaling in &found.scaling {
         for size in &scaling.sizes {
             let beside = size.set_up.map_or(" | | ".to_owned(), |set_up| {
@@ -156,7 +156,7 @@ fn print_scaling(found: &Speed) {
                     1e3 * set_up.refresh
                 )
             });
-            println!(
+            outln!(
                 "| {} | {} | {} | {:.2} | {:.1} | {:.1} | {beside} |",
                 scaling.path,
                 size.elements,
@@ -167,11 +167,13 @@ fn print_scaling(found: &Speed) {
             );
         }
     }
-    println!();
+    outln!();
     for scaling in &found.scaling {
-        println!(
+        outln!(
             "- {}: the time of a step grows with the power {:.2} of the number of tetrahedra, the time of an iteration with {:.2}",
-            scaling.path, scaling.exponent, scaling.exponent_of_iteration
+            scaling.path,
+            scaling.exponent,
+            scaling.exponent_of_iteration
         );
     }
 }
@@ -180,13 +182,13 @@ fn print_skips(found: &Speed) {
     if found.skips.is_empty() {
         return;
     }
-    println!(
+    outln!(
         "\nWork skipped on purpose (relative error of the published stiffness, or of the force):\n"
     );
-    println!("| work | elements | full us | reduced us | error |");
-    println!("|---|---|---|---|---|");
+    outln!("| work | elements | full us | reduced us | error |");
+    outln!("|---|---|---|---|---|");
     for skip in &found.skips {
-        println!(
+        outln!(
             "| {} | {} | {:.1} | {:.1} | {:.1e} |",
             skip.description,
             skip.elements,
@@ -201,9 +203,9 @@ fn print_precision(found: &Speed) {
     if found.precision.is_empty() {
         return;
     }
-    println!("\nError of the force against processor time:\n");
-    println!("| varied | kind | setting | ms | error |");
-    println!("|---|---|---|---|---|");
+    outln!("\nError of the force against processor time:\n");
+    outln!("| varied | kind | setting | ms | error |");
+    outln!("|---|---|---|---|---|");
     for curve in &found.precision {
         let varied = match curve.varied {
             Varied::Solver => "solver (a step)",
@@ -211,7 +213,7 @@ fn print_precision(found: &Speed) {
             Varied::TimeStep => "time step (a simulated second)",
         };
         for setting in &curve.settings {
-            println!(
+            outln!(
                 "| {varied} | {} | {} | {:.3} | {:.1e} |",
                 curve.name,
                 setting.name,

@@ -3,7 +3,7 @@
 pub(super) mod picture;
 mod table;
 
-use super::{CommandError, Common, progress_bar, scheme_of, show};
+use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
 use host::atomic_file::write_atomically;
 use host::scene::Scene;
 use host::scene::spec::SchemeName;
@@ -49,6 +49,10 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     let loaded = Scene::load(&arguments.scene)?;
+    let declared = Declared::default()
+        .scene(Some(&arguments.scene), &loaded)
+        .file("--log", arguments.log.as_ref(), Format::Csv);
+    let _held = common.declare(declared).check()?;
     let name = loaded.scene.name.clone();
     let schemes: Vec<_> = SCHEMES
         .into_iter()
@@ -75,7 +79,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
     bar.finish_and_clear();
     let cells = cells?;
-    println!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
+    outln!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
     table::print(&cells);
     if let Some(path) = &common.plot {
         write_atomically(path, picture::distributions(&name, &cells).as_bytes())?;
@@ -85,7 +89,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         .filter_map(|(n, c)| Some((n, c.failed.as_ref()?)));
     match failed.next() {
         Some((number, why)) => {
-            eprintln!("palpate: cell {number}: {why}");
+            errln!("cell {number}: {why}");
             Err(CommandError::Incomplete)
         }
         None => Ok(()),
@@ -98,16 +102,17 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
     let (draw, reference, runs) = study.traces(cell, &[wanted])?;
     let known = SCHEMES.iter().find(|(name, _)| *name == wanted);
     let scheme = known.map_or("", |(_, name)| name);
-    println!("{draw:#?}");
+    outln!("{draw:#?}");
     for run in &runs {
         let outcome = Outcome::of(run, &reference, &draw);
-        println!("{scheme}: {outcome:#?}");
-        println!(
+        outln!("{scheme}: {outcome:#?}");
+        outln!(
             "reference: net energy {:.3} mJ, {:#?}",
             1e3 * reference.net_energy(),
             reference.stillness()
         );
-        if let Some(path) = &arguments.common.plot {
+        let mut written = Written::default();
+        written.write(arguments.common.plot.as_ref(), |path| {
             let title = format!("Cell {cell} under \"{scheme}\"");
             let subtitle = format!(
                 "{:.0} Hz, {:.0} ms late, {:.0} % of models lost; trouble: {}",
@@ -117,11 +122,12 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
                 draw.trouble.name()
             );
             let svg = picture::cell(&title, &subtitle, run, &reference);
-            write_atomically(path, svg.as_bytes())?;
-        }
-        if let Some(path) = &arguments.log {
-            write_atomically(path, log(run, &reference).as_bytes())?;
-        }
+            write_atomically(path, svg.as_bytes())
+        });
+        written.write(arguments.log.as_ref(), |path| {
+            write_atomically(path, log(run, &reference).as_bytes())
+        });
+        written.end()?;
     }
     Ok(())
 }

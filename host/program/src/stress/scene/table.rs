@@ -7,7 +7,7 @@ use study::stress::scene::{CellResult, SCHEMES};
 
 /// Prints a table by publication rate, and a table by trouble.
 pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
-    println!("By publication rate, over all troubles:\n");
+    outln!("By publication rate, over all troubles:\n");
     head("Hz");
     let late = ("20 and 30", Band::of(20.0, 30.0));
     let others = [
@@ -19,7 +19,7 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
     for (name, band) in each.chain([late]).chain(others) {
         rows(cells, name, band);
     }
-    println!("\nBy trouble, at 60 Hz and more:\n");
+    outln!("\nBy trouble, at 60 Hz and more:\n");
     head("trouble");
     for trouble in Trouble::ALL {
         let band = Band {
@@ -31,12 +31,12 @@ pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
 }
 
 fn head(first: &str) {
-    println!(
+    outln!(
         "| {first} | scheme | runs | bounded % | net energy mJ: 99 %, most (cell) | ripple N: median, most (cell) \
          | error %: median, 90 % | with a current model | without faults: median, 90 %, below 10 % | stiffness error %: median, 90 % \
          | run error %: median, 90 % | ripple of the run N: 90 %, most | capped %: median, most |"
     );
-    println!("|{}", "---|".repeat(13));
+    outln!("|{}", "---|".repeat(13));
 }
 
 fn rows(cells: &BTreeMap<u64, CellResult>, first: &str, band: Band) {
@@ -49,7 +49,7 @@ fn rows(cells: &BTreeMap<u64, CellResult>, first: &str, band: Band) {
 
 fn print_row(first: &str, row: &Row) {
     let two = |[a, b]: [f64; 2]| format!("{:.1}, {:.1}", 100.0 * a, 100.0 * b);
-    println!(
+    outln!(
         "| {first} | {} | {} | {:.1} | {:.2}, {:.2} ({}) | {:.3}, {:.2} ({}) | {} | {} | {}, {:.0} % | {} | {} | {:.3}, {:.2} | {} |",
         row.scheme,
         row.runs,

@@ -1,0 +1,41 @@
+//! The files that a command writes at its end, after it has printed its result.
+
+use super::CommandError;
+use host::atomic_file::AtomicFileError;
+use std::path::{Path, PathBuf};
+
+/// Writes every file that can be written: one failure does not lose the other results.
+#[derive(Default)]
+pub(super) struct Written {
+    failures: Vec<AtomicFileError>,
+}
+
+impl Written {
+    /// Writes the file, if it is requested. Returns whether it was written.
+    pub(super) fn write(
+        &mut self,
+        path: Option<&PathBuf>,
+        write: impl FnOnce(&Path) -> Result<(), AtomicFileError>,
+    ) -> bool {
+        match path.map(|path| write(path)) {
+            None => false,
+            Some(Ok(())) => true,
+            Some(Err(failure)) => {
+                self.failures.push(failure);
+                false
+            }
+        }
+    }
+
+    /// Reports the failures.
+    ///
+    /// # Errors
+    /// The last failure. The others have been printed.
+    pub(super) fn end(mut self) -> Result<(), CommandError> {
+        let last = self.failures.pop();
+        for failure in self.failures {
+            errln!("{failure}");
+        }
+        last.map_or(Ok(()), |failure| Err(failure.into()))
+    }
+}
