@@ -1,7 +1,7 @@
 //! The material of every element, from the base values of the scene, the fields of the mesh and the regions of the
 //! scene.
 
-use super::{Kind, places};
+use super::{Kind, mesh, places};
 use crate::scene::spec::body::{Body, LawName, WeaveFields};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Field, Mesh};
@@ -63,6 +63,7 @@ pub(super) fn build(
         area,
     } = values;
     let each = 0..young.len();
+    let warp = |weave: WeaveFields| mesh::turned(body, mesh, Vec3::from(weave.warp));
     let elements = match (kind, body.material.weave) {
         (Kind::Thread, _) => Elements::Thread(
             each.map(|e| ThreadMaterial {
@@ -83,7 +84,7 @@ pub(super) fn build(
         ),
         (_, Some(weave)) => Elements::Woven(
             each.map(|e| Weave {
-                warp: Vec3::from(weave.warp),
+                warp: warp(weave),
                 young_warp: young[e],
                 // A region or a field scales all moduli alike: the ratios of the weave stay.
                 young_weft: weave.young_weft * (young[e] / body.material.young),

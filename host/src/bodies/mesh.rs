@@ -1,7 +1,8 @@
 //! The mesh of a body: generated, or read from a file.
 
-use crate::scene::spec::{MeshSource, PatternName};
+use crate::scene::spec::{Body, MeshSource, PatternName, Rotation};
 use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
@@ -9,9 +10,35 @@ use physics::mesh::generate_thread::straight_thread;
 use physics::mesh::{Cells, Mesh};
 use std::borrow::Cow;
 
-/// The mesh of one body, its elements in the file's order. A mesh file is read once, however often its mesh is asked
-/// for: see [`MeshFile`](crate::scene::MeshFile).
+/// The mesh of one body, placed in the world, its elements in the file's order. A mesh file is read once, however often
+/// its mesh is asked for: see [`MeshFile`](crate::scene::MeshFile).
 pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
+    let mut mesh = at_origin(loaded, index)?;
+    let body = &loaded.scene.bodies[index];
+    // A body that is not placed keeps its coordinates to the last bit, and the mesh of its file is not copied.
+    if body.mesh.scale.is_some() || body.rotation.is_some() || body.position != [0.0; 3] {
+        let scale = body.mesh.scale.unwrap_or(1.0);
+        let position = Vec3::from(body.position);
+        let turn = body.rotation.map(Rotation::matrix);
+        for vertex in mesh.to_mut().positions_mut() {
+            let scaled = *vertex * scale;
+            *vertex = turn.map_or(scaled, |turn| turn * scaled) + position;
+        }
+    }
+    Ok(mesh)
+}
+
+/// A direction in the axes of a body's mesh, in world axes. A flat pattern has axes of its own, which do not turn.
+pub(super) fn turned(body: &Body, mesh: &Mesh, direction: Vec3) -> Vec3 {
+    let is_cut = matches!(mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some());
+    match body.rotation {
+        Some(rotation) if !is_cut => rotation.matrix() * direction,
+        _ => direction,
+    }
+}
+
+/// The mesh of one body in its own coordinates: those of the file, or those of the generator.
+fn at_origin(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
     let spec = &loaded.scene.bodies[index].mesh;
     let mesh = match &spec.source {
         MeshSource::File(_) => Cow::Borrowed(from_file(loaded, index)?),

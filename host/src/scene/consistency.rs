@@ -2,7 +2,9 @@
 
 use super::drivers::drivers;
 use super::spec::body::BorderName;
-use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
+use super::spec::{
+    Body, Device, Hand, Host, MeshSource, Realtime, Rotation, SIMULATED, Scene, TaskName,
+};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
 
@@ -145,6 +147,13 @@ fn check_body(at: &str, body: &Body) -> Check {
         "a pattern for a mesh that is built in",
         "`file` with an OBJ file, whose texture coordinates are the pattern",
     )?;
+    require(
+        body.mesh.scale.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
+        &format!("{at}.mesh.scale"),
+        "a scale for a mesh that is built in",
+        "`file`: the lengths of a built-in mesh are in metres",
+    )?;
+    check_rotation(&format!("{at}.rotation"), body.rotation)?;
     for (index, region) in body.regions.iter().enumerate() {
         check_where(
             &format!("{at}.region[{index}]"),
@@ -167,6 +176,16 @@ fn check_body(at: &str, body: &Body) -> Check {
         )?;
     }
     Ok(())
+}
+
+/// A rotation has an axis.
+fn check_rotation(at: &str, rotation: Option<Rotation>) -> Check {
+    require(
+        rotation.is_none_or(|rotation| rotation.axis != [0.0; 3]),
+        &format!("{at}.axis"),
+        "[0, 0, 0]",
+        "a direction: any length but 0",
+    )
 }
 
 fn check_supports(at: &str, body: &Body) -> Check {

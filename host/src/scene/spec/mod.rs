@@ -7,6 +7,7 @@ pub(crate) mod body;
 mod device;
 mod hand;
 mod mesh;
+mod placement;
 pub(crate) mod solve;
 
 use super::check;
@@ -16,6 +17,7 @@ pub use body::{Body, Handle, Load, Material, Support};
 pub use device::{Device, ModelName, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
+pub use placement::Rotation;
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.
