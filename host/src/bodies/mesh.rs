@@ -1,5 +1,6 @@
 //! The mesh of a body: generated, or read from a file.
 
+use crate::scene::plausible::{EXTENT, EXTENT_OF_FILE, Warning};
 use crate::scene::spec::{Body, MeshSource, PatternName, Rotation};
 use crate::scene::{LoadedScene, SceneError};
 use physics::Vec3;
@@ -7,7 +8,7 @@ use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
 use physics::mesh::generate_thread::straight_thread;
-use physics::mesh::{Cells, Mesh};
+use physics::mesh::{Bounds, Cells, Mesh};
 use std::borrow::Cow;
 
 /// The mesh of one body, placed in the world, its elements in the file's order. A mesh file is read once, however often
@@ -25,7 +26,32 @@ pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>,
             *vertex = turn.map_or(scaled, |turn| turn * scaled) + position;
         }
     }
+    extent(loaded, index, &mesh)?;
     Ok(mesh)
+}
+
+/// Judges the size of a body: the longest side of the box around its mesh.
+///
+/// # Errors
+/// [`SceneError::Value`] for a body of a size that no scene means.
+pub(super) fn extent(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+) -> Result<Option<Warning>, SceneError> {
+    let Some(bounds) = Bounds::of(mesh.positions()) else {
+        return Ok(None);
+    };
+    let spec = &loaded.scene.bodies[index].mesh;
+    let (quantity, field) = match &spec.source {
+        MeshSource::File(_) if spec.scale.is_some() => (EXTENT_OF_FILE, "scale"),
+        MeshSource::File(_) => (EXTENT_OF_FILE, "file"),
+        _ => (EXTENT, ""),
+    };
+    let field = format!("body[{index}].mesh.{field}");
+    let field = field.trim_end_matches('.');
+    let what = " along the longest side of the mesh";
+    quantity.judge(&loaded.source, field, what, bounds.size().max())
 }
 
 /// A direction in the axes of a body's mesh, in world axes. A flat pattern has axes of its own, which do not turn.

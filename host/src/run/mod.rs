@@ -192,7 +192,7 @@ pub fn run_watched(
             parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
         }
     };
-    parts.judge(options.log.is_some());
+    parts.judge(&loaded.scene, options.log.is_some());
     let summary = report::summarize(loaded, options, seed, size, &parts);
     write_files(loaded, options, &parts, &summary)?;
     Ok(summary)
