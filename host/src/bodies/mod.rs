@@ -6,6 +6,7 @@
 mod load;
 mod material;
 mod mesh;
+mod mount;
 mod places;
 mod survey;
 
@@ -17,6 +18,8 @@ use physics::{
     Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
 };
 
+pub(crate) use mount::is_mounted;
+pub use mount::{Mount, mount};
 pub use survey::warnings;
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any

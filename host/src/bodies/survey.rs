@@ -1,7 +1,7 @@
 //! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
 //! lie in each other.
 
-use super::{material, mesh, places};
+use super::{material, mesh, mount, places};
 use crate::scene::LoadedScene;
 use crate::scene::plausible::Warning;
 use physics::mesh::{Bounds, Mesh};
@@ -33,6 +33,7 @@ pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
             }
         }
     }
+    warnings.extend(mount::warnings(loaded));
     warnings
 }
 

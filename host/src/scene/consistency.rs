@@ -57,6 +57,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     for (index, device) in scene.devices.iter().enumerate() {
         check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;
+        check_mounting(&format!("device[{index}]"), device)?;
     }
     Ok(())
 }
@@ -239,6 +240,14 @@ fn check_loads(at: &str, body: &Body) -> Check {
     Ok(())
 }
 
+/// A rotated device has an axis of rotation, and the corners of a workspace are in order.
+fn check_mounting(at: &str, device: &Device) -> Check {
+    check_rotation(&format!("{at}.mounting.rotation"), device.mounting.rotation)?;
+    device.workspace.map_or(Ok(()), |corners| {
+        check_box(&format!("{at}.workspace"), corners)
+    })
+}
+
 /// Checks the selection of a part of a mesh: by group or by box, not both.
 fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
     let allowed = "exactly one of them";
@@ -246,15 +255,18 @@ fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) 
         (None, None) => require(false, at, "neither `group` nor `box`", allowed),
         (Some(_), Some(_)) => require(false, at, "both `group` and `box`", allowed),
         (Some(group), None) => name(&format!("{at}.group"), group),
-        (None, Some([low, high])) => {
-            for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
-                let found = format!("{axis} from {low:?} to {high:?}");
-                let allowed = "the lowest corner first, then the highest";
-                require(low <= high, &format!("{at}.box"), found, allowed)?;
-            }
-            Ok(())
-        }
+        (None, Some(corners)) => check_box(&format!("{at}.box"), corners),
     }
+}
+
+/// The corners of a box are in order.
+fn check_box(field: &str, [low, high]: [[f64; 3]; 2]) -> Check {
+    for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
+        let found = format!("{axis} from {low:?} to {high:?}");
+        let allowed = "the lowest corner first, then the highest";
+        require(low <= high, field, found, allowed)?;
+    }
+    Ok(())
 }
 
 fn file_name(field: &str, file: &str) -> Check {

@@ -9,6 +9,7 @@ use super::error::{Place, SceneError};
 use super::recording::Sample;
 use super::source::Source;
 use super::spec::{Body, Device, Hand, Scene};
+use physics::Vec3;
 use sim::DeviceModel;
 use std::fmt;
 
@@ -52,6 +53,12 @@ pub(crate) struct Quantity {
 }
 
 impl Quantity {
+    /// The quantity, usual up to `most`.
+    pub(crate) fn up_to(self, most: f64) -> Self {
+        let usual = [self.usual[0], most.min(self.allowed[1])];
+        Self { usual, ..self }
+    }
+
     /// Judges a `value` that the scene gives at `field`; `what` says in words of what the value is, or is empty.
     ///
     /// # Errors
@@ -231,6 +238,14 @@ const REACH: Quantity = Quantity {
     allowed: [0.0, 2.0],
     small: "",
     large: "is it in millimetres? motions of hands are in metres of the device",
+};
+/// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
+pub(crate) const START: Quantity = Quantity {
+    unit: "m",
+    usual: [0.0, 2.0],
+    allowed: [0.0, f64::INFINITY],
+    small: "",
+    large: "set device.mounting.origin such that the handle lies in the workspace of its device, or leave it out",
 };
 const ARM_MASS: Quantity = Quantity {
     unit: "kg",
@@ -443,31 +458,30 @@ impl Judge<'_> {
             &format!("{at}.motion_scale"),
             device.motion_scale,
         )?;
+        let origin = device.mounting.origin.map(norm);
+        self.given(&POSITION, &format!("{at}.mounting.origin"), origin)?;
         self.given(&MAX_SPEED, &format!("{at}.max_speed"), device.max_speed)?;
         self.given(&MAX_REACH, &format!("{at}.max_reach"), device.max_reach)?;
         match &device.hand {
-            Some(hand) => self.hand(&format!("{at}.hand"), hand, model, recording),
+            Some(hand) => {
+                // A box says no more of a motion's length than its diagonal.
+                let diagonal =
+                    |[low, high]: [[f64; 3]; 2]| (Vec3::from(high) - Vec3::from(low)).norm();
+                let reach = device.workspace.map_or(model.workspace_radius, diagonal);
+                self.hand(&format!("{at}.hand"), hand, reach, recording)
+            }
             None => Ok(()),
         }
     }
 
-    fn hand(
-        &mut self,
-        at: &str,
-        hand: &Hand,
-        model: &DeviceModel,
-        recording: Option<&[Sample]>,
-    ) -> Check {
+    fn hand(&mut self, at: &str, hand: &Hand, reach: f64, recording: Option<&[Sample]>) -> Check {
         let field = |name: &str| format!("{at}.{name}");
         self.given(&ARM_MASS, &field("mass"), hand.mass)?;
         self.given(&ARM_STIFFNESS, &field("stiffness"), hand.stiffness)?;
         self.given(&ARM_DAMPING, &field("damping"), hand.damping)?;
         self.see(&TREMOR, &field("tremor"), hand.tremor)?;
         self.given(&TASK_SPEED, &field("speed"), hand.speed)?;
-        let reach = Quantity {
-            usual: [0.0, model.workspace_radius.min(REACH.allowed[1])],
-            ..REACH
-        };
+        let reach = REACH.up_to(reach);
         let from = " from the start of the hand";
         for (name, distance) in [("depth", hand.depth), ("width", hand.width)] {
             if let Some(distance) = distance {
@@ -585,6 +599,7 @@ mod tests {
             MAX_SPEED,
             MAX_REACH,
             REACH,
+            START,
             ARM_MASS,
             ARM_STIFFNESS,
             ARM_DAMPING,

@@ -14,7 +14,7 @@ use super::check;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
-pub use device::{Device, ModelName, SIMULATED};
+pub use device::{Device, ModelName, Mounting, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
 pub use placement::Rotation;
