@@ -263,7 +263,7 @@ mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   x.toml:14: body[0].mesh.file: found "", allowed: the name of a file
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.cube = 3
-  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `order`, `flat_pattern`
+  x.toml:14: body[0].mesh.cube: unknown field, allowed: `sheet`, `box`, `plate`, `thread`, `file`, `scale`, `order`, `flat_pattern`
 mesh.sheet = { length = 0.2, width = 0.1, cells = [4, 2] }
   -> mesh.sheet = 3
   x.toml:14: body[0].mesh.sheet: found 3, allowed: a table
@@ -322,7 +322,7 @@ name = "base"
   x.toml:5: lop: unknown field, allowed: `name`, `description`, `duration`, `seed`, `loop`, `host`, `solve`, `gravity`, `body`, `device`
 [body.material]
   -> [body.metal]
-  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
+  x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
 hand = {}
   ->
   x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` will do)

@@ -4,14 +4,17 @@ use crate::device::SimDevice;
 use crate::firmware::Wired;
 use crate::hand::Hand;
 use devices::{AnyDevice, Driver, Kind, OpenError, Request};
+use rt_core::Vec3;
 
-/// The hand and the wire of a simulated device.
+/// The hand, the wire and the start of a simulated device.
 #[derive(Clone, Debug)]
 pub struct Held {
     /// The hand that holds the device; the device is free where there is none.
     pub hand: Option<Hand>,
     /// Whether the states and wrenches of the device pass through the reports of the firmware protocol.
     pub wired: bool,
+    /// Where the device and the hand start (m, device axes).
+    pub start: Vec3,
 }
 
 /// The driver of simulated devices. It has no settings, because hands and wires are given to `Simulated::new`.
@@ -41,7 +44,9 @@ impl Driver for Simulated {
         request.settings.only(&[])?;
         let held = self.held.get(request.index);
         let hand = held.and_then(|held| held.hand.clone());
-        match SimDevice::new(*request.model, hand, request.period) {
+        let start = held.map_or_else(Vec3::zeros, |held| held.start);
+        let device = SimDevice::new(*request.model, hand, request.period);
+        match device.and_then(|device| device.starting_at(start)) {
             Ok(device) if held.is_some_and(|held| held.wired) => Ok(Box::new(Wired::new(device))),
             Ok(device) => Ok(Box::new(device)),
             Err(error) => Err(OpenError::Refused {

@@ -120,6 +120,7 @@ fn simulated_devices_through_the_door_conform() {
     let held = |wired| Held {
         hand: Some(hand()),
         wired,
+        start: Vec3::zeros(),
     };
     let registry = Registry::new().with(Simulated::new(vec![held(false), held(true)]));
     // The third is in nobody's hand.

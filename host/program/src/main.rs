@@ -167,9 +167,13 @@ fn execute(command: Option<Command>) -> u8 {
     }
 }
 
-/// The scene at `path`, or the built-in one.
+/// The scene at `path`, or the built-in one. Prints what is possible in the scene, but unlikely.
 fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
-    path.map_or_else(Scene::embedded_default, Scene::load)
+    let loaded = path.map_or_else(Scene::embedded_default, Scene::load)?;
+    for warning in host::bodies::warnings(&loaded) {
+        eprintln!("palpate: warning: {warning}");
+    }
+    Ok(loaded)
 }
 
 /// A scene file as an argument.

@@ -25,6 +25,8 @@ pub(super) struct PlanArguments {
 struct PlanJson<'a> {
     schema: &'static str,
     scene: &'a str,
+    /// Values of the scene that few scenes mean.
+    warnings: Vec<String>,
     stages: &'a [Stage],
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
@@ -54,6 +56,10 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         let json = PlanJson {
             schema: "palpate.plan/2",
             scene: &loaded.scene.name,
+            warnings: bodies::warnings(&loaded)
+                .iter()
+                .map(ToString::to_string)
+                .collect(),
             stages: &stages,
             bodies: &plans,
         };

@@ -1,7 +1,8 @@
 //! The material of every element, from the base values of the scene, the fields of the mesh and the regions of the
 //! scene.
 
-use super::{Kind, places};
+use super::{Kind, mesh, places};
+use crate::scene::plausible::{self, Warning};
 use crate::scene::spec::body::{Body, LawName, WeaveFields};
 use crate::scene::{LoadedScene, SceneError};
 use physics::mesh::{Field, Mesh};
@@ -63,6 +64,7 @@ pub(super) fn build(
         area,
     } = values;
     let each = 0..young.len();
+    let warp = |weave: WeaveFields| mesh::turned(body, mesh, Vec3::from(weave.warp));
     let elements = match (kind, body.material.weave) {
         (Kind::Thread, _) => Elements::Thread(
             each.map(|e| ThreadMaterial {
@@ -83,7 +85,7 @@ pub(super) fn build(
         ),
         (_, Some(weave)) => Elements::Woven(
             each.map(|e| Weave {
-                warp: Vec3::from(weave.warp),
+                warp: warp(weave),
                 young_warp: young[e],
                 // A region or a field scales all moduli alike: the ratios of the weave stay.
                 young_weft: weave.young_weft * (young[e] / body.material.young),
@@ -269,6 +271,51 @@ fn from_mesh(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Values, 
     })
 }
 
+/// Warnings about the values that a mesh's fields give the material. A field that does not exist has none.
+pub(super) fn warnings(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
+    let names = &loaded.scene.bodies[index].material.fields;
+    let mut warnings = Vec::new();
+    for (quantity, name) in [
+        ("young", &names.young),
+        ("density", &names.density),
+        ("thickness", &names.thickness),
+        ("area", &names.area),
+    ] {
+        let field = name
+            .as_ref()
+            .and_then(|name| mesh.fields().iter().find(|field| field.name == *name));
+        if let Some(field) = field {
+            let judged = judge(loaded, index, quantity, &field.values);
+            warnings.extend(judged.unwrap_or_default());
+        }
+    }
+    warnings
+}
+
+/// Judges the smallest and the largest value that a mesh's field gives the material's `quantity`.
+fn judge(
+    loaded: &LoadedScene,
+    index: usize,
+    quantity: &str,
+    values: &[f64],
+) -> Result<Vec<Warning>, SceneError> {
+    let Some(range) = plausible::of_material(&loaded.scene.bodies[index], quantity) else {
+        return Ok(Vec::new());
+    };
+    let field = format!("body[{index}].material.fields.{quantity}");
+    let numbered = || values.iter().copied().enumerate();
+    let least = numbered().min_by(|a, b| a.1.total_cmp(&b.1));
+    let most = numbered().max_by(|a, b| a.1.total_cmp(&b.1));
+    let mut warnings = Vec::new();
+    for (element, value) in least.into_iter().chain(most) {
+        let what = format!(" in element {element} of the mesh");
+        warnings.extend(range.judge(&loaded.source, &field, &what, value)?);
+    }
+    // A field of one value alone gives one warning.
+    warnings.dedup();
+    Ok(warnings)
+}
+
 /// The values of the mesh's field `name`, checked against the range of the material's `quantity`.
 fn values(
     loaded: &LoadedScene,
@@ -287,13 +334,12 @@ fn values(
     } else {
         ("numbers above 0", |v| v > 0.0)
     };
-    match values.iter().position(|&v| !(v.is_finite() && fits(v))) {
-        Some(element) => {
-            let found = format!("{:?} in element {element} of the mesh", values[element]);
-            Err(loaded.source.error(&field, found, allowed))
-        }
-        None => Ok(values),
+    if let Some(element) = values.iter().position(|&v| !(v.is_finite() && fits(v))) {
+        let found = format!("{:?} in element {element} of the mesh", values[element]);
+        return Err(loaded.source.error(&field, found, allowed));
     }
+    judge(loaded, index, quantity, &values)?;
+    Ok(values)
 }
 
 /// Replaces the values of the elements in the scene's regions.

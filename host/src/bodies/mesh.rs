@@ -1,17 +1,70 @@
 //! The mesh of a body: generated, or read from a file.
 
-use crate::scene::spec::{MeshSource, PatternName};
+use crate::scene::plausible::{EXTENT, EXTENT_OF_FILE, Warning};
+use crate::scene::spec::{Body, MeshSource, PatternName, Rotation};
 use crate::scene::{LoadedScene, SceneError};
+use physics::Vec3;
 use physics::mesh::generate::{self, Pattern};
 use physics::mesh::generate_box::solid_box;
 use physics::mesh::generate_plate::{plate_with_hole, quarter_plate_with_hole};
 use physics::mesh::generate_thread::straight_thread;
-use physics::mesh::{Cells, Mesh};
+use physics::mesh::{Bounds, Cells, Mesh};
 use std::borrow::Cow;
 
-/// The mesh of one body, its elements in the file's order. A mesh file is read once, however often its mesh is asked
-/// for: see [`MeshFile`](crate::scene::MeshFile).
+/// The mesh of one body, placed in the world, its elements in the file's order. A mesh file is read once, however often
+/// its mesh is asked for: see [`MeshFile`](crate::scene::MeshFile).
 pub(super) fn build(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
+    let mut mesh = at_origin(loaded, index)?;
+    let body = &loaded.scene.bodies[index];
+    // A body that is not placed keeps its coordinates to the last bit, and the mesh of its file is not copied.
+    if body.mesh.scale.is_some() || body.rotation.is_some() || body.position != [0.0; 3] {
+        let scale = body.mesh.scale.unwrap_or(1.0);
+        let position = Vec3::from(body.position);
+        let turn = body.rotation.map(Rotation::matrix);
+        for vertex in mesh.to_mut().positions_mut() {
+            let scaled = *vertex * scale;
+            *vertex = turn.map_or(scaled, |turn| turn * scaled) + position;
+        }
+    }
+    extent(loaded, index, &mesh)?;
+    Ok(mesh)
+}
+
+/// Judges the size of a body: the longest side of the box around its mesh.
+///
+/// # Errors
+/// [`SceneError::Value`] for a body of a size that no scene means.
+pub(super) fn extent(
+    loaded: &LoadedScene,
+    index: usize,
+    mesh: &Mesh,
+) -> Result<Option<Warning>, SceneError> {
+    let Some(bounds) = Bounds::of(mesh.positions()) else {
+        return Ok(None);
+    };
+    let spec = &loaded.scene.bodies[index].mesh;
+    let (quantity, field) = match &spec.source {
+        MeshSource::File(_) if spec.scale.is_some() => (EXTENT_OF_FILE, "scale"),
+        MeshSource::File(_) => (EXTENT_OF_FILE, "file"),
+        _ => (EXTENT, ""),
+    };
+    let field = format!("body[{index}].mesh.{field}");
+    let field = field.trim_end_matches('.');
+    let what = " along the longest side of the mesh";
+    quantity.judge(&loaded.source, field, what, bounds.size().max())
+}
+
+/// A direction in the axes of a body's mesh, in world axes. A flat pattern has axes of its own, which do not turn.
+pub(super) fn turned(body: &Body, mesh: &Mesh, direction: Vec3) -> Vec3 {
+    let is_cut = matches!(mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some());
+    match body.rotation {
+        Some(rotation) if !is_cut => rotation.matrix() * direction,
+        _ => direction,
+    }
+}
+
+/// The mesh of one body in its own coordinates: those of the file, or those of the generator.
+fn at_origin(loaded: &LoadedScene, index: usize) -> Result<Cow<'_, Mesh>, SceneError> {
     let spec = &loaded.scene.bodies[index].mesh;
     let mesh = match &spec.source {
         MeshSource::File(_) => Cow::Borrowed(from_file(loaded, index)?),

@@ -6,7 +6,9 @@
 mod load;
 mod material;
 mod mesh;
+mod mount;
 mod places;
+mod survey;
 
 use crate::scene::spec::{self, body::BorderName, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
@@ -15,6 +17,10 @@ use physics::{
     Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions,
     Freedom, HandlePose, HandleSpec, SheetLawName, SolidLaw, Vec3,
 };
+
+pub(crate) use mount::is_mounted;
+pub use mount::{Mount, mount};
+pub use survey::warnings;
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
 /// device can render.
@@ -228,16 +234,41 @@ fn settle(body: &mut Body, handles: &[HandleSpec], is_cut: bool) {
 
 /// The handles of a scene's body.
 fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<HandleSpec>, SceneError> {
-    let handles = loaded.scene.bodies[index].handles.iter().enumerate();
-    handles
-        .map(|(number, handle)| {
-            let field = format!("body[{index}].handle[{number}]");
-            let group = handle.group.as_deref();
-            let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
-            let freedom = freedom(loaded, handle);
-            Ok(holding(vertices, mesh, freedom, handle.border.into()))
-        })
-        .collect()
+    let specs = &loaded.scene.bodies[index].handles;
+    let mut handles: Vec<HandleSpec> = Vec::new();
+    for (number, handle) in specs.iter().enumerate() {
+        let field = format!("body[{index}].handle[{number}]");
+        let group = handle.group.as_deref();
+        let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
+        for (other, earlier) in specs.iter().zip(&handles) {
+            let [this, other] = [&handle.name, &other.name].map(|name| format!("handle {name:?}"));
+            held_once(loaded, &field, &this, &vertices, &other, earlier)?;
+        }
+        let freedom = freedom(loaded, handle);
+        handles.push(holding(vertices, mesh, freedom, handle.border.into()));
+    }
+    Ok(handles)
+}
+
+/// Refuses `vertices`, which `this` holds rigidly by the scene's `field`, if `other` holds some of them, too.
+fn held_once(
+    loaded: &LoadedScene,
+    field: &str,
+    this: &str,
+    vertices: &[u32],
+    other: &str,
+    held: &HandleSpec,
+) -> Result<(), SceneError> {
+    let shared = places::shared(vertices, &held.vertices);
+    if shared == 0 {
+        return Ok(());
+    }
+    let (of, others) = (vertices.len(), held.vertices.len());
+    let found =
+        format!("{shared} of the {of} vertices of {this} among the {others} of {other}, too");
+    let allowed =
+        "vertices that nothing else holds: make the group or the box of one of the two smaller";
+    Err(loaded.source.error(field, found, allowed))
 }
 
 /// The degrees of freedom of a handle: those that its device actuates. Without an actuated rotation, only the
@@ -291,12 +322,25 @@ fn supports(
         .map(find)
         .collect::<Result<_, _>>()?;
     let mut parts: Vec<Option<Part>> = Vec::new();
-    for (support, vertices) in supports.iter().zip(&all) {
-        parts.push(support.rotation.map(|_| {
-            let border = support.border.into();
-            handles.push(holding(vertices.clone(), mesh, Freedom::Rigid, border));
-            Part::Turned(handles.len() - 1)
-        }));
+    let specs = &loaded.scene.bodies[index].handles;
+    let mut names: Vec<_> = specs
+        .iter()
+        .map(|handle| format!("handle {:?}", handle.name))
+        .collect();
+    for (number, (support, vertices)) in supports.iter().zip(&all).enumerate() {
+        if support.rotation.is_none() {
+            parts.push(None);
+            continue;
+        }
+        let field = format!("body[{index}].support[{number}]");
+        let this = format!("support {:?}, which turns,", support.name);
+        for (other, earlier) in names.iter().zip(&*handles) {
+            held_once(loaded, &field, &this, vertices, other, earlier)?;
+        }
+        let border = support.border.into();
+        handles.push(holding(vertices.clone(), mesh, Freedom::Rigid, border));
+        names.push(this);
+        parts.push(Some(Part::Turned(handles.len() - 1)));
     }
     let mut held = vec![false; mesh.positions().len()];
     for &vertex in handles.iter().flat_map(|handle| &handle.vertices) {

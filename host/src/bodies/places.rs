@@ -63,6 +63,11 @@ pub(super) fn elements(
     }
 }
 
+/// Number of vertices that two sorted lists have in common.
+pub(super) fn shared(a: &[u32], b: &[u32]) -> usize {
+    a.iter().filter(|v| b.binary_search(v).is_ok()).count()
+}
+
 fn select<P: Iterator<Item = Vec3>>(
     loaded: &LoadedScene,
     field: &str,

@@ -31,7 +31,7 @@ pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneErro
         .collect()
 }
 
-/// Checks the parts of a scene that only a run needs: devices, and supports at rest. A body without handles is
+/// Checks the parts of a scene that only a run needs: devices and their mounts, and supports at rest. A body without handles is
 /// allowed: it moves, and no device feels it.
 ///
 /// # Errors
@@ -50,6 +50,11 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
                 let allowed = "a support at rest: only `palpate solve` moves supports";
                 return Err(loaded.source.error(&field, "one that moves", allowed));
             }
+        }
+    }
+    for device in 0..scene.devices.len() {
+        if bodies::is_mounted(loaded, device) {
+            bodies::mount(loaded, device)?;
         }
     }
     Ok(())

@@ -1,9 +1,11 @@
 //! Opens the devices of a scene, each with the driver that it names.
 
 use super::hand;
+use crate::bodies;
 use crate::scene::drivers::drivers;
 use crate::scene::{LoadedScene, SceneError};
 use devices::{AnyDevice, Kind, OpenError, Registry, Replay, Request, Settings};
+use rt_core::Vec3;
 use rt_core::controller::Reading;
 use sim::Held;
 
@@ -59,6 +61,11 @@ fn registry(loaded: &LoadedScene, seed: u64) -> Result<Registry, SceneError> {
         Ok(Held {
             hand: hand::build(loaded, index, seed)?,
             wired: spec.wire.unwrap_or(true),
+            // Only a device whose origin is given starts elsewhere than at its origin.
+            start: match spec.mounting.origin {
+                None => Vec3::zeros(),
+                Some(_) => bodies::mount(loaded, index)?.start,
+            },
         })
     });
     let held = held.collect::<Result<_, SceneError>>()?;

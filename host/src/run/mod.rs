@@ -191,7 +191,7 @@ pub fn run_watched(
             parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
         }
     };
-    parts.judge(options.log.is_some());
+    parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
     write_files(loaded, options, &parts, &mut summary);
     Ok(summary)

@@ -6,6 +6,7 @@ use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::summary::PlaceSummary;
 use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
+use crate::scene::Scene;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::TickCounters;
@@ -41,14 +42,28 @@ pub(super) struct TickSide {
 }
 
 impl Parts {
-    /// Adds what the finished run shows: failed steps of the host, and a log (`logged`) that cannot be replayed.
-    pub(super) fn judge(&mut self, logged: bool) {
+    /// Adds what the finished run of `scene` shows: failed steps of the host, devices that were absent for most of the
+    /// run, and a log (`logged`) that cannot be replayed.
+    pub(super) fn judge(&mut self, scene: &Scene, logged: bool) {
         if let Some(HostSide { engine, .. }) = &self.host
             && let Some(fault) = &engine.stats().first_fault
         {
             let count = engine.stats().faults;
             let failure = format!("{count} host steps failed; the first: {fault}");
             self.failures.push(failure);
+        }
+        let ticks = self.tick.ticks;
+        let counters = self.tick.controller.safety_counters();
+        for (device, counters) in scene.devices.iter().zip(counters) {
+            let missed = counters.missed_reads;
+            // A hand that felt nothing for most of its run has not tested the scene.
+            if 2 * missed > ticks {
+                let name = &device.name;
+                self.failures.push(format!(
+                    "device {name:?} gave no usable reading in {missed} of {ticks} ticks: it was silent, or it moved \
+                     as no hand can; are the motions of its hand in metres?"
+                ));
+            }
         }
         if logged {
             let degradation = self.not_replayable();

@@ -7,6 +7,7 @@ use super::summary::{
     RunSummary, SCHEMA, TickSummary, TripSummary,
 };
 use super::{Clock, RunOptions, clock_name, setup};
+use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::plot::{DeviceSeries, Mark, PlotData};
@@ -33,6 +34,10 @@ pub(super) fn summarize(
         clock: clock_name(options.clock),
         scheme: setup::scheme(scene).name(),
         seed,
+        warnings: bodies::warnings(loaded)
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
         tick: tick(scene, options.clock, parts, &couplings),
         host: host_summary(parts, elapsed, size),
         devices: devices(scene, parts),

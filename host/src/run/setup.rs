@@ -14,7 +14,7 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
-use rt_core::{Capabilities, Controller, ControllerConfig, PassivityConfig, Port, Scheme, Vec3};
+use rt_core::{Capabilities, Controller, ControllerConfig, PassivityConfig, Port, Scheme};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
 use sim::DeviceModel;
@@ -143,9 +143,11 @@ pub(super) fn controller(
     let mut config = ControllerConfig::default();
     let mut passivity = PassivityConfig::new(period);
     for (index, device) in devices.iter().enumerate() {
+        let mount = bodies::mount(loaded, index)?;
         let frame = DeviceFrame {
+            rotation: mount.rotation,
             motion_scale: scene.devices[index].motion_scale,
-            ..DeviceFrame::at(handle_origin(loaded, index)?)
+            ..DeviceFrame::at(mount.origin)
         };
         let capabilities = device.capabilities();
         let safety = safety(&scene.devices[index], &capabilities, scene, period);
@@ -229,20 +231,4 @@ fn safety(
         recovery: scene.realtime.recovery,
         period,
     }
-}
-
-/// The origin of a device in the scene: the position of its handle at rest, or the world's origin if the device holds
-/// no handle.
-fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Vec3, SceneError> {
-    let name = &loaded.scene.devices[device].name;
-    for (body, spec) in loaded.scene.bodies.iter().enumerate() {
-        if let Some(handle) = spec
-            .handles
-            .iter()
-            .position(|handle| handle.device == *name)
-        {
-            return Ok(bodies::handle_origins(loaded, body)?[handle]);
-        }
-    }
-    Ok(Vec3::zeros())
 }

@@ -56,6 +56,8 @@ pub struct RunSummary {
     pub scheme: &'static str,
     /// The seed.
     pub seed: u64,
+    /// Values of the scene that few scenes mean, with the likely causes.
+    pub warnings: Vec<String>,
     /// The realtime loop.
     pub tick: TickSummary,
     /// The host.

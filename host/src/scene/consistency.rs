@@ -2,7 +2,9 @@
 
 use super::drivers::drivers;
 use super::spec::body::BorderName;
-use super::spec::{Body, Device, Hand, Host, MeshSource, Realtime, SIMULATED, Scene, TaskName};
+use super::spec::{
+    Body, Device, Hand, Host, MeshSource, Realtime, Rotation, SIMULATED, Scene, TaskName,
+};
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
 
@@ -55,6 +57,7 @@ pub(super) fn check(scene: &Scene) -> Check {
     for (index, device) in scene.devices.iter().enumerate() {
         check_driver(&format!("device[{index}]"), device)?;
         check_held(&format!("device[{index}]"), device)?;
+        check_mounting(&format!("device[{index}]"), device)?;
     }
     Ok(())
 }
@@ -145,6 +148,13 @@ fn check_body(at: &str, body: &Body) -> Check {
         "a pattern for a mesh that is built in",
         "`file` with an OBJ file, whose texture coordinates are the pattern",
     )?;
+    require(
+        body.mesh.scale.is_none() || matches!(body.mesh.source, MeshSource::File(_)),
+        &format!("{at}.mesh.scale"),
+        "a scale for a mesh that is built in",
+        "`file`: the lengths of a built-in mesh are in metres",
+    )?;
+    check_rotation(&format!("{at}.rotation"), body.rotation)?;
     for (index, region) in body.regions.iter().enumerate() {
         check_where(
             &format!("{at}.region[{index}]"),
@@ -167,6 +177,16 @@ fn check_body(at: &str, body: &Body) -> Check {
         )?;
     }
     Ok(())
+}
+
+/// A rotation has an axis.
+fn check_rotation(at: &str, rotation: Option<Rotation>) -> Check {
+    require(
+        rotation.is_none_or(|rotation| rotation.axis != [0.0; 3]),
+        &format!("{at}.axis"),
+        "[0, 0, 0]",
+        "a direction: any length but 0",
+    )
 }
 
 fn check_supports(at: &str, body: &Body) -> Check {
@@ -220,6 +240,14 @@ fn check_loads(at: &str, body: &Body) -> Check {
     Ok(())
 }
 
+/// A rotated device has an axis of rotation, and the corners of a workspace are in order.
+fn check_mounting(at: &str, device: &Device) -> Check {
+    check_rotation(&format!("{at}.mounting.rotation"), device.mounting.rotation)?;
+    device.workspace.map_or(Ok(()), |corners| {
+        check_box(&format!("{at}.workspace"), corners)
+    })
+}
+
 /// Checks the selection of a part of a mesh: by group or by box, not both.
 fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
     let allowed = "exactly one of them";
@@ -227,15 +255,18 @@ fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) 
         (None, None) => require(false, at, "neither `group` nor `box`", allowed),
         (Some(_), Some(_)) => require(false, at, "both `group` and `box`", allowed),
         (Some(group), None) => name(&format!("{at}.group"), group),
-        (None, Some([low, high])) => {
-            for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
-                let found = format!("{axis} from {low:?} to {high:?}");
-                let allowed = "the lowest corner first, then the highest";
-                require(low <= high, &format!("{at}.box"), found, allowed)?;
-            }
-            Ok(())
-        }
+        (None, Some(corners)) => check_box(&format!("{at}.box"), corners),
     }
+}
+
+/// The corners of a box are in order.
+fn check_box(field: &str, [low, high]: [[f64; 3]; 2]) -> Check {
+    for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
+        let found = format!("{axis} from {low:?} to {high:?}");
+        let allowed = "the lowest corner first, then the highest";
+        require(low <= high, field, found, allowed)?;
+    }
+    Ok(())
 }
 
 fn file_name(field: &str, file: &str) -> Check {

@@ -2,6 +2,7 @@
 
 use super::consistency;
 use super::error::SceneError;
+use super::plausible::{self, Warning};
 use super::recording::{self, Sample};
 use super::source::Source;
 use super::spec::{MeshSource, ModelName, Scene};
@@ -37,6 +38,9 @@ pub struct LoadedScene {
     pub recordings: Vec<Option<Vec<Sample>>>,
     /// The content of each file that the scene names, by the name of the file in the scene. A log keeps these files.
     pub files: BTreeMap<String, Vec<u8>>,
+    /// Values of the scene and its device files that few scenes mean. [`crate::bodies::warnings`] adds those that the
+    /// meshes show.
+    pub warnings: Vec<Warning>,
 }
 
 /// A mesh file: read when its mesh is first asked for, and never again. All copies of a [`LoadedScene`] have it in
@@ -170,8 +174,10 @@ fn load(
         files: BTreeMap::new(),
     };
     let meshes = meshes(&mut reader, &scene)?;
-    let models = models(&mut reader, &scene)?;
+    let mut warnings = Vec::new();
+    let models = models(&mut reader, &scene, &mut warnings)?;
     let recordings = recordings(&mut reader, &scene)?;
+    warnings.extend(plausible::check(&scene, &source, &models, &recordings)?);
     let files = reader.files;
     Ok(LoadedScene {
         scene,
@@ -180,6 +186,7 @@ fn load(
         models,
         recordings,
         files,
+        warnings,
     })
 }
 
@@ -254,10 +261,11 @@ fn meshes(
     Ok(meshes)
 }
 
-/// The model of each device.
+/// The model of each device. `warnings` receives those about device files.
 fn models(
     reader: &mut Reader<'_, impl Fn(&Path) -> io::Result<Vec<u8>>>,
     scene: &Scene,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Vec<DeviceModel>, SceneError> {
     let each = scene.devices.iter().enumerate().map(|(index, device)| {
         let field = format!("device[{index}].model");
@@ -266,9 +274,17 @@ fn models(
                 .ok_or_else(|| reader.source.error(&field, *name, "a built-in device")),
             ModelName::File(file) => {
                 let (path, text) = reader.text(file, &field)?;
+                let name = path.display().to_string();
                 match DeviceFile::parse(&text) {
-                    Ok(file) => Ok(file.model),
-                    Err(error) => Err(SceneError::model(path.display().to_string(), error)),
+                    Ok(file) => {
+                        let source = Source { name, text };
+                        let found = plausible::check_device_file(&source, &file.model)?;
+                        // Two devices may have the same file.
+                        let new = found.into_iter().filter(|one| !warnings.contains(one));
+                        warnings.extend(new.collect::<Vec<_>>());
+                        Ok(file.model)
+                    }
+                    Err(error) => Err(SceneError::model(name, error)),
                 }
             }
         }

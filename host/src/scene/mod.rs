@@ -9,11 +9,13 @@ mod consistency;
 pub(crate) mod drivers;
 mod error;
 mod load;
+pub(crate) mod plausible;
 pub mod recording;
 pub(crate) mod source;
 pub mod spec;
 
 pub use error::{Place, SceneError};
 pub use load::{LoadedScene, MeshFile};
+pub use plausible::Warning;
 pub use source::Source;
 pub use spec::Scene;

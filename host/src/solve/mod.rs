@@ -75,6 +75,10 @@ pub fn solve<E>(
     let mut solution = Solution {
         schema: SCHEMA,
         scene: scene.name.clone(),
+        warnings: bodies::warnings(loaded)
+            .iter()
+            .map(ToString::to_string)
+            .collect(),
         analysis: scene.solve.analysis,
         scheme: (scene.solve.analysis == Analysis::Dynamic).then_some(scene.solve.scheme),
         bodies: Vec::new(),

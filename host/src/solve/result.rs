@@ -16,6 +16,8 @@ pub struct Solution {
     pub schema: &'static str,
     /// Name of the scene.
     pub scene: String,
+    /// Values of the scene that few scenes mean, with the likely causes.
+    pub warnings: Vec<String>,
     /// The kind of analysis.
     pub analysis: Analysis,
     /// The time discretization of a dynamic solve.

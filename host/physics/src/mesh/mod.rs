@@ -136,6 +136,15 @@ impl Mesh {
         }
     }
 
+    /// The rest positions (m), one per vertex, to be changed.
+    pub fn positions_mut(&mut self) -> &mut [Vec3] {
+        match self {
+            Self::Thread(mesh) => &mut mesh.positions,
+            Self::Sheet(mesh) => &mut mesh.positions,
+            Self::Solid(mesh) => &mut mesh.positions,
+        }
+    }
+
     /// Number of lines, triangles or cells.
     pub fn element_count(&self) -> usize {
         match self {

@@ -3,6 +3,7 @@
 use crate::scene::check;
 use serde::Deserialize;
 
+use super::Rotation;
 use super::mesh::Mesh;
 
 /// `[[body]]`: a deformable thread, sheet or solid.
@@ -14,6 +15,12 @@ pub struct Body {
     /// The mesh of the body.
     #[serde(deserialize_with = "check::table")]
     pub mesh: Mesh,
+    /// Where the origin of the mesh lies in the world (m).
+    #[serde(default, deserialize_with = "check::finite3")]
+    pub position: [f64; 3],
+    /// How the mesh is turned about its origin, before it is moved to `position`. Default: not at all.
+    #[serde(default, deserialize_with = "check::optional_table")]
+    pub rotation: Option<Rotation>,
     /// The material of the body.
     #[serde(deserialize_with = "check::table")]
     pub material: Material,
@@ -91,7 +98,8 @@ pub enum LawName {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeaveFields {
-    /// Direction of the warp threads. An element uses the projection of this direction onto its plane.
+    /// Direction of the warp threads, in the axes of the mesh: it turns with the body. An element uses the projection of
+    /// this direction onto its plane.
     #[serde(default = "along_x", deserialize_with = "check::finite3")]
     pub warp: [f64; 3],
     /// Young's modulus along the weft (Pa).

@@ -1,6 +1,6 @@
 //! `[[device]]`: haptic devices.
 
-use super::{Hand, one};
+use super::{Hand, Rotation, one};
 use crate::scene::check;
 use serde::Deserialize;
 
@@ -39,9 +39,30 @@ pub struct Device {
     /// Scene metres per device metre.
     #[serde(default = "one", deserialize_with = "check::positive")]
     pub motion_scale: f64,
+    /// How the device stands in the scene.
+    #[serde(default, deserialize_with = "check::table")]
+    pub mounting: Mounting,
+    /// Lowest and highest corner of the workspace (m, device axes and device metres). The handle must be in it at rest.
+    /// Default: the ball of the model's workspace radius, which is only warned of.
+    #[serde(default, deserialize_with = "check::optional_box")]
+    pub workspace: Option<[[f64; 3]; 2]>,
     /// Simulated devices: the hand that holds it. A person holds a real one.
     #[serde(default, deserialize_with = "check::optional_table")]
     pub hand: Option<Hand>,
+}
+
+/// `[device.mounting]`: how a device stands in the scene. Positions pass from the device to the scene, and forces pass
+/// back.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Mounting {
+    /// Where the device's own origin lies in the scene (m). Default: at the rest position of the handle that it holds, so
+    /// that the device starts at its origin.
+    #[serde(deserialize_with = "check::optional_finite3")]
+    pub origin: Option<[f64; 3]>,
+    /// The rotation from the device's axes to those of the scene. Default: the axes are parallel.
+    #[serde(deserialize_with = "check::optional_table")]
+    pub rotation: Option<Rotation>,
 }
 
 /// The driver of simulated devices.

@@ -10,6 +10,8 @@ use serde::Deserialize;
 pub struct Mesh {
     /// A generator or a file.
     pub source: MeshSource,
+    /// Files only: metres per unit of the file, by which every coordinate is multiplied.
+    pub scale: Option<f64>,
     /// Whether linear tetrahedra become quadratic ones, with straight edges.
     pub quadratic: bool,
     /// The flat pattern out of which a sheet is cut, if it has one.
@@ -92,6 +94,8 @@ struct MeshFields {
     thread: Option<ThreadFields>,
     #[serde(default)]
     file: Option<String>,
+    #[serde(default, deserialize_with = "check::optional_positive")]
+    scale: Option<f64>,
     #[serde(default, deserialize_with = "check::order")]
     order: usize,
     #[serde(default, deserialize_with = "check::optional_table")]
@@ -180,6 +184,7 @@ impl TryFrom<MeshFields> for Mesh {
             plate,
             thread,
             file,
+            scale,
             order,
             flat_pattern,
         } = fields;
@@ -209,6 +214,7 @@ impl TryFrom<MeshFields> for Mesh {
         };
         Ok(Self {
             source,
+            scale,
             quadratic: order == 2,
             flat_pattern,
         })

@@ -7,15 +7,17 @@ pub(crate) mod body;
 mod device;
 mod hand;
 mod mesh;
+mod placement;
 pub(crate) mod solve;
 
 use super::check;
 use serde::{Deserialize, Serialize};
 
 pub use body::{Body, Handle, Load, Material, Support};
-pub use device::{Device, ModelName, SIMULATED};
+pub use device::{Device, ModelName, Mounting, SIMULATED};
 pub use hand::{GripName, Hand, TaskName};
 pub use mesh::{MeshSource, PatternName};
+pub use placement::Rotation;
 pub use solve::{Analysis, Solve};
 
 /// A whole scene.

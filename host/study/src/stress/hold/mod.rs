@@ -217,6 +217,7 @@ impl CellResult {
 /// # Errors
 /// [`StudyError`].
 pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
+    super::unmounted(&loaded)?;
     let (case, rate) = (
         Some(loaded.scene.name.clone()),
         loaded.scene.host.publish_rate,

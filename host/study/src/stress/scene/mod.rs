@@ -83,6 +83,7 @@ impl Study {
     /// [`StudyError`] if the scene cannot be built, or has no devices.
     pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
         host::engine::build::check(&loaded)?;
+        super::unmounted(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
         let (config, devices) = host::run::setup::controls(&loaded, seed)?;

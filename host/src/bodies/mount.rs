@@ -1,0 +1,96 @@
+//! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
+
+use super::handle_origins;
+use crate::scene::plausible::{START, Warning};
+use crate::scene::spec::Rotation;
+use crate::scene::{LoadedScene, SceneError};
+use nalgebra::UnitQuaternion;
+use physics::Vec3;
+
+/// Where a device stands: a position \\( x \\) of the device, in its own axes and metres, is the position
+/// `origin + rotation * motion_scale * x` of the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mount {
+    /// Where the device's own origin lies in the scene (m).
+    pub origin: Vec3,
+    /// From the device's axes to those of the scene.
+    pub rotation: UnitQuaternion<f64>,
+    /// Where the handle that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
+    pub start: Vec3,
+}
+
+/// The mount of the device number `device`.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field, where a body cannot be built, or where the handle is not in the
+/// workspace that the scene gives the device.
+pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
+    let spec = &loaded.scene.devices[device];
+    let handle = handle_origin(loaded, device)?;
+    let rotation = spec.mounting.rotation.map(Rotation::quaternion);
+    let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
+    let (origin, start) = match (spec.mounting.origin.map(Vec3::from), handle) {
+        (None, handle) => (handle.unwrap_or_else(Vec3::zeros), Vec3::zeros()),
+        (Some(origin), None) => (origin, Vec3::zeros()),
+        (Some(origin), Some(handle)) => {
+            let start = rotation.inverse() * (handle - origin) / spec.motion_scale;
+            (origin, start)
+        }
+    };
+    if let (Some([low, high]), Some(_)) = (spec.workspace, handle) {
+        let inside = (0..3).all(|axis| (low[axis]..=high[axis]).contains(&start[axis]));
+        if !inside {
+            let field = format!("device[{device}].workspace");
+            let [x, y, z] = start.into();
+            let found = format!(
+                "a box without the handle, which is at ({x:.4}, {y:.4}, {z:.4}) m of the device at rest"
+            );
+            let allowed =
+                "a box around the handle: correct the box, or move the device by mounting.origin";
+            return Err(loaded.source.error(&field, found, allowed));
+        }
+    }
+    Ok(Mount {
+        origin,
+        rotation,
+        start,
+    })
+}
+
+/// Whether the mount of a device can be wrong: whether the scene says where the device, or its workspace, is.
+pub(crate) fn is_mounted(loaded: &LoadedScene, device: usize) -> bool {
+    let spec = &loaded.scene.devices[device];
+    spec.mounting.origin.is_some() || spec.workspace.is_some()
+}
+
+/// Warnings about handles at rest that are far from the origins of their devices.
+pub(super) fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
+    let devices = loaded.scene.devices.iter().zip(&loaded.models).enumerate();
+    let mounted = devices.filter(|(index, _)| is_mounted(loaded, *index));
+    // A workspace that is given is checked when the device is mounted.
+    let warnings = mounted.filter(|(_, (spec, _))| spec.workspace.is_none());
+    let warnings = warnings.filter_map(|(index, (_, model))| {
+        let start = mount(loaded, index).ok()?.start;
+        let field = format!("device[{index}].mounting.origin");
+        let what = " from the handle at rest to the origin of the device";
+        let usual = START.up_to(model.workspace_radius);
+        let judged = usual.judge(&loaded.source, &field, what, start.norm());
+        judged.ok().flatten()
+    });
+    warnings.collect()
+}
+
+/// The position at rest (m) of the handle that a device holds; `None` if the device holds no handle.
+fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Option<Vec3>, SceneError> {
+    let name = &loaded.scene.devices[device].name;
+    for (body, spec) in loaded.scene.bodies.iter().enumerate() {
+        let held = spec
+            .handles
+            .iter()
+            .position(|handle| handle.device == *name);
+        if let Some(handle) = held {
+            return Ok(Some(handle_origins(loaded, body)?[handle]));
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,117 @@
+//! Warnings about the bodies of a scene that only their meshes show: their sizes, parts that they share, and bodies that
+//! lie in each other.
+
+use super::{material, mesh, mount, places};
+use crate::scene::LoadedScene;
+use crate::scene::plausible::Warning;
+use physics::mesh::{Bounds, Mesh};
+
+/// Fraction of the smaller body by which two bodies must overlap along every axis. Bodies that touch do not overlap.
+const OVERLAP: f64 = 0.01;
+
+/// All warnings of a scene: those of its fields, then those of its meshes. A body that cannot be built has no warnings
+/// of its mesh; its error comes when it is built.
+pub fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
+    let mut warnings = loaded.warnings.clone();
+    let mut boxes = Vec::new();
+    for index in 0..loaded.scene.bodies.len() {
+        let Ok(mesh) = mesh::build(loaded, index) else {
+            boxes.push(None);
+            continue;
+        };
+        warnings.extend(mesh::extent(loaded, index, &mesh).ok().flatten());
+        warnings.extend(material::warnings(loaded, index, &mesh));
+        warnings.extend(held_twice(loaded, index, &mesh));
+        boxes.push(Bounds::of(mesh.positions()));
+    }
+    for second in 0..boxes.len() {
+        for first in 0..second {
+            if let (Some(a), Some(b)) = (&boxes[first], &boxes[second])
+                && overlap(a, b)
+            {
+                warnings.push(through_each_other(loaded, first, second));
+            }
+        }
+    }
+    warnings.extend(mount::warnings(loaded));
+    warnings
+}
+
+/// Warnings about handles that hold vertices of a support. A support that leaves an axis free is often a plane of
+/// symmetry, to which a handle may extend.
+fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
+    let body = &loaded.scene.bodies[index];
+    let mut warnings = Vec::new();
+    for (number, handle) in body.handles.iter().enumerate() {
+        let field = format!("body[{index}].handle[{number}]");
+        let group = handle.group.as_deref();
+        let Ok(held) = places::vertices(loaded, &field, group, handle.in_box, mesh) else {
+            continue;
+        };
+        for (number, support) in body.supports.iter().enumerate() {
+            if support.axes != [true; 3] || support.rotation.is_some() {
+                continue;
+            }
+            let at = format!("body[{index}].support[{number}]");
+            let group = support.group.as_deref();
+            let Ok(guided) = places::vertices(loaded, &at, group, support.in_box, mesh) else {
+                continue;
+            };
+            let shared = places::shared(&held, &guided);
+            if shared > 0 {
+                warnings.push(Warning {
+                    place: loaded.source.place(&field),
+                    found: format!(
+                        "{shared} of the {} vertices of handle {:?} in support {:?}, too",
+                        held.len(),
+                        handle.name,
+                        support.name
+                    ),
+                    usual: "none".to_owned(),
+                    advice: "the hand moves them and the support does not hold them: make the group or the box of one \
+                             of the two smaller"
+                        .to_owned(),
+                });
+            }
+        }
+    }
+    warnings
+}
+
+/// Whether two boxes overlap along every axis, by more than a touch.
+fn overlap(a: &Bounds, b: &Bounds) -> bool {
+    (0..3).all(|axis| {
+        let sizes = [a, b].map(|bounds| bounds.size()[axis]);
+        let common = a.max[axis].min(b.max[axis]) - a.min[axis].max(b.min[axis]);
+        let (smaller, larger) = (sizes[0].min(sizes[1]), sizes[0].max(sizes[1]));
+        if smaller > OVERLAP * larger {
+            return common > OVERLAP * smaller;
+        }
+        // The smaller one is flat along this axis, so it overlaps where it lies inside, not on a face. Two flat ones
+        // overlap where they lie at the same height.
+        let deep = OVERLAP * larger;
+        let inside = |flat: &Bounds, thick: &Bounds| {
+            flat.min[axis] >= thick.min[axis] + deep && flat.max[axis] <= thick.max[axis] - deep
+        };
+        if sizes[0] <= sizes[1] {
+            inside(a, b)
+        } else {
+            inside(b, a)
+        }
+    })
+}
+
+fn through_each_other(loaded: &LoadedScene, first: usize, second: usize) -> Warning {
+    let bodies = &loaded.scene.bodies;
+    Warning {
+        place: loaded.source.place(&format!("body[{second}]")),
+        found: format!(
+            "body {:?} in the space of body {:?}: the boxes around them overlap",
+            bodies[second].name, bodies[first].name
+        ),
+        usual: "bodies beside each other".to_owned(),
+        advice: format!(
+            "bodies do not feel each other, so they pass through each other: set body[{second}].position"
+        ),
+    }
+}

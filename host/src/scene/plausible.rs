@@ -1,0 +1,634 @@
+//! Values that no scene can mean are refused, and values that few scenes mean are warned of, each with the likely cause.
+//!
+//! A number in the wrong unit is still a number: an organ of 80 m, an encoder that counts centimetres and a hand that
+//! jumps by 400 mm all run, and give results that mean nothing. Each [`Quantity`] has two ranges. A value outside the
+//! wide range, `allowed`, is an error of the scene. A value outside the narrow range, `usual`, is a [`Warning`]. The
+//! narrow ranges contain the materials, devices and hands that the field uses, with some room.
+
+use super::error::{Place, SceneError};
+use super::recording::Sample;
+use super::source::Source;
+use super::spec::{Body, Device, Hand, Scene};
+use physics::Vec3;
+use sim::DeviceModel;
+use std::fmt;
+
+/// A value that is possible, but that few scenes mean.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// The field that gives the value.
+    pub place: Place,
+    /// The value, in words.
+    pub found: String,
+    /// The usual values, in words.
+    pub usual: String,
+    /// The likely cause, and what to do.
+    pub advice: String,
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            place,
+            found,
+            usual,
+            advice,
+        } = self;
+        write!(to, "{place}: found {found}, usual: {usual}; {advice}")
+    }
+}
+
+/// A quantity of a scene: its ranges, and the likely causes of a value outside them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Quantity {
+    unit: &'static str,
+    /// Beyond this range a value is warned of.
+    usual: [f64; 2],
+    /// Beyond this range a value is refused.
+    allowed: [f64; 2],
+    /// The likely cause of a value that is too small.
+    small: &'static str,
+    /// The likely cause of a value that is too large.
+    large: &'static str,
+}
+
+impl Quantity {
+    /// The quantity, usual up to `most`.
+    pub(crate) fn up_to(self, most: f64) -> Self {
+        let usual = [self.usual[0], most.min(self.allowed[1])];
+        Self { usual, ..self }
+    }
+
+    /// Judges a `value` that the scene gives at `field`; `what` says in words of what the value is, or is empty.
+    ///
+    /// # Errors
+    /// [`SceneError::Value`] for a value beyond the allowed range.
+    pub(crate) fn judge(
+        &self,
+        source: &Source,
+        field: &str,
+        what: &str,
+        value: f64,
+    ) -> Result<Option<Warning>, SceneError> {
+        let within = |[low, high]: [f64; 2]| low <= value && value <= high;
+        if within(self.usual) {
+            return Ok(None);
+        }
+        let advice = if value < self.usual[0] {
+            self.small
+        } else {
+            self.large
+        };
+        let words = |range: [f64; 2]| in_words(range, self.unit);
+        let found = format!("{}{what}", with_unit(value, self.unit));
+        if !within(self.allowed) {
+            let allowed = format!("{}; {advice}", words(self.allowed));
+            return Err(source.error(field, found, allowed));
+        }
+        Ok(Some(Warning {
+            place: source.place(field),
+            found,
+            usual: words(self.usual),
+            advice: advice.to_owned(),
+        }))
+    }
+}
+
+/// A number as a user would write it: plain, or with an exponent where it is long.
+fn number(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-3..1e5).contains(&size) {
+        // Six digits: sums and norms carry rounding errors.
+        let digits = if size == 0.0 {
+            0
+        } else {
+            (5.0 - size.log10().floor()).max(0.0) as usize
+        };
+        let text = format!("{value:.digits$}");
+        if text.contains('.') {
+            return text.trim_end_matches('0').trim_end_matches('.').to_owned();
+        }
+        return text;
+    }
+    let text = format!("{value:.5e}");
+    match text.split_once('e') {
+        Some((digits, exponent)) => {
+            let digits = digits.trim_end_matches('0').trim_end_matches('.');
+            format!("{digits}e{exponent}")
+        }
+        None => text,
+    }
+}
+
+fn with_unit(value: f64, unit: &str) -> String {
+    let text = format!("{} {unit}", number(value));
+    text.trim_end().to_owned()
+}
+
+/// A range in words.
+fn in_words([low, high]: [f64; 2], unit: &str) -> String {
+    if high.is_infinite() {
+        return format!("{} or above", with_unit(low, unit));
+    }
+    if low <= 0.0 {
+        return format!("up to {}", with_unit(high, unit));
+    }
+    format!("{} to {}", number(low), with_unit(high, unit))
+}
+
+/// The longest side of a mesh from a file, after `mesh.scale`.
+pub(crate) const EXTENT_OF_FILE: Quantity = Quantity {
+    unit: "m",
+    usual: [1e-3, 3.0],
+    allowed: [1e-6, 20.0],
+    small: "is the mesh in metres already? leave out mesh.scale",
+    large: "is the mesh in millimetres? set mesh.scale = 0.001",
+};
+/// The longest side of a built-in mesh.
+pub(crate) const EXTENT: Quantity = Quantity {
+    small: "lengths are in metres: 1 mm is 0.001",
+    large: "is it in millimetres? lengths are in metres: 1 mm is 0.001",
+    ..EXTENT_OF_FILE
+};
+const POSITION: Quantity = Quantity {
+    unit: "m",
+    usual: [0.0, 10.0],
+    allowed: [0.0, 1e3],
+    small: "",
+    large: "is it in millimetres? positions are in metres",
+};
+const DISPLACEMENT: Quantity = Quantity {
+    usual: [0.0, 1.0],
+    allowed: [0.0, 20.0],
+    large: "is it in millimetres? displacements are in metres",
+    ..POSITION
+};
+const GRAVITY: Quantity = Quantity {
+    unit: "m/s2",
+    usual: [0.0, 30.0],
+    allowed: [0.0, 1e3],
+    small: "",
+    large: "is it in mm/s2? gravity on earth is 9.81 m/s2",
+};
+const YOUNG_OF_SOLID: Quantity = Quantity {
+    unit: "Pa",
+    usual: [100.0, 1e9],
+    allowed: [1e-3, 1e13],
+    small: "is it in kPa or MPa? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
+    large: "is the exponent right? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
+};
+const YOUNG_OF_SHEET: Quantity = Quantity {
+    usual: [1e3, 1e10],
+    small: "is it in kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa",
+    large: "is the exponent right? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa",
+    ..YOUNG_OF_SOLID
+};
+const YOUNG_OF_THREAD: Quantity = Quantity {
+    usual: [1e3, 3e11],
+    small: "is it in kPa, MPa or GPa? rubber has 1e6 to 1e8 Pa, nylon 3e9 Pa, steel 2e11 Pa",
+    large: "is the exponent right? nylon has 3e9 Pa, steel 2e11 Pa",
+    ..YOUNG_OF_SOLID
+};
+const DENSITY: Quantity = Quantity {
+    unit: "kg/m3",
+    usual: [5.0, 2.5e4],
+    allowed: [1e-3, 1e6],
+    small: "is it in g/cm3? 1 g/cm3 is 1000 kg/m3",
+    large: "is it in g/m3? water has 1000 kg/m3, lead 11300 kg/m3",
+};
+const THICKNESS: Quantity = Quantity {
+    unit: "m",
+    usual: [1e-6, 0.05],
+    allowed: [1e-9, 10.0],
+    small: "1 mm is 0.001 m",
+    large: "is it in millimetres? 1 mm is 0.001 m",
+};
+const AREA: Quantity = Quantity {
+    unit: "m2",
+    usual: [1e-12, 1e-2],
+    allowed: [1e-18, 100.0],
+    small: "1 mm2 is 1e-6 m2",
+    large: "is it in mm2? 1 mm2 is 1e-6 m2",
+};
+const MOTION_SCALE: Quantity = Quantity {
+    unit: "",
+    usual: [0.01, 100.0],
+    allowed: [1e-6, 1e6],
+    small: "it is metres in the scene per metre of the device",
+    large: "it is metres in the scene per metre of the device",
+};
+const MAX_SPEED: Quantity = Quantity {
+    unit: "m/s",
+    usual: [0.01, 20.0],
+    allowed: [0.0, f64::INFINITY],
+    small: "a hand that explores moves at 0.1 to 0.5 m/s",
+    large: "is it in mm/s? a hand moves at up to 5 m/s",
+};
+const MAX_REACH: Quantity = Quantity {
+    unit: "m",
+    usual: [1e-3, 3.0],
+    allowed: [0.0, f64::INFINITY],
+    small: "the force fades beyond it, so the device would feel next to nothing",
+    large: "is it in millimetres? it is in metres",
+};
+/// The distance of a hand's aim from its start. The usual range ends at the workspace of the device.
+const REACH: Quantity = Quantity {
+    unit: "m",
+    usual: [0.0, 2.0],
+    allowed: [0.0, 2.0],
+    small: "",
+    large: "is it in millimetres? motions of hands are in metres of the device",
+};
+/// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
+pub(crate) const START: Quantity = Quantity {
+    unit: "m",
+    usual: [0.0, 2.0],
+    allowed: [0.0, f64::INFINITY],
+    small: "",
+    large: "set device.mounting.origin such that the handle lies in the workspace of its device, or leave it out",
+};
+const ARM_MASS: Quantity = Quantity {
+    unit: "kg",
+    usual: [0.01, 10.0],
+    allowed: [1e-6, 1e3],
+    small: "the relaxed grip has 0.1 kg",
+    large: "is it in grams? the grips have 0.1 to 2 kg",
+};
+const ARM_STIFFNESS: Quantity = Quantity {
+    unit: "N/m",
+    usual: [0.0, 1e5],
+    allowed: [0.0, 1e9],
+    small: "",
+    large: "the rigid grip has 2000 N/m",
+};
+const ARM_DAMPING: Quantity = Quantity {
+    unit: "N s/m",
+    usual: [0.0, 1e3],
+    allowed: [0.0, 1e7],
+    small: "",
+    large: "the rigid grip has 60 N s/m",
+};
+const TREMOR: Quantity = Quantity {
+    unit: "m",
+    usual: [0.0, 5e-3],
+    allowed: [0.0, 0.5],
+    small: "",
+    large: "is it in millimetres? a steady hand has 1e-4 m",
+};
+const TASK_SPEED: Quantity = Quantity {
+    unit: "m/s",
+    usual: [1e-4, 5.0],
+    allowed: [0.0, f64::INFINITY],
+    small: "a hand that explores moves at 0.05 to 0.5 m/s",
+    large: "is it in mm/s? a hand that explores moves at 0.05 to 0.5 m/s",
+};
+/// A number of a device file: its name, its value in a model, and its ranges.
+type DeviceNumber = (&'static str, fn(&DeviceModel) -> f64, Quantity);
+
+/// The numbers of a device file, with the ranges of the devices that are sold.
+const DEVICE: [DeviceNumber; 7] = [
+    (
+        "position_step",
+        |model| model.position_step,
+        Quantity {
+            unit: "m",
+            usual: [1e-8, 1e-3],
+            allowed: [1e-12, 5e-3],
+            small: "haptic devices count 1e-6 to 1e-4 m",
+            large: "is it in millimetres? haptic devices count 1e-6 to 1e-4 m",
+        },
+    ),
+    (
+        "mass",
+        |model| model.mass,
+        Quantity {
+            unit: "kg",
+            usual: [5e-3, 20.0],
+            allowed: [1e-6, 1e3],
+            small: "the handle of a haptic device moves with 0.01 to 2 kg",
+            large: "is it in grams? the handle of a haptic device moves with 0.01 to 2 kg",
+        },
+    ),
+    (
+        "damping",
+        |model| model.damping,
+        Quantity {
+            unit: "N s/m",
+            usual: [0.0, 100.0],
+            allowed: [0.0, 1e6],
+            small: "",
+            large: "haptic devices have up to 5 N s/m",
+        },
+    ),
+    (
+        "friction",
+        |model| model.friction,
+        Quantity {
+            unit: "N",
+            usual: [0.0, 20.0],
+            allowed: [0.0, 1e6],
+            small: "",
+            large: "haptic devices have up to 2 N",
+        },
+    ),
+    (
+        "max_force",
+        |model| model.max_force,
+        Quantity {
+            unit: "N",
+            usual: [0.1, 300.0],
+            allowed: [1e-6, 1e6],
+            small: "haptic devices exert 1 to 100 N",
+            large: "haptic devices exert 1 to 100 N",
+        },
+    ),
+    (
+        "workspace_radius",
+        |model| model.workspace_radius,
+        Quantity {
+            unit: "m",
+            usual: [5e-3, 2.0],
+            allowed: [1e-4, 20.0],
+            small: "haptic devices move by 0.02 to 0.5 m",
+            large: "is it in millimetres? haptic devices move by 0.02 to 0.5 m",
+        },
+    ),
+    (
+        "driver_stiffness",
+        |model| model.driver_stiffness,
+        Quantity {
+            unit: "N/m",
+            usual: [10.0, 1e5],
+            allowed: [1e-3, 1e6],
+            small: "is it in N/mm? 1 N/mm is 1000 N/m",
+            large: "drivers recommend 300 to 20000 N/m",
+        },
+    ),
+];
+
+/// The quantity of a material that a field of the mesh or the scene gives by `name`; `None` for a quantity that has a
+/// strict range of its own.
+pub(crate) fn of_material(body: &Body, name: &str) -> Option<&'static Quantity> {
+    // Threads alone have a cross-section, and sheets alone a thickness: the material was checked, or will be.
+    let material = &body.material;
+    Some(match name {
+        "young" if material.area.is_some() => &YOUNG_OF_THREAD,
+        "young" if material.thickness.is_some() => &YOUNG_OF_SHEET,
+        "young" => &YOUNG_OF_SOLID,
+        "density" => &DENSITY,
+        "thickness" => &THICKNESS,
+        "area" => &AREA,
+        _ => return None,
+    })
+}
+
+/// Collects the warnings of a file; refuses at the first impossible value.
+struct Judge<'a> {
+    source: &'a Source,
+    warnings: Vec<Warning>,
+}
+
+type Check = Result<(), SceneError>;
+
+impl Judge<'_> {
+    fn see(&mut self, quantity: &Quantity, field: &str, value: f64) -> Check {
+        self.describe(quantity, field, "", value)
+    }
+
+    fn given(&mut self, quantity: &Quantity, field: &str, value: Option<f64>) -> Check {
+        value.map_or(Ok(()), |value| self.see(quantity, field, value))
+    }
+
+    fn describe(&mut self, quantity: &Quantity, field: &str, what: &str, value: f64) -> Check {
+        let warning = quantity.judge(self.source, field, what, value)?;
+        self.warnings.extend(warning);
+        Ok(())
+    }
+
+    fn body(&mut self, at: &str, body: &Body) -> Check {
+        self.see(&POSITION, &format!("{at}.position"), norm(body.position))?;
+        let material = &body.material;
+        let materials = [(
+            format!("{at}.material"),
+            [
+                ("young", Some(material.young)),
+                ("density", Some(material.density)),
+                ("thickness", material.thickness),
+                ("area", material.area),
+            ],
+        )];
+        let regions = body.regions.iter().enumerate().map(|(number, region)| {
+            (
+                format!("{at}.region[{number}]"),
+                [
+                    ("young", region.young),
+                    ("density", region.density),
+                    ("thickness", region.thickness),
+                    ("area", region.area),
+                ],
+            )
+        });
+        for (at, values) in materials.into_iter().chain(regions) {
+            for (name, value) in values {
+                if let Some(quantity) = of_material(body, name) {
+                    self.given(quantity, &format!("{at}.{name}"), value)?;
+                }
+            }
+        }
+        if let (Some(weave), Some(young)) = (material.weave, of_material(body, "young")) {
+            let at = format!("{at}.material.weave");
+            self.see(young, &format!("{at}.young_weft"), weave.young_weft)?;
+        }
+        for (number, support) in body.supports.iter().enumerate() {
+            let field = format!("{at}.support[{number}].displacement");
+            self.see(&DISPLACEMENT, &field, norm(support.displacement))?;
+        }
+        Ok(())
+    }
+
+    fn device(
+        &mut self,
+        at: &str,
+        device: &Device,
+        model: &DeviceModel,
+        recording: Option<&[Sample]>,
+    ) -> Check {
+        self.see(
+            &MOTION_SCALE,
+            &format!("{at}.motion_scale"),
+            device.motion_scale,
+        )?;
+        let origin = device.mounting.origin.map(norm);
+        self.given(&POSITION, &format!("{at}.mounting.origin"), origin)?;
+        self.given(&MAX_SPEED, &format!("{at}.max_speed"), device.max_speed)?;
+        self.given(&MAX_REACH, &format!("{at}.max_reach"), device.max_reach)?;
+        match &device.hand {
+            Some(hand) => {
+                // A box says no more of a motion's length than its diagonal.
+                let diagonal =
+                    |[low, high]: [[f64; 3]; 2]| (Vec3::from(high) - Vec3::from(low)).norm();
+                let reach = device.workspace.map_or(model.workspace_radius, diagonal);
+                self.hand(&format!("{at}.hand"), hand, reach, recording)
+            }
+            None => Ok(()),
+        }
+    }
+
+    fn hand(&mut self, at: &str, hand: &Hand, reach: f64, recording: Option<&[Sample]>) -> Check {
+        let field = |name: &str| format!("{at}.{name}");
+        self.given(&ARM_MASS, &field("mass"), hand.mass)?;
+        self.given(&ARM_STIFFNESS, &field("stiffness"), hand.stiffness)?;
+        self.given(&ARM_DAMPING, &field("damping"), hand.damping)?;
+        self.see(&TREMOR, &field("tremor"), hand.tremor)?;
+        self.given(&TASK_SPEED, &field("speed"), hand.speed)?;
+        let reach = REACH.up_to(reach);
+        let from = " from the start of the hand";
+        for (name, distance) in [("depth", hand.depth), ("width", hand.width)] {
+            if let Some(distance) = distance {
+                self.describe(&reach, &field(name), from, distance)?;
+            }
+        }
+        let rows = hand.waypoints.iter().enumerate();
+        let farthest = rows.map(|(row, [_, x, y, z])| (row, norm([*x, *y, *z])));
+        if let Some((row, distance)) = farthest.max_by(|a, b| a.1.total_cmp(&b.1)) {
+            self.describe(&reach, &field(&format!("waypoints[{row}]")), from, distance)?;
+        }
+        for (number, sine) in hand.sines.iter().enumerate() {
+            let field = field(&format!("sines[{number}].amplitude"));
+            self.describe(&reach, &field, from, norm(sine.amplitude))?;
+        }
+        let samples = recording.unwrap_or_default().iter();
+        let farthest = samples.map(|(time, position)| (*time, norm(*position)));
+        if let Some((time, distance)) = farthest.max_by(|a, b| a.1.total_cmp(&b.1)) {
+            let what = format!("{from}, at time {}", with_unit(time, "s"));
+            self.describe(&reach, &field("recording"), &what, distance)?;
+        }
+        Ok(())
+    }
+}
+
+fn norm([x, y, z]: [f64; 3]) -> f64 {
+    x.hypot(y).hypot(z)
+}
+
+/// The warnings about the fields of a scene. Those that need a mesh are in [`crate::bodies::warnings`].
+///
+/// # Errors
+/// [`SceneError::Value`] for the first value that no scene can mean.
+pub(super) fn check(
+    scene: &Scene,
+    source: &Source,
+    models: &[DeviceModel],
+    recordings: &[Option<Vec<Sample>>],
+) -> Result<Vec<Warning>, SceneError> {
+    let mut judge = Judge {
+        source,
+        warnings: Vec::new(),
+    };
+    judge.see(&GRAVITY, "gravity", norm(scene.gravity))?;
+    for (index, body) in scene.bodies.iter().enumerate() {
+        judge.body(&format!("body[{index}]"), body)?;
+    }
+    let devices = scene.devices.iter().zip(models).zip(recordings).enumerate();
+    for (index, ((device, model), recording)) in devices {
+        judge.device(
+            &format!("device[{index}]"),
+            device,
+            model,
+            recording.as_deref(),
+        )?;
+    }
+    Ok(judge.warnings)
+}
+
+/// The warnings about a device file, with its lines.
+///
+/// # Errors
+/// [`SceneError::Value`] for the first value that no device has.
+pub(super) fn check_device_file(
+    source: &Source,
+    model: &DeviceModel,
+) -> Result<Vec<Warning>, SceneError> {
+    let mut judge = Judge {
+        source,
+        warnings: Vec::new(),
+    };
+    for (field, value, quantity) in DEVICE {
+        judge.see(&quantity, field, value(model))?;
+    }
+    Ok(judge.warnings)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_written_as_users_write_them() {
+        for (value, text) in [
+            (0.0, "0"),
+            (80.0, "80"),
+            (0.001, "0.001"),
+            (5e9, "5e9"),
+            (1.5e-7, "1.5e-7"),
+            (0.1 + 0.2, "0.3"),
+            (-3.25, "-3.25"),
+            (99_999.0, "99999"),
+            (1e5, "1e5"),
+            (12.012_345_678, "12.0123"),
+        ] {
+            assert_eq!(number(value), text);
+        }
+    }
+
+    #[test]
+    fn the_allowed_range_contains_the_usual_one_and_each_side_has_advice() {
+        let others = [
+            EXTENT_OF_FILE,
+            EXTENT,
+            POSITION,
+            DISPLACEMENT,
+            GRAVITY,
+            YOUNG_OF_SOLID,
+            YOUNG_OF_SHEET,
+            YOUNG_OF_THREAD,
+            DENSITY,
+            THICKNESS,
+            AREA,
+            MOTION_SCALE,
+            MAX_SPEED,
+            MAX_REACH,
+            REACH,
+            START,
+            ARM_MASS,
+            ARM_STIFFNESS,
+            ARM_DAMPING,
+            TREMOR,
+            TASK_SPEED,
+        ];
+        for quantity in DEVICE
+            .map(|(_, _, quantity)| quantity)
+            .iter()
+            .chain(&others)
+        {
+            let Quantity { usual, allowed, .. } = quantity;
+            assert!(
+                allowed[0] <= usual[0] && usual[0] < usual[1] && usual[1] <= allowed[1],
+                "{quantity:?}"
+            );
+            assert!(!quantity.large.is_empty(), "{quantity:?}");
+            assert_eq!(quantity.small.is_empty(), usual[0] == 0.0, "{quantity:?}");
+        }
+    }
+
+    #[test]
+    fn every_built_in_device_is_usual() {
+        let source = Source {
+            name: "built in".to_owned(),
+            text: String::new(),
+        };
+        for (name, model) in DeviceModel::all() {
+            assert_eq!(check_device_file(&source, &model).unwrap(), [], "{name}");
+        }
+    }
+}

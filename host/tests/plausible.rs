@@ -1,0 +1,399 @@
+//! Values that no scene can mean are refused; values that few scenes mean are warned of. Each message in full.
+
+use host::bodies;
+use host::run::{Clock, RunOptions, run};
+use host::scene::Scene;
+use sim::models::FILES;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A scene without a warning. Each case changes one piece of it.
+const BASE: &str = r#"name = "base"
+gravity = [0, 0, -9.81]
+
+[[body]]
+name = "organ"
+mesh = { file = "organ.obj" }
+material = { young = 2e4, poisson = 0.4, thickness = 0.002, density = 1000 }
+
+[[body.handle]]
+name = "grip"
+box = [[-1, -1, -1], [0.001, 1, 1]]
+device = "hand"
+
+[[device]]
+name = "hand"
+model = "mine.toml"
+hand = { task = "tap", direction = [0, 0, -1] }
+"#;
+
+/// A patch of 80 mm by 40 mm, in metres.
+const ORGAN: &str = "v 0 0 0\nv 0.08 0 0\nv 0.08 0.04 0\nv 0 0.04 0\nf 1 2 3\nf 1 3 4\n";
+
+/// The same in millimetres.
+const IN_MILLIMETRES: &str = "v 0 0 0\nv 80 0 0\nv 80 40 0\nv 0 40 0\nf 1 2 3\nf 1 3 4\n";
+
+/// The error of a scene, or else its warnings, one a line.
+fn judged(text: &str, files: &[(&str, &str)]) -> String {
+    let mut all = BTreeMap::from([
+        ("organ.obj".to_owned(), ORGAN.as_bytes().to_vec()),
+        ("mine.toml".to_owned(), FILES[1].1.as_bytes().to_vec()),
+    ]);
+    let given = files.iter();
+    all.extend(given.map(|(name, text)| ((*name).to_owned(), text.as_bytes().to_vec())));
+    let loaded = match Scene::load_texts("x.toml", text, &all) {
+        Ok(loaded) => loaded,
+        Err(error) => return format!("error {error}"),
+    };
+    for index in 0..loaded.scene.bodies.len() {
+        if let Err(error) = bodies::build(&loaded, index) {
+            return format!("error {error}");
+        }
+    }
+    let warnings = bodies::warnings(&loaded);
+    let lines: Vec<_> = warnings.iter().map(ToString::to_string).collect();
+    lines.join("\n")
+}
+
+/// Checks cases of a piece of [`BASE`], its replacement and the resulting message.
+fn check(cases: &[(&str, &str, &str)]) {
+    let mut wrong = Vec::new();
+    for (piece, instead, expected) in cases {
+        assert_eq!(BASE.matches(piece).count(), 1, "{piece:?} is not one place");
+        let found = judged(&BASE.replace(piece, instead), &[]);
+        if found != *expected {
+            wrong.push(format!("{instead}\n  is  {found}\n  not {expected}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn the_base_scene_has_no_warning() {
+    assert_eq!(judged(BASE, &[]), "");
+}
+
+/// The scenes under `folder`, and in the folders in it.
+fn scenes(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            scenes(&path, found);
+        } else if path.extension().is_some_and(|ending| ending == "toml") {
+            found.push(path);
+        }
+    }
+}
+
+#[test]
+fn no_shipped_scene_has_a_warning() {
+    let mut paths = Vec::new();
+    scenes(
+        Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes")),
+        &mut paths,
+    );
+    assert!(paths.len() >= 13, "{paths:?}");
+    for path in paths {
+        let loaded = Scene::load(&path).unwrap();
+        assert_eq!(bodies::warnings(&loaded), [], "{}", path.display());
+    }
+}
+
+#[test]
+fn a_mesh_in_millimetres_is_refused_and_scaled_it_is_usual() {
+    let millimetres = [("organ.obj", IN_MILLIMETRES)];
+    assert_eq!(
+        judged(BASE, &millimetres),
+        "error x.toml:6: body[0].mesh.file: found 80 m along the longest side of the mesh, allowed: 1e-6 to 20 m; is \
+         the mesh in millimetres? set mesh.scale = 0.001"
+    );
+    let scaled = BASE.replace("\"organ.obj\" }", "\"organ.obj\", scale = 0.001 }");
+    assert_eq!(judged(&scaled, &millimetres), "");
+    // A small part in millimetres may be as large as a room.
+    let part = [("organ.obj", &*IN_MILLIMETRES.replace("80", "8"))];
+    let handle = BASE.replace("[0.001, 1, 1]", "[0.001, 100, 1]");
+    let large = judged(&handle, &[(part[0].0, &part[0].1.replace("40", "4"))]);
+    assert_eq!(
+        large,
+        "x.toml:6: body[0].mesh.file: found 8 m along the longest side of the mesh, usual: 0.001 to 3 m; is the mesh \
+         in millimetres? set mesh.scale = 0.001"
+    );
+    // A mesh in metres that is scaled all the same.
+    assert_eq!(
+        judged(&scaled, &[]),
+        "x.toml:6: body[0].mesh.scale: found 8e-5 m along the longest side of the mesh, usual: 0.001 to 3 m; is the \
+         mesh in metres already? leave out mesh.scale"
+    );
+}
+
+#[test]
+fn bodies_out_of_range_are_named_with_the_likely_cause() {
+    check(&[
+        (
+            "mesh = { file = \"organ.obj\" }",
+            "mesh.sheet = { length = 100, width = 60, cells = [2, 2] }",
+            "error x.toml:6: body[0].mesh: found 100 m along the longest side of the mesh, allowed: 1e-6 to 20 m; is it \
+             in millimetres? lengths are in metres: 1 mm is 0.001",
+        ),
+        (
+            "young = 2e4",
+            "young = 2e14",
+            "error x.toml:7: body[0].material.young: found 2e14 Pa, allowed: 0.001 to 1e13 Pa; is the exponent right? \
+             rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa",
+        ),
+        (
+            "young = 2e4",
+            "young = 5e10",
+            "x.toml:7: body[0].material.young: found 5e10 Pa, usual: 1000 to 1e10 Pa; is the exponent right? rubber has \
+             1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa",
+        ),
+        (
+            "mesh = { file = \"organ.obj\" }\nmaterial = { young = 2e4, poisson = 0.4, thickness = 0.002, density = 1000 }",
+            "mesh.box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1] }\n\
+             material = { young = 5e9, poisson = 0.4, density = 1000 }",
+            "x.toml:7: body[0].material.young: found 5e9 Pa, usual: 100 to 1e9 Pa; is the exponent right? tissue has \
+             1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
+        ),
+        (
+            "density = 1000",
+            "density = 1.06",
+            "x.toml:7: body[0].material.density: found 1.06 kg/m3, usual: 5 to 25000 kg/m3; is it in g/cm3? 1 g/cm3 is \
+             1000 kg/m3",
+        ),
+        (
+            "thickness = 0.002",
+            "thickness = 2",
+            "x.toml:7: body[0].material.thickness: found 2 m, usual: 1e-6 to 0.05 m; is it in millimetres? 1 mm is 0.001 \
+             m",
+        ),
+        (
+            "-9.81]",
+            "-9810]",
+            "error x.toml:2: gravity: found 9810 m/s2, allowed: up to 1000 m/s2; is it in mm/s2? gravity on earth is \
+             9.81 m/s2",
+        ),
+        (
+            "[[body.handle]]",
+            "position = [0, 0, -2500]\n[[body.handle]]",
+            "error x.toml:9: body[0].position: found 2500 m, allowed: up to 1000 m; is it in millimetres? positions are in \
+             metres",
+        ),
+        (
+            "[[body.handle]]",
+            "[[body.region]]\nbox = [[-1, -1, -1], [1, 1, 1]]\ndensity = 1e7\n[[body.handle]]",
+            "error x.toml:11: body[0].region[0].density: found 1e7 kg/m3, allowed: 0.001 to 1e6 kg/m3; is it in g/m3? \
+             water has 1000 kg/m3, lead 11300 kg/m3",
+        ),
+    ]);
+}
+
+#[test]
+fn devices_and_hands_out_of_range_are_named_with_the_likely_cause() {
+    check(&[
+        (
+            "direction = [0, 0, -1] }",
+            "direction = [0, 0, -1], depth = 10 }",
+            "error x.toml:17: device[0].hand.depth: found 10 m from the start of the hand, allowed: up to 2 m; is it in \
+             millimetres? motions of hands are in metres of the device",
+        ),
+        (
+            "direction = [0, 0, -1] }",
+            "direction = [0, 0, -1], depth = 0.4 }",
+            "x.toml:17: device[0].hand.depth: found 0.4 m from the start of the hand, usual: up to 0.075 m; is it in \
+             millimetres? motions of hands are in metres of the device",
+        ),
+        (
+            "direction = [0, 0, -1] }",
+            "direction = [0, 0, -1], waypoints = [[0, 0, 0, 0], [1, 0.3, 0.4, 0]], mass = 300 }",
+            "x.toml:17: device[0].hand.mass: found 300 kg, usual: 0.01 to 10 kg; is it in grams? the grips have 0.1 to 2 \
+             kg\n\
+             x.toml:17: device[0].hand.waypoints[1]: found 0.5 m from the start of the hand, usual: up to 0.075 m; is it \
+             in millimetres? motions of hands are in metres of the device",
+        ),
+        (
+            "model = \"mine.toml\"",
+            "model = \"mine.toml\"\nmotion_scale = 1000",
+            "x.toml:17: device[0].motion_scale: found 1000, usual: 0.01 to 100; it is metres in the scene per metre of \
+             the device",
+        ),
+    ]);
+    let touch = FILES[1].1;
+    let file = |piece: &str, instead: &str| {
+        assert_eq!(
+            touch.matches(piece).count(),
+            1,
+            "{piece:?} is not one place"
+        );
+        judged(BASE, &[("mine.toml", &touch.replace(piece, instead))])
+    };
+    assert_eq!(
+        file("position_step = 0.055e-3", "position_step = 0.01"),
+        "error mine.toml:7: position_step: found 0.01 m, allowed: 1e-12 to 0.005 m; is it in millimetres? haptic devices \
+         count 1e-6 to 1e-4 m"
+    );
+    assert_eq!(
+        file("mass = 0.045 ", "mass = 45 "),
+        "mine.toml:4: mass: found 45 kg, usual: 0.005 to 20 kg; is it in grams? the handle of a haptic device moves with \
+         0.01 to 2 kg"
+    );
+}
+
+#[test]
+fn a_recording_in_millimetres_is_refused_or_warned_of() {
+    let text = BASE.replace(
+        "hand = { task = \"tap\", direction = [0, 0, -1] }",
+        "hand = { recording = \"hand.csv\" }",
+    );
+    let cases = [
+        (
+            "time,x,y,z\n0,0,0,0\n1.25,12,0,-5\n2,0,0,0\n",
+            "error x.toml:17: device[0].hand.recording: found 13 m from the start of the hand, at time 1.25 s, allowed: \
+             up to 2 m; is it in millimetres? motions of hands are in metres of the device",
+        ),
+        (
+            "time,x,y,z\n0,0,0,0\n1.25,0.404,0,0\n2,0,0,0\n",
+            "x.toml:17: device[0].hand.recording: found 0.404 m from the start of the hand, at time 1.25 s, usual: up to \
+             0.075 m; is it in millimetres? motions of hands are in metres of the device",
+        ),
+        ("time,x,y,z\n0,0,0,0\n1.25,0.012,0,-0.005\n2,0,0,0\n", ""),
+    ];
+    for (csv, expected) in cases {
+        assert_eq!(judged(&text, &[("hand.csv", csv)]), expected);
+    }
+}
+
+/// A block whose lower face is on a table, with the handles `handles`.
+fn block(rest: &str) -> String {
+    format!(
+        "name = 'block'\n[[body]]\nname = 'block'\n\
+         mesh.box = {{ size = [0.1, 0.1, 0.1], cells = [4, 4, 4] }}\n\
+         material = {{ young = 1e4, poisson = 0.4, density = 1000 }}\n\
+         [[body.support]]\nname = 'table'\ngroup = 'bottom'\n{rest}\n\
+         [[device]]\nname = 'a'\nmodel = 'touch'\nhand = {{}}\n\
+         [[device]]\nname = 'b'\nmodel = 'touch'\nhand = {{}}\n"
+    )
+}
+
+#[test]
+fn parts_that_share_vertices_are_named_with_their_number() {
+    let thumb = "[[body.handle]]\nname = 'thumb'\ngroup = 'left'\ndevice = 'a'\n";
+    let finger =
+        "[[body.handle]]\nname = 'finger'\nbox = [[-1, -1, 0.04], [1, 1, 1]]\ndevice = 'b'\n";
+    assert_eq!(
+        judged(&block(&format!("{thumb}{finger}")), &[]),
+        "error x.toml:13: body[0].handle[1]: found 5 of the 25 vertices of handle \"finger\" among the 25 of handle \
+         \"thumb\", too, allowed: vertices that nothing else holds: make the group or the box of one of the two smaller"
+    );
+    // A handle on a support takes its vertices from the support.
+    assert_eq!(
+        judged(&block(thumb), &[]),
+        "x.toml:9: body[0].handle[0]: found 5 of the 25 vertices of handle \"thumb\" in support \"table\", too, usual: \
+         none; the hand moves them and the support does not hold them: make the group or the box of one of the two \
+         smaller"
+    );
+    assert_eq!(judged(&block(finger), &[]), "");
+    // A support that slides may be a plane of symmetry: a handle may extend to it.
+    let sliding = block(thumb).replace("group = 'bottom'", "group = 'bottom'\naxes = ['z']");
+    assert_eq!(judged(&sliding, &[]), "");
+    // A support that turns is rigid, as a handle is.
+    let wrench = "[[body.support]]\nname = 'wrench'\ngroup = 'top'\nrotation = [0, 0, 1]\n";
+    let turned = judged(&block(&format!("{wrench}{thumb}")), &[]);
+    assert_eq!(
+        turned,
+        "error x.toml:9: body[0].support[1]: found 5 of the 25 vertices of support \"wrench\", which turns, among the 25 \
+         of handle \"thumb\", too, allowed: vertices that nothing else holds: make the group or the box of one of the two \
+         smaller"
+    );
+}
+
+#[test]
+fn bodies_in_each_other_are_named_and_placed_ones_are_not() {
+    let second = |position: &str, mesh: &str| {
+        block(&format!(
+            "[[body]]\nname = 'second'\nposition = {position}\n{mesh}\n\
+             [[body.handle]]\nname = 'h'\ngroup = 'right'\ndevice = 'a'\n"
+        ))
+    };
+    let solid = "mesh.box = { size = [0.1, 0.1, 0.1], cells = [2, 2, 2] }\n\
+                 material = { young = 1e4, poisson = 0.4, density = 1000 }";
+    let sheet = "mesh.sheet = { length = 0.1, width = 0.1, cells = [2, 2] }\n\
+                 material = { young = 1e6, poisson = 0.4, thickness = 0.001, density = 1000 }";
+    let warning = "x.toml:9: body[1]: found body \"second\" in the space of body \"block\": the boxes around them overlap, \
+                   usual: bodies beside each other; bodies do not feel each other, so they pass through each other: set \
+                   body[1].position";
+    for (position, mesh, expected) in [
+        ("[0, 0, 0]", solid, warning),
+        ("[0.09, 0.09, 0.09]", solid, warning),
+        ("[0.1, 0, 0]", solid, ""),
+        ("[0, 0, 0.1]", solid, ""),
+        ("[0, 0, 0]", sheet, warning),
+        ("[0, 0, 0.05]", sheet, ""),
+        ("[0, 0, 0.06]", sheet, ""),
+    ] {
+        assert_eq!(
+            judged(&second(position, mesh), &[]),
+            expected,
+            "{position} {mesh}"
+        );
+    }
+}
+
+#[test]
+fn a_run_that_missed_most_of_its_readings_has_failed() {
+    // A hand that moves 1.9 m in a tenth of a second: no hand can, so the readings are not used.
+    let text = BASE.replace(
+        "task = \"tap\", direction = [0, 0, -1]",
+        "grip = \"rigid\", waypoints = [[0, 0, 0, 0], [0.1, 1.9, 0, 0], [0.2, 0, 0, 0], [0.3, 1.9, 0, 0], [0.4, 0, 0, 0]]",
+    );
+    let files = BTreeMap::from([
+        ("organ.obj".to_owned(), ORGAN.as_bytes().to_vec()),
+        ("mine.toml".to_owned(), FILES[1].1.as_bytes().to_vec()),
+    ]);
+    let loaded = Scene::load_texts("x.toml", &text, &files).unwrap();
+    let mut options = RunOptions::new(Clock::Virtual);
+    options.duration = Some(0.4);
+    let summary = run(&loaded, &options, |_| ()).unwrap();
+    let missed = summary.devices[0].missed_reads;
+    assert!(missed > 200, "{missed}");
+    assert_eq!(
+        summary.failures,
+        [format!(
+            "device \"hand\" gave no usable reading in {missed} of 400 ticks: it was silent, or it moved as no hand can; \
+             are the motions of its hand in metres?"
+        )]
+    );
+    assert_eq!(summary.warnings.len(), 1, "{:?}", summary.warnings);
+    assert!(
+        summary
+            .to_string()
+            .contains("  FAILED     device \"hand\" gave no usable reading in ")
+    );
+}
+
+#[test]
+fn values_of_the_mesh_are_judged_as_those_of_the_scene() {
+    let mesh = |young: &str| {
+        format!(
+            "# vtk DataFile Version 3.0\npatch\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 4 double\n0 0 0 0.08 0 0 \
+             0.08 0.04 0 0 0.04 0\nCELLS 2 8\n3 0 1 2\n3 0 2 3\nCELL_TYPES 2\n5\n5\nCELL_DATA 2\nSCALARS stiffness \
+             double 1\nLOOKUP_TABLE default\n{young}\n"
+        )
+    };
+    let text = BASE.replace("organ.obj", "organ.vtk").replace(
+        "young = 2e4",
+        "young = 2e4, fields = { young = \"stiffness\" }",
+    );
+    let judged = |young: &str| judged(&text, &[("organ.vtk", &mesh(young))]);
+    assert_eq!(judged("2e4 3e4"), "");
+    assert_eq!(
+        judged("20 2e4"),
+        "x.toml:7: body[0].material.fields.young: found 20 Pa in element 0 of the mesh, usual: 1000 to 1e10 Pa; is it in \
+         kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa"
+    );
+    assert_eq!(
+        judged("2e4 1e20"),
+        "error x.toml:7: body[0].material.fields.young: found 1e20 Pa in element 1 of the mesh, allowed: 0.001 to 1e13 \
+         Pa; is the exponent right? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa"
+    );
+}
