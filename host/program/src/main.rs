@@ -171,7 +171,7 @@ fn execute(command: Option<Command>) -> u8 {
 fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
     let loaded = path.map_or_else(Scene::embedded_default, Scene::load)?;
     for warning in host::bodies::warnings(&loaded) {
-        eprintln!("palpate: warning: {warning}");
+        errln!("warning: {warning}");
     }
     Ok(loaded)
 }
