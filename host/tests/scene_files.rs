@@ -237,23 +237,23 @@ fn invalid_recordings_are_refused() {
     let cases = [
         (
             "",
-            "1: found 0 rows, allowed: the header time,x,y,z and at least two rows",
+            "1: found 0 rows, allowed: the header time,x,y,z and at least 2 rows",
         ),
         (
             "time,x,y,z\n0,0,0,0\n",
-            "2: found 1 rows, allowed: the header time,x,y,z and at least two rows",
+            "2: found 1 row, allowed: the header time,x,y,z and at least 2 rows",
         ),
         (
             "0,0,0,0\n",
-            "1: found 0,0,0,0, allowed: the header time,x,y,z",
+            "1: found 0,0,0,0, allowed: the header time,x,y,z, whose names are separated by commas",
         ),
         (
             "#\ntime,y,x,z\n",
-            "2: found time,y,x,z, allowed: the header time,x,y,z",
+            "2: found time,y,x,z, allowed: the header time,x,y,z, whose names are separated by commas",
         ),
         (
             "time,x,y,z\n0,0,0\n",
-            "2: found 3 columns, allowed: 4 columns: time,x,y,z",
+            "2: found 3 columns, allowed: 4 columns, time,x,y,z: numbers with decimal points, separated by commas",
         ),
         (
             "time,x,y,z\n0,0,0,nan\n",

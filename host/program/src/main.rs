@@ -86,7 +86,7 @@ enum CommandError {
     },
     #[error("the replay differs from the log")]
     Different,
-    #[error("ended by signal {0}, in order")]
+    #[error("{}; shut down cleanly", if *.0 == 2 { "interrupted" } else { "terminated" })]
     Signal(u8),
     #[error(
         "{0} needs a thread for the tick, which a run in virtual time does not have: found --clock virtual, \

@@ -75,7 +75,7 @@ fn select<P: Iterator<Item = Vec3>>(
     in_box: Option<Box3>,
     groups: &[Group],
     member: &str,
-    points: impl FnOnce() -> P,
+    points: impl Fn() -> P,
 ) -> Result<Vec<u32>, SceneError> {
     // The consistency of the scene was checked: either a group or a box is given.
     if let Some(name) = name {
@@ -90,10 +90,17 @@ fn select<P: Iterator<Item = Vec3>>(
         .collect();
     if members.is_empty() {
         let field = format!("{field}.box");
-        let allowed = format!("one around at least one {member}");
-        return Err(loaded
-            .source
-            .error(&field, "a box that holds nothing", allowed));
+        let found = format!("a box that contains no {member}");
+        let around = points().fold(None, |around: Option<(Vec3, Vec3)>, p| {
+            Some(around.map_or((p, p), |(low, high)| (low.inf(&p), high.sup(&p))))
+        });
+        // Metres to a tenth of a millimetre tell a unit and a place.
+        let corner = |p: Vec3| format!("[{:.4}, {:.4}, {:.4}]", p.x, p.y, p.z);
+        let allowed = around.map_or("a mesh with elements".to_owned(), |(low, high)| {
+            let around = format!("[{}, {}] m", corner(low), corner(high));
+            format!("a box that contains at least one; all lie in {around}")
+        });
+        return Err(loaded.source.error(&field, found, allowed));
     }
     Ok(members)
 }

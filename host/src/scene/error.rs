@@ -102,9 +102,15 @@ impl SceneError {
     /// The error for a text that is not TOML.
     pub(super) fn syntax(source: &Source, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start);
+        let problem = if is_mesh(&source.text) {
+            "found a mesh, allowed: a scene (TOML), which names the mesh in `mesh.file`".to_owned()
+        } else {
+            let message = cut(error.message(), LONGEST);
+            format!("not valid TOML: {message}; found {}", source.line_at(start))
+        };
         Self::Malformed {
             place: source.place_at("", start),
-            problem: format!("not valid TOML: {}", cut(error.message(), LONGEST)),
+            problem,
         }
     }
 
@@ -171,6 +177,14 @@ impl SceneError {
             allowed,
         }
     }
+}
+
+/// Whether a text begins as the mesh files do that this program reads.
+fn is_mesh(text: &str) -> bool {
+    let beginnings = ["$MeshFormat", "# vtk", "<?xml", "<VTKFile", "v "];
+    beginnings
+        .iter()
+        .any(|beginning| text.starts_with(beginning))
 }
 
 /// Serde's description of an expected value, with words in place of the names of Rust types.

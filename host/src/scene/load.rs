@@ -313,14 +313,23 @@ fn read(path: &Path) -> io::Result<String> {
     text_of(read_bytes(path)?)
 }
 
-/// A file's bytes as text.
+/// A file's bytes as text. The error names the likely kind of the file, or the place of the first byte that is no text.
 fn text_of(bytes: Vec<u8>) -> io::Result<String> {
-    // The wording of the standard library, where the library reads text itself.
-    String::from_utf8(bytes).map_err(|_| {
-        io::Error::new(
-            io::ErrorKind::InvalidData,
-            "stream did not contain valid UTF-8",
-        )
+    String::from_utf8(bytes).map_err(|error| {
+        let place = error.utf8_error().valid_up_to();
+        let bytes = error.as_bytes();
+        let problem = if bytes.starts_with(b"\x89MCAP") {
+            "this is a log, not a text; `palpate run --replay FILE` runs its ticks again".to_owned()
+        } else if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
+            "the text is in UTF-16; save it as UTF-8".to_owned()
+        } else {
+            let line = 1 + bytes.iter().take(place).filter(|&&b| b == b'\n').count();
+            let byte = bytes.get(place).copied().unwrap_or_default();
+            format!(
+                "line {line} has the byte 0x{byte:02X}, which is not UTF-8; save the text as UTF-8"
+            )
+        };
+        io::Error::new(io::ErrorKind::InvalidData, problem)
     })
 }
 

@@ -44,9 +44,12 @@ pub fn parse(text: &str, name: &str) -> Result<Vec<Sample>, SceneError> {
         name,
         line: text.lines().count().max(1),
     };
-    let found = format!("{} rows", samples.len());
+    let found = match samples.len() {
+        1 => "1 row".to_owned(),
+        rows => format!("{rows} rows"),
+    };
     let [first, .., end] = &samples[..] else {
-        return Err(last.wrong("", &found, "the header time,x,y,z and at least two rows"));
+        return Err(last.wrong("", &found, "the header time,x,y,z and at least 2 rows"));
     };
     let lasts = end.0 - first.0;
     if lasts > LONGEST {
@@ -81,13 +84,16 @@ impl Location<'_> {
         if line.split(',').map(str::trim).eq(COLUMNS) {
             return Ok(());
         }
-        Err(self.wrong("", line, "the header time,x,y,z"))
+        let allowed = "the header time,x,y,z, whose names are separated by commas";
+        Err(self.wrong("", line, allowed))
     }
 
     fn sample(self, line: &str, last: Option<&Sample>) -> Result<Sample, SceneError> {
         let columns = line.split(',').count();
         if columns != COLUMNS.len() {
-            return Err(self.wrong("", &format!("{columns} columns"), "4 columns: time,x,y,z"));
+            let found = format!("{columns} columns");
+            let allowed = "4 columns, time,x,y,z: numbers with decimal points, separated by commas";
+            return Err(self.wrong("", &found, allowed));
         }
         let mut row = [0.0; COLUMNS.len()];
         for ((value, text), column) in row.iter_mut().zip(line.split(',')).zip(COLUMNS) {

@@ -77,6 +77,14 @@ impl Source {
         }
     }
 
+    /// The line of the file that contains a byte, shortened if it is long.
+    pub(super) fn line_at(&self, byte: usize) -> String {
+        let start = byte.min(self.text.len());
+        let before = self.text.get(..start).unwrap_or_default();
+        let first = before.rfind('\n').map_or(0, |end| end + 1);
+        self.quote(first..self.text.len().min(first + 4 * QUOTED))
+    }
+
     /// The text of the file within `span`: its first line, shortened if it is long.
     pub(super) fn quote(&self, span: Range<usize>) -> String {
         quoted(self.text.get(span).unwrap_or_default())
