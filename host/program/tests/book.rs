@@ -1,0 +1,136 @@
+//! The book and the README do what they say: their scenes load, their commands run, their output is what the program
+//! prints.
+//!
+//! Every fenced block of TOML and of shell lines is checked, page by page, in a folder of the page's own that contains
+//! `host` (a link to the sources) and what the page itself writes. A comment before a block says what the block is:
+//!
+//! - `<!-- file: NAME -->`: a file of this name, which later blocks use;
+//! - `<!-- merged into SCENE -->`: fields of a scene; `palpate plan` must accept the scene that has them;
+//! - `<!-- merged into SCENE at PATH -->`: fields of the table at a path such as `body.0`;
+//! - `<!-- given: NAME = PATH -->`: the page assumes a copy of the file at this path of the sources;
+//! - `<!-- prints -->`: lines that the last command before the block prints, one after the other. Measured times may
+//!   differ, and `...` stands for any lines;
+//! - `<!-- ends with N -->`: the exit code of the block's last command;
+//! - `<!-- arguments only -->`: command lines that need what a test does not have. Their arguments are checked.
+//!
+//! Studies (`palpate bench`, `palpate stress`) take long. Their arguments alone are checked here; other tests run their
+//! quick forms. Lines of `cargo` and of scripts are checked for the targets and files that they name. A block of TOML
+//! without a comment, and a command of an unknown program, is an error.
+#![cfg(unix)]
+
+#[path = "book/markdown.rs"]
+mod markdown;
+#[path = "book/page.rs"]
+mod page;
+
+use markdown::Page;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The root of the repository.
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The pages of the book, and the READMEs.
+fn pages() -> Vec<PathBuf> {
+    let book = fs::read_dir(root().join("docs/src")).unwrap();
+    let mut pages: Vec<PathBuf> = book
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "md"))
+        .collect();
+    pages.sort();
+    pages.extend(["README.md", "CONTRIBUTING.md"].map(|name| root().join(name)));
+    pages
+}
+
+#[test]
+fn every_block_of_every_page_does_what_it_says() {
+    let mut faults = Vec::new();
+    for path in pages() {
+        let page = Page::read(&path);
+        // Pages with long commands of their own have tests of their own.
+        if !["tutorial.md", "jobs.md"].contains(&page.name.as_str()) {
+            faults.extend(page::check(&page, tempfile::tempdir().unwrap().path()));
+        }
+    }
+    assert!(faults.is_empty(), "{}", faults.join("\n\n"));
+}
+
+/// Checks a page of commands, and returns the folder in which they ran.
+fn job(name: &str) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let faults = page::check(&Page::read(&root().join("docs/src").join(name)), folder.path());
+    assert!(faults.is_empty(), "{}", faults.join("\n\n"));
+    folder
+}
+
+/// The columns of a CSV file by name. Lines that begin with `#` are comments.
+fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines().filter(|line| !line.starts_with('#'));
+    let names = lines.next().unwrap().split(',');
+    let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name.to_owned(), vec![])).collect();
+    for line in lines {
+        for (column, value) in columns.iter_mut().zip(line.split(',')) {
+            column.1.push(value.parse().unwrap_or(f64::NAN));
+        }
+    }
+    columns
+}
+
+/// GitHub and mdBook read the same formulas: `$` and `$$` in pairs, without a backslash before punctuation, which one
+/// of the two takes for an escape.
+#[test]
+fn formulas_are_written_as_every_renderer_reads_them() {
+    let mut formulas = 0;
+    for path in pages() {
+        let page = Page::read(&path);
+        let prose = page.prose();
+        assert_eq!(
+            prose.matches('$').count() % 2,
+            0,
+            "{}: a single $",
+            page.name
+        );
+        assert!(
+            !prose.contains("\\\\("),
+            "{}: \\\\( is read by mdBook alone",
+            page.name
+        );
+        for formula in prose.replace("$$", "$").split('$').skip(1).step_by(2) {
+            formulas += 1;
+            let escape = formula
+                .as_bytes()
+                .windows(2)
+                .find(|pair| pair[0] == b'\\' && !pair[1].is_ascii_alphabetic());
+            assert_eq!(escape, None, "{}: {formula}", page.name);
+            assert_eq!(
+                formula.trim(),
+                formula,
+                "{}: blanks inside ${formula}$",
+                page.name
+            );
+        }
+    }
+    assert!(formulas > 100, "only {formulas} formulas were found");
+}
+
+/// Links inside the repository lead to files that exist.
+#[test]
+fn links_lead_somewhere() {
+    let mut links = 0;
+    for path in pages() {
+        let page = Page::read(&path);
+        for link in page.prose().split("](").skip(1) {
+            let target = link.split([')', '#']).next().unwrap_or_default();
+            if target.is_empty() || target.contains("://") {
+                continue;
+            }
+            links += 1;
+            let file = path.parent().unwrap().join(target);
+            assert!(file.exists(), "{}: {target}", page.name);
+        }
+    }
+    assert!(links > 20, "only {links} links were found");
+}

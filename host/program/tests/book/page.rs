@@ -1,0 +1,323 @@
+//! Checks the blocks of one page, in a folder that is the page's own.
+
+use super::markdown::{Kind, Page};
+use super::root;
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use toml::{Table, Value};
+
+/// Words after which a line is not the program's arguments any more.
+const ENDS: [char; 6] = ['\'', '|', '&', '#', '>', ';'];
+
+/// Checks all blocks of a page, and returns what is wrong. Files that the page writes are in `folder`.
+pub fn check(page: &Page, folder: &Path) -> Vec<String> {
+    for shared in ["host", "docs", "rt_core"] {
+        symlink(root().join(shared), folder.join(shared)).unwrap();
+    }
+    let mut state = State {
+        folder: folder.to_owned(),
+        printed: String::new(),
+    };
+    let mut comment = "";
+    let mut faults = Vec::new();
+    for part in &page.parts {
+        let result = match &part.kind {
+            Kind::Comment(text) => {
+                comment = text;
+                state.given(text)
+            }
+            Kind::Block(language, text) => {
+                state.block(std::mem::take(&mut comment), language, text)
+            }
+        };
+        if let Err(fault) = result {
+            faults.push(format!("{}:{}: {fault}", page.name, part.line));
+        }
+    }
+    faults
+}
+
+/// The state of a page while its blocks are checked in turn.
+struct State {
+    /// The folder in which the next line runs: `cd` changes it.
+    folder: PathBuf,
+    /// The output of the last command.
+    printed: String,
+}
+
+impl State {
+    /// Copies a file that the page assumes.
+    fn given(&self, comment: &str) -> Result<(), String> {
+        let Some((name, source)) = comment
+            .strip_prefix("given: ")
+            .and_then(|rest| rest.split_once(" = "))
+        else {
+            return Ok(());
+        };
+        fs::copy(root().join(source), self.folder.join(name))
+            .map(|_| ())
+            .map_err(|error| format!("{source}: {error}"))
+    }
+
+    fn block(&mut self, comment: &str, language: &str, text: &str) -> Result<(), String> {
+        if let Some(name) = comment.strip_prefix("file: ") {
+            let path = self.folder.join(name);
+            return fs::write(&path, text).map_err(|error| format!("{name}: {error}"));
+        }
+        if let Some(scene) = comment.strip_prefix("merged into ") {
+            return self.merged(scene, text);
+        }
+        if comment == "prints" {
+            return prints(&self.printed, text);
+        }
+        match language {
+            "toml" => Err("a block of TOML needs a comment that says what it is".to_owned()),
+            "sh" => self.lines(comment, &text.replace("\\\n", " ")),
+            _ if text.starts_with("$ ") => self.session(text),
+            _ => Ok(()),
+        }
+    }
+
+    /// Merges fields into a scene of the sources or of the page, and loads the scene.
+    fn merged(&self, target: &str, text: &str) -> Result<(), String> {
+        let (name, path) = target.split_once(" at ").unwrap_or((target, ""));
+        let scene = [self.folder.join(name), root().join(name)]
+            .into_iter()
+            .find(|path| path.exists())
+            .ok_or_else(|| format!("{name} does not exist"))?;
+        let base = fs::read_to_string(&scene).map_err(|error| error.to_string())?;
+        let mut base: Value = Value::Table(parsed(&base)?);
+        let mut place = &mut base;
+        for step in path.split('.').filter(|step| !step.is_empty()) {
+            place = match step.parse::<usize>() {
+                Ok(index) => place.get_mut(index),
+                Err(_) => place.get_mut(step),
+            }
+            .ok_or_else(|| format!("{name} has no {path}"))?;
+        }
+        merge(place, Value::Table(parsed(text)?));
+        // Beside the original, so that the files it names are found.
+        let folder = tempfile::tempdir().unwrap();
+        for entry in fs::read_dir(scene.parent().unwrap()).unwrap().flatten() {
+            symlink(entry.path(), folder.path().join(entry.file_name())).unwrap();
+        }
+        let merged = folder.path().join("merged.toml");
+        fs::write(&merged, toml::to_string(&base).unwrap()).unwrap();
+        let has_devices = base.get("device").is_some();
+        let command = if has_devices { "plan" } else { "solve" };
+        ends_well(&run(
+            folder.path(),
+            &format!("palpate {command} merged.toml"),
+        ))
+        .map(|_| ())
+    }
+
+    /// The lines of a shell.
+    fn lines(&mut self, comment: &str, text: &str) -> Result<(), String> {
+        let code = comment
+            .strip_prefix("ends with ")
+            .map_or(0, |code| code.parse().unwrap());
+        let count = text.lines().count();
+        for (index, line) in (1..).zip(text.lines()) {
+            let code = if index == count { code } else { 0 };
+            self.line(line.trim(), comment == "arguments only", code)?;
+        }
+        Ok(())
+    }
+
+    /// One line of a shell, which must end with an exit code.
+    fn line(&mut self, line: &str, arguments_only: bool, code: i32) -> Result<(), String> {
+        let first = line.split_whitespace().next().unwrap_or("#");
+        let is_study = line.starts_with("palpate bench") || line.starts_with("palpate stress");
+        if first.starts_with('#') || first == "alias" {
+            return Ok(());
+        }
+        if arguments_only || is_study {
+            return self.arguments(line);
+        }
+        let own = line.split('#').next().unwrap_or_default().trim().strip_prefix("cargo run --release");
+        if let Some(arguments) = own.filter(|rest| rest.is_empty() || rest.starts_with(" -- ")) {
+            let call = format!("palpate {}", arguments.trim_start_matches(" -- "));
+            return self.line(&call, arguments_only, code);
+        }
+        if first == "cargo" {
+            return cargo(line);
+        }
+        if let Some(folder) = line.strip_prefix("cd ") {
+            self.folder.push(folder);
+            return Ok(());
+        }
+        if root().join(first).is_file() {
+            return Ok(());
+        }
+        match first {
+            "palpate" | "mkdir" | "cat" | "cp" | "sed" | "awk" => {
+                self.printed = ends_with(code, &run(&self.folder, line))
+                    .map_err(|fault| format!("{line}: {fault}"))?;
+                Ok(())
+            }
+            _ => Err(format!(
+                "{line}: {first} is not known to the test of the book"
+            )),
+        }
+    }
+
+    /// Checks the arguments of each call of the program in a line. The program checks them before `--help` has effect.
+    fn arguments(&self, line: &str) -> Result<(), String> {
+        for call in line.split("palpate ").skip(1) {
+            let call = call.split(" :::").next().unwrap_or_default();
+            let call = call.split(ENDS).next().unwrap_or_default();
+            let call = call.replace("$SLURM_ARRAY_TASK_ID", "1").replace("{}", "1");
+            ends_well(&run(&self.folder, &format!("palpate {call} --help")))
+                .map_err(|fault| format!("{line}: {fault}"))?;
+        }
+        Ok(())
+    }
+
+    /// A line after `$ ` and all that it prints. `...` stands for any lines.
+    fn session(&self, text: &str) -> Result<(), String> {
+        let (line, expected) = text.split_once('\n').unwrap_or((text, ""));
+        let output = run(&self.folder, line.trim_start_matches("$ "));
+        let both = [output.stdout, output.stderr].concat();
+        prints(&String::from_utf8_lossy(&both), expected)
+    }
+}
+
+fn parsed(text: &str) -> Result<Table, String> {
+    text.parse::<Table>().map_err(|error| error.to_string())
+}
+
+/// Puts the fields of `new` into `base`. Tables are merged; lists of tables are merged in their order.
+fn merge(base: &mut Value, new: Value) {
+    match (base, new) {
+        (Value::Table(base), Value::Table(new)) => {
+            for (key, value) in new {
+                match base.get_mut(&key) {
+                    Some(old) => merge(old, value),
+                    None => {
+                        base.insert(key, value);
+                    }
+                }
+            }
+        }
+        (Value::Array(base), Value::Array(new)) if new.iter().all(Value::is_table) => {
+            for (index, value) in new.into_iter().enumerate() {
+                match base.get_mut(index) {
+                    Some(old) => merge(old, value),
+                    None => base.push(value),
+                }
+            }
+        }
+        // A fragment may name one of a list as its table: `[device.mounting]` is that of the first device.
+        (Value::Array(base), new @ Value::Table(_)) if !base.is_empty() => merge(&mut base[0], new),
+        (base, new) => *base = new,
+    }
+}
+
+/// Runs a line in a shell that finds the program under its name.
+fn run(folder: &Path, line: &str) -> Output {
+    let program = Path::new(env!("CARGO_BIN_EXE_palpate")).parent().unwrap();
+    let path = std::env::var("PATH").unwrap_or_default();
+    Command::new("sh")
+        .args(["-c", line])
+        .env("PATH", format!("{}:{path}", program.display()))
+        .current_dir(folder)
+        .output()
+        .unwrap()
+}
+
+/// What a command printed, if it ended well.
+fn ends_well(output: &Output) -> Result<String, String> {
+    ends_with(0, output)
+}
+
+/// What a command printed, if it ended with this exit code.
+fn ends_with(code: i32, output: &Output) -> Result<String, String> {
+    let says = String::from_utf8_lossy(&output.stderr);
+    if output.status.code() == Some(code) {
+        Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+    } else {
+        Err(format!("{}: {}", output.status, says.trim()))
+    }
+}
+
+/// Checks that a line of `cargo` names targets that exist.
+fn cargo(line: &str) -> Result<(), String> {
+    let words: Vec<&str> = line
+        .split('#')
+        .next()
+        .unwrap_or_default()
+        .split_whitespace()
+        .collect();
+    let folders = [
+        "host/program",
+        "host",
+        "host/physics",
+        "host/study",
+        "rt_core",
+        "rt_core/runner",
+        "sim",
+        "tests",
+    ];
+    for pair in words.windows(2) {
+        let kind = match pair[0] {
+            "--example" => "examples",
+            "--bench" => "benches",
+            "--test" => "tests",
+            _ => continue,
+        };
+        let exists = |folder: &&str| {
+            let of = root().join(folder).join(kind).join(pair[1]);
+            of.with_extension("rs").is_file() || of.join("main.rs").is_file()
+        };
+        if !folders.iter().any(|folder| exists(&folder)) {
+            return Err(format!("{line}: there is no {} {}", &pair[0][2..], pair[1]));
+        }
+    }
+    Ok(())
+}
+
+/// Checks that a text contains the expected lines one after the other; `...` stands for any lines.
+fn prints(text: &str, expected: &str) -> Result<(), String> {
+    let lines: Vec<String> = text.lines().map(without_times).collect();
+    let mut at = 0;
+    let mut anywhere = true;
+    for line in expected.lines() {
+        let wanted = without_times(line);
+        if wanted.trim() == "..." {
+            anywhere = true;
+            continue;
+        }
+        let rest = lines.get(at..).unwrap_or_default();
+        let found = if anywhere {
+            rest.iter().position(|line| *line == wanted)
+        } else {
+            rest.first().filter(|line| **line == wanted).map(|_| 0)
+        };
+        let Some(found) = found else {
+            return Err(format!("expected the line\n{line}\nin\n{text}"));
+        };
+        at += found + 1;
+        anywhere = false;
+    }
+    Ok(())
+}
+
+/// A line without measured times and without trailing blanks: `73.9 us` and `0.12 s` become `#`.
+fn without_times(line: &str) -> String {
+    let mut words: Vec<&str> = Vec::new();
+    for word in line.trim_end().split(' ') {
+        let unit = word.trim_end_matches([',', ')', ';']);
+        let last = words.last().copied().unwrap_or_default();
+        let number = last.trim_start_matches('(').parse::<f64>().is_ok();
+        if ["ns", "us", "ms"].contains(&unit) && number {
+            words.pop();
+            words.push("#");
+        } else {
+            words.push(word);
+        }
+    }
+    words.join(" ")
+}
