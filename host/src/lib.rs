@@ -18,3 +18,4 @@ pub mod plot;
 pub mod run;
 pub mod scene;
 pub mod solve;
+mod table;

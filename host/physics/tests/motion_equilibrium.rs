@@ -209,6 +209,76 @@ fn a_free_body_under_its_weight_is_reported_to_have_no_equilibrium() {
     );
 }
 
+/// Loads that grow after the weight lead to the equilibrium to which weight and loads lead together; and a solve that
+/// fails keeps the loads of before.
+#[test]
+fn loads_by_vertex_grow_after_the_weight() {
+    let mesh = small_cube(3, false);
+    let top = HandleSpec {
+        vertices: face(&mesh, 2, EDGE),
+        origin: Vec3::new(0.0, 0.0, EDGE),
+        freedom: Freedom::Translation,
+        border: Border::Hinged,
+    };
+    let cube = || {
+        let law = SolidLaw::StableNeoHookean;
+        let config = BodyConfig::default();
+        Body::solid(
+            &mesh,
+            &[gelatine(0.3)],
+            law,
+            config,
+            std::slice::from_ref(&top),
+        )
+        .unwrap()
+    };
+    let mut forces = vec![Vec3::zeros(); mesh.positions.len()];
+    for vertex in face(&mesh, 2, 0.0) {
+        forces[vertex as usize] = Vec3::new(0.5, 0.0, -1.0);
+    }
+    let rest = [HandlePose::at(top.origin)];
+    let mut together = cube();
+    together.set_external_forces(&forces).unwrap();
+    together.set_load_factor(0.0).unwrap();
+    solve(&mut together, &rest).unwrap();
+
+    let mut staged = cube();
+    let options = EquilibriumOptions {
+        load_steps: 3,
+        ..EquilibriumOptions::default()
+    };
+    let mut equilibrium = Equilibrium::new(&staged, options).unwrap();
+    staged.set_load_factor(0.0).unwrap();
+    equilibrium.solve(&mut staged, &rest, 1.0).unwrap();
+    let settled = staged.total_external_force();
+    let report = equilibrium
+        .solve_loaded(&mut staged, &rest, &forces)
+        .unwrap();
+    assert_eq!(report.load_steps, 3);
+    assert_eq!(
+        staged.total_external_force(),
+        together.total_external_force()
+    );
+    assert!(staged.total_external_force().z < settled.z - 15.0);
+    let apart = staged.positions().zip(together.positions());
+    let apart = apart.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
+    // Both end at 1e-8 of the forces.
+    assert!(apart < 1e-7, "{apart}");
+
+    let before: Vec<_> = staged.positions().collect();
+    let absurd: Vec<_> = forces.iter().map(|force| force * 1e9).collect();
+    assert!(
+        equilibrium
+            .solve_loaded(&mut staged, &rest, &absurd)
+            .is_err()
+    );
+    assert!(staged.positions().eq(before));
+    assert_eq!(
+        staged.total_external_force(),
+        together.total_external_force()
+    );
+}
+
 #[test]
 fn a_free_body_without_loads_stays_where_it_is() {
     let mesh = small_cube(2, false);

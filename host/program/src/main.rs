@@ -13,6 +13,7 @@ mod bench;
 mod fault;
 mod mesh;
 mod outputs;
+mod overrides;
 mod plan;
 mod replay;
 mod run;
@@ -73,6 +74,12 @@ enum CommandError {
     Run(#[from] host::run::RunError),
     #[error(transparent)]
     Scene(#[from] SceneError),
+    #[error("with {given}: {source}")]
+    Override { given: String, source: SceneError },
+    #[error(
+        "--latency is of the virtual clock: found --clock real, where the machine decides the latency"
+    )]
+    NeedsVirtualClock,
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
     #[error(transparent)]
@@ -103,6 +110,10 @@ enum CommandError {
     MeshFormat(PathBuf),
     #[error("--body: found {found:?}, allowed: {}", .allowed.join(", "))]
     NoSuchBody { found: String, allowed: Vec<String> },
+    #[error(
+        "--force-displacement: no support of the scene is displaced; give a [[body.support]] a `displacement`"
+    )]
+    NothingDisplaced,
     #[error("a body was not solved to the end; the reason is above")]
     NotSolved,
     #[error(transparent)]
@@ -119,6 +130,9 @@ impl CommandError {
     fn exit_code(&self) -> u8 {
         match self {
             Self::Scene(_)
+            | Self::Override { .. }
+            | Self::NeedsVirtualClock
+            | Self::NothingDisplaced
             | Self::Run(host::run::RunError::Scene(_))
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }

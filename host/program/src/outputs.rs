@@ -10,6 +10,7 @@
 //! `.NAME.palpate-lock`. All locks are the system's advisory locks: they end with the process, in whatever way it ends.
 
 use host::atomic_file::{self, folder_of};
+use host::run::TickOutputs;
 use host::scene::LoadedScene;
 use host::scene::spec::Body;
 use host::solve::frames::FrameFolder;
@@ -30,6 +31,8 @@ pub(super) enum Format {
     Mcap,
     /// A table.
     Csv,
+    /// A table that grows row by row.
+    Rows,
     /// A scene.
     Toml,
     /// A mesh; the ending says in which of the formats.
@@ -51,7 +54,7 @@ impl Format {
             Self::Json => &["json"],
             Self::JsonLines => &["jsonl", "ndjson", "json"],
             Self::Mcap => &["mcap"],
-            Self::Csv => &["csv"],
+            Self::Csv | Self::Rows => &["csv"],
             Self::Toml => &["toml"],
             Self::Mesh => &["msh", "vtk", "vtu"],
         }
@@ -59,7 +62,12 @@ impl Format {
 
     /// Whether the file grows during the work.
     fn grows(self) -> bool {
-        matches!(self, Self::Mcap | Self::JsonLines)
+        matches!(self, Self::Mcap | Self::JsonLines | Self::Rows)
+    }
+
+    /// Whether the file is written from beginning to end, so that it may be a stream or a pipe.
+    fn streams(self) -> bool {
+        !matches!(self, Self::Mcap | Self::JsonLines)
     }
 
     /// Refuses a name that says another format.
@@ -250,6 +258,16 @@ impl Declared {
         self
     }
 
+    /// The outputs that are made of ticks.
+    pub(super) fn ticks(self, ticks: &TickOutputs) -> Self {
+        let curve = ticks.force_displacement.as_ref();
+        self.file("--csv", ticks.csv.as_ref(), Format::Rows).file(
+            "--force-displacement",
+            curve,
+            Format::Svg,
+        )
+    }
+
     /// The folder of the frames of a solve.
     pub(super) fn frames(
         self,
@@ -332,13 +350,13 @@ impl Declared {
             return Ok(());
         };
         // Files that are written from beginning to end may go to the stream itself.
-        let streamed = atomic_file::stream(path).is_some() && !format.grows();
+        let streamed = atomic_file::stream(path).is_some() && format.streams();
         if !streamed && let Some(stream) = printed_to(path) {
             return Err(OutputError::Printed {
                 flag,
                 path: path.clone(),
                 stream,
-                direct: stream == OUTPUT && !format.grows(),
+                direct: stream == OUTPUT && format.streams(),
             });
         }
         format.check(flag, path)
@@ -357,7 +375,9 @@ impl Declared {
         };
         match there {
             Ok(there) if there.is_dir() => Err(OutputError::Folder { flag, path }),
-            Ok(there) if format.grows() && is_pipe(&there) => Err(OutputError::Pipe { flag, path }),
+            Ok(there) if !format.streams() && is_pipe(&there) => {
+                Err(OutputError::Pipe { flag, path })
+            }
             Ok(_) => Ok(()),
             Err(_) => {
                 let target = atomic_file::target(&path);

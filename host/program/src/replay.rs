@@ -4,7 +4,9 @@ use super::outputs::{Declared, Format};
 use super::{CommandError, load};
 use host::atomic_file::write_json;
 use host::log::{Log, LogError};
-use host::run::replay::{ReplayError, replay, scene_of};
+use host::run::TickOutputs;
+use host::run::observer::Observers;
+use host::run::replay::{ReplayError, replay_watched, scene_of};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -24,6 +26,7 @@ pub(super) fn run(
     path: &Path,
     scene: Option<&Path>,
     json: Option<&PathBuf>,
+    ticks: &TickOutputs,
 ) -> Result<(), CommandError> {
     let refused = |source| CommandError::Replay {
         path: path.to_owned(),
@@ -40,11 +43,29 @@ pub(super) fn run(
         // The log holds the files of its scene.
         None => declared,
     };
+    let declared = declared.ticks(ticks);
     let _held = declared.file("--json", json, Format::Json).check()?;
-    let report = replay(&log, &loaded, |_| {}).map_err(|e| refused(e.into()))?;
+    let mut observers = ticks.observe(&loaded.scene, Observers::new())?;
+    let report =
+        replay_watched(&log, &loaded, &mut observers, |_| {}).map_err(|e| refused(e.into()))?;
+    let observed = observers.finish();
     out!("{report}");
     if let Some(path) = json {
         write_json(path, &report)?;
+    }
+    for failure in &observed.failures {
+        errln!("{failure}");
+    }
+    for (output, path) in [("csv", &ticks.csv), ("curve", &ticks.force_displacement)] {
+        if let Some(path) = path
+            .as_ref()
+            .filter(|path| !observed.unwritten.contains(path))
+        {
+            outln!("  {output:<10} {}", path.display());
+        }
+    }
+    if !observed.failures.is_empty() {
+        return Err(CommandError::Incomplete);
     }
     if report.is_exact() {
         Ok(())

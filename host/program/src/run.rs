@@ -2,9 +2,10 @@
 
 use super::fault::fault;
 use super::outputs::{Declared, Format};
-use super::{CommandError, SceneArgument, load, progress_bar, signals};
+use super::overrides::Overrides;
+use super::{CommandError, SceneArgument, progress_bar, signals};
 use host::engine::faults::HostFault;
-use host::run::{Clock, RunOptions};
+use host::run::{Clock, RunOptions, TickOutputs};
 use host::scene::Scene;
 use host::scene::spec::SIMULATED;
 use physics::FactorCode;
@@ -12,8 +13,16 @@ use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;
 
+const EXAMPLES: &str = "\
+Examples:
+  palpate run --csv run.csv                           write a row for each tick
+  palpate run --force-displacement run.svg            draw force against displacement of each device
+  palpate run --scheme linear --latency 0.02          try another scheme and another latency
+  palpate run --replay run.mcap --csv run.csv         make the table from a log";
+
 /// Arguments of `palpate run`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct RunArguments {
     #[command(flatten)]
     scene: SceneArgument,
@@ -36,6 +45,13 @@ pub(super) struct RunArguments {
     /// Draw force and position over time (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+    /// Write a row for each tick: time, poses, velocities and forces of the devices, age of the models, limits (CSV).
+    /// Also with --replay
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Draw the force on the body against the displacement of each device (SVG). Also with --replay
+    #[arg(long, value_name = "FILE")]
+    force_displacement: Option<PathBuf>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -67,6 +83,8 @@ pub(super) struct RunArguments {
     /// (50) and below the kernel's own watchdogs (99)
     #[arg(long, value_name = "P", value_parser = priority, conflicts_with = "replay")]
     priority: Option<u8>,
+    #[command(flatten)]
+    overrides: Overrides,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -89,6 +107,8 @@ impl Default for RunArguments {
             instructions: InstructionsName::Auto,
             log: None,
             plot: None,
+            csv: None,
+            force_displacement: None,
             json: None,
             replay: None,
             report_progress: false,
@@ -96,6 +116,7 @@ impl Default for RunArguments {
             strict: None,
             core: None,
             priority: None,
+            overrides: Overrides::default(),
         }
     }
 }
@@ -155,19 +176,27 @@ fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
 }
 
 pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
+    let ticks = TickOutputs {
+        csv: arguments.csv.clone(),
+        force_displacement: arguments.force_displacement.clone(),
+    };
     if let Some(path) = &arguments.replay {
         let (scene, json) = (&arguments.scene.scene, &arguments.json);
-        return super::replay::run(path, scene.as_deref(), json.as_ref());
+        return super::replay::run(path, scene.as_deref(), json.as_ref(), &ticks);
     }
     needs_real_clock(arguments)?;
     let core = arguments.core.map_or(CoreChoice::default(), CoreChoice::Id);
     Cores::of_this_machine().check(core)?;
     let scene = arguments.scene.scene.as_deref();
-    let loaded = load(scene)?;
+    if arguments.overrides.has_latency() && arguments.clock == ClockName::Real {
+        return Err(CommandError::NeedsVirtualClock);
+    }
+    let loaded = arguments.overrides.load(scene)?;
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
         .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .ticks(&ticks)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {
@@ -175,6 +204,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         seed: arguments.seed,
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
+        ticks,
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
@@ -212,6 +242,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
+        ("csv", &options.ticks.csv),
+        ("curve", &options.ticks.force_displacement),
         ("json", &options.json),
     ] {
         if let Some(path) = path

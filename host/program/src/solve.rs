@@ -7,11 +7,18 @@ use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;
-use host::solve::{Solution, SolveError, solve};
+use host::solve::{Solution, SolveError, has_load_curves, solve};
 use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate solve cube.toml --force-displacement cube.svg   draw force against displacement
+  palpate solve cube.toml --csv cube.csv                  write a row for each load step
+  palpate solve cube.toml --vtu out                       write the deformed mesh of each step for ParaView";
 
 /// Arguments of `palpate solve`.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
 pub(super) struct SolveArguments {
     /// Scene file (TOML) with supports and loads; its table `[solve]` sets the analysis
     scene: PathBuf,
@@ -21,6 +28,12 @@ pub(super) struct SolveArguments {
     /// Draw the reactions against the loads or time (SVG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
+    /// Write a row for each load step or time step: displacements and reactions of supports, energies, extremes (CSV)
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Draw the force of each displaced support against its displacement (SVG)
+    #[arg(long, value_name = "FILE")]
+    force_displacement: Option<PathBuf>,
     /// Write the solution as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -28,10 +41,19 @@ pub(super) struct SolveArguments {
 
 pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let loaded = load(Some(&arguments.scene))?;
+    if arguments.force_displacement.is_some() && !has_load_curves(&loaded.scene) {
+        return Err(CommandError::NothingDisplaced);
+    }
     let _held = Declared::default()
         .scene(Some(&arguments.scene), &loaded)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--csv", arguments.csv.as_ref(), Format::Csv)
+        .file(
+            "--force-displacement",
+            arguments.force_displacement.as_ref(),
+            Format::Svg,
+        )
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut frames = match &arguments.vtu {
@@ -59,11 +81,20 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let plot = written.write(arguments.plot.as_ref(), |path| {
         write_atomically(path, chart(&solution).as_bytes())
     });
+    let csv = written.write(arguments.csv.as_ref(), |path| {
+        write_atomically(path, solution.csv().as_bytes())
+    });
+    let curves = written.write(arguments.force_displacement.as_ref(), |path| {
+        let svg = plot::force_displacement_svg(&solution.scene, &solution.load_curves());
+        write_atomically(path, svg.as_bytes())
+    });
     let json = written.write(arguments.json.as_ref(), |path| write_json(path, &solution));
     let list = frames.map(|folder| folder.list_file());
     for (output, path, there) in [
         ("vtu", &list, true),
         ("plot", &arguments.plot, plot),
+        ("csv", &arguments.csv, csv),
+        ("curve", &arguments.force_displacement, curves),
         ("json", &arguments.json, json),
     ] {
         if let Some(path) = path.as_ref().filter(|_| there) {

@@ -1,9 +1,11 @@
 //! A run: a scene from beginning to end, under virtual time or the real clock, with its log, plot and summary.
 
 mod collect;
+mod csv;
 mod devices;
 mod hand;
 pub mod late;
+mod load_curve;
 mod log_observer;
 pub mod observer;
 mod parts;
@@ -12,6 +14,7 @@ pub mod replay;
 mod report;
 pub mod setup;
 pub mod summary;
+mod tick_outputs;
 pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
@@ -38,6 +41,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use summary::RunSummary;
 
+pub use tick_outputs::TickOutputs;
+
 /// Which clock a run follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
@@ -60,6 +65,8 @@ pub struct RunOptions {
     pub log: Option<PathBuf>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
+    /// The table and the picture of force against displacement.
+    pub ticks: TickOutputs,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
@@ -81,6 +88,7 @@ impl RunOptions {
             seed: None,
             log: None,
             plot: None,
+            ticks: TickOutputs::default(),
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
@@ -99,6 +107,9 @@ pub enum RunError {
     /// The log cannot be written.
     #[error(transparent)]
     Log(#[from] LogError),
+    /// The table or the folder of the frames cannot be written.
+    #[error(transparent)]
+    File(#[from] AtomicFileError),
     /// The tick's thread cannot start.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
@@ -193,6 +204,7 @@ pub fn run_watched(
     };
     parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
+    summary.unwritten.append(&mut parts.unwritten);
     write_files(loaded, options, &parts, &mut summary);
     Ok(summary)
 }
@@ -218,7 +230,7 @@ fn observers(
     others: Observers,
     log: Option<LogFile>,
     logged: &Arc<AtomicU64>,
-) -> Result<Observers, LogError> {
+) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
     let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
     let collector = Collector::new(
@@ -226,7 +238,7 @@ fn observers(
         names(&mut scene.bodies.iter().map(|b| &b.name)),
         options.plot.is_some(),
     );
-    let observers = others.with(collector);
+    let observers = options.ticks.observe(scene, others.with(collector))?;
     let Some(file) = log else {
         return Ok(observers);
     };

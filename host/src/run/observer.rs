@@ -5,6 +5,7 @@
 
 use super::collect::Collected;
 use runner::link::LogRecord;
+use std::path::PathBuf;
 
 /// The results of the observers at the end of a run.
 #[derive(Debug, Default)]
@@ -13,6 +14,10 @@ pub struct Observed {
     pub(super) collected: Collected,
     /// The failures that ended an observer before the end of the run.
     pub failures: Vec<String>,
+    /// What the outputs lack although nothing failed, and why.
+    pub degradations: Vec<String>,
+    /// The files that could not be written. The reasons are among the failures.
+    pub unwritten: Vec<PathBuf>,
 }
 
 /// An observer of a run.
@@ -41,14 +46,14 @@ impl Observers {
     }
 
     /// Gives every observer a record.
-    pub(super) fn take(&mut self, record: LogRecord<'_>) {
+    pub fn take(&mut self, record: LogRecord<'_>) {
         for observer in &mut self.0 {
             observer.take(record);
         }
     }
 
     /// Ends all observers and returns their results.
-    pub(super) fn finish(self) -> Observed {
+    pub fn finish(self) -> Observed {
         let mut observed = Observed::default();
         for observer in self.0 {
             observer.finish(&mut observed);

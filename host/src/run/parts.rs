@@ -12,6 +12,7 @@ use runner::latency::Latencies;
 use runner::link::TickCounters;
 use runner::thread::RunnerConfig;
 use runner::{AnyDevice, Reserved};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A finished run, under either clock.
@@ -21,6 +22,8 @@ pub(super) struct Parts {
     pub(super) collected: Collected,
     pub(super) degradations: Vec<String>,
     pub(super) failures: Vec<String>,
+    /// The files that an observer could not write.
+    pub(super) unwritten: Vec<PathBuf>,
 }
 
 /// The tick's side of a finished run.
@@ -112,7 +115,8 @@ pub(super) fn under_virtual_time(
         },
         host: done.host,
         collected: observed.collected,
-        degradations: Vec::new(),
+        degradations: observed.degradations,
+        unwritten: observed.unwritten,
         failures: observed
             .failures
             .into_iter()
@@ -176,7 +180,9 @@ pub(super) fn under_the_real_clock(
             .degradations
             .iter()
             .map(ToString::to_string)
+            .chain(observed.degradations)
             .collect(),
         failures,
+        unwritten: observed.unwritten,
     })
 }

@@ -99,6 +99,19 @@ impl fmt::Display for Place {
 }
 
 impl SceneError {
+    /// The place in the text of the scene; `None` where no text was read.
+    pub(super) fn place_mut(&mut self) -> Option<&mut Place> {
+        match self {
+            Self::Read { .. } => None,
+            Self::Malformed { place, .. }
+            | Self::Missing { place, .. }
+            | Self::Unknown { place, .. }
+            | Self::Value { place, .. }
+            | Self::Mesh { place, .. }
+            | Self::File { place, .. } => Some(place),
+        }
+    }
+
     /// The error for a text that is not TOML.
     pub(super) fn syntax(source: &Source, error: &toml::de::Error) -> Self {
         let start = error.span().map_or(0, |span| span.start);

@@ -161,7 +161,7 @@ fn parse(source: &Source) -> Result<Scene, SceneError> {
 }
 
 /// Loads a scene from its text. `read` returns the content of a file; paths are relative to `folder`.
-fn load(
+pub(super) fn load(
     source: Source,
     folder: &Path,
     read: impl Fn(&Path) -> io::Result<Vec<u8>>,

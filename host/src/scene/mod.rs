@@ -9,6 +9,7 @@ mod consistency;
 pub(crate) mod drivers;
 mod error;
 mod load;
+mod overrides;
 pub(crate) mod plausible;
 pub mod recording;
 pub(crate) mod source;
@@ -16,6 +17,7 @@ pub mod spec;
 
 pub use error::{Place, SceneError};
 pub use load::{LoadedScene, MeshFile};
+pub use overrides::Override;
 pub use plausible::Warning;
 pub use source::Source;
 pub use spec::Scene;

@@ -1,22 +1,27 @@
 //! Drives one body to equilibrium or through time.
+//!
+//! A static solve has two stages where the scene has both weight and something that drives a body: the body settles
+//! under its weight while supports stay, then displacements and loads grow. With one of them only, that grows in the load
+//! steps.
 
 use super::result::{BodySolution, Extreme, Reaction, Row};
+use super::snapshot;
 use crate::bodies::{Built, Carrier};
 use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
-use meshio::write_vtu::{Snapshot, Values};
+use meshio::write_vtu::Snapshot;
 use nalgebra::UnitQuaternion;
 use physics::mesh::{Cells, Mesh};
 use physics::{
-    BodyError, CondenseError, Equilibrium, EquilibriumOptions, HandlePose, Integrator,
-    IntegratorOptions, Mat3, NewtonOptions, StepError, Vec3,
+    BodyError, CondenseError, Equilibrium, EquilibriumOptions, EquilibriumReport, HandlePose,
+    Integrator, IntegratorOptions, NewtonOptions, StepError, Vec3,
 };
 
 /// The progress of a body after a step.
 pub(super) struct State {
     /// Number of the frame, if the state after the step is one.
     pub(super) frame: Option<usize>,
-    /// Time (s), or fraction of the loads.
+    /// Time (s), or fraction of the displacements and loads.
     pub(super) at: f64,
     /// Fraction of the steps done.
     pub(super) done: f64,
@@ -42,7 +47,48 @@ pub(super) struct Drive<'a> {
     ramp: f64,
     frames: usize,
     done: usize,
+    /// Whether the body settles under its weight before the first step.
+    settles: bool,
     rows: Vec<Row>,
+}
+
+/// Whether a static solve of the scene has a stage in which bodies settle under their weight: there is weight, and
+/// something else grows in the load steps. All bodies of a scene have the same stages, so that their steps correspond.
+pub(super) fn settles_first(scene: &Scene) -> bool {
+    let acts = |v: &[f64; 3]| *v != [0.0; 3];
+    let driven = |body: &BodySpec| {
+        let mut supports = body.supports.iter();
+        let mut loads = body.loads.iter();
+        supports.any(|support| {
+            acts(&support.displacement) || support.rotation.as_ref().is_some_and(acts)
+        }) || loads.any(|load| [load.force, load.traction].iter().flatten().any(acts))
+    };
+    scene.solve.analysis == Analysis::Static
+        && acts(&scene.gravity)
+        && scene.bodies.iter().any(driven)
+}
+
+/// What a step took.
+#[derive(Default)]
+struct Effort {
+    substeps: usize,
+    refused: usize,
+    iterations: usize,
+    residual: f64,
+    open: f64,
+}
+
+impl From<EquilibriumReport> for Effort {
+    fn from(report: EquilibriumReport) -> Self {
+        let last = report.last;
+        Self {
+            substeps: report.load_steps,
+            refused: report.refused,
+            iterations: report.iterations,
+            residual: last.residual / last.reference.max(f64::MIN_POSITIVE),
+            open: last.open,
+        }
+    }
 }
 
 /// The reason why a step failed.
@@ -101,7 +147,8 @@ impl<'a> Drive<'a> {
             }
         };
         let rest: Vec<Vec3> = built.body.positions().collect();
-        if solve.analysis == Analysis::Dynamic && ramp > 0.0 {
+        let settles = settles_first(scene);
+        if settles || (solve.analysis == Analysis::Dynamic && ramp > 0.0) {
             // Loads grow from zero. The call cannot fail, because there is one finite force per vertex.
             let _ = built
                 .body
@@ -120,6 +167,7 @@ impl<'a> Drive<'a> {
             ramp,
             frames: frames.min(steps),
             done: 0,
+            settles,
             rows: Vec::new(),
         })
     }
@@ -129,8 +177,16 @@ impl<'a> Drive<'a> {
         self.rows.last().map_or(0.0, |row| row.at)
     }
 
+    /// Whether the failed step was that in which the body settles under its weight.
+    pub(super) fn fails_to_settle(&self) -> bool {
+        self.settles && self.rows.is_empty()
+    }
+
     /// Advances the body by one step; `None` at the end. An error leaves the body in its previous state.
     pub(super) fn advance(&mut self) -> Result<Option<State>, DriveError> {
+        if self.settles && self.rows.is_empty() {
+            return self.settle().map(Some);
+        }
         if self.done == self.steps {
             if let Method::Dynamic(integrator) = &self.method {
                 integrator.check_digits(&self.built.body)?;
@@ -146,55 +202,78 @@ impl<'a> Drive<'a> {
         };
         let fraction = if at < self.ramp { at / self.ramp } else { 1.0 };
         self.aim(fraction)?;
+        for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
+            *force = load * fraction;
+        }
         let body = &mut self.built.body;
-        let (substeps, refused, iterations, residual, open) = match &mut self.method {
+        let effort = match &mut self.method {
+            Method::Static(equilibrium) if self.settles => {
+                let report = equilibrium.solve_loaded(body, &self.targets, &self.forces)?;
+                Effort::from(report)
+            }
             Method::Static(equilibrium) => {
-                let report = equilibrium.solve(body, &self.targets, fraction)?;
-                let last = report.last;
-                let residual = last.residual / last.reference.max(f64::MIN_POSITIVE);
-                (
-                    report.load_steps,
-                    report.refused,
-                    report.iterations,
-                    residual,
-                    last.open,
-                )
+                Effort::from(equilibrium.solve(body, &self.targets, fraction)?)
             }
             Method::Dynamic(integrator) => {
-                for (force, load) in self.forces.iter_mut().zip(&self.built.loads) {
-                    *force = load * fraction;
-                }
                 let report =
                     integrator.step_loaded(body, self.step, &self.targets, &self.forces)?;
-                (
-                    report.substeps,
-                    report.refused,
-                    report.iterations,
-                    report.relative_residual,
-                    report.last.open,
-                )
+                Effort {
+                    substeps: report.substeps,
+                    refused: report.refused,
+                    iterations: report.iterations,
+                    residual: report.relative_residual,
+                    open: report.last.open,
+                }
             }
         };
         self.done = next;
-        let reactions = self.reactions();
-        self.rows.push(Row {
-            at,
-            substeps,
-            refused,
-            iterations,
-            residual,
-            open: (open > 0.0).then_some(open),
-            elastic_energy: self.built.body.elastic_energy(),
-            kinetic_energy: self.built.body.kinetic_energy(),
-            forces: reactions.iter().map(|reaction| reaction.force).collect(),
-        });
+        self.keep(None, at, fraction, &effort);
         // Frame k is the first step at or after the fraction k / frames of the solve.
         let part = |step: usize| step * self.frames / self.steps;
+        let number = part(next) + usize::from(self.settles);
         Ok(Some(State {
-            frame: (part(next) > part(next - 1)).then(|| part(next)),
+            frame: (part(next) > part(next - 1)).then_some(number),
             at,
             done: next as f64 / self.steps as f64,
         }))
+    }
+
+    /// Lets the body settle under its weight, with its supports in their places. The state is the first frame after rest.
+    fn settle(&mut self) -> Result<State, DriveError> {
+        let effort = match &mut self.method {
+            Method::Static(equilibrium) => {
+                Effort::from(equilibrium.solve(&mut self.built.body, &self.targets, 1.0)?)
+            }
+            // A motion begins at rest.
+            Method::Dynamic(_) => Effort::default(),
+        };
+        self.keep(Some("weight"), 0.0, 0.0, &effort);
+        Ok(State {
+            frame: Some(1),
+            at: 0.0,
+            done: 0.0,
+        })
+    }
+
+    /// Keeps the row of the present state.
+    fn keep(&mut self, stage: Option<&'static str>, at: f64, fraction: f64, effort: &Effort) {
+        let reactions = self.reactions();
+        self.rows.push(Row {
+            stage,
+            at,
+            substeps: effort.substeps,
+            refused: effort.refused,
+            iterations: effort.iterations,
+            residual: effort.residual,
+            open: (effort.open > 0.0).then_some(effort.open),
+            elastic_energy: self.built.body.elastic_energy(),
+            kinetic_energy: self.built.body.kinetic_energy(),
+            forces: reactions.iter().map(|reaction| reaction.force).collect(),
+            moments: reactions.iter().map(|reaction| reaction.moment).collect(),
+            fraction,
+            displacement: self.displacement(),
+            von_mises: self.largest_stress(),
+        });
     }
 
     /// Moves the supports by `fraction` of their displacements and rotations.
@@ -214,6 +293,22 @@ impl<'a> Drive<'a> {
             }
         }
         Ok(())
+    }
+
+    /// The displacement of the part that gives each reaction, at the end of the ramp (m): zero for handles, and along the
+    /// axes that a support leaves free.
+    fn driven(&self) -> Vec<[f64; 3]> {
+        let handles = self.spec.handles.iter().map(|_| [0.0; 3]);
+        let supports = self.spec.supports.iter().map(|support| {
+            let mut displacement = support.displacement;
+            for (along, held) in displacement.iter_mut().zip(support.axes) {
+                if !held {
+                    *along = 0.0;
+                }
+            }
+            displacement
+        });
+        handles.chain(supports).collect()
     }
 
     fn reactions(&self) -> Vec<Reaction> {
@@ -249,96 +344,26 @@ impl<'a> Drive<'a> {
         handles.chain(supports).collect()
     }
 
-    /// Cauchy stress of each element (Pa), of a sheet in the middle of its thickness.
-    fn stresses(&self) -> Vec<Mat3> {
-        let body = &self.built.body;
-        let sets = body.elements().iter();
-        sets.flat_map(|set| (0..set.count()).map(|e| set.stress(e, body.node_positions())))
-            .collect()
+    /// The longest displacement of a vertex (m).
+    fn displacement(&self) -> Extreme {
+        let moved = self.built.body.positions().zip(&self.rest);
+        largest(moved.map(|(now, rest)| (now - rest).norm()))
     }
 
-    /// The stress of each triangle on the face at the side of its normal and on the other face (Pa), from the stress in
-    /// the middle. `None` for a body that does not bend.
-    fn faces(&self, middle: &[Mat3]) -> Option<[Vec<Mat3>; 2]> {
-        let body = &self.built.body;
-        body.bends().then(|| {
-            let on_face = |sign: f64| {
-                let elements = middle.iter().enumerate();
-                elements
-                    .map(|(e, middle)| middle + body.bending_stress(e) * sign)
-                    .collect()
-            };
-            [on_face(1.0), on_face(-1.0)]
-        })
-    }
-
-    /// The largest von Mises stress of each element (Pa): of a sheet that bends, on its two faces.
-    fn von_mises(middle: &[Mat3], faces: Option<&[Vec<Mat3>; 2]>) -> Vec<f64> {
-        match faces {
-            None => middle.iter().map(von_mises).collect(),
-            Some([top, bottom]) => {
-                let pairs = top.iter().zip(bottom);
-                pairs
-                    .map(|(top, bottom)| von_mises(top).max(von_mises(bottom)))
-                    .collect()
-            }
-        }
+    /// The largest von Mises stress of an element (Pa).
+    fn largest_stress(&self) -> Extreme {
+        largest(snapshot::von_mises(&self.built).into_iter())
     }
 
     /// The present state of the body, with the positions of the deformed body.
     pub(super) fn snapshot(&self) -> Snapshot {
-        let mut snapshot = match &self.built.mesh {
-            Mesh::Thread(mesh) => Snapshot::of_thread(mesh),
-            Mesh::Sheet(mesh) => Snapshot::of_sheet(mesh),
-            Mesh::Solid(mesh) => Snapshot::of_solid(mesh),
-        };
-        let body = &self.built.body;
-        snapshot.positions = body.positions().collect();
-        let moved = snapshot.positions.iter().zip(&self.rest);
-        let mut at_vertices = |name: &str, values: Vec<Vec3>| {
-            let values = Values::Vector(values);
-            snapshot.at_vertices.push((name.to_owned(), values));
-        };
-        at_vertices(
-            "displacement",
-            moved.map(|(now, rest)| now - rest).collect(),
-        );
-        if matches!(self.method, Method::Dynamic(_)) {
-            at_vertices("velocity", body.velocities().collect());
-        }
-        let stresses = self.stresses();
-        let faces = self.faces(&stresses);
-        let mut in_cells = |name: &str, values: Values| {
-            // A field of the mesh file that has the same name is renamed.
-            for (other, _) in &mut snapshot.in_cells {
-                if other == name {
-                    other.push_str("_in_file");
-                }
-            }
-            snapshot.in_cells.push((name.to_owned(), values));
-        };
-        in_cells(
-            "von_mises",
-            Values::Scalar(Self::von_mises(&stresses, faces.as_ref())),
-        );
-        in_cells("stress", Values::Tensor(stresses));
-        if let Some([top, bottom]) = faces {
-            in_cells("stress_top", Values::Tensor(top));
-            in_cells("stress_bottom", Values::Tensor(bottom));
-        }
-        in_cells("young", Values::Scalar(self.built.young.clone()));
-        if !self.built.poisson.is_empty() {
-            in_cells("poisson", Values::Scalar(self.built.poisson.clone()));
-        }
-        snapshot
+        let moves = matches!(self.method, Method::Dynamic(_));
+        snapshot::of_body(&self.built, &self.rest, moves)
     }
 
     /// The solution of the body, in its present state.
     pub(super) fn finish(self) -> BodySolution {
         let body = &self.built.body;
-        let moved = body.positions().zip(&self.rest);
-        let stresses = self.stresses();
-        let faces = self.faces(&stresses);
         BodySolution {
             name: self.spec.name.clone(),
             kind: self.built.kind,
@@ -357,11 +382,13 @@ impl<'a> Drive<'a> {
             mass: body.total_mass(),
             reactions: self.reactions(),
             applied: body.total_external_force().into(),
-            displacement: largest(moved.map(|(now, rest)| (now - rest).norm())),
-            von_mises: largest(Self::von_mises(&stresses, faces.as_ref()).into_iter()),
+            displacement: self.displacement(),
+            von_mises: self.largest_stress(),
             elastic_energy: body.elastic_energy(),
             kinetic_energy: body.kinetic_energy(),
             inverted: body.inverted_count(),
+            driven: self.driven(),
+            stress_free: !is_cut(&self.built.mesh),
             steps: self.rows,
         }
     }
@@ -379,8 +406,7 @@ fn largest(values: impl Iterator<Item = f64>) -> Extreme {
     })
 }
 
-/// The von Mises stress `sqrt(3/2 s : s)`, where `s` is the deviatoric stress.
-fn von_mises(stress: &Mat3) -> f64 {
-    let deviator = stress - Mat3::identity() * (stress.trace() / 3.0);
-    (1.5 * deviator.norm_squared()).sqrt()
+/// Whether the mesh is cut out of a flat pattern, so that the body has stresses at rest.
+fn is_cut(mesh: &Mesh) -> bool {
+    matches!(mesh, Mesh::Sheet(mesh) if mesh.flat_pattern.is_some())
 }

@@ -1,4 +1,4 @@
-//! Frames of a solve as files for ParaView: one VTU file per body and frame, and a PVD file that lists them.
+//! Frames of a solve or a run as files for ParaView: one VTU file per body and frame, and a PVD file that lists them.
 
 use super::Frame;
 use crate::atomic_file::{AtomicFileError, write_atomically};
@@ -52,6 +52,15 @@ impl FrameFolder {
     /// # Errors
     /// If a file cannot be written.
     pub fn keep(&mut self, frame: &Frame<'_>) -> Result<(), AtomicFileError> {
+        self.add(frame)?;
+        self.write_list()
+    }
+
+    /// Writes one frame. The list does not name it before [`write_list`](Self::write_list).
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn add(&mut self, frame: &Frame<'_>) -> Result<(), AtomicFileError> {
         let file = format!("{}_{:04}.vtu", plain(frame.body), frame.number);
         write_atomically(&self.folder.join(&file), frame.snapshot.vtu().as_bytes())?;
         let _ = writeln!(
@@ -59,6 +68,14 @@ impl FrameFolder {
             "<DataSet timestep=\"{:?}\" part=\"0\" file=\"{file}\"/>",
             frame.at
         );
+        Ok(())
+    }
+
+    /// Writes the list of the frames so far.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn write_list(&self) -> Result<(), AtomicFileError> {
         let list = format!(
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\">\n<Collection>\n\
              {}</Collection>\n</VTKFile>\n",

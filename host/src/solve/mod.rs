@@ -1,13 +1,16 @@
 //! Solves a scene without devices: equilibrium under displacements and loads, or motion in time.
 //!
 //! Handles stay at their rest poses. Supports move and loads grow in proportion to the load steps of a static
-//! solve, or to the time of the ramp of a dynamic solve. Bodies do not touch each other, so each body is solved
-//! by itself.
+//! solve, or to the time of the ramp of a dynamic solve. In a static solve, bodies settle under their weight first,
+//! with their supports in their places. Bodies do not touch each other, so each body is solved by itself.
 
+mod curve;
 mod drive;
 pub mod frames;
 mod report;
 mod result;
+pub(crate) mod snapshot;
+mod table;
 
 use crate::bodies;
 use crate::scene::spec::Analysis;
@@ -15,6 +18,7 @@ use crate::scene::{LoadedScene, SceneError};
 use meshio::write_vtu::Snapshot;
 use physics::CondenseError;
 
+pub use curve::has_load_curves;
 pub use result::{BodySolution, Extreme, Reaction, Row, SCHEMA, Solution};
 
 /// A state of one body to be kept as a frame of the result.
@@ -24,7 +28,8 @@ pub struct Frame<'a> {
     pub body: &'a str,
     /// Number of the frame, from 0 at rest.
     pub number: usize,
-    /// Time (s), or fraction of the loads.
+    /// Time (s), or fraction of the displacements and loads. Where bodies settle under their weight first, rest is at -1
+    /// and the settled state is at 0.
     pub at: f64,
     /// Positions, displacement, velocity, stress, material.
     pub snapshot: Snapshot,
@@ -98,7 +103,12 @@ pub fn solve<E>(
             })
             .map_err(SolveError::Frame)
         };
-        keep(&drive, 0, 0.0)?;
+        let rest = if drive::settles_first(scene) {
+            -1.0
+        } else {
+            0.0
+        };
+        keep(&drive, 0, rest)?;
         let failure = loop {
             match drive.advance() {
                 Ok(Some(state)) => {
@@ -114,6 +124,7 @@ pub fn solve<E>(
         if let Some(error) = failure {
             let (name, at) = (&scene.bodies[index].name, drive.reached());
             let at = match scene.solve.analysis {
+                Analysis::Static if drive.fails_to_settle() => "under its weight alone".to_owned(),
                 Analysis::Static => format!("at {at:.4} of the loads"),
                 Analysis::Dynamic => format!("at {at} s"),
             };

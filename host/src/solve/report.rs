@@ -64,13 +64,15 @@ fn write_steps(
     body: &BodySolution,
     analysis: Analysis,
 ) -> fmt::Result {
-    let steps = body.steps.len();
+    let settled = body.steps.iter().any(|row| row.stage.is_some());
+    let steps = body.steps.len() - usize::from(settled);
     let sum = |pick: fn(&super::Row) -> usize| body.steps.iter().map(pick).sum::<usize>();
     let residual = body.steps.iter().map(|row| row.residual);
     writeln!(
         to,
-        "    {:<10} {}, {} substeps, {} refused; {} iterations; residual at most {:.1e} of the forces",
+        "    {:<10} {}{}, {} substeps, {} refused; {} iterations; residual at most {:.1e} of the forces",
         "solve",
+        if settled { "weight first, then " } else { "" },
         match (analysis, steps) {
             (Analysis::Static, 1) => "1 load step".to_owned(),
             (Analysis::Static, _) => format!("{steps} load steps"),

@@ -62,6 +62,12 @@ pub struct BodySolution {
     pub kinetic_energy: f64,
     /// Number of inverted elements.
     pub inverted: usize,
+    /// The displacement of each of `reactions` at the end of the ramp (m); zero for handles.
+    #[serde(skip)]
+    pub driven: Vec<[f64; 3]>,
+    /// Whether the body has no stress at rest: it is not cut out of a flat pattern.
+    #[serde(skip)]
+    pub stress_free: bool,
     /// The steps, in their order.
     pub steps: Vec<Row>,
 }
@@ -92,7 +98,10 @@ pub struct Extreme {
 /// One step of a solve.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// End of the step: time (s), or fraction of the loads.
+    /// `weight` for the step in which the body settles under its weight, before displacements and loads grow.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stage: Option<&'static str>,
+    /// End of the step: time (s), or fraction of the displacements and loads.
     pub at: f64,
     /// Number of substeps.
     pub substeps: usize,
@@ -112,4 +121,16 @@ pub struct Row {
     pub kinetic_energy: f64,
     /// The force (N) of each of [`BodySolution::reactions`].
     pub forces: Vec<[f64; 3]>,
+    /// The moment (N m) of each of [`BodySolution::reactions`], where it has one.
+    #[serde(skip)]
+    pub moments: Vec<Option<[f64; 3]>>,
+    /// Fraction of the displacements and loads that act.
+    #[serde(skip)]
+    pub fraction: f64,
+    /// The longest displacement (m), at a vertex.
+    #[serde(skip)]
+    pub displacement: Extreme,
+    /// The largest von Mises stress (Pa), in an element.
+    #[serde(skip)]
+    pub von_mises: Extreme,
 }

@@ -1,7 +1,8 @@
 //! Quasi-static equilibrium: Newton's method under loads and displacements that grow in steps.
 //!
 //! Handles, supports and loads change linearly from their present to their final values, in one load step unless the
-//! options ask for more. A load step that does not converge is halved, and the size grows again after a success (the
+//! options ask for more. Loads change either all together, by a factor that gravity shares, or by vertex, while gravity
+//! stays: a body that settles under its weight first is loaded afterwards. A load step that does not converge is halved, and the size grows again after a success (the
 //! usual incremental procedure: Crisfield, "Non-linear finite element analysis of solids and structures", chapter 9).
 //! The velocities of the body are zero afterwards.
 
@@ -60,6 +61,8 @@ pub struct Equilibrium {
     last: Vec<Vec3>,
     /// The goals of the held nodes, handle by handle (m).
     held: Vec<Vec3>,
+    /// The external forces at the beginning and at the end of a solve (N). Both are empty while the forces are constant.
+    loads: [Vec<Vec3>; 2],
 }
 
 impl Equilibrium {
@@ -76,6 +79,7 @@ impl Equilibrium {
             first: body.state.x.clone(),
             last: body.state.x.clone(),
             held: Vec::with_capacity(body.constraints.held_nodes().count()),
+            loads: [Vec::new(), Vec::new()],
         })
     }
 
@@ -111,6 +115,35 @@ impl Equilibrium {
             body.model.load_factor = load;
         }
         body.state.motions += 1;
+        result
+    }
+
+    /// Brings `body` to equilibrium as [`solve`](Self::solve) does, at the body's present load factor, while the forces on
+    /// the vertices, in addition to gravity, change linearly from the present forces to `forces` (N). The body keeps
+    /// `forces` afterwards.
+    ///
+    /// # Errors
+    ///
+    /// [`StepError`], with [`StepError::Forces`] for forces that [`Body::set_external_forces`] refuses; the body keeps
+    /// its state and its forces then.
+    pub fn solve_loaded(
+        &mut self,
+        body: &mut Body,
+        targets: &[HandlePose],
+        forces: &[Vec3],
+    ) -> Result<EquilibriumReport, StepError> {
+        let before = body.model.external.clone();
+        body.set_external_forces(forces)
+            .map_err(StepError::Forces)?;
+        let after = std::mem::replace(&mut body.model.external, before);
+        let loads = [body.model.external.clone(), after];
+        if self.epoch != body.epoch() {
+            *self = Self::new(body, self.options).map_err(StepError::Matrix)?;
+        }
+        self.loads = loads;
+        let result = self.solve(body, targets, body.model.load_factor);
+        let [before, after] = std::mem::take(&mut self.loads);
+        body.model.external = if result.is_ok() { after } else { before };
         result
     }
 
@@ -150,6 +183,15 @@ impl Equilibrium {
             } else {
                 load + (goal - load) * next
             };
+            let [before, after] = &self.loads;
+            for (force, (from, to)) in body.model.external.iter_mut().zip(before.iter().zip(after))
+            {
+                *force = if next == 1.0 {
+                    *to
+                } else {
+                    from + (to - from) * next
+                };
+            }
             let fraction = if next == 1.0 {
                 1.0
             } else {

@@ -10,11 +10,12 @@ mod compare;
 
 pub use compare::{Difference, Field, Part, Value};
 
+use super::observer::Observers;
 use super::{devices, setup};
 use crate::log::{Log, LoggedReading, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use rt_core::Controller;
-use runner::link::{LinkConfig, link};
+use runner::link::{LinkConfig, LogRecord, link};
 use runner::tick_loop::TickLoop;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -104,6 +105,19 @@ pub fn scene_of(log: &Log, name: &str) -> Result<LoadedScene, ReplayError> {
 pub fn replay(
     log: &Log,
     loaded: &LoadedScene,
+    progress: impl FnMut(f64),
+) -> Result<ReplayReport, ReplayError> {
+    replay_watched(log, loaded, &mut Observers::new(), progress)
+}
+
+/// As `replay`. `observers` are given the telemetry of every replayed tick.
+///
+/// # Errors
+/// As [`replay`].
+pub fn replay_watched(
+    log: &Log,
+    loaded: &LoadedScene,
+    observers: &mut Observers,
     mut progress: impl FnMut(f64),
 ) -> Result<ReplayReport, ReplayError> {
     let scene = &loaded.scene;
@@ -140,7 +154,9 @@ pub fn replay(
                 let _ = host.publish(body, &model.model());
             }
         }
-        let now = TickRow::from(&tick.tick(row.time_ns, row.lateness_ns));
+        let telemetry = tick.tick(row.time_ns, row.lateness_ns);
+        observers.take(LogRecord::Tick(&telemetry));
+        let now = TickRow::from(&telemetry);
         host.drain(|_| ());
         if let Some(difference) = compare::first_difference(row, &now) {
             report.differing += 1;

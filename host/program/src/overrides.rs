@@ -1,0 +1,95 @@
+//! The arguments of `palpate run` that replace values of the scene.
+
+use super::{CommandError, load};
+use host::scene::{LoadedScene, Override, Scene};
+use std::path::Path;
+
+/// Values that replace values of the scene. The log holds the scene with the replaced values.
+#[derive(Clone, Debug, Default, clap::Args)]
+#[command(next_help_heading = "Values in place of those of the scene")]
+pub(super) struct Overrides {
+    /// Force scheme: hold, thesis, linear, proxy, classic or capped. Default: `loop.scheme` of the scene
+    #[arg(long, value_name = "NAME", conflicts_with = "replay")]
+    scheme: Option<String>,
+    /// Rate of the tick, the haptic loop (Hz). Default: `loop.rate` of the scene
+    #[arg(
+        long,
+        value_name = "HZ",
+        conflicts_with = "replay",
+        allow_negative_numbers = true
+    )]
+    rate: Option<f64>,
+    /// Rate of the host's physics steps (Hz). Default: `host.step_rate` of the scene
+    #[arg(
+        long,
+        value_name = "HZ",
+        conflicts_with = "replay",
+        allow_negative_numbers = true
+    )]
+    step_rate: Option<f64>,
+    /// Rate at which the host publishes local models (Hz): the rate of the steps, divided by a whole number. Default:
+    /// `host.publish_rate` of the scene
+    #[arg(
+        long,
+        value_name = "HZ",
+        conflicts_with = "replay",
+        allow_negative_numbers = true
+    )]
+    publish_rate: Option<f64>,
+    /// Virtual clock: time from reading the hands to the arrival of the model (s). Default: `host.latency` of the scene
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        conflicts_with = "replay",
+        allow_negative_numbers = true
+    )]
+    latency: Option<f64>,
+}
+
+impl Overrides {
+    /// Whether the latency is replaced.
+    pub(super) fn has_latency(&self) -> bool {
+        self.latency.is_some()
+    }
+
+    /// Each argument that is given, as the user writes it, and its field.
+    fn given(&self) -> Vec<(String, Override)> {
+        let numbers = [
+            ("--rate", "loop", "rate", self.rate),
+            ("--step-rate", "host", "step_rate", self.step_rate),
+            ("--publish-rate", "host", "publish_rate", self.publish_rate),
+            ("--latency", "host", "latency", self.latency),
+        ];
+        let scheme = self.scheme.iter().map(|name| {
+            let flag = format!("--scheme {name}");
+            (flag, Override::word("loop", "scheme", name))
+        });
+        let numbers = numbers
+            .into_iter()
+            .filter_map(|(flag, table, name, value)| {
+                let value = value?;
+                let field = Override::number(table, name, value);
+                Some((format!("{flag} {value}"), field))
+            });
+        scheme.chain(numbers).collect()
+    }
+
+    /// The scene at `path`, or the built-in one, with these values. Prints what is possible in the scene, but unlikely.
+    pub(super) fn load(&self, path: Option<&Path>) -> Result<LoadedScene, CommandError> {
+        let (flags, fields): (Vec<_>, Vec<_>) = self.given().into_iter().unzip();
+        if fields.is_empty() {
+            return Ok(load(path)?);
+        }
+        let original = path.map_or_else(Scene::embedded_default, Scene::load)?;
+        let loaded = original
+            .overridden(&fields)
+            .map_err(|source| CommandError::Override {
+                given: flags.join(" "),
+                source,
+            })?;
+        for warning in host::bodies::warnings(&loaded) {
+            errln!("warning: {warning}");
+        }
+        Ok(loaded)
+    }
+}

@@ -1,0 +1,123 @@
+//! `palpate run --scheme, --rate, --step-rate, --publish-rate, --latency`: values in place of those of the scene.
+
+use std::error::Error;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+type Outcome = Result<(), Box<dyn Error>>;
+
+fn palpate(folder: &Path, line: &str) -> std::io::Result<Output> {
+    Command::new(env!("CARGO_BIN_EXE_palpate"))
+        .args(line.split_whitespace())
+        .current_dir(folder)
+        .output()
+}
+
+fn said(output: &Output) -> (Option<i32>, String) {
+    let said = String::from_utf8_lossy(&output.stderr);
+    let said = said.trim_end();
+    let said = said.strip_prefix("palpate: ").unwrap_or(said);
+    (output.status.code(), said.to_owned())
+}
+
+/// A scene with a sheet between two hands.
+const SCENE: &str = r#"name = "pull"
+[host]
+latency = 0.01
+[[body]]
+name = "sheet"
+mesh.sheet = { length = 0.2, width = 0.12, cells = [4, 3] }
+material = { young = 0.3e6, poisson = 0.45, thickness = 0.001, density = 1000 }
+handle = [
+  { name = "left edge", group = "left", device = "left" },
+  { name = "right edge", group = "right", device = "right" },
+]
+[[device]]
+name = "left"
+model = "falcon"
+hand.waypoints = [[0.0, 0.0, 0.0, 0.0], [0.3, -0.01, 0.0, 0.0]]
+[[device]]
+name = "right"
+model = "falcon"
+hand.waypoints = [[0.0, 0.0, 0.0, 0.0], [0.3, 0.01, 0.0, 0.0]]
+"#;
+
+/// A run with overrides is the run of the scene that says so itself, and its log replays without the overrides.
+#[test]
+fn an_override_is_as_good_as_an_edited_scene() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    let at = |name: &str| folder.path().join(name);
+    fs::write(at("plain.toml"), SCENE)?;
+    let edited = SCENE.replace(
+        "[host]\nlatency = 0.01",
+        "[loop]\nscheme = \"linear\"\nrate = 500\n[host]\nlatency = 0.02\nstep_rate = 100\npublish_rate = 50",
+    );
+    fs::write(at("edited.toml"), edited)?;
+    let flags = "--scheme linear --rate 500 --step-rate 100 --publish-rate 50 --latency 0.02";
+    let fast = "--duration 0.4 --instructions portable";
+    for line in [
+        format!("run plain.toml {fast} --json plain.json"),
+        format!("run plain.toml {fast} {flags} --log overridden.mcap --json overridden.json"),
+        format!("run edited.toml {fast} --json edited.json"),
+    ] {
+        let run = palpate(folder.path(), &line)?;
+        assert_eq!(said(&run), (Some(0), String::new()), "{line}");
+    }
+    let facts = |name: &str| -> Result<_, Box<dyn Error>> {
+        let json: serde_json::Value = serde_json::from_slice(&fs::read(at(name))?)?;
+        let fields = ["scheme", "tick", "devices", "energy", "dropped"];
+        let facts = fields.map(|field| json[field].to_string());
+        Ok((facts, json["host"]["steps"].as_u64()))
+    };
+    let overridden = facts("overridden.json")?;
+    assert_eq!(overridden, facts("edited.json")?);
+    assert_ne!(overridden, facts("plain.json")?);
+    let replay = palpate(folder.path(), "run --replay overridden.mcap")?;
+    let text = String::from_utf8_lossy(&replay.stdout);
+    assert!(text.contains("200 ticks reproduced exactly"), "{text}");
+    assert_eq!(replay.status.code(), Some(0));
+    Ok(())
+}
+
+/// The checks are those of the scene, and the message names the argument and the field.
+#[test]
+fn a_value_that_the_scene_may_not_have_is_refused() -> Outcome {
+    let folder = tempfile::tempdir()?;
+    fs::write(folder.path().join("a.toml"), SCENE)?;
+    for (flags, expected) in [
+        (
+            "--rate 20",
+            "with --rate 20: a.toml:1: loop.rate: found 20, allowed: a number from 100 to 10000 (Hz)",
+        ),
+        (
+            "--latency -1",
+            "with --latency -1: a.toml:3: host.latency: found -1, allowed: a number from 0 to 1 (s)",
+        ),
+        (
+            "--clock real --latency 0.1",
+            "--latency is of the virtual clock: found --clock real, where the machine decides the latency",
+        ),
+    ] {
+        let run = palpate(folder.path(), &format!("run a.toml {flags}"))?;
+        assert_eq!(said(&run), (Some(2), expected.to_owned()), "{flags}");
+    }
+    for (flags, parts) in [
+        (
+            "--scheme strong",
+            ["a.toml:1: loop.scheme: found \"strong\"", "`capped`"],
+        ),
+        (
+            "--step-rate 90 --publish-rate 60",
+            ["with --step-rate 90 --publish-rate 60: ", "whole number"],
+        ),
+    ] {
+        let (code, text) = said(&palpate(folder.path(), &format!("run a.toml {flags}"))?);
+        assert_eq!(code, Some(2), "{text}");
+        assert!(parts.iter().all(|part| text.contains(part)), "{text}");
+    }
+    let (code, text) = said(&palpate(folder.path(), "run --replay x.mcap --rate 500")?);
+    assert_eq!(code, Some(2), "{text}");
+    assert!(text.contains("cannot be used with"), "{text}");
+    Ok(())
+}

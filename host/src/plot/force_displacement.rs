@@ -1,0 +1,334 @@
+//! Force against displacement: the picture of a material test.
+//!
+//! Each curve has the direction along which its device or support is loaded. Displacements away from the start and forces
+//! on the body along that direction are positive, so that a body that resists gives a curve in the upper right. A line is
+//! solid while the displacement grows and dashed while it returns: the area between the two is the energy lost.
+
+use nalgebra::Vector3;
+use plotters::element::DashedPathElement;
+use plotters::prelude::*;
+
+use super::axis::Axis;
+use super::direction::{first_usable, main_direction};
+use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, Panel};
+use super::reduce::usable;
+
+const WIDTH: i32 = 720;
+const HEIGHT: i32 = 480;
+
+/// A turn of the motion counts if the displacement changes by this fraction of its largest value. Smaller turns are the
+/// tremor of a hand or the counts of an encoder.
+const TURN: f64 = 0.02;
+
+/// The force on a body against the displacement of the device or the support that loads the body.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LoadCurve {
+    /// Its name in the legend.
+    pub name: String,
+    /// The name of the direction of loading, such as `x` or `−z`.
+    pub direction: String,
+    /// Displacement from the start (m) and force on the body (N), both along the direction, in the order of time.
+    pub points: Vec<(f64, f64)>,
+}
+
+impl LoadCurve {
+    /// The curve of a motion over `position` (m) under the forces `force` on the body (N): along the principal direction
+    /// of the motion, which points to where the motion is farthest from its start.
+    pub(crate) fn of_motion(name: &str, position: &[[f64; 3]], force: &[[f64; 3]]) -> Self {
+        let start = first_usable(position);
+        let moved = position.iter().map(|p| Vector3::from(*p) - start);
+        let moved: Vec<[f64; 3]> = moved.map(Into::into).collect();
+        let direction = main_direction(&moved, force);
+        Self::along(name, direction.axis, &direction.name, &moved, force)
+    }
+
+    /// The curve of displacements `moved` (m) under the forces `force` on the body (N) along the unit vector `axis`,
+    /// which the labels call `label`. The curve takes the opposite direction if the motion goes there.
+    fn along(
+        name: &str,
+        axis: Vector3<f64>,
+        label: &str,
+        moved: &[[f64; 3]],
+        force: &[[f64; 3]],
+    ) -> Self {
+        let project = |v: &[f64; 3]| axis.dot(&Vector3::from(*v));
+        let points: Vec<_> = moved
+            .iter()
+            .map(project)
+            .zip(force.iter().map(project))
+            .collect();
+        let usable = points.iter().map(|point| point.0).filter(|x| usable(*x));
+        let farthest = usable.fold(
+            0.0_f64,
+            |most, x| if x.abs() > most.abs() { x } else { most },
+        );
+        let (sign, direction) = if farthest < 0.0 {
+            (-1.0, opposite(label))
+        } else {
+            (1.0, label.to_owned())
+        };
+        Self {
+            name: name.to_owned(),
+            direction,
+            points: points
+                .into_iter()
+                .map(|(x, y)| (sign * x, sign * y))
+                .collect(),
+        }
+    }
+
+    /// The curve of a part that is displaced by `fractions` of `displacement` (m) under the forces `force` on the body
+    /// (N).
+    pub(crate) fn of_support(
+        name: &str,
+        displacement: [f64; 3],
+        fractions: &[f64],
+        force: &[[f64; 3]],
+    ) -> Self {
+        let moved = fractions
+            .iter()
+            .map(|fraction| displacement.map(|along| fraction * along));
+        let moved: Vec<_> = moved.collect();
+        let axis = Vector3::from(displacement).try_normalize(0.0);
+        let axis = axis.unwrap_or_else(Vector3::x);
+        Self::along(name, axis, &label(axis), &moved, force)
+    }
+}
+
+/// The name of a direction: that of an axis of the world, or the components.
+fn label(direction: Vector3<f64>) -> String {
+    let along = |axis: usize| (0..3).all(|other| other == axis || direction[other] == 0.0);
+    match (0..3).find(|axis| along(*axis)) {
+        Some(axis) if direction[axis] < 0.0 => opposite(["x", "y", "z"][axis]),
+        Some(axis) => ["x", "y", "z"][axis].to_owned(),
+        None => {
+            let [x, y, z]: [f64; 3] = direction.map(|x| (100.0 * x).round() / 100.0 + 0.0).into();
+            format!("({x:.2}, {y:.2}, {z:.2})").replace('-', "−")
+        }
+    }
+}
+
+/// The name of the opposite direction.
+fn opposite(label: &str) -> String {
+    let Some(inner) = label.strip_prefix('(').and_then(|l| l.strip_suffix(')')) else {
+        return format!("−{label}");
+    };
+    let flipped = inner.split(", ").map(|part| match part.strip_prefix('−') {
+        Some(positive) => positive.to_owned(),
+        None if part.bytes().all(|byte| b"0.".contains(&byte)) => part.to_owned(),
+        None => format!("−{part}"),
+    });
+    format!("({})", flipped.collect::<Vec<_>>().join(", "))
+}
+
+/// Draws force against displacement, 720 by 480 pixels. What is not a number is left out.
+pub fn force_displacement_svg(title: &str, curves: &[LoadCurve]) -> String {
+    page::svg(WIDTH, HEIGHT, |area| draw(area, title, curves))
+}
+
+fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
+    page::title(area, title, "solid: displacement grows; dashed: it returns")?;
+    // The axes name a direction that all curves have in common. Otherwise the legend names each direction.
+    let common = curves.first().map(|first| &first.direction);
+    let common = common.filter(|name| curves.iter().all(|curve| curve.direction == **name));
+    let along = common.map_or("along the loading".to_owned(), |name| {
+        format!("along {name}")
+    });
+    let entries = curves.iter().enumerate().map(|(i, curve)| Entry {
+        name: match common {
+            Some(_) => curve.name.clone(),
+            None => format!("{}, along {}", curve.name, curve.direction),
+        },
+        key: Key::Line(page::series_color(i), Marker::None),
+    });
+    let top = 56;
+    let top = top + page::legend(area, WIDTH, top, &entries.collect::<Vec<_>>())?;
+    let drawn: Vec<Vec<(f64, f64)>> = curves.iter().map(millimetres).collect();
+    // Both axes include zero, which is no displacement or no force.
+    let all = || drawn.iter().flatten();
+    let x = Axis::linear(all().map(|point| point.0).chain([0.0]), 0.04, 8.0);
+    let y = Axis::linear(all().map(|point| point.1).chain([0.0]), 0.06, 8.0);
+    let (x_label, y_label) = (
+        format!("Displacement {along} (mm)"),
+        format!("Force on the body {along} (N)"),
+    );
+    let axes = Axes {
+        x: &x,
+        y: &y,
+        x_label: Some(&x_label),
+        y_label: &y_label,
+    };
+    let (_, below) = area.split_vertically(top * page::UNITS);
+    let mut panel = page::panel(&below, &axes)?;
+    page::grid(&mut panel, &axes)?;
+    for zero in [[(x.from, 0.0), (x.to, 0.0)], [(0.0, y.from), (0.0, y.to)]] {
+        panel.draw_series([PathElement::new(zero, page::zero_style())])?;
+    }
+    if drawn.iter().all(Vec::is_empty) {
+        page::nothing(&panel)?;
+    }
+    for (i, points) in drawn.iter().enumerate() {
+        let style = page::stroke(page::series_color(i), 1.5);
+        for branch in branches(points) {
+            draw_branch(
+                &mut panel,
+                &points[branch.from..=branch.to],
+                branch.loading,
+                style,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+/// The points that can be drawn, with displacements in mm.
+fn millimetres(curve: &LoadCurve) -> Vec<(f64, f64)> {
+    let points = curve.points.iter().map(|(x, y)| (1e3 * x, *y));
+    points.filter(|(x, y)| usable(*x) && usable(*y)).collect()
+}
+
+/// Draws one branch of a curve: solid if it is loading, else dashed. Points that are less than half a pixel apart are
+/// drawn as one.
+fn draw_branch(
+    panel: &mut Panel,
+    points: &[(f64, f64)],
+    loading: bool,
+    style: ShapeStyle,
+) -> Drawn {
+    let apart = page::UNITS / 2;
+    let mut line: Vec<(f64, f64)> = Vec::new();
+    let mut last: Option<(i32, i32)> = None;
+    for (index, point) in points.iter().enumerate() {
+        let at = panel.backend_coord(point);
+        let near =
+            |last: (i32, i32)| (at.0 - last.0).abs() < apart && (at.1 - last.1).abs() < apart;
+        if index + 1 == points.len() || !last.is_some_and(near) {
+            line.push(*point);
+            last = Some(at);
+        }
+    }
+    if let [point] = line[..] {
+        panel.draw_series([Circle::new(point, 3 * page::UNITS, style.color.filled())])?;
+    } else if loading {
+        panel.draw_series([PathElement::new(line, style)])?;
+    } else {
+        let (dash, gap) = (7 * page::UNITS, 4 * page::UNITS);
+        panel.draw_series([DashedPathElement::new(line, dash, gap, style)])?;
+    }
+    Ok(())
+}
+
+/// A part of a curve between two turns of the motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Branch {
+    from: usize,
+    to: usize,
+    /// Whether the distance from the start grows.
+    loading: bool,
+}
+
+/// The branches of a curve. Consecutive branches share the point of the turn.
+fn branches(points: &[(f64, f64)]) -> Vec<Branch> {
+    let distance = |index: usize| points[index].0.abs();
+    let largest = (0..points.len()).map(distance).fold(0.0, f64::max);
+    let (mut from, mut extreme, mut loading) = (0, 0, true);
+    let mut branches = Vec::new();
+    for index in 1..points.len() {
+        let sign = if loading { 1.0 } else { -1.0 };
+        let beyond = sign * (distance(index) - distance(extreme));
+        if beyond > 0.0 {
+            extreme = index;
+        } else if beyond < -TURN * largest {
+            branches.push(Branch {
+                from,
+                to: extreme,
+                loading,
+            });
+            (from, extreme, loading) = (extreme, index, !loading);
+        }
+    }
+    if !points.is_empty() {
+        let to = points.len() - 1;
+        branches.push(Branch { from, to, loading });
+    }
+    branches
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A triangle wave with the noise of an encoder has one branch for each of its slopes.
+    #[test]
+    fn loading_and_unloading_are_told_apart() {
+        let noise = |i: usize| if i.is_multiple_of(2) { 0.01 } else { 0.0 };
+        let wave = |i: usize| match i {
+            0..100 => i as f64,
+            100..200 => 200.0 - i as f64,
+            200..250 => 200.0 - i as f64,
+            _ => i as f64 - 300.0,
+        };
+        let points: Vec<_> = (0..=300)
+            .map(|i| (0.01 * wave(i) + noise(i), 0.0))
+            .collect();
+        let found = branches(&points);
+        let loading: Vec<_> = found.iter().map(|branch| branch.loading).collect();
+        assert_eq!(loading, [true, false, true, false]);
+        for (branch, turn) in found.iter().zip([100_usize, 200, 250, 300]) {
+            assert!(branch.to.abs_diff(turn) <= 2, "{branch:?}");
+        }
+        assert!(found.windows(2).all(|pair| pair[0].to == pair[1].from));
+        assert_eq!(branches(&[]), []);
+        let still = [(0.0, 1.0); 3];
+        let one = Branch {
+            from: 0,
+            to: 2,
+            loading: true,
+        };
+        assert_eq!(branches(&still), [one]);
+    }
+
+    /// Pulled down or pressed down, a spring that resists gives the same curve: k times the displacement.
+    #[test]
+    fn a_spring_gives_its_line_in_every_direction() {
+        for axis in [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [-0.6, 0.8, 0.0]] {
+            let at = |s: f64| axis.map(|along| along * s);
+            let position: Vec<_> = (0..=10).map(|i| at(0.001 * f64::from(i))).collect();
+            let force: Vec<_> = (0..=10).map(|i| at(0.5 * f64::from(i))).collect();
+            let fractions: Vec<_> = (0..=10).map(|i| 0.1 * f64::from(i)).collect();
+            for curve in [
+                LoadCurve::of_motion("hand", &position, &force),
+                LoadCurve::of_support("top", at(0.01), &fractions, &force),
+            ] {
+                for (index, (x, y)) in curve.points.iter().enumerate() {
+                    let step = index as f64;
+                    assert!((x - 0.001 * step).abs() < 1e-12, "{curve:?}");
+                    assert!((y - 0.5 * step).abs() < 1e-12, "{curve:?}");
+                }
+            }
+        }
+        let down = LoadCurve::of_support("top", [0.0, 0.0, -0.01], &[1.0], &[[0.0; 3]]);
+        assert_eq!(down.direction, "−z");
+        assert_eq!(opposite("(0.71, −0.71, 0.00)"), "(−0.71, 0.71, 0.00)");
+    }
+
+    #[test]
+    fn the_way_back_is_dashed() {
+        let curve = |points: Vec<(f64, f64)>| LoadCurve {
+            name: "top".to_owned(),
+            direction: "z".to_owned(),
+            points,
+        };
+        let lines = |curve: LoadCurve| {
+            let svg = force_displacement_svg("test", &[curve]);
+            assert!(svg.contains("Displacement along z (mm)"));
+            svg.matches("<polyline").count()
+        };
+        let there = lines(curve(vec![(0.0, 0.0), (0.01, 2.0)]));
+        let and_back = lines(curve(vec![(0.0, 0.0), (0.01, 2.0), (0.0, 1.0)]));
+        // A dash is a line of its own.
+        assert!(and_back > there + 10, "{there} {and_back}");
+        let nothing = force_displacement_svg("test", &[curve(vec![(f64::NAN, 1.0)])]);
+        assert!(nothing.contains("no data"));
+    }
+}

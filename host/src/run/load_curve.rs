@@ -1,0 +1,91 @@
+//! The force-displacement curve of each device as an observer, which draws the curves at the end of the run.
+
+use super::observer::{Observed, Observer};
+use crate::atomic_file::write_atomically;
+use crate::plot::{LoadCurve, force_displacement_svg};
+use crate::scene::Scene;
+use runner::link::LogRecord;
+use std::path::{Path, PathBuf};
+
+/// Most samples of a device that are kept. A longer run keeps every second tick, then every fourth, and so on.
+const MOST: usize = 1 << 18;
+
+/// Collects position and force of each device.
+pub(super) struct LoadCurveObserver {
+    path: PathBuf,
+    title: String,
+    devices: Vec<Samples>,
+    /// Ticks from one kept sample to the next.
+    every: u64,
+    taken: u64,
+}
+
+/// One device: where its proxy was, and the force of the hand on the body.
+struct Samples {
+    name: String,
+    position: Vec<[f64; 3]>,
+    force: Vec<[f64; 3]>,
+}
+
+impl LoadCurveObserver {
+    /// An observer that draws to the file at `path`.
+    pub(super) fn new(path: &Path, scene: &Scene) -> Self {
+        let devices = scene.devices.iter().map(|device| Samples {
+            name: device.name.clone(),
+            position: Vec::new(),
+            force: Vec::new(),
+        });
+        Self {
+            path: path.to_owned(),
+            title: scene.name.clone(),
+            devices: devices.collect(),
+            every: 1,
+            taken: 0,
+        }
+    }
+
+    /// Drops every second sample.
+    fn thin(&mut self) {
+        for device in &mut self.devices {
+            for samples in [&mut device.position, &mut device.force] {
+                let mut index = 0;
+                samples.retain(|_| {
+                    index += 1;
+                    index % 2 == 1
+                });
+            }
+        }
+        self.every *= 2;
+    }
+}
+
+impl Observer for LoadCurveObserver {
+    fn take(&mut self, record: LogRecord<'_>) {
+        let LogRecord::Tick(telemetry) = record else {
+            return;
+        };
+        if self.taken.is_multiple_of(self.every) {
+            for (device, samples) in telemetry.devices().zip(&mut self.devices) {
+                samples.position.push(device.pose.position.into());
+                // The wrench of the telemetry acts on the hand.
+                samples.force.push((-device.wrench.force).into());
+            }
+        }
+        self.taken += 1;
+        let longest = self.devices.iter().map(|device| device.position.len());
+        if longest.max() >= Some(MOST) {
+            self.thin();
+        }
+    }
+
+    fn finish(self: Box<Self>, observed: &mut Observed) {
+        let devices = self.devices.iter();
+        let curves = devices
+            .map(|device| LoadCurve::of_motion(&device.name, &device.position, &device.force));
+        let svg = force_displacement_svg(&self.title, &curves.collect::<Vec<_>>());
+        if let Err(error) = write_atomically(&self.path, svg.as_bytes()) {
+            observed.failures.push(error.to_string());
+            observed.unwritten.push(self.path);
+        }
+    }
+}

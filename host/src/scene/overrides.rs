@@ -1,0 +1,170 @@
+//! Overrides: values that replace values of a scene for one run, such as another rate of the tick.
+//!
+//! An override edits the text of the scene, and the edited text is read and checked like any other scene. The log of the
+//! run holds the edited text, so that a replay of the log needs no overrides. Comments and order of the text stay.
+
+use super::load::load;
+use super::{LoadedScene, SceneError, Source};
+use std::io;
+use std::path::Path;
+use toml_edit::{DocumentMut, Item, Table, Value};
+
+/// A value that replaces the value of one field of a scene.
+#[derive(Clone, Debug)]
+pub struct Override {
+    table: &'static str,
+    name: &'static str,
+    value: Value,
+}
+
+impl Override {
+    /// A number for the field `name` of the table `[table]`, in the unit of the field.
+    pub fn number(table: &'static str, name: &'static str, value: f64) -> Self {
+        // A whole number is quoted without its point: every `f64` below 2^53 is exact as an integer.
+        let value = if value.fract() == 0.0 && value.abs() < 9e15 {
+            Value::from(value as i64)
+        } else {
+            Value::from(value)
+        };
+        Self { table, name, value }
+    }
+
+    /// A word for the field `name` of the table `[table]`.
+    pub fn word(table: &'static str, name: &'static str, value: &str) -> Self {
+        let value = Value::from(value);
+        Self { table, name, value }
+    }
+
+    /// Writes the value into the text of a scene. A field or a table that the text lacks is added.
+    fn write(&self, document: &mut DocumentMut) {
+        let table = document
+            .entry(self.table)
+            .or_insert_with(|| Item::Table(Table::new()));
+        // The scene was read before: this is a table.
+        let Some(table) = table.as_table_like_mut() else {
+            return;
+        };
+        match table.get_mut(self.name).and_then(Item::as_value_mut) {
+            Some(old) => {
+                // The comment behind the value stays.
+                let decor = old.decor().clone();
+                *old = self.value.clone();
+                *old.decor_mut() = decor;
+            }
+            None => {
+                table.insert(self.name, Item::Value(self.value.clone()));
+            }
+        }
+    }
+}
+
+impl LoadedScene {
+    /// The scene with `overrides`. The files that the scene names are not read again.
+    ///
+    /// # Errors
+    /// [`SceneError`] where the scene with the overrides is refused. The lines are those of the original text.
+    ///
+    /// ```
+    /// use host::scene::{Override, Scene};
+    ///
+    /// let scene = Scene::embedded_default()?;
+    /// let faster = scene.overridden(&[Override::number("loop", "rate", 2000.0)])?;
+    /// assert_eq!(faster.scene.realtime.rate, 2000.0);
+    /// assert!(scene.overridden(&[Override::number("loop", "rate", 1.0)]).is_err());
+    /// # Ok::<(), host::scene::SceneError>(())
+    /// ```
+    pub fn overridden(&self, overrides: &[Override]) -> Result<Self, SceneError> {
+        // The scene was read before: its text is TOML.
+        let mut document: DocumentMut = self.source.text.parse().unwrap_or_default();
+        for one in overrides {
+            one.write(&mut document);
+        }
+        let source = Source {
+            name: self.source.name.clone(),
+            text: document.to_string(),
+        };
+        let folder = Path::new(&self.source.name).parent();
+        let folder = folder.unwrap_or(Path::new(""));
+        let kept = |path: &Path| {
+            let mut files = self.files.iter();
+            let file = files.find(|(name, _)| folder.join(name) == path);
+            file.map(|(_, bytes)| bytes.clone())
+                .ok_or_else(|| io::ErrorKind::NotFound.into())
+        };
+        load(source, folder, kept).map_err(|mut error| {
+            if let Some(place) = error.place_mut() {
+                place.line = self.source.place(&place.field).line;
+            }
+            error
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Scene;
+    use std::collections::BTreeMap;
+
+    const BODY: &str = "\
+[[body]]
+name = \"b\"
+mesh.box = { size = [0.1, 0.1, 0.1], cells = [1, 1, 1] }
+material = { young = 1e3, poisson = 0.3, density = 1000 }
+";
+
+    fn load(text: &str) -> LoadedScene {
+        Scene::load_texts("a.toml", text, &BTreeMap::new()).expect("a scene")
+    }
+
+    /// However a scene writes its table, the field is replaced, and all else stays.
+    #[test]
+    fn every_notation_of_a_table_is_edited() {
+        for (head, tail) in [
+            ("name = \"a\"", "[loop]\nrate = 500 # slow\n"),
+            ("name = \"a\"\nloop.rate = 500 # slow", ""),
+            ("name = \"a\"\nloop = { rate = 500, blend = 0.4 }", ""),
+            ("name = \"a\" # head", "[loop]\nblend = 0.4\n"),
+            ("name = \"a\" # head", ""),
+        ] {
+            let before = load(&format!("{head}\n{BODY}{tail}"));
+            let overrides = [
+                Override::number("loop", "rate", 2000.0),
+                Override::word("loop", "scheme", "hold"),
+                Override::number("host", "latency", 0.0125),
+            ];
+            let after = before.overridden(&overrides).expect("a scene");
+            let (old, new) = (&before.scene.realtime, &after.scene.realtime);
+            assert_eq!(new.rate, 2000.0, "{}", after.source.text);
+            assert_eq!(new.scheme, crate::scene::spec::SchemeName::Hold);
+            assert_eq!(after.scene.host.latency, 0.0125);
+            assert_eq!(new.blend, old.blend);
+            assert_eq!(after.scene.bodies.len(), 1);
+            for comment in ["# slow", "# head"] {
+                let has = |scene: &LoadedScene| scene.source.text.contains(comment);
+                assert_eq!(has(&before), has(&after), "{}", after.source.text);
+            }
+            // The log holds the edited text, and a replay reads it.
+            assert_eq!(load(&after.source.text).scene.realtime.rate, 2000.0);
+        }
+    }
+
+    #[test]
+    fn an_error_names_the_line_of_the_original_text() {
+        let scene = load(&format!("name = \"a\"\n[loop]\nblend = 0.4\n{BODY}"));
+        let said = |one| scene.overridden(&[one]).expect_err("refused").to_string();
+        assert_eq!(
+            said(Override::number("loop", "rate", 20.0)),
+            "a.toml:2: loop.rate: found 20, allowed: a number from 100 to 10000 (Hz)"
+        );
+        assert_eq!(
+            said(Override::number("loop", "rate", f64::NAN)),
+            "a.toml:2: loop.rate: found nan, allowed: a number from 100 to 10000 (Hz)"
+        );
+        let schemes = said(Override::word("loop", "scheme", "held"));
+        assert!(
+            schemes.starts_with("a.toml:2: loop.scheme: found \"held\", allowed: "),
+            "{schemes}"
+        );
+    }
+}
