@@ -8,12 +8,14 @@ mod wall;
 
 use super::outputs::{Declared, Format};
 use super::written::Written;
-use super::{CommandError, progress_bar};
+use super::{CommandError, load, progress_bar};
+use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
 use indicatif::ProgressBar;
+use std::cell::Cell;
 use std::num::NonZero;
 use std::path::PathBuf;
-use study::stress::jobs::{Options, Progress, Shard};
+use study::stress::jobs::{Cells, JobError, Options, Progress, Shard};
 
 /// Arguments of `palpate stress`.
 #[derive(Clone, Debug, clap::Args)]
@@ -101,9 +103,55 @@ fn shard(text: &str) -> Result<Shard, String> {
     shard.ok_or_else(|| format!("a shard is I/N with I from 1 to N, as in 3/8, not {text:?}"))
 }
 
-/// Shows the progress of the cells on a bar of a thousand parts.
-fn show(bar: &ProgressBar, at: &Progress) {
-    bar.set_position(1000 * at.done / at.of.max(1));
+/// The progress of the cells, on a bar of a thousand parts.
+struct Shown {
+    bar: ProgressBar,
+    /// Whether the person has been told that the file of results cannot be written.
+    warned: Cell<bool>,
+}
+
+impl Shown {
+    fn new() -> Self {
+        Self {
+            bar: progress_bar(),
+            warned: Cell::new(false),
+        }
+    }
+
+    fn show(&self, at: &Progress<'_>) {
+        self.bar.set_position(1000 * at.done / at.of.max(1));
+        if let Some(error) = at.unwritten
+            && !self.warned.replace(true)
+        {
+            self.bar.suspend(|| {
+                errln!("warning: {error}; the study continues, and tries again after each cell");
+            });
+        }
+    }
+
+    /// Ends the display of a run with the result `cells`.
+    fn end<R>(&self, cells: Result<Cells<R>, JobError>) -> Result<Cells<R>, CommandError> {
+        self.bar.finish_and_clear();
+        Ok(cells?)
+    }
+}
+
+/// The devices that the arguments name. Prints what is possible in their files, but unlikely.
+fn devices(arguments: &[String]) -> Result<Vec<NamedDevice>, CommandError> {
+    let devices = arguments.iter().map(|text| NamedDevice::load(text));
+    let devices = devices.collect::<Result<Vec<_>, _>>()?;
+    for warning in devices.iter().flat_map(|device| &device.warnings) {
+        errln!("warning: {warning}");
+    }
+    Ok(devices)
+}
+
+/// Declares the files of devices, which a command reads.
+fn declare_devices(mut declared: Declared, devices: &[NamedDevice]) -> Declared {
+    for device in devices {
+        declared = declared.input("a device file", device.path.as_deref());
+    }
+    declared
 }
 
 #[cfg(test)]
