@@ -113,7 +113,7 @@ enum InstructionsName {
 }
 
 /// Parses a positive number of seconds, at most one day.
-fn seconds(text: &str) -> Result<f64, String> {
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
     let refused = || format!("found {text}, allowed: a number above 0 and up to 86400 (s)");
     let value: f64 = text.parse().map_err(|_| refused())?;
     if value > 0.0 && value <= 86_400.0 {

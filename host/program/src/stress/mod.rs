@@ -4,6 +4,7 @@
 mod faults;
 mod hold;
 mod scene;
+mod seeds;
 mod wall;
 
 use super::outputs::{Declared, Format};
@@ -34,6 +35,8 @@ enum Study {
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
     Scene(scene::SceneArguments),
+    /// Print results of several seeds of a study side by side, with their spread over the seeds
+    Seeds(seeds::SeedsArguments),
 }
 
 /// The arguments of all stress studies.
@@ -83,11 +86,12 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Faults(arguments) => faults::run(arguments),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
+        Study::Seeds(arguments) => seeds::run(arguments),
     }
 }
 
 /// The scheme of this name among the schemes of a study.
-fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
+pub(super) fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
     let found = known.iter().find(|(_, name)| *name == text);
     found.map(|(scheme, _)| *scheme).ok_or_else(|| {
         let names: Vec<_> = known.iter().map(|(_, name)| *name).collect();

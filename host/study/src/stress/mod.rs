@@ -2,7 +2,7 @@
 //!
 //! [`jobs`] runs the many cells of a study on all cores and machines. [`devices`] are the devices of a study. [`wall`] maps a stiff wall inside the tick.
 //! [`faults`] gives the tick input that should never occur. [`hold`] checks that the rendered force is the force
-//! of the body. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
+//! of the body. [`seeds`] compares results of several seeds. [`scene`] compares the schemes on a scene under hands, rates and faults. `palpate stress` repeats each
 //! of them.
 
 mod chance;
@@ -11,4 +11,5 @@ pub mod faults;
 pub mod hold;
 pub mod jobs;
 pub mod scene;
+pub mod seeds;
 pub mod wall;

@@ -238,7 +238,7 @@ impl Draw {
 
     /// A host of `rate` models a second (Hz) with the latency `latency` (s), without faults. The scene states the grips
     /// and the task.
-    pub(in crate::stress) fn untroubled(rate: f64, latency: f64) -> Self {
+    pub(crate) fn untroubled(rate: f64, latency: f64) -> Self {
         Self {
             rate,
             latency,

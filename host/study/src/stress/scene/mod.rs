@@ -18,11 +18,11 @@ pub mod draw;
 pub mod force_errors;
 mod hands;
 pub mod measure;
-pub(super) mod reference;
+pub(crate) mod reference;
 pub(super) mod run;
 pub mod summary;
 mod troubled;
-pub(super) mod world;
+pub(crate) mod world;
 
 use super::chance::Chance;
 use crate::StudyError;

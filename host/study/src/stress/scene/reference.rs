@@ -174,7 +174,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 }
 
 /// Runs the reference of the cell of `world`.
-pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
+pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.all().map(Body::total_energy).sum();
     let (config, mut devices, mut kept) = world.devices(stored)?;

@@ -16,13 +16,13 @@ use sim::{Fault, Faulty};
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
-pub(in crate::stress) struct World {
+pub(crate) struct World {
     /// The scene with the hands, rates and materials of the cell.
-    pub(in crate::stress) loaded: LoadedScene,
+    pub(crate) loaded: LoadedScene,
     /// The softened scene.
-    pub(in crate::stress) soft: Option<LoadedScene>,
+    pub(crate) soft: Option<LoadedScene>,
     /// The draw.
-    pub(in crate::stress) draw: Draw,
+    pub(crate) draw: Draw,
 }
 
 /// The record of a run, and the facts about the scene that each entry needs.
@@ -164,7 +164,7 @@ impl Kept {
 
 /// The wrenches that `bodies` exert on the devices that `held` names for their handles (axes of the scene), and the
 /// potential of their weight (J).
-pub(super) fn exerted<'a>(
+pub(crate) fn exerted<'a>(
     bodies: impl Iterator<Item = &'a Body>,
     held: &[Vec<usize>],
 ) -> ([Wrench; MAX_DEVICES], f64) {
@@ -184,7 +184,7 @@ pub(super) fn exerted<'a>(
 }
 
 /// The true state of a simulated device.
-pub(super) fn probe(device: &AnyDevice) -> Probe {
+pub(crate) fn probe(device: &AnyDevice) -> Probe {
     let probe = device.probe();
     probe.expect("a scene under virtual time has simulated devices only")
 }
