@@ -7,7 +7,7 @@ use super::written::Written;
 use super::{CommandError, SceneArgument, load, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::engine::faults::HostFault;
-use host::plot::{self, Panel, Series};
+use host::plot::{self, Panel, Series, write_picture};
 use host::scene::spec::SchemeName;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub(super) struct CompareArguments {
     /// Write the measurements of all runs as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the forces of all runs over time, and their differences from the reference (SVG)
+    /// Draw the forces of all runs over time, and their differences from the reference (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write force and position of each device in every tick of all runs (CSV)
@@ -86,7 +86,7 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--json", arguments.json.as_ref(), Format::Json)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--csv", arguments.csv.as_ref(), Format::Csv)
         .check()?;
     let settings = Settings {
@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));
     written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, picture(&found).as_bytes())
+        write_picture(path, &picture(&found))
     });
     written.write(arguments.csv.as_ref(), |path| {
         write_atomically(path, csv(&found).as_bytes())

@@ -33,7 +33,7 @@ pub(super) struct RunArguments {
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Draw force and position over time (SVG)
+    /// Draw force and position over time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write the summary as JSON
@@ -167,7 +167,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {

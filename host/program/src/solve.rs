@@ -3,7 +3,7 @@
 use super::outputs::{Declared, Format};
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
-use host::atomic_file::{write_atomically, write_json};
+use host::atomic_file::write_json;
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;
@@ -18,7 +18,7 @@ pub(super) struct SolveArguments {
     /// Write each frame as VTU into this folder, and the list frames.pvd, for ParaView
     #[arg(long, value_name = "FOLDER")]
     vtu: Option<PathBuf>,
-    /// Draw the reactions against the loads or time (SVG)
+    /// Draw the reactions against the loads or time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write the solution as JSON
@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(Some(&arguments.scene), &loaded)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut frames = match &arguments.vtu {
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     out!("{solution}");
     let mut written = Written::default();
     let plot = written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, chart(&solution).as_bytes())
+        plot::write_picture(path, &chart(&solution))
     });
     let json = written.write(arguments.json.as_ref(), |path| write_json(path, &solution));
     let list = frames.map(|folder| folder.list_file());

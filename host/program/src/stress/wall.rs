@@ -1,7 +1,6 @@
 //! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
 use super::{CommandError, Common, Declared, Shown, Written, declare_devices, devices};
-use host::atomic_file::write_atomically;
 use host::plot::{self, Map, MapCell, MapLine, MapPanel};
 use std::collections::BTreeMap;
 use study::stress::devices::StudyDevice;
@@ -55,7 +54,7 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     print_gains(&cells, &study.devices());
     let mut written = Written::default();
     written.write(common.plot.as_ref(), |path| {
-        write_atomically(path, plot::map_svg(&map(&cells)).as_bytes())
+        plot::write_picture(path, &plot::map_svg(&map(&cells)))
     });
     written.and(unwritten).end()
 }

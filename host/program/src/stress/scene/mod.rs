@@ -5,6 +5,7 @@ mod table;
 
 use super::{CommandError, Common, Declared, Format, Shown, Written, scheme_of};
 use host::atomic_file::write_atomically;
+use host::plot::write_picture;
 use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::fmt::Write;
@@ -136,7 +137,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     table::print(&cells);
     let mut written = Written::default();
     written.write(common.plot.as_ref(), |path| {
-        write_atomically(path, picture::distributions(&name, &cells).as_bytes())
+        write_picture(path, &picture::distributions(&name, &cells))
     });
     let written = written.and(unwritten).end();
     let mut failed = cells
@@ -177,7 +178,7 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
                 draw.trouble.name()
             );
             let svg = picture::cell(&title, &subtitle, run, &reference);
-            write_atomically(path, svg.as_bytes())
+            write_picture(path, &svg)
         });
         written.write(arguments.log.as_ref(), |path| {
             write_atomically(path, log(run, &reference).as_bytes())
