@@ -10,6 +10,7 @@
 mod printing;
 
 mod bench;
+mod compare;
 mod fault;
 mod mesh;
 mod outputs;
@@ -47,6 +48,7 @@ Examples:
   palpate run --replay run.mcap                run the ticks of a log again and compare them bit for bit
   palpate run my_scene.toml --seed 7           run your own scene
   palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
+  palpate compare my_scene.toml                compare the force schemes on your own scene
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
   palpate bench speed --quick                  measure run time against error, beside other programs
   palpate stress wall --quick                  find the stiffest wall of each device, beside theory";
@@ -59,6 +61,8 @@ enum Command {
     Plan(plan::PlanArguments),
     /// Find equilibrium or motion of a scene without devices: forces, displacements, stress
     Solve(solve::SolveArguments),
+    /// Run a scene under several force schemes and compare forces, energy and delays with a run without delays
+    Compare(compare::CompareArguments),
     /// Write the mesh of a scene's body, with its groups and materials, for Gmsh or ParaView
     Mesh(mesh::MeshArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
@@ -120,6 +124,8 @@ enum CommandError {
     Study(#[from] study::StudyError),
     #[error(transparent)]
     Jobs(#[from] study::stress::jobs::JobError),
+    #[error(transparent)]
+    Seeds(#[from] study::stress::seeds::SeedsError),
     #[error("{failed} of {of} cells fail")]
     Stressed { failed: usize, of: usize },
     #[error("{failed} of the suite's cases fail; they are listed above")]
@@ -134,6 +140,7 @@ impl CommandError {
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
             | Self::Run(host::run::RunError::Scene(_))
+            | Self::Study(study::StudyError::Scene(_) | study::StudyError::PublishRate { .. })
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
@@ -168,6 +175,7 @@ fn execute(command: Option<Command>) -> u8 {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Solve(arguments) => solve::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),

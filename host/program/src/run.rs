@@ -42,14 +42,14 @@ pub(super) struct RunArguments {
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Draw force and position over time (SVG)
+    /// Draw force and position over time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write a row for each tick: time, poses, velocities and forces of the devices, age of the models, limits (CSV).
     /// Also with --replay
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Draw the force on the body against the displacement of each device (SVG). Also with --replay
+    /// Draw the force on the body against the displacement of each device (SVG or PNG). Also with --replay
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
     /// Write the summary as JSON
@@ -134,7 +134,7 @@ enum InstructionsName {
 }
 
 /// Parses a positive number of seconds, at most one day.
-fn seconds(text: &str) -> Result<f64, String> {
+pub(super) fn seconds(text: &str) -> Result<f64, String> {
     let refused = || format!("found {text}, allowed: a number above 0 and up to 86400 (s)");
     let value: f64 = text.parse().map_err(|_| refused())?;
     if value > 0.0 && value <= 86_400.0 {
@@ -195,8 +195,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
         .ticks(&ticks)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {

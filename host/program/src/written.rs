@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// Writes every file that can be written: one failure does not lose the other results.
 #[derive(Default)]
 pub(super) struct Written {
-    failures: Vec<AtomicFileError>,
+    failures: Vec<CommandError>,
 }
 
 impl Written {
@@ -21,10 +21,16 @@ impl Written {
             None => false,
             Some(Ok(())) => true,
             Some(Err(failure)) => {
-                self.failures.push(failure);
+                self.failures.push(failure.into());
                 false
             }
         }
+    }
+
+    /// Adds the failure of a file that was written during the work, if it failed.
+    pub(super) fn and(mut self, failure: Option<impl Into<CommandError>>) -> Self {
+        self.failures.extend(failure.map(Into::into));
+        self
     }
 
     /// Reports the failures.
@@ -36,6 +42,6 @@ impl Written {
         for failure in self.failures {
             errln!("{failure}");
         }
-        last.map_or(Ok(()), |failure| Err(failure.into()))
+        last.map_or(Ok(()), Err)
     }
 }

@@ -144,6 +144,11 @@ impl Failing {
         });
     }
 
+    /// The engine.
+    pub(crate) fn engine(&self) -> &Engine {
+        &self.engine
+    }
+
     /// The engine alone.
     pub(crate) fn into_engine(self) -> Engine {
         self.engine

@@ -1,8 +1,7 @@
 //! The force-displacement curve of each device as an observer, which draws the curves at the end of the run.
 
 use super::observer::{Observed, Observer};
-use crate::atomic_file::write_atomically;
-use crate::plot::{LoadCurve, force_displacement_svg};
+use crate::plot::{LoadCurve, force_displacement_svg, write_picture};
 use crate::scene::Scene;
 use runner::link::LogRecord;
 use std::path::{Path, PathBuf};
@@ -83,7 +82,7 @@ impl Observer for LoadCurveObserver {
         let curves = devices
             .map(|device| LoadCurve::of_motion(&device.name, &device.position, &device.force));
         let svg = force_displacement_svg(&self.title, &curves.collect::<Vec<_>>());
-        if let Err(error) = write_atomically(&self.path, svg.as_bytes()) {
+        if let Err(error) = write_picture(&self.path, &svg) {
             observed.failures.push(error.to_string());
             observed.unwritten.push(self.path);
         }

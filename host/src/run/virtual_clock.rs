@@ -9,18 +9,28 @@ use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
 use super::timeline::{Host, Timeline};
+use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::{Threads, awake};
+use rt_core::Telemetry;
+use runner::TickLoop;
 use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model before the
 /// ticks that used it. From time to time `progress` is given the number of ticks done.
-pub fn run(
+pub fn run(setup: Setup, sink: impl FnMut(LogRecord<'_>), progress: impl FnMut(u64)) -> Running {
+    run_seen(setup, |_, _, _| {}, sink, progress)
+}
+
+/// As [`run`]. After each tick, `see` is given the tick's side with the simulated devices, the record of the tick, and
+/// the physics, which is absent after a panic of the host.
+pub fn run_seen(
     setup: Setup,
+    mut see: impl FnMut(&TickLoop, &Telemetry, Option<&Engine>),
     mut sink: impl FnMut(LogRecord<'_>),
     mut progress: impl FnMut(u64),
 ) -> Running {
@@ -49,8 +59,10 @@ pub fn run(
         ticks: timing.ticks,
     };
     let mut done = 0;
-    let Ok(()) = timeline.drive(&mut host, |_, now_ns| {
-        tick.tick(now_ns, 0);
+    let Ok(()) = timeline.drive(&mut host, |host, now_ns| {
+        let telemetry = tick.tick(now_ns, 0);
+        let engine = host.running.as_ref().map(|host| host.engine.engine());
+        see(&tick, &telemetry, engine);
         log.records(&mut sink);
         if done % 256 == 0 {
             progress(done);

@@ -20,6 +20,22 @@ pub enum SceneError {
         /// The system's error.
         source: io::Error,
     },
+    /// A device file that no scene names cannot be read.
+    #[error("{}: cannot read this device file: {source}", path.display())]
+    DeviceFile {
+        /// The file.
+        path: PathBuf,
+        /// The system's error.
+        source: io::Error,
+    },
+    /// There is no device of this name.
+    #[error("found {found:?}, allowed: a device file (.toml), or a built-in device: {known}")]
+    NoDevice {
+        /// The name that was given.
+        found: String,
+        /// The built-in devices.
+        known: String,
+    },
     /// The text is not TOML, or has a fault that no other case describes.
     #[error("{place}: {problem}")]
     Malformed {

@@ -274,22 +274,30 @@ fn models(
                 .ok_or_else(|| reader.source.error(&field, *name, "a built-in device")),
             ModelName::File(file) => {
                 let (path, text) = reader.text(file, &field)?;
-                let name = path.display().to_string();
-                match DeviceFile::parse(&text) {
-                    Ok(file) => {
-                        let source = Source { name, text };
-                        let found = plausible::check_device_file(&source, &file.model)?;
-                        // Two devices may have the same file.
-                        let new = found.into_iter().filter(|one| !warnings.contains(one));
-                        warnings.extend(new.collect::<Vec<_>>());
-                        Ok(file.model)
-                    }
-                    Err(error) => Err(SceneError::model(name, error)),
-                }
+                let (file, _, found) = read_device(path.display().to_string(), text)?;
+                // Two devices may have the same file.
+                let new = found.into_iter().filter(|one| !warnings.contains(one));
+                warnings.extend(new.collect::<Vec<_>>());
+                Ok(file.model)
             }
         }
     });
     each.collect()
+}
+
+/// The device file with the content `text`, which messages call `name`, and the warnings about it.
+pub(super) fn read_device(
+    name: String,
+    text: String,
+) -> Result<(DeviceFile, Source, Vec<Warning>), SceneError> {
+    match DeviceFile::parse(&text) {
+        Ok(file) => {
+            let source = Source { name, text };
+            let warnings = plausible::check_device_file(&source, &file.model)?;
+            Ok((file, source, warnings))
+        }
+        Err(error) => Err(SceneError::model(name, error)),
+    }
 }
 
 /// The recording of each device's hand; none for a hand that does something else.
@@ -309,7 +317,7 @@ fn recordings(
 }
 
 /// Reads a text file of at most [`LARGEST`] bytes.
-fn read(path: &Path) -> io::Result<String> {
+pub(super) fn read(path: &Path) -> io::Result<String> {
     text_of(read_bytes(path)?)
 }
 

@@ -6,6 +6,7 @@
 
 mod check;
 mod consistency;
+mod device_file;
 pub(crate) mod drivers;
 mod error;
 mod load;
@@ -15,6 +16,7 @@ pub mod recording;
 pub(crate) mod source;
 pub mod spec;
 
+pub use device_file::NamedDevice;
 pub use error::{Place, SceneError};
 pub use load::{LoadedScene, MeshFile};
 pub use overrides::Override;

@@ -13,6 +13,16 @@ pub enum StudyError {
     /// A scene cannot be built.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The host of a scene cannot publish at a rate.
+    #[error(
+        "--publish-rates: found {found:?}, allowed: host.step_rate of the scene, {step_rate:?}, divided by a whole number"
+    )]
+    PublishRate {
+        /// The rate that was asked for (Hz).
+        found: f64,
+        /// Physics steps of the host a second (Hz).
+        step_rate: f64,
+    },
     /// A sheet cannot be generated.
     #[error(transparent)]
     Sheet(#[from] SheetError),

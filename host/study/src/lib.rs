@@ -1,7 +1,8 @@
-//! Experiments whose figures the book quotes. `palpate bench` or `palpate stress` repeats each of them.
+//! Experiments whose figures the book quotes. `palpate bench`, `palpate stress` or `palpate compare` repeats each of them.
 #![forbid(unsafe_code)]
 
 pub mod accuracy;
+pub mod compare;
 pub mod elsewhere;
 mod error;
 pub mod extrapolation;

@@ -1,31 +1,39 @@
 //! `palpate stress faults`: runs the tick on invalid input of devices, host and clock.
 
-use super::{CommandError, Common, Declared, progress_bar, show};
+use super::{CommandError, Common, Declared, Shown, Written, declare_devices, devices};
 use std::collections::BTreeMap;
-use study::stress::faults::{self, Outcome};
-use study::stress::jobs;
+use study::stress::devices::StudyDevice;
+use study::stress::faults::{self, CELLS, Outcome, QUICK_CELLS};
+use study::stress::jobs::{self, Cells};
 
 /// Arguments of `palpate stress faults`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct FaultsArguments {
+    /// Devices with whose rate, limits, friction and counts the controllers run, in turn: device files (TOML) or names
+    /// of built-in devices. Default: devices of random limits
+    #[arg(value_name = "DEVICE")]
+    devices: Vec<String>,
+    /// Number of controllers. Default: 1000, of a hundred thousand ticks each; 10 with --quick
+    #[arg(long, value_name = "N")]
+    runs: Option<u64>,
     #[command(flatten)]
     common: Common,
 }
 
 pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
-    let _held = common.declare(Declared::default()).check()?;
-    let header = faults::header(common.seed, common.quick);
-    let bar = progress_bar();
-    let cells = jobs::run(
-        &header,
-        &common.options(),
-        |cell| faults::run(common.seed, cell),
-        |at| show(&bar, at),
-    );
-    bar.finish_and_clear();
-    let cells: BTreeMap<u64, Outcome> = cells?;
+    let named = devices(&arguments.devices)?;
+    let declared = declare_devices(Declared::default(), &named);
+    let _held = common.declare(declared).check()?;
+    let devices = StudyDevice::chosen(&named)?;
+    let default = if common.quick { QUICK_CELLS } else { CELLS };
+    let header = faults::header(common.seed, arguments.runs.unwrap_or(default), &devices);
+    let shown = Shown::new();
+    let work = |cell| faults::run(common.seed, cell, &devices);
+    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
+    let written = Written::default().and(unwritten).end();
     let failed = cells.values().filter(|cell| !cell.passed()).count();
     if failed > 0 {
         return Err(CommandError::Stressed {
@@ -33,7 +41,7 @@ pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
             of: cells.len(),
         });
     }
-    Ok(())
+    written
 }
 
 fn print(cells: &BTreeMap<u64, Outcome>) {

@@ -1,9 +1,9 @@
 //! `palpate stress hold`: presses, holds, slow rubs and tremors on bodies of every kind, without faults.
 
 use super::scene::{log, picture};
-use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
+use super::{CommandError, Common, Declared, Format, Shown, Written, load, scheme_of};
 use host::atomic_file::write_atomically;
-use host::scene::Scene;
+use host::plot::write_picture;
 use host::scene::spec::SchemeName;
 use sim::DeviceModel;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use study::stress::hold::draw::Kind;
 use study::stress::hold::summary::{row, worst};
 use study::stress::hold::verdict::{Failure, failures};
 use study::stress::hold::{CASES, CellResult, SCHEMES, Study, judge};
-use study::stress::jobs::{self, Header};
+use study::stress::jobs::{self, Cells, Header};
 
 /// Arguments of `palpate stress hold`.
 #[derive(Clone, Debug, clap::Args)]
@@ -54,7 +54,7 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
 pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
     if let Some(path) = &arguments.file {
-        let cell = judge(Scene::load(path)?)?;
+        let cell = judge(load(Some(path))?)?;
         return finish(&BTreeMap::from([(0, cell)]));
     }
     let declared = Declared::default()
@@ -73,17 +73,18 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
         cells: arguments.runs.unwrap_or(default),
         settings: serde_json::json!({ "cases": CASES.map(|(name, text, _)| (name, text)) }),
     };
-    let bar = progress_bar();
+    let shown = Shown::new();
     let work = |cell| study.cell(cell, &SCHEMES);
-    let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
-    bar.finish_and_clear();
-    let cells: BTreeMap<u64, CellResult> = cells?;
+    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let Cells { cells, unwritten } = shown.end(cells)?;
     outln!("{} cells, seed {}\n", cells.len(), common.seed);
     print(&cells);
-    if let Some(path) = &common.plot {
-        write_atomically(path, picture::holds(&cells).as_bytes())?;
-    }
-    finish(&cells)
+    let mut written = Written::default();
+    written.write(common.plot.as_ref(), |path| {
+        write_picture(path, &picture::holds(&cells))
+    });
+    let written = written.and(unwritten).end();
+    finish(&cells).and(written)
 }
 
 /// Lists the cases and the worst of the cells in which `capped` fails. Fails if there is such a cell.
@@ -232,7 +233,7 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
                 100.0 * outcome.capped
             );
             let svg = picture::cell(&title, &subtitle, run, &traces.reference);
-            write_atomically(path, svg.as_bytes())
+            write_picture(path, &svg)
         });
         written.write(arguments.log.as_ref(), |path| {
             write_atomically(path, log(run, &traces.reference).as_bytes())

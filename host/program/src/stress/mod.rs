@@ -4,16 +4,19 @@
 mod faults;
 mod hold;
 mod scene;
+mod seeds;
 mod wall;
 
 use super::outputs::{Declared, Format};
 use super::written::Written;
-use super::{CommandError, progress_bar};
+use super::{CommandError, load, progress_bar};
+use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
 use indicatif::ProgressBar;
+use std::cell::Cell;
 use std::num::NonZero;
 use std::path::PathBuf;
-use study::stress::jobs::{Options, Progress, Shard};
+use study::stress::jobs::{Cells, JobError, Options, Progress, Shard};
 
 /// Arguments of `palpate stress`.
 #[derive(Clone, Debug, clap::Args)]
@@ -32,6 +35,8 @@ enum Study {
     Hold(hold::HoldArguments),
     /// Run a scene with many kinds of hands, rates and faults, under each scheme
     Scene(scene::SceneArguments),
+    /// Print results of several seeds of a study side by side, with their spread over the seeds
+    Seeds(seeds::SeedsArguments),
 }
 
 /// The arguments of all stress studies.
@@ -52,7 +57,7 @@ struct Common {
     /// Append each cell as a line of JSON as soon as the cell is done. Cells that the file holds are not run again
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the result (SVG)
+    /// Draw the result (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -71,7 +76,7 @@ impl Common {
     fn declare(&self, declared: Declared) -> Declared {
         declared
             .file("--json", self.json.as_ref(), Format::JsonLines)
-            .file("--plot", self.plot.as_ref(), Format::Svg)
+            .file("--plot", self.plot.as_ref(), Format::Picture)
     }
 }
 
@@ -81,11 +86,12 @@ pub(super) fn run(arguments: &StressArguments) -> Result<(), CommandError> {
         Study::Faults(arguments) => faults::run(arguments),
         Study::Hold(arguments) => hold::run(arguments),
         Study::Scene(arguments) => scene::run(arguments),
+        Study::Seeds(arguments) => seeds::run(arguments),
     }
 }
 
 /// The scheme of this name among the schemes of a study.
-fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
+pub(super) fn scheme_of(text: &str, known: &[(SchemeName, &str)]) -> Result<SchemeName, String> {
     let found = known.iter().find(|(_, name)| *name == text);
     found.map(|(scheme, _)| *scheme).ok_or_else(|| {
         let names: Vec<_> = known.iter().map(|(_, name)| *name).collect();
@@ -101,9 +107,55 @@ fn shard(text: &str) -> Result<Shard, String> {
     shard.ok_or_else(|| format!("a shard is I/N with I from 1 to N, as in 3/8, not {text:?}"))
 }
 
-/// Shows the progress of the cells on a bar of a thousand parts.
-fn show(bar: &ProgressBar, at: &Progress) {
-    bar.set_position(1000 * at.done / at.of.max(1));
+/// The progress of the cells, on a bar of a thousand parts.
+struct Shown {
+    bar: ProgressBar,
+    /// Whether the person has been told that the file of results cannot be written.
+    warned: Cell<bool>,
+}
+
+impl Shown {
+    fn new() -> Self {
+        Self {
+            bar: progress_bar(),
+            warned: Cell::new(false),
+        }
+    }
+
+    fn show(&self, at: &Progress<'_>) {
+        self.bar.set_position(1000 * at.done / at.of.max(1));
+        if let Some(error) = at.unwritten
+            && !self.warned.replace(true)
+        {
+            self.bar.suspend(|| {
+                errln!("warning: {error}; the study continues, and tries again after each cell");
+            });
+        }
+    }
+
+    /// Ends the display of a run with the result `cells`.
+    fn end<R>(&self, cells: Result<Cells<R>, JobError>) -> Result<Cells<R>, CommandError> {
+        self.bar.finish_and_clear();
+        Ok(cells?)
+    }
+}
+
+/// The devices that the arguments name. Prints what is possible in their files, but unlikely.
+fn devices(arguments: &[String]) -> Result<Vec<NamedDevice>, CommandError> {
+    let devices = arguments.iter().map(|text| NamedDevice::load(text));
+    let devices = devices.collect::<Result<Vec<_>, _>>()?;
+    for warning in devices.iter().flat_map(|device| &device.warnings) {
+        errln!("warning: {warning}");
+    }
+    Ok(devices)
+}
+
+/// Declares the files of devices, which a command reads.
+fn declare_devices(mut declared: Declared, devices: &[NamedDevice]) -> Declared {
+    for device in devices {
+        declared = declared.input("a device file", device.path.as_deref());
+    }
+    declared
 }
 
 #[cfg(test)]

@@ -1,14 +1,19 @@
 //! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
-use super::{CommandError, Common, Declared, progress_bar, show};
-use host::atomic_file::write_atomically;
+use super::{CommandError, Common, Declared, Shown, Written, declare_devices, devices};
 use host::plot::{self, Map, MapCell, MapLine, MapPanel};
 use std::collections::BTreeMap;
+use study::stress::devices::StudyDevice;
+use study::stress::jobs::Cells;
 use study::stress::wall::{self, Gain, Outcome, Panel, SCHEMES, Setting, Study, passive};
 
 /// Arguments of `palpate stress wall`.
 #[derive(Clone, Debug, clap::Args)]
 pub(super) struct WallArguments {
+    /// Devices to study: device files (TOML) or names of built-in devices. Each is measured at its own rate and at four
+    /// times its rate. Default: the built-in devices, at 1 and 4 kHz
+    #[arg(value_name = "DEVICE")]
+    devices: Vec<String>,
     #[command(flatten)]
     common: Common,
     /// Rate of the map (Hz). Default: the rate of each device
@@ -19,21 +24,24 @@ pub(super) struct WallArguments {
     delay: u8,
 }
 
-type Cells = BTreeMap<u64, Outcome>;
+type Outcomes = BTreeMap<u64, Outcome>;
 
 pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
+    let named = devices(&arguments.devices)?;
+    named.iter().try_for_each(wall::check)?;
     let study = Study {
+        devices: StudyDevice::chosen(&named)?,
         quick: common.quick,
         seed: common.seed,
         map_rate: arguments.rate,
         map_delay: usize::from(arguments.delay),
     };
-    let _held = common.declare(Declared::default()).check()?;
-    let bar = progress_bar();
-    let cells = study.run(&common.options(), |at| show(&bar, at));
-    bar.finish_and_clear();
-    let cells = cells?;
+    let declared = declare_devices(Declared::default(), &named);
+    let _held = common.declare(declared).check()?;
+    let shown = Shown::new();
+    let cells = study.run(&common.options(), |at| shown.show(at));
+    let Cells { cells, unwritten } = shown.end(cells)?;
     let of = study.header().cells;
     if (cells.len() as u64) < of {
         outln!(
@@ -43,11 +51,12 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     }
     print_boundaries(&cells);
     print_whole(&cells);
-    print_gains(&cells);
-    if let Some(path) = &common.plot {
-        write_atomically(path, plot::map_svg(&map(&cells)).as_bytes())?;
-    }
-    Ok(())
+    print_gains(&cells, &study.devices());
+    let mut written = Written::default();
+    written.write(common.plot.as_ref(), |path| {
+        plot::write_picture(path, &plot::map_svg(&map(&cells)))
+    });
+    written.and(unwritten).end()
 }
 
 /// The worst of several comparisons with theory.
@@ -81,7 +90,7 @@ impl Worst {
     }
 }
 
-fn print_boundaries(cells: &Cells) {
+fn print_boundaries(cells: &Outcomes) {
     outln!(
         "Largest stiffness (N/m) of a plain wall, without friction and quantization; error in %."
     );
@@ -128,7 +137,7 @@ fn print_boundaries(cells: &Cells) {
     }
 }
 
-fn print_whole(cells: &Cells) {
+fn print_whole(cells: &Outcomes) {
     outln!(
         "\nLargest passive stiffness (N/m) with friction, quantization and the driver's velocity, B = 0, hands up to {} \
          m/s:\n",
@@ -158,7 +167,7 @@ fn print_whole(cells: &Cells) {
     }
 }
 
-fn print_gains(cells: &Cells) {
+fn print_gains(cells: &Outcomes, devices: &[StudyDevice]) {
     outln!(
         "\nLargest stiffness, as a multiple of the plain bound 2 b / T (with delay: over 2 d + 1), at which the adversary \
          extracts\nat most {:.0} mJ and the wall renders at least {:.0} % of the static stiffness. In brackets: the \
@@ -204,7 +213,7 @@ fn print_gains(cells: &Cells) {
             gain.delay,
             if gain.whole { "on" } else { "off" },
             if gain.as_hand { "a hand's" } else { "any" },
-            gain.of_any_scheme()
+            gain.of_any_scheme(devices)
                 .map_or(String::new(), |most| format!("{most:.1}")),
             columns.join(" | ")
         );
@@ -212,7 +221,7 @@ fn print_gains(cells: &Cells) {
     }
 }
 
-fn map(cells: &Cells) -> Map {
+fn map(cells: &Outcomes) -> Map {
     let panels = wall::panels(cells).into_iter().map(panel).collect();
     Map {
         title: "A wall inside the tick: net energy at the port of the hand".to_owned(),

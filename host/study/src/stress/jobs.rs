@@ -6,7 +6,8 @@
 //!
 //! With a file, each result is appended to the file as soon as it is known, as one line of JSON (JSON Lines): the
 //! header first, then `{"cell": 7, ...}`. A run that finds lines in the file does not repeat their cells. `cat` merges
-//! the files of several shards.
+//! the files of several shards. A run of more cells extends the file: it appends its own header, then the cells that the
+//! file lacks. A file that cannot be written does not end the run: see [`Cells::unwritten`].
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,8 @@ mod file;
 mod tests;
 
 /// Everything that determines a study's results, except the number of the cell. The first line of a file.
+///
+/// No result depends on the number of cells, so files of different numbers of cells belong to the same study.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Header {
     /// The study's name.
@@ -34,6 +37,18 @@ pub struct Header {
     pub cells: u64,
     /// The other settings on which the results depend.
     pub settings: serde_json::Value,
+}
+
+impl Header {
+    /// Whether a cell has the same result in a study of this header and in a study of `other`.
+    fn is_of_study(&self, other: &Self) -> bool {
+        let cells = other.cells;
+        let mine = Self {
+            cells,
+            ..self.clone()
+        };
+        mine == *other
+    }
 }
 
 /// One part of the cells: those whose number has the remainder `index - 1` when divided by `count`.
@@ -76,13 +91,24 @@ pub struct Options {
 
 /// The progress of a run.
 #[derive(Clone, Copy, Debug)]
-pub struct Progress {
+pub struct Progress<'a> {
     /// Cells of this shard that are done.
     pub done: u64,
     /// Cells of this shard.
     pub of: u64,
     /// Time left (s), if the other cells take as long as the cells of this run so far; none before the first.
     pub left: Option<f64>,
+    /// Why the latest result could not be appended to the file, if it could not.
+    pub unwritten: Option<&'a JobError>,
+}
+
+/// The results of a run.
+#[derive(Debug)]
+pub struct Cells<R> {
+    /// The results of all cells that are done, by number: those of this shard, and those of other shards in the file.
+    pub cells: BTreeMap<u64, R>,
+    /// Why the file lacks some of the results, if it does. The same command runs these cells again.
+    pub unwritten: Option<JobError>,
 }
 
 /// Why the cells could not be run, or their file could not be used.
@@ -155,9 +181,11 @@ struct Cell<R> {
     result: R,
 }
 
-/// Runs the cells that are not done yet. Returns the results of all cells that are done, by number: those of this
-/// shard, and those of other shards in the file. A result must contain finite numbers only, and serialize to a map
-/// without a key `cell`.
+/// Runs the cells that are not done yet. Returns the results of all cells that are done. A result must contain finite
+/// numbers only, and serialize to a map without a key `cell`.
+///
+/// A result that cannot be appended to the file waits, and is written before the next one. A disk that is full for a
+/// while loses nothing.
 ///
 /// # Errors
 /// [`JobError`] if the file cannot be used, or belongs to another study. The file is read before any cell runs.
@@ -165,8 +193,8 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
     header: &Header,
     options: &Options,
     work: impl Fn(u64) -> R + Sync,
-    mut progress: impl FnMut(&Progress),
-) -> Result<BTreeMap<u64, R>, JobError> {
+    mut progress: impl FnMut(&Progress<'_>),
+) -> Result<Cells<R>, JobError> {
     let mut done = BTreeMap::new();
     let mut file = None;
     if let Some(path) = &options.file {
@@ -185,7 +213,9 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
         done: before,
         of,
         left: None,
+        unwritten: None,
     });
+    let mut unwritten = None;
 
     let next = AtomicUsize::new(0);
     let (sender, results) = mpsc::channel();
@@ -208,7 +238,7 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
             // The result is read back from its line, so that an interrupted run continues with the same result.
             let (line, result) = round_trip(cell, result)?;
             if let Some(file) = &mut file {
-                file.append(&line)?;
+                unwritten = file.append(&line).err();
             }
             done.insert(cell, result);
             let each = began.elapsed().as_secs_f64() / count as f64;
@@ -216,11 +246,15 @@ pub fn run<R: Serialize + DeserializeOwned + Send>(
                 done: before + count,
                 of,
                 left: Some(each * (left.len() as u64 - count) as f64),
+                unwritten: unwritten.as_ref(),
             });
         }
         Ok(())
     })?;
-    Ok(done)
+    Ok(Cells {
+        cells: done,
+        unwritten,
+    })
 }
 
 fn round_trip<R: Serialize + DeserializeOwned>(
@@ -236,7 +270,7 @@ fn round_trip<R: Serialize + DeserializeOwned>(
     Ok((line, read.result))
 }
 
-/// All cells of a file. The header of the file is compared with the study's.
+/// The cells of a file that belong to the study of `header`, as [`run`] finds them.
 ///
 /// # Errors
 /// As [`run`].
@@ -244,11 +278,15 @@ pub fn read<R: DeserializeOwned>(
     path: &Path,
     header: &Header,
 ) -> Result<BTreeMap<u64, R>, JobError> {
-    let text = std::fs::read(path).map_err(|source| JobError::File {
-        path: path.to_owned(),
-        source,
-    })?;
     let mut done = BTreeMap::new();
-    file::parse(path, &text, header, &mut done)?;
+    file::parse(path, &file::bytes(path)?, header, &mut done)?;
     Ok(done)
+}
+
+/// The header of a file, with the largest number of cells of all its headers.
+///
+/// # Errors
+/// [`JobError`] if the file cannot be read, or if its first line is no header.
+pub fn header_of(path: &Path) -> Result<Header, JobError> {
+    file::header(path, &file::bytes(path)?)
 }

@@ -3,15 +3,17 @@
 pub(super) mod picture;
 mod table;
 
-use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
+use super::{CommandError, Common, Declared, Format, Shown, Written, scheme_of};
 use host::atomic_file::write_atomically;
-use host::scene::Scene;
+use host::plot::write_picture;
+use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
 use std::fmt::Write;
 use std::path::PathBuf;
-use study::stress::jobs::{self, Header};
+use study::stress::jobs::{self, Cells, Header};
+use study::stress::scene::draw::{Choice, Trouble};
 use study::stress::scene::measure::{Outcome, Trace};
-use study::stress::scene::{SCHEMES, Study};
+use study::stress::scene::{SCHEMES, STEP_RATE, Study};
 
 /// Arguments of `palpate stress scene`.
 #[derive(Clone, Debug, clap::Args)]
@@ -24,6 +26,14 @@ pub(super) struct SceneArguments {
     /// Schemes to run. Default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = scheme)]
     schemes: Vec<SchemeName>,
+    /// Publication rates of the host in Hz, which the worlds take in turn. Default: 20, 30, 60, 125, 250, 500 and 1000.
+    /// A world has the same number under the same --rate and --trouble only
+    #[arg(long, value_name = "HZ", value_delimiter = ',', value_parser = rate)]
+    rate: Vec<f64>,
+    /// Kinds of fault, which the worlds take in turn: nothing, stalls, losses, softening, vanishing, or all of them at
+    /// once. Default: each kind
+    #[arg(long, value_name = "KINDS", value_delimiter = ',', value_parser = trouble)]
+    trouble: Vec<Trouble>,
     /// Run one world again and print its outcome: --plot draws the run, --log writes every tick
     #[arg(long, value_name = "N", conflicts_with_all = ["runs", "quick", "shard", "json"])]
     cell: Option<u64>,
@@ -46,9 +56,58 @@ fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
 }
 
+/// Parses a publication rate.
+fn rate(text: &str) -> Result<f64, String> {
+    let value: Option<f64> = text.parse().ok();
+    let allowed = value.filter(|rate| (1.0..=STEP_RATE).contains(rate));
+    allowed.ok_or_else(|| {
+        format!(
+            "allowed: 1 to {STEP_RATE} (Hz), as the study takes {STEP_RATE} physics steps a second"
+        )
+    })
+}
+
+/// Parses a kind of fault.
+fn trouble(text: &str) -> Result<Trouble, String> {
+    let found = Trouble::ALL.into_iter().find(|kind| kind.name() == text);
+    found.ok_or_else(|| format!("allowed: {}", Trouble::ALL.map(Trouble::name).join(", ")))
+}
+
+impl SceneArguments {
+    /// The rates and troubles of the worlds.
+    fn choice(&self) -> Choice {
+        let mut choice = Choice::default();
+        if !self.rate.is_empty() {
+            choice.rates.clone_from(&self.rate);
+        }
+        if !self.trouble.is_empty() {
+            choice.troubles.clone_from(&self.trouble);
+        }
+        choice
+    }
+
+    /// Everything but seed and number that determines a cell. A file of a study without --rate and --trouble has no
+    /// such settings.
+    fn settings(&self, loaded: &LoadedScene, schemes: &[(SchemeName, &str)]) -> serde_json::Value {
+        let files = loaded.files.iter().map(|(name, bytes)| (name, bytes.len()));
+        let mut settings = serde_json::json!({
+            "scene": loaded.source.text,
+            "files": files.collect::<Vec<_>>(),
+            "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
+        });
+        if !self.rate.is_empty() {
+            settings["rates"] = serde_json::json!(self.rate);
+        }
+        if !self.trouble.is_empty() {
+            settings["troubles"] = serde_json::json!(self.trouble);
+        }
+        settings
+    }
+}
+
 pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     let common = &arguments.common;
-    let loaded = Scene::load(&arguments.scene)?;
+    let loaded = super::load(Some(&arguments.scene))?;
     let declared = Declared::default()
         .scene(Some(&arguments.scene), &loaded)
         .file("--log", arguments.log.as_ref(), Format::Csv);
@@ -64,35 +123,32 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
         schema: 3,
         seed: common.seed,
         cells: arguments.runs.unwrap_or(default),
-        settings: serde_json::json!({
-            "scene": loaded.source.text,
-            "files": loaded.files.iter().map(|(name, bytes)| (name, bytes.len())).collect::<Vec<_>>(),
-            "schemes": schemes.iter().map(|(_, name)| name).collect::<Vec<_>>(),
-        }),
+        settings: arguments.settings(&loaded, &schemes),
     };
-    let study = Study::new(loaded, common.seed)?;
+    let study = Study::among(loaded, common.seed, arguments.choice())?;
     if let Some(cell) = arguments.cell {
         return show_cell(arguments, &study, cell);
     }
-    let bar = progress_bar();
+    let shown = Shown::new();
     let work = |cell| study.cell(cell, &schemes);
-    let cells = jobs::run(&header, &common.options(), work, |at| show(&bar, at));
-    bar.finish_and_clear();
-    let cells = cells?;
+    let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
+    let Cells { cells, unwritten } = shown.end(cells)?;
     outln!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
     table::print(&cells);
-    if let Some(path) = &common.plot {
-        write_atomically(path, picture::distributions(&name, &cells).as_bytes())?;
-    }
+    let mut written = Written::default();
+    written.write(common.plot.as_ref(), |path| {
+        write_picture(path, &picture::distributions(&name, &cells))
+    });
+    let written = written.and(unwritten).end();
     let mut failed = cells
         .iter()
         .filter_map(|(n, c)| Some((n, c.failed.as_ref()?)));
     match failed.next() {
         Some((number, why)) => {
             errln!("cell {number}: {why}");
-            Err(CommandError::Incomplete)
+            written.and(Err(CommandError::Incomplete))
         }
-        None => Ok(()),
+        None => written,
     }
 }
 
@@ -122,7 +178,7 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
                 draw.trouble.name()
             );
             let svg = picture::cell(&title, &subtitle, run, &reference);
-            write_atomically(path, svg.as_bytes())
+            write_picture(path, &svg)
         });
         written.write(arguments.log.as_ref(), |path| {
             write_atomically(path, log(run, &reference).as_bytes())

@@ -1,7 +1,7 @@
 //! The tables of `palpate stress scene`.
 
 use std::collections::BTreeMap;
-use study::stress::scene::draw::{RATES, Trouble};
+use study::stress::scene::draw::Trouble;
 use study::stress::scene::summary::{Band, Row, row};
 use study::stress::scene::{CellResult, SCHEMES};
 
@@ -9,15 +9,24 @@ use study::stress::scene::{CellResult, SCHEMES};
 pub(super) fn print(cells: &BTreeMap<u64, CellResult>) {
     outln!("By publication rate, over all troubles:\n");
     head("Hz");
+    let mut rates: Vec<f64> = cells.values().map(|cell| cell.draw.rate).collect();
+    rates.sort_unstable_by(f64::total_cmp);
+    rates.dedup();
     let late = ("20 and 30", Band::of(20.0, 30.0));
     let others = [
         ("60 and more", Band::of(60.0, f64::INFINITY)),
         ("all", Band::of(0.0, f64::INFINITY)),
     ];
-    let each = RATES.map(|rate| (format!("{rate:.0}"), Band::of(rate, rate)));
+    let each = rates.iter();
+    let each: Vec<_> = each
+        .map(|rate| (rate.to_string(), Band::of(*rate, *rate)))
+        .collect();
     let each = each.iter().map(|(name, band)| (name.as_str(), *band));
     for (name, band) in each.chain([late]).chain(others) {
         rows(cells, name, band);
+    }
+    if rates.last().is_none_or(|fastest| *fastest < 60.0) {
+        return;
     }
     outln!("\nBy trouble, at 60 Hz and more:\n");
     head("trouble");

@@ -5,8 +5,8 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use rt_core::controller::Reading;
 use rt_core::{DeviceError, DeviceState, MAX_DEVICES, Pose, Twist, Vec3};
 
-/// The tick's period (ns).
-pub(super) const PERIOD_NS: u64 = 1_000_000;
+/// The rate for which the motions of hands are stated (Hz).
+const RATE: f64 = 1000.0;
 
 /// Numbers at the limits of the floating-point format.
 const EXTREMES: [f64; 12] = [
@@ -35,20 +35,23 @@ pub(super) fn extreme(draw: Chance, n: u64) -> f64 {
 pub(super) struct Clock {
     chance: Chance,
     now_ns: u64,
+    period_ns: u64,
 }
 
 impl Clock {
-    pub(super) fn new(chance: Chance) -> Self {
+    /// The clock of a tick of the period `period_ns` (ns).
+    pub(super) fn new(chance: Chance, period_ns: u64) -> Self {
         Self {
             chance: chance.of("clock"),
             now_ns: 1_000_000_000,
+            period_ns,
         }
     }
 
     /// The time of a tick (ns). In one bad stretch in four, the clock steps at some ticks, forwards or back, and
     /// continues from there.
     pub(super) fn next(&mut self, tick: u64, bad: Option<u64>) -> u64 {
-        self.now_ns = self.now_ns.saturating_add(PERIOD_NS);
+        self.now_ns = self.now_ns.saturating_add(self.period_ns);
         let steps = bad.is_some_and(|stretch| self.chance.of("steps").unit(stretch) < 0.25);
         if steps && self.chance.unit(2 * tick) < 0.02 {
             // From a microsecond to three centuries.
@@ -108,13 +111,24 @@ fn behaviour(draw: Chance, n: u64) -> Behaviour {
 pub(super) struct Hands {
     chance: Chance,
     devices: usize,
+    kind: Encoder,
+}
+
+/// The rate of the devices, and what their encoders can count.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Encoder {
+    /// Readings a second (Hz).
+    pub(super) rate: f64,
+    /// Displacement of one count (m).
+    pub(super) count: f64,
 }
 
 impl Hands {
-    pub(super) fn new(chance: Chance, devices: usize) -> Self {
+    pub(super) fn new(chance: Chance, devices: usize, kind: Encoder) -> Self {
         Self {
             chance: chance.of("hands"),
             devices,
+            kind,
         }
     }
 
@@ -127,15 +141,15 @@ impl Hands {
             let behaviour = bad.map_or(Behaviour::Gentle, |stretch| {
                 behaviour(draw.of("mood"), stretch)
             });
-            *reading = read(behaviour, draw, tick, device);
+            *reading = read(behaviour, draw, tick, device, self.kind);
         }
         readings
     }
 }
 
-fn read(behaviour: Behaviour, draw: Chance, tick: u64, device: usize) -> Reading {
+fn read(behaviour: Behaviour, draw: Chance, tick: u64, device: usize, kind: Encoder) -> Reading {
     let n = 16 * tick;
-    let mut state = gentle(tick, device);
+    let mut state = gentle(tick, device, kind.rate);
     match behaviour {
         Behaviour::Gentle => {}
         Behaviour::Jump => {
@@ -151,8 +165,8 @@ fn read(behaviour: Behaviour, draw: Chance, tick: u64, device: usize) -> Reading
             };
         }
         Behaviour::AtLimit => {
-            // Sixteen bits at 38 um.
-            let end = f64::from(i16::MAX) * 38e-6;
+            // Sixteen bits.
+            let end = f64::from(i16::MAX) * kind.count;
             state.pose.position = Vec3::new(end, -end, end);
         }
         Behaviour::Silent => {
@@ -173,7 +187,15 @@ fn read(behaviour: Behaviour, draw: Chance, tick: u64, device: usize) -> Reading
                 number(3),
             ));
         }
-        Behaviour::Any => return read(behaviour_but_any(draw, n), draw.of("any"), tick, device),
+        Behaviour::Any => {
+            return read(
+                behaviour_but_any(draw, n),
+                draw.of("any"),
+                tick,
+                device,
+                kind,
+            );
+        }
     }
     Ok(state)
 }
@@ -185,9 +207,9 @@ fn behaviour_but_any(draw: Chance, n: u64) -> Behaviour {
     }
 }
 
-/// The state of a device whose hand moves gently about one place.
-fn gentle(tick: u64, device: usize) -> DeviceState {
-    let phase = 0.01 * tick as f64 + device as f64;
+/// The state of a device that is read at `rate` (Hz), and whose hand moves gently about one place.
+fn gentle(tick: u64, device: usize, rate: f64) -> DeviceState {
+    let phase = 0.01 * (RATE / rate) * tick as f64 + device as f64;
     let (sin, cos) = (libm::sin(phase), libm::cos(phase));
     let axis = Vec3::new(sin, cos, 0.5);
     let tangent = Vec3::new(cos, -sin, 0.0);

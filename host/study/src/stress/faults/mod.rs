@@ -7,19 +7,22 @@
 //! caught and recorded.
 
 use super::chance::Chance;
+use super::devices::{self, StudyDevice};
 use super::jobs::Header;
 use host::log::energy_sums;
-use input::{Clock, Hands};
+use input::{Clock, Encoder, Hands};
 use models::Models;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{CouplingConfig, HostState};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::{SafetyConfig, SafetyState};
+use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
     Controller, ControllerConfig, EnergyAccount, Freedom, MAX_DEVICES, PassivityConfig, Port,
     Scheme, Telemetry, Vec3, Wrench,
 };
 use serde::{Deserialize, Serialize};
+use sim::DeviceModel;
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -30,19 +33,24 @@ mod tests;
 
 /// Ticks in a cell.
 pub const TICKS: u64 = 100_000;
-/// Ticks in a stretch of bad input, and in a stretch of sound input. A second and a half is longer than the fade, the
-/// recovery and a blend together.
-const STRETCH: [u64; 2] = [500, 1500];
+/// Length of a stretch of bad input, and of a stretch of sound input (s). A second and a half is longer than the fade,
+/// the recovery and a blend together.
+const STRETCH: [f64; 2] = [0.5, 1.5];
+/// Ticks a second (Hz), where no device states another rate.
+const RATE: f64 = 1000.0;
 /// Cells of the whole study: 10^8 ticks.
 pub const CELLS: u64 = 1000;
 /// Cells of the quick study.
-pub(crate) const QUICK_CELLS: u64 = 10;
+pub const QUICK_CELLS: u64 = 10;
 
 /// The result of a cell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Outcome {
     /// The scheme.
     pub scheme: String,
+    /// The device; none if all limits were drawn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
     /// Ticks done.
     pub ticks: u64,
     /// Ticks in which a command was not finite.
@@ -67,43 +75,56 @@ impl Outcome {
     }
 }
 
-/// The header of the study's file.
-pub fn header(seed: u64, quick: bool) -> Header {
+/// The header of the study's file, for the devices `devices`; none of them: for devices of drawn limits.
+pub fn header(seed: u64, cells: u64, devices: &[StudyDevice]) -> Header {
+    let mut settings = serde_json::json!({ "ticks": TICKS });
+    if !devices.is_empty() {
+        settings["devices"] = devices::settings(devices);
+    }
     Header {
         study: "faults".to_owned(),
         schema: 1,
         seed,
-        cells: if quick { QUICK_CELLS } else { CELLS },
-        settings: serde_json::json!({ "ticks": TICKS }),
+        cells,
+        settings,
     }
 }
 
-/// Runs one cell.
-pub fn run(seed: u64, cell: u64) -> Outcome {
+/// Runs one cell: with one of `devices`, or with devices of drawn limits if there are none.
+pub fn run(seed: u64, cell: u64, devices: &[StudyDevice]) -> Outcome {
     let chance = Chance::new(seed, cell);
+    // In turn, so that every range of cells contains the same fraction of each device.
+    let device = devices.get(cell as usize % devices.len().max(1));
     let mut outcome = Outcome::default();
-    let run = AssertUnwindSafe(|| go_through(chance, &mut outcome));
+    let run = AssertUnwindSafe(|| go_through(chance, device, &mut outcome));
     if let Err(panic) = catch_unwind(run) {
         outcome.panic = Some(host::run::message(&*panic).to_owned());
     }
     outcome
 }
 
-fn go_through(chance: Chance, outcome: &mut Outcome) {
+fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcome) {
     let scheme = scheme(chance);
     scheme.name().clone_into(&mut outcome.scheme);
-    let config = config(chance, scheme);
+    outcome.device = device.map(|device| device.name.clone());
+    let model = device.map(|device| &device.model);
+    let config = config(chance, scheme, model);
     let devices = config.devices.len();
     let mut controller = Controller::new(&config);
-    let mut clock = Clock::new(chance);
-    let hands = Hands::new(chance, devices);
-    let mut models = Models::new(chance, devices);
+    let kind = Encoder {
+        rate: model.map_or(RATE, |model| f64::from(model.rate_hz)),
+        count: model.map_or(38e-6, |model| model.position_step),
+    };
+    let mut clock = Clock::new(chance, (1e9 / kind.rate).round() as u64);
+    let hands = Hands::new(chance, devices, kind);
+    let mut models = Models::new(chance, devices, kind.rate);
     let mut last = [Wrench::zero(); MAX_DEVICES];
     let mut in_debt = 0;
-    let whole = STRETCH[0] + STRETCH[1];
+    let [bad_ticks, sound_ticks] = STRETCH.map(|seconds| (seconds * kind.rate).round() as u64);
+    let whole = bad_ticks + sound_ticks;
     for tick in 0..TICKS {
         let (stretch, at) = (tick / whole, tick % whole);
-        let bad = (at < STRETCH[0]).then_some(stretch);
+        let bad = (at < bad_ticks).then_some(stretch);
         let now_ns = clock.next(tick, bad);
         if let Some(model) = models.next(tick, now_ns, bad) {
             // Refused models are counted below.
@@ -162,10 +183,12 @@ fn scheme(chance: Chance) -> Scheme {
     all.get(pick as usize).copied().unwrap_or(Scheme::Linear)
 }
 
-fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
+/// The configuration of a cell. The numbers of a device come from `model`, if there is one. All others are drawn.
+fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> ControllerConfig {
     let draw = chance.of("config");
     let devices = 1 + (draw.unit(0) * MAX_DEVICES as f64) as usize;
-    let period = input::PERIOD_NS as f64 * 1e-9;
+    let rate = model.map_or(RATE, |model| f64::from(model.rate_hz));
+    let period = (1e9 / rate).round() * 1e-9;
     let mut config = ControllerConfig::default();
     let max_slew = if draw.unit(1) < 0.5 {
         f64::INFINITY
@@ -185,18 +208,24 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
         count: 3e-5,
         max_slew,
     }; MAX_DEVICES];
+    let capabilities = model.map(DeviceModel::capabilities);
+    if let Some(model) = model {
+        passivity.ports = [port(model, period, max_slew); MAX_DEVICES];
+    }
     for _ in 0..devices {
         // The loop serves at least so many devices.
         let _ = config.devices.push(DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
-                actuated: if draw.unit(7) < 0.5 {
-                    Freedom::Three
-                } else {
-                    Freedom::Six
+                actuated: match &capabilities {
+                    Some(found) => found.actuated,
+                    None if draw.unit(7) < 0.5 => Freedom::Three,
+                    None => Freedom::Six,
                 },
-                max_force: draw.between(8, 1.0, 40.0),
-                max_moment: 0.5,
+                max_force: capabilities
+                    .as_ref()
+                    .map_or_else(|| draw.between(8, 1.0, 40.0), |found| found.max_force),
+                max_moment: capabilities.as_ref().map_or(0.5, |found| found.max_moment),
                 max_speed: draw.between(9, 0.5, 5.0),
                 max_reach: draw.between(10, 0.05, 0.5),
                 max_slew,
@@ -218,6 +247,25 @@ fn config(chance: Chance, scheme: Scheme) -> ControllerConfig {
         passivity,
     });
     config
+}
+
+/// The port of a device, as a run of a scene configures it.
+fn port(model: &DeviceModel, period: f64, max_slew: f64) -> Port {
+    let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
+    let turning = model.rotation;
+    Port {
+        damping: model.damping,
+        friction: model.friction,
+        turning_damping: turning.map_or(0.0, |rotation| rotation.damping),
+        turning_friction: turning.map_or(0.0, |rotation| rotation.friction),
+        most_damping: most_damping(model.mass, period, delay),
+        most_turning_damping: turning.map_or(f64::INFINITY, |rotation| {
+            most_damping(rotation.inertia, period, delay)
+        }),
+        force_scale: 1.0,
+        count: model.position_step,
+        max_slew,
+    }
 }
 
 /// Checks the commands and the telemetry of one tick.

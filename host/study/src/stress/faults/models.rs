@@ -37,14 +37,18 @@ const BEHAVIOURS: [Behaviour; 6] = [
 pub(super) struct Models {
     chance: Chance,
     devices: usize,
+    /// The time between two models (s).
+    period: f64,
     sequence: u64,
 }
 
 impl Models {
-    pub(super) fn new(chance: Chance, devices: usize) -> Self {
+    /// The models for `devices` devices that are read at `rate` (Hz).
+    pub(super) fn new(chance: Chance, devices: usize, rate: f64) -> Self {
         Self {
             chance: chance.of("models"),
             devices,
+            period: EVERY as f64 / rate,
             sequence: 0,
         }
     }
@@ -55,7 +59,7 @@ impl Models {
             return None;
         }
         self.sequence += 1;
-        let mut model = sound(self.devices);
+        let mut model = sound(self.devices, self.period);
         model.sequence = self.sequence;
         model.time_ns = now_ns;
         let chances = self.chance.of("mood");
@@ -103,9 +107,9 @@ impl Models {
 }
 
 /// A sheet between hands: a spring on every hand, and a spring between every two hands.
-fn sound(devices: usize) -> LocalModel {
+fn sound(devices: usize, period: f64) -> LocalModel {
     let mut model = LocalModel::empty();
-    model.period = 0.016;
+    model.period = period;
     model.handle_count = devices as u8;
     for i in 0..devices {
         model.handles[i].device = i as u8;

@@ -6,7 +6,7 @@ use super::*;
 fn bad_input_of_every_kind_is_met_and_survived() {
     let mut met: BTreeMap<String, u64> = BTreeMap::new();
     for cell in 0..16 {
-        let outcome = run(1, cell);
+        let outcome = run(1, cell, &[]);
         assert!(outcome.passed(), "cell {cell}: {outcome:?}");
         assert_eq!(outcome.ticks, TICKS);
         for (event, count) in outcome.met {
@@ -20,13 +20,34 @@ fn bad_input_of_every_kind_is_met_and_survived() {
 
 #[test]
 fn a_cell_is_a_function_of_its_number_and_the_seed() {
-    assert_eq!(run(3, 7), run(3, 7));
+    assert_eq!(run(3, 7, &[]), run(3, 7, &[]));
+}
+
+#[test]
+fn the_limits_of_a_cell_are_those_of_its_device() {
+    let mut device = StudyDevice::built_in().remove(5);
+    assert!(device.model.rotation.is_some(), "its handle turns");
+    // A rate at which a stretch has another number of ticks.
+    device.model.rate_hz = 4000;
+    let devices = [StudyDevice::built_in().remove(0), device];
+    for (cell, device) in (0..4).zip(devices.iter().cycle()) {
+        let config = config(Chance::new(1, cell), Scheme::Capped, Some(&device.model));
+        for one in &config.devices {
+            assert_eq!(one.safety.max_force, device.model.max_force);
+            let period = 1.0 / f64::from(device.model.rate_hz);
+            assert!((one.safety.period / period - 1.0).abs() < 1e-12);
+        }
+        let outcome = run(1, cell, &devices);
+        assert_eq!(outcome.device.as_ref(), Some(&device.name));
+        assert!(outcome.passed(), "cell {cell}: {outcome:?}");
+        assert!(outcome.met["models used"] > 0 && outcome.met["wrenches limited"] > 0);
+    }
 }
 
 #[test]
 fn every_check_detects_its_fault() {
     let chance = Chance::new(1, 1);
-    let config = config(chance, Scheme::Linear);
+    let config = config(chance, Scheme::Linear, None);
     let quiet = [Wrench::zero(); MAX_DEVICES];
     let mut strong = quiet;
     strong[0].force.x = 1e3;

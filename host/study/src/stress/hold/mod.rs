@@ -217,7 +217,6 @@ impl CellResult {
 /// # Errors
 /// [`StudyError`].
 pub fn judge(loaded: LoadedScene) -> Result<CellResult, StudyError> {
-    super::unmounted(&loaded)?;
     let (case, rate) = (
         Some(loaded.scene.name.clone()),
         loaded.scene.host.publish_rate,

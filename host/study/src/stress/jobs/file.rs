@@ -12,10 +12,14 @@ use std::path::{Path, PathBuf};
 pub(super) struct Lines {
     path: PathBuf,
     file: File,
+    /// Bytes of the complete lines in the file.
+    length: u64,
+    /// The lines that could not be written yet.
+    waiting: String,
 }
 
 /// Opens the file of the study, puts the results that it contains into `done`, and prepares it for more: a new file
-/// gets the header, and an incomplete last line is removed.
+/// gets the header, a file of fewer cells gets the header of more, and an incomplete last line is removed.
 pub(super) fn open<R: DeserializeOwned>(
     path: &Path,
     header: &Header,
@@ -41,46 +45,89 @@ pub(super) fn open<R: DeserializeOwned>(
     }
     let mut text = Vec::new();
     file.read_to_end(&mut text).map_err(failed)?;
-    let sound = parse(path, &text, header, done)?;
+    let Parsed { sound, cells } = parse(path, &text, header, done)?;
     if sound < text.len() {
         file.set_len(sound as u64).map_err(failed)?;
     }
     let mut lines = Lines {
         path: path.to_owned(),
         file,
+        length: sound as u64,
+        waiting: String::new(),
     };
-    if sound == 0 {
-        lines.append(&line_of(header))?;
-    } else if text[sound - 1] != b'\n' {
+    if sound > 0 && text[sound - 1] != b'\n' {
         lines.append("")?;
+    }
+    if cells.is_none_or(|cells| cells < header.cells) {
+        lines.append(&line_of(header))?;
     }
     Ok(lines)
 }
 
 impl Lines {
-    /// Appends a complete line.
+    /// Appends a complete line, after those that could not be written before. After a failure all of them wait.
     pub(super) fn append(&mut self, line: &str) -> Result<(), JobError> {
-        let whole = format!("{line}\n");
-        let written = self.file.write_all(whole.as_bytes());
-        written.map_err(|source| JobError::File {
-            path: self.path.clone(),
-            source,
-        })
+        self.waiting.push_str(line);
+        self.waiting.push('\n');
+        let written = self.file.write_all(self.waiting.as_bytes());
+        if let Err(source) = written {
+            // The file keeps whole lines only. If the system refuses this, too, the next run removes the incomplete line.
+            let _ = self.file.set_len(self.length);
+            return Err(JobError::File {
+                path: self.path.clone(),
+                source,
+            });
+        }
+        self.length += self.waiting.len() as u64;
+        self.waiting.clear();
+        Ok(())
     }
+}
+
+/// The content of a file.
+pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, JobError> {
+    std::fs::read(path).map_err(|source| JobError::File {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// The first header in `text`, with the largest number of cells of all headers of its study.
+pub(super) fn header(path: &Path, text: &[u8]) -> Result<Header, JobError> {
+    let of = |line: &[u8]| serde_json::from_slice::<Header>(line.trim_ascii());
+    let mut lines = text.split_inclusive(|byte| *byte == b'\n');
+    let first = of(lines.next().unwrap_or_default()).map_err(|error| JobError::Line {
+        path: path.to_owned(),
+        line: 1,
+        reason: format!("not a header of a study's results: {error}"),
+    })?;
+    let others = lines.filter_map(|line| of(line).ok());
+    let most = others.filter(|other| other.is_of_study(&first));
+    let cells = most.fold(first.cells, |most, other| most.max(other.cells));
+    Ok(Header { cells, ..first })
+}
+
+/// What a file contains besides its results.
+pub(super) struct Parsed {
+    /// Number of sound bytes: all, except an incomplete last line.
+    sound: usize,
+    /// The largest number of cells of its headers; none without a header.
+    cells: Option<u64>,
 }
 
 fn line_of(header: &Header) -> String {
     serde_json::to_string(header).unwrap_or_default()
 }
 
-/// Puts the results in `text` into `done`. Returns the number of sound bytes: all, except an incomplete last line.
+/// Puts the results in `text` of the cells of `header` into `done`.
 pub(super) fn parse<R: DeserializeOwned>(
     path: &Path,
     text: &[u8],
     header: &Header,
     done: &mut BTreeMap<u64, R>,
-) -> Result<usize, JobError> {
+) -> Result<Parsed, JobError> {
     let mut first_header = None;
+    let mut cells: Option<u64> = None;
     let mut lines_of_cells: BTreeMap<u64, (usize, &[u8])> = BTreeMap::new();
     let mut sound = 0;
     for (number, line) in (1..).zip(text.split_inclusive(|byte| *byte == b'\n')) {
@@ -101,7 +148,7 @@ pub(super) fn parse<R: DeserializeOwned>(
         if value.get("study").is_some() {
             let found: Header = serde_json::from_value(value)
                 .map_err(|error| refuse(format!("not a header: {error}")))?;
-            if found != *header {
+            if !found.is_of_study(header) {
                 return Err(JobError::Header {
                     path: path.to_owned(),
                     line: number,
@@ -114,15 +161,15 @@ pub(super) fn parse<R: DeserializeOwned>(
                 });
             }
             first_header.get_or_insert(number);
+            cells = cells.max(Some(found.cells));
             continue;
         }
-        if first_header.is_none() {
+        let Some(most) = cells else {
             return Err(refuse("a result before any header".to_owned()));
-        }
+        };
         let cell: Cell<R> = serde_json::from_value(value)
             .map_err(|error| refuse(format!("not a result of this study: {error}")))?;
-        if cell.cell >= header.cells {
-            let most = header.cells;
+        if cell.cell >= most {
             return Err(refuse(format!(
                 "cell {} of a study of {most} cells",
                 cell.cell
@@ -140,9 +187,38 @@ pub(super) fn parse<R: DeserializeOwned>(
             }
             Entry::Vacant(free) => {
                 free.insert((number, line));
-                done.insert(cell.cell, cell.result);
+                if cell.cell < header.cells {
+                    done.insert(cell.cell, cell.result);
+                }
             }
         }
     }
-    Ok(sound)
+    Ok(Parsed { sound, cells })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_that_the_system_refused_are_written_before_the_next_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("results.jsonl");
+        std::fs::write(&path, "first\n").expect("written");
+        let mut lines = Lines {
+            path: path.clone(),
+            // The system refuses to write to a file that is open for reading.
+            file: File::open(&path).expect("a file"),
+            length: 6,
+            waiting: String::new(),
+        };
+        for line in ["second", "third"] {
+            let refused = lines.append(line);
+            assert!(matches!(refused, Err(JobError::File { .. })), "{refused:?}");
+        }
+        lines.file = OpenOptions::new().append(true).open(&path).expect("a file");
+        lines.append("fourth").expect("written");
+        let text = std::fs::read_to_string(&path).expect("a file");
+        assert_eq!(text, "first\nsecond\nthird\nfourth\n");
+    }
 }

@@ -35,7 +35,13 @@ fn options((index, count): (u64, u64), threads: usize, file: &Path) -> Options {
 }
 
 fn run_all(options: &Options) -> Result<BTreeMap<u64, Square>, JobError> {
-    run(&header(), options, square, |_| {})
+    whole_file(run(&header(), options, square, |_| {}))
+}
+
+/// The cells of a run whose file holds all of them.
+fn whole_file(found: Result<Cells<Square>, JobError>) -> Result<BTreeMap<u64, Square>, JobError> {
+    let found = found?;
+    found.unwritten.map_or(Ok(found.cells), Err)
 }
 
 fn whole() -> BTreeMap<u64, Square> {
@@ -58,7 +64,7 @@ fn any_number_of_threads_gives_the_same_cells() {
         let found = run(&header(), &options, square, |at| {
             steps.push((at.done, at.of));
         });
-        assert_eq!(summary(&found.expect("cells")), summary(&whole()));
+        assert_eq!(summary(&found.expect("cells").cells), summary(&whole()));
         let expected: Vec<_> = (0..=23).map(|done| (done, 23)).collect();
         assert_eq!(steps, expected);
     }
@@ -81,7 +87,7 @@ fn shards_add_up_to_the_whole() {
     // No cell is left to be run.
     let never = |cell| -> Square { panic!("cell {cell} was there") };
     let found = run(&header(), &options((1, 1), 2, &merged), never, |_| {}).expect("cells");
-    assert_eq!(summary(&found), summary(&whole()));
+    assert_eq!(summary(&found.cells), summary(&whole()));
     assert_eq!(read::<Square>(&merged, &header()).expect("cells"), whole());
     assert_eq!(fs::read(&merged).expect("merged"), text);
 }
@@ -101,7 +107,7 @@ fn a_run_cut_off_at_any_byte_is_resumed() {
             square(cell)
         };
         let found = run(&header(), &options((1, 1), 1, &path), counted, |_| {}).expect("cells");
-        assert_eq!(summary(&found), summary(&whole()), "cut at {cut}");
+        assert_eq!(summary(&found.cells), summary(&whole()), "cut at {cut}");
         // No cell of the file is run again, except one whose line may be incomplete.
         let left = 24 - whole_lines.max(1) as u64;
         let ran = ran.into_inner();
@@ -143,10 +149,6 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
             ..header()
         },
         Header {
-            cells: 24,
-            ..header()
-        },
-        Header {
             schema: 2,
             ..header()
         },
@@ -182,6 +184,45 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
         said.contains("line 14") && said.contains("line 1;"),
         "{said}"
     );
+}
+
+#[test]
+fn a_file_of_fewer_cells_is_extended_and_its_cells_stay_as_they_are() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("results.jsonl");
+    let few = Header {
+        cells: 9,
+        ..header()
+    };
+    let all = options((1, 1), 1, &path);
+    run(&few, &all, square, |_| {}).expect("nine cells");
+    let short = fs::read_to_string(&path).expect("the file");
+    // The nine cells are not run again.
+    let beyond = |cell| {
+        assert!(cell >= 9, "cell {cell} was there");
+        square(cell)
+    };
+    let found = whole_file(run(&header(), &all, beyond, |_| {})).expect("the rest");
+    assert_eq!(summary(&found), summary(&whole()));
+    let long = fs::read_to_string(&path).expect("the file");
+    let added = long.strip_prefix(&short).expect("the older lines are kept");
+    // Nothing differs from the file of one run but the second header.
+    let fresh = folder.path().join("fresh.jsonl");
+    run_all(&options((1, 1), 1, &fresh)).expect("cells");
+    let fresh = fs::read_to_string(&fresh).expect("a file");
+    let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
+    let [header_line, cells @ ..] = &lines(&fresh)[..] else {
+        panic!("a header");
+    };
+    assert_eq!(lines(added)[0], *header_line);
+    assert_eq!([&lines(&short)[1..], &lines(added)[1..]].concat(), cells);
+    // A run of fewer cells finds its own, and leaves the file as it is.
+    let never = |cell| -> Square { panic!("cell {cell} was there") };
+    let found = whole_file(run(&few, &all, never, |_| {})).expect("nine cells");
+    assert_eq!(found.len(), 9);
+    assert_eq!(fs::read_to_string(&path).expect("the file"), long);
+    assert_eq!(header_of(&path).expect("a header"), header());
+    assert_eq!(read::<Square>(&path, &few).expect("cells").len(), 9);
 }
 
 #[test]

@@ -65,6 +65,25 @@ impl Trouble {
     }
 }
 
+/// The rates and the kinds of trouble that the cells take in turn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// Publication rates (Hz), at least one.
+    pub rates: Vec<f64>,
+    /// Kinds of trouble, at least one.
+    pub troubles: Vec<Trouble>,
+}
+
+impl Default for Choice {
+    /// All of them.
+    fn default() -> Self {
+        Self {
+            rates: RATES.to_vec(),
+            troubles: Trouble::ALL.to_vec(),
+        }
+    }
+}
+
 /// What the hands do before they hold still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -162,10 +181,16 @@ pub struct Draw {
 impl Draw {
     /// Draws cell number `cell` of the study of `seed`, for `devices` devices.
     pub fn new(seed: u64, cell: u64, devices: usize) -> Self {
+        Self::among(&Choice::default(), seed, cell, devices)
+    }
+
+    /// Draws a cell with a rate and a trouble of `choice`. The choice changes nothing else in the draw.
+    pub fn among(choice: &Choice, seed: u64, cell: u64, devices: usize) -> Self {
         let chance = Chance::new(seed, cell);
-        let kinds = Trouble::ALL.len() as u64;
-        let rate = RATES[(cell % RATES.len() as u64) as usize];
-        let trouble = Trouble::ALL[(cell / RATES.len() as u64 % kinds) as usize];
+        let Choice { rates, troubles } = choice;
+        let rate = rates[(cell % rates.len() as u64) as usize];
+        let turn = cell / rates.len() as u64;
+        let trouble = troubles[(turn % troubles.len() as u64) as usize];
         let lossy = trouble.includes(Trouble::Losses);
         let lost = |n| {
             if lossy {
@@ -213,7 +238,7 @@ impl Draw {
 
     /// A host of `rate` models a second (Hz) with the latency `latency` (s), without faults. The scene states the grips
     /// and the task.
-    pub(in crate::stress) fn untroubled(rate: f64, latency: f64) -> Self {
+    pub(crate) fn untroubled(rate: f64, latency: f64) -> Self {
         Self {
             rate,
             latency,
@@ -314,6 +339,26 @@ mod tests {
                 within(grip.stiffness, 30.0, 2000.0);
             }
             assert!(draw.vanishing.is_none_or(|v| v.device < 2));
+        }
+    }
+
+    #[test]
+    fn a_choice_decides_rate_and_trouble_alone() {
+        let choice = Choice {
+            rates: vec![90.0],
+            troubles: vec![Trouble::Stalls, Trouble::All],
+        };
+        for cell in 0..200 {
+            let draw = Draw::among(&choice, 1, cell, 2);
+            let expected = choice.troubles[cell as usize % 2];
+            assert_eq!((draw.rate, draw.trouble), (90.0, expected));
+            assert!(!draw.stalls.is_empty());
+            let all = Draw::new(1, cell, 2);
+            assert_eq!((draw.latency, &draw.grips), (all.latency, &all.grips));
+            assert_eq!(
+                (draw.task, draw.depth, draw.haste),
+                (all.task, all.depth, all.haste)
+            );
         }
     }
 

@@ -2,8 +2,8 @@
 //!
 //! The scene decides the direction and the largest displacement of each hand: the furthest point of the trajectory that
 //! the scene gives it. A hand that is soft compared with the body would not reach this point. Its target therefore lies
-//! further out, by the deflection of the arm under the force of the body and the friction of the device.
-//! device's friction do to its arm.
+//! further out, by the deflection of the arm under the force of the body and the friction of the device. All lengths and
+//! forces are in the axes of the devices.
 
 use super::draw::{ARRIVED, BEGIN, Draw, Task};
 use crate::stress::chance::Chance;

@@ -16,7 +16,7 @@ pub(crate) const MOST_SATURATED: f64 = 0.01;
 /// The band of the ripple (Hz).
 const BAND: [f64; 2] = [20.0, 400.0];
 /// Errors are not related to forces below this (N), about as large as the friction of a device.
-pub(super) const LEAST_FORCE: f64 = 0.1;
+pub(crate) const LEAST_FORCE: f64 = 0.1;
 /// Length of the hold at the end of a run (s).
 const HOLD: f64 = 1.0;
 
@@ -42,14 +42,7 @@ pub struct DeviceTrace {
 impl DeviceTrace {
     /// The direction of the largest force; the x axis if there is no force.
     pub fn main_direction(&self) -> Vec3 {
-        let largest = self.force.iter().fold(Vec3::zeros(), |a: Vec3, b| {
-            if b.norm_squared() > a.norm_squared() {
-                *b
-            } else {
-                a
-            }
-        });
-        largest.try_normalize(1e-9).unwrap_or_else(Vec3::x)
+        main_direction(&self.force)
     }
 }
 
@@ -197,6 +190,18 @@ impl Outcome {
     }
 }
 
+/// The direction of the largest of `forces`; the x axis if there is no force.
+pub(crate) fn main_direction(forces: &[Vec3]) -> Vec3 {
+    let largest = forces.iter().fold(Vec3::zeros(), |a: Vec3, b| {
+        if b.norm_squared() > a.norm_squared() {
+            *b
+        } else {
+            a
+        }
+    });
+    largest.try_normalize(1e-9).unwrap_or_else(Vec3::x)
+}
+
 pub(super) fn mean(values: &[Vec3]) -> Vec3 {
     values.iter().sum::<Vec3>() / values.len().max(1) as f64
 }
@@ -210,7 +215,7 @@ fn spread(values: &[Vec3]) -> f64 {
 
 /// Root mean square of the components in [`BAND`]. A Hann window keeps a slow drift out of the band; the result is
 /// divided by the mean square of the window.
-pub(super) fn band_rms(values: &[Vec3], period: f64) -> f64 {
+pub(crate) fn band_rms(values: &[Vec3], period: f64) -> f64 {
     let n = values.len();
     if n == 0 {
         return 0.0;

@@ -18,19 +18,20 @@ pub mod draw;
 pub mod force_errors;
 mod hands;
 pub mod measure;
-pub(super) mod reference;
+pub(crate) mod reference;
 pub(super) mod run;
 pub mod summary;
 mod troubled;
-pub(super) mod world;
+pub(crate) mod world;
 
 use super::chance::Chance;
 use crate::StudyError;
-use draw::Draw;
+use draw::{Choice, Draw};
 use host::bodies;
-use host::scene::LoadedScene;
 use host::scene::spec::SchemeName;
+use host::scene::{LoadedScene, SceneError};
 use measure::{Outcome, Stillness, Trace};
+use nalgebra::Matrix3;
 use physics::Vec3;
 use physics::linear::dense::Square;
 use serde::{Deserialize, Serialize};
@@ -48,7 +49,7 @@ pub const SCHEMES: [(SchemeName, &str); 6] = [
 ];
 
 /// Physics steps a second (Hz), at every publication rate.
-const STEP_RATE: f64 = 1000.0;
+pub const STEP_RATE: f64 = 1000.0;
 /// The publication period at which the stiffness between the devices is computed (s).
 const SLOW: f64 = 1.0 / 20.0;
 
@@ -56,6 +57,7 @@ const SLOW: f64 = 1.0 / 20.0;
 pub struct Study {
     loaded: LoadedScene,
     seed: u64,
+    choice: Choice,
     reaches: Vec<Vec3>,
     friction: Vec<f64>,
     stiffness: Square,
@@ -81,9 +83,16 @@ impl Study {
     ///
     /// # Errors
     /// [`StudyError`] if the scene cannot be built, or has no devices.
-    pub fn new(mut loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
+    pub fn new(loaded: LoadedScene, seed: u64) -> Result<Self, StudyError> {
+        Self::among(loaded, seed, Choice::default())
+    }
+
+    /// As [`Study::new`], with the rates and the troubles of `choice` alone.
+    ///
+    /// # Errors
+    /// As [`Study::new`].
+    pub fn among(mut loaded: LoadedScene, seed: u64, choice: Choice) -> Result<Self, StudyError> {
         host::engine::build::check(&loaded)?;
-        super::unmounted(&loaded)?;
         loaded.scene.host.step_rate = STEP_RATE.min(loaded.scene.realtime.rate);
         loaded.scene.duration = draw::DURATION;
         let (config, devices) = host::run::setup::controls(&loaded, seed)?;
@@ -102,14 +111,19 @@ impl Study {
         Ok(Self {
             loaded,
             seed,
+            choice,
             reaches,
             friction,
             stiffness,
         })
     }
 
+    fn draw(&self, cell: u64) -> Draw {
+        Draw::among(&self.choice, self.seed, cell, self.reaches.len())
+    }
+
     fn world(&self, cell: u64) -> World {
-        let draw = Draw::new(self.seed, cell, self.reaches.len());
+        let draw = self.draw(cell);
         let mut loaded = self.loaded.clone();
         loaded.scene.host.publish_rate = draw.rate;
         loaded.scene.host.latency = draw.latency;
@@ -178,7 +192,7 @@ impl Study {
                 failed: None,
             },
             Err(error) => CellResult {
-                draw: Draw::new(self.seed, cell, self.reaches.len()),
+                draw: self.draw(cell),
                 reference: Stillness::default(),
                 reference_net_energy: 0.0,
                 schemes: BTreeMap::new(),
@@ -188,11 +202,16 @@ impl Study {
     }
 }
 
-/// Stiffness between all devices of a scene at rest, three rows and columns for each device, in the metres and newtons
-/// of the devices (N/m).
+/// Stiffness between all devices of a scene at rest, three rows and columns for each device, in the axes, metres and
+/// newtons of the devices (N/m).
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
+    let turns = (0..scene.devices.len()).map(|device| {
+        let mount = bodies::mount(loaded, device)?;
+        Ok(mount.rotation.to_rotation_matrix())
+    });
+    let turns = turns.collect::<Result<Vec<_>, SceneError>>()?;
     for (number, spec) in scene.bodies.iter().enumerate() {
         let condenser = bodies::condense::<StudyError>(loaded, number, SLOW)?;
         let condensed = condenser.condensed();
@@ -201,9 +220,10 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
                 let (row, column) = (scene.device_of(row), scene.device_of(column));
                 let scale = |device: usize| scene.devices[device].motion_scale;
                 let scale = scale(row) * scale(column);
+                let block = Matrix3::from_fn(|r, c| condensed.stiffness[(6 * i + r, 6 * j + c)]);
+                let block = turns[row].matrix().transpose() * block * turns[column].matrix();
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                    all[(3 * row + r, 3 * column + c)] +=
-                        scale * condensed.stiffness[(6 * i + r, 6 * j + c)];
+                    all[(3 * row + r, 3 * column + c)] += scale * block[(r, c)];
                 }
             }
         }

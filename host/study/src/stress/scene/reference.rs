@@ -150,6 +150,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         device.own.clear();
         device.own.reserve(device.proxy.len());
     }
+    let frames = world.frames()?;
     let timeline = Timeline {
         ticks: run.out.len() as u64,
         ..world.timeline()
@@ -158,12 +159,13 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         let tick = (now_ns / timeline.period_ns) as usize;
         copy.place(now_ns, |device| handle(&run.devices[device].proxy[tick]))?;
         let (wrenches, _) = exerted(copy.all(), &copy.held);
-        let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
-        for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+        let specs = frames.iter().zip(&world.loaded.models);
+        for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
+            let Wrench { force, moment } = frame.to_device(&wrench);
             device.own.push(Wrench {
-                force: wrench.force * spec.motion_scale,
+                force,
                 // A device whose handle does not turn renders no moment.
-                moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
+                moment: moment * f64::from(u8::from(model.rotation.is_some())),
             });
         }
         Ok(())
@@ -172,7 +174,7 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
 }
 
 /// Runs the reference of the cell of `world`.
-pub(in crate::stress) fn run(world: &World) -> Result<Trace, StudyError> {
+pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
     let mut copy = Copy::new(world)?;
     let stored = copy.all().map(Body::total_energy).sum();
     let (config, mut devices, mut kept) = world.devices(stored)?;

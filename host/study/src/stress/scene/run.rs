@@ -16,6 +16,7 @@ use host::engine::build::{self, How};
 use host::run::late::LateLink;
 use host::scene::spec::SchemeName;
 use nalgebra::UnitQuaternion;
+use rt_core::device_frame::DeviceFrame;
 use rt_core::{Controller, Pose, Vec3};
 use runner::link::{LinkConfig, link};
 use runner::tick_loop::TickLoop;
@@ -46,17 +47,18 @@ impl ShiftedPose {
     }
 
     /// The filtered pose, for a proxy of the controller at `shown`. `reading` holds the pose of the encoder and the
-    /// true pose (axes of the device, parallel to those of the scene). A device that is absent stays at its last pose.
-    fn pose(&mut self, shown: &Pose, reading: Option<(&Pose, &Pose)>, scale: f64) -> Pose {
+    /// true pose (axes of the device, which stands at `frame`). A device that is absent stays at its last pose.
+    fn pose(&mut self, shown: &Pose, reading: Option<(&Pose, &Pose)>, frame: &DeviceFrame) -> Pose {
         let Some((counted, truly)) = reading else {
             return *shown;
         };
-        let off = counted.position - truly.position;
+        let off = frame.rotation * (counted.position - truly.position);
         let turn = truly.rotation * counted.rotation.inverse();
+        let turn = frame.rotation * turn * frame.rotation.inverse();
         self.off += (off - self.off) * self.gain;
         self.turned += (-turn.scaled_axis() - self.turned) * self.gain;
         Pose {
-            position: shown.position + (self.off - off) * scale,
+            position: shown.position + (self.off - off) * frame.motion_scale,
             rotation: UnitQuaternion::from_scaled_axis(self.turned) * turn * shown.rotation,
         }
     }
@@ -97,6 +99,7 @@ pub(in crate::stress) fn run(
     let host = Steady::new(engine, Lossy::new(late, world, chance));
     let mut host = Troubled::new(host, world);
     let period = world.period();
+    let frames = world.frames()?;
     let mut shifted = vec![ShiftedPose::new(period); world.loaded.scene.devices.len()];
     let softens = draw.softening.map(|softening| softening.at);
     let mut unaware = Span::default();
@@ -112,10 +115,9 @@ pub(in crate::stress) fn run(
         let devices = tick.devices.iter().zip(&mut shifted).enumerate();
         for (index, (device, shifted)) in devices {
             let shown = telemetry.devices[index].pose;
-            let scale = world.loaded.scene.devices[index].motion_scale;
             let reading = telemetry.readings[index].as_ref().ok();
             let truly = probe(device).pose;
-            let pose = shifted.pose(&shown, reading.map(|r| (&r.pose, &truly)), scale);
+            let pose = shifted.pose(&shown, reading.map(|r| (&r.pose, &truly)), &frames[index]);
             kept.keep_proxy(index, pose);
         }
         let bodies = host.engine().bodies().iter().map(HostBody::body);

@@ -3,10 +3,12 @@
 
 use super::draw::Draw;
 use super::measure::{DeviceTrace, Trace};
+use host::bodies;
 use host::run::setup;
 use host::run::timeline::Timeline;
 use host::scene::{LoadedScene, SceneError};
 use physics::{Body, HandlePose};
+use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyState;
 use rt_core::{ControllerConfig, MAX_DEVICES, Pose, Probe, Wrench};
 use runner::AnyDevice;
@@ -14,21 +16,21 @@ use sim::{Fault, Faulty};
 
 /// A cell's scene.
 #[derive(Clone, Debug)]
-pub(in crate::stress) struct World {
+pub(crate) struct World {
     /// The scene with the hands, rates and materials of the cell.
-    pub(in crate::stress) loaded: LoadedScene,
+    pub(crate) loaded: LoadedScene,
     /// The softened scene.
-    pub(in crate::stress) soft: Option<LoadedScene>,
+    pub(crate) soft: Option<LoadedScene>,
     /// The draw.
-    pub(in crate::stress) draw: Draw,
+    pub(crate) draw: Draw,
 }
 
 /// The record of a run, and the facts about the scene that each entry needs.
 pub(super) struct Kept {
     /// For each body and handle, the device that holds it.
     held: Vec<Vec<usize>>,
-    /// Metres of the scene per metre of the device.
-    scales: Vec<f64>,
+    /// Where each device stands in the scene.
+    frames: Vec<DeviceFrame>,
     trace: Trace,
     /// Energy stored before the first tick, with the potential of gravity (J).
     stored: f64,
@@ -63,6 +65,20 @@ impl World {
         bodies.collect()
     }
 
+    /// Where each device stands in the scene.
+    pub(super) fn frames(&self) -> Result<Vec<DeviceFrame>, SceneError> {
+        let devices = self.loaded.scene.devices.iter().enumerate();
+        let frames = devices.map(|(index, device)| {
+            let mount = bodies::mount(&self.loaded, index)?;
+            Ok(DeviceFrame {
+                rotation: mount.rotation,
+                motion_scale: device.motion_scale,
+                ..DeviceFrame::at(mount.origin)
+            })
+        });
+        frames.collect()
+    }
+
     /// The controller's configuration, the devices at rest, and the empty recording. `stored` is the energy that the
     /// bodies store (J).
     pub(super) fn devices(
@@ -85,7 +101,7 @@ impl World {
         let devices: Vec<_> = devices.collect();
         let kept = Kept {
             held: self.held(),
-            scales: scene.devices.iter().map(|d| d.motion_scale).collect(),
+            frames: config.devices.iter().map(|d| d.frame).collect(),
             trace: Trace {
                 period: self.period(),
                 devices: devices.iter().map(|_| empty_trace(ticks)).collect(),
@@ -118,14 +134,14 @@ impl Kept {
         account: [f64; 2],
     ) {
         let mut on_hands = 0.0;
-        let each = self.trace.devices.iter_mut().zip(devices).zip(&self.scales);
-        for ((((trace, device), scale), wrench), state) in each.zip(bodies).zip(states) {
+        let each = self.trace.devices.iter_mut().zip(devices).zip(&self.frames);
+        for ((((trace, device), frame), wrench), state) in each.zip(bodies).zip(states) {
             let probe = probe(device);
             trace.force.push(probe.held.force);
             trace.moment.push(probe.held.moment);
             trace.position.push(probe.pose.position);
             trace.limited.push(state == SafetyState::Limited);
-            trace.body.push(wrench.force * *scale);
+            trace.body.push(frame.to_device(wrench).force);
             on_hands += probe.on_hand;
         }
         self.trace.out.push(on_hands + weight - self.stored);
@@ -148,7 +164,7 @@ impl Kept {
 
 /// The wrenches that `bodies` exert on the devices that `held` names for their handles (axes of the scene), and the
 /// potential of their weight (J).
-pub(super) fn exerted<'a>(
+pub(crate) fn exerted<'a>(
     bodies: impl Iterator<Item = &'a Body>,
     held: &[Vec<usize>],
 ) -> ([Wrench; MAX_DEVICES], f64) {
@@ -168,7 +184,7 @@ pub(super) fn exerted<'a>(
 }
 
 /// The true state of a simulated device.
-pub(super) fn probe(device: &AnyDevice) -> Probe {
+pub(crate) fn probe(device: &AnyDevice) -> Probe {
     let probe = device.probe();
     probe.expect("a scene under virtual time has simulated devices only")
 }

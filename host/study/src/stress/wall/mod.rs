@@ -23,7 +23,9 @@ pub mod theory;
 
 pub use summary::{Gain, Panel, gains, panels};
 
-use crate::stress::jobs::{self, Header, JobError, Options, Progress};
+use crate::stress::devices::{StudyDevice, settings};
+use crate::stress::jobs::{self, Cells, Header, JobError, Options, Progress};
+use host::scene::{NamedDevice, SceneError};
 use rig::Wall;
 use rt_core::Scheme;
 use serde::{Deserialize, Serialize};
@@ -58,12 +60,15 @@ pub struct Study {
     pub map_rate: Option<u32>,
     /// The delay of the map (ticks).
     pub map_delay: usize,
+    /// The devices, if not the built-in ones. Each needs damping: a wall on a device without damping is never passive.
+    #[serde(skip)]
+    pub devices: Vec<StudyDevice>,
 }
 
 /// The work of one cell.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Task {
-    device: &'static str,
+    device: String,
     model: DeviceModel,
     rate: u32,
     delay: usize,
@@ -168,7 +173,44 @@ pub enum Outcome {
     },
 }
 
+/// Refuses a device on which no wall is passive.
+///
+/// # Errors
+/// [`SceneError::Value`] with file, line and field, if the device has no damping.
+pub fn check(device: &NamedDevice) -> Result<(), SceneError> {
+    if device.model.damping > 0.0 {
+        return Ok(());
+    }
+    let allowed =
+        "above 0 for a study of walls: without damping no wall is passive, whatever its stiffness";
+    Err(device.source.error("damping", "0", allowed))
+}
+
 impl Study {
+    /// The devices of the study.
+    pub fn devices(&self) -> Vec<StudyDevice> {
+        if !self.devices.is_empty() {
+            return self.devices.clone();
+        }
+        let most = if self.quick { 2 } else { usize::MAX };
+        StudyDevice::built_in().into_iter().take(most).collect()
+    }
+
+    /// The rates of the tick (Hz) of all cells but those of the map: 1 and 4 kHz. For a device that the user chose: its
+    /// own rate, and four times that.
+    fn rates(&self, model: &DeviceModel) -> Vec<u32> {
+        let slow = if self.devices.is_empty() {
+            1000
+        } else {
+            model.rate_hz
+        };
+        if self.quick {
+            vec![slow]
+        } else {
+            vec![slow, 4 * slow]
+        }
+    }
+
     fn tasks(&self) -> Vec<Task> {
         let quick = self.quick;
         let delays: &[usize] = if quick { &[0, 1] } else { &[0, 1, 3] };
@@ -183,15 +225,19 @@ impl Study {
             &[1.0, 2.0, 3.0, 5.0, 10.0, 20.0]
         };
         let mut tasks = Vec::new();
-        for (device, model) in DeviceModel::all().take(if quick { 2 } else { usize::MAX }) {
-            let rates: &[u32] = if quick { &[1000] } else { &[1000, 4000] };
+        for StudyDevice {
+            name: device,
+            model,
+        } in self.devices()
+        {
+            let rates = self.rates(&model);
             for (&rate, &delay) in rates
                 .iter()
                 .flat_map(|r| delays.iter().map(move |d| (r, d)))
             {
                 let mut add = |case| {
                     tasks.push(Task {
-                        device,
+                        device: device.clone(),
                         model,
                         rate,
                         delay,
@@ -225,7 +271,7 @@ impl Study {
             let [rows, columns] = self.grid();
             for place in (0..rows).flat_map(|k| (0..columns).map(move |b| [k, b])) {
                 tasks.push(Task {
-                    device,
+                    device: device.clone(),
                     model,
                     rate: self.map_rate.unwrap_or(model.rate_hz),
                     delay: self.map_delay,
@@ -258,6 +304,11 @@ impl Study {
                 (name, numbers)
             })
             .collect();
+        let models = if self.devices.is_empty() {
+            serde_json::json!(models)
+        } else {
+            settings(&self.devices)
+        };
         Header {
             study: "wall".to_owned(),
             schema: SCHEMA,
@@ -279,8 +330,8 @@ impl Study {
     pub fn run(
         &self,
         options: &Options,
-        progress: impl FnMut(&Progress),
-    ) -> Result<BTreeMap<u64, Outcome>, JobError> {
+        progress: impl FnMut(&Progress<'_>),
+    ) -> Result<Cells<Outcome>, JobError> {
         let tasks = self.tasks();
         let work = |cell: u64| self.work(&tasks[cell as usize], cell);
         jobs::run(&self.header(), options, work, progress)
@@ -390,7 +441,7 @@ impl Task {
 
     fn setting(&self, fraction: f64, whole: bool) -> Setting {
         Setting {
-            device: self.device.to_owned(),
+            device: self.device.clone(),
             rate: self.rate,
             delay: self.delay,
             device_damping: self.model.damping,

@@ -3,7 +3,7 @@
 use super::passive::SPEED;
 use super::theory::Sampled;
 use super::{Outcome, RENDERED, SAFE, Setting, surprise};
-use sim::DeviceModel;
+use crate::stress::devices::StudyDevice;
 use std::collections::BTreeMap;
 
 /// How much stiffer than the plain bound a scheme may be on a device.
@@ -36,9 +36,10 @@ impl Gain {
     }
 
     /// The largest multiple that any scheme could reach against a motion that begins without warning; none if there is
-    /// no such bound.
-    pub fn of_any_scheme(&self) -> Option<f64> {
-        let mut model = DeviceModel::named(&self.device).filter(|_| !self.as_hand)?;
+    /// no such bound. `devices` are the devices of the study.
+    pub fn of_any_scheme(&self, devices: &[StudyDevice]) -> Option<f64> {
+        let mut devices = devices.iter().filter(|_| !self.as_hand);
+        let mut model = devices.find(|device| device.name == self.device)?.model;
         if !self.whole {
             model.friction = 0.0;
         }

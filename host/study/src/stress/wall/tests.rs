@@ -6,7 +6,47 @@ fn quick() -> Study {
         seed: 3,
         map_rate: None,
         map_delay: 0,
+        devices: Vec::new(),
     }
+}
+
+#[test]
+fn a_device_of_the_users_own_is_measured_at_its_own_rate() {
+    let mut device = StudyDevice::built_in().remove(0);
+    device.name = "mine".to_owned();
+    device.model.damping = 2.0;
+    device.model.rate_hz = 2000;
+    let study = Study {
+        devices: vec![device.clone()],
+        ..quick()
+    };
+    let tasks = study.tasks();
+    assert!(
+        tasks
+            .iter()
+            .all(|task| task.device == "mine" && task.rate == 2000)
+    );
+    let is_boundary = |task: &&Task| matches!(task.case, Case::Passive(0.0, false));
+    let task = tasks.iter().find(is_boundary).expect("the plain boundary");
+    let Outcome::Passive {
+        theory,
+        measured: Some(measured),
+        ..
+    } = study.work(task, 0)
+    else {
+        panic!("a boundary");
+    };
+    // K = 2 b / T.
+    assert!((theory - 8000.0).abs() < 1e-6, "{theory}");
+    assert!((measured / theory - 1.0).abs() < 0.02, "{measured}");
+    // The numbers of the device belong to the settings of the file.
+    device.model.mass *= 2.0;
+    let other = Study {
+        devices: vec![device],
+        ..quick()
+    };
+    assert_ne!(study.header(), other.header());
+    assert_ne!(study.header(), quick().header());
 }
 
 /// The outcomes of the wanted cells of the quick study.

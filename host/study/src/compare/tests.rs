@@ -1,0 +1,176 @@
+use super::*;
+use host::run::{Clock, RunOptions};
+use host::scene::Scene;
+use std::collections::BTreeMap;
+
+const SHEET: &str = include_str!("../../../scenes/stress/sheet.toml");
+
+fn sheet() -> LoadedScene {
+    let loaded = Scene::load_texts("sheet.toml", SHEET, &BTreeMap::new());
+    let mut loaded = loaded.expect("the scene is sound");
+    for device in &mut loaded.scene.devices {
+        // The reports of a device round to 32 bits.
+        device.wire = Some(false);
+    }
+    loaded
+}
+
+fn compared(settings: &Settings) -> Comparison {
+    compare(&sheet(), settings, |_| ()).expect("it runs")
+}
+
+fn of<'a>(found: &'a Comparison, scheme: &str, rate: f64) -> &'a Run {
+    let mut runs = found.runs.iter();
+    let run = runs.find(|run| run.scheme == scheme && run.publish_rate == rate);
+    run.expect("it was run")
+}
+
+#[test]
+fn each_run_is_the_run_of_the_scene_under_that_scheme() {
+    let settings = Settings {
+        schemes: vec![SchemeName::Capped, SchemeName::Classic],
+        seed: Some(7),
+        duration: Some(1.2),
+        without_reference: true,
+        ..Settings::default()
+    };
+    let found = compared(&settings);
+    assert_eq!(found.runs.len(), 2);
+    for (run, scheme) in found
+        .runs
+        .iter()
+        .zip([SchemeName::Classic, SchemeName::Capped])
+    {
+        let mut loaded = sheet();
+        loaded.scene.realtime.scheme = scheme;
+        let options = RunOptions {
+            seed: Some(7),
+            duration: Some(1.2),
+            ..RunOptions::new(Clock::Virtual)
+        };
+        let expected = host::run::run(&loaded, &options, |_| ()).expect("it runs");
+        assert_eq!(run.scheme, expected.scheme);
+        for (device, expected) in run.measures.devices.iter().zip(&expected.devices) {
+            // Devices are not scaled here, and no limit acts: the motors hold what the tick commands.
+            assert_eq!(device.peak_force, expected.peak_force);
+            assert_eq!(device.peak_time, expected.peak_time);
+        }
+        let capped = expected.energy[0].capped_ticks as f64 / expected.tick.count as f64;
+        assert_eq!(run.measures.bodies[0].capped, capped);
+        let age = run.measures.bodies[0].model_age.expect("models arrive");
+        assert_eq!(
+            age,
+            [
+                expected.tick.model_age[0].p50,
+                expected.tick.model_age[0].max
+            ]
+        );
+    }
+}
+
+#[test]
+fn results_depend_on_no_number_of_threads() {
+    let [one, three] = [1, 3].map(|threads| {
+        let settings = Settings {
+            schemes: vec![SchemeName::Linear, SchemeName::Capped],
+            duration: Some(0.7),
+            threads: NonZero::new(threads),
+            ..Settings::default()
+        };
+        let found = compared(&settings);
+        (
+            serde_json::to_string(&found).expect("it is finite"),
+            csv(&found),
+        )
+    });
+    assert_eq!(one, three);
+    let (json, table) = one;
+    assert!(
+        json.starts_with(r#"{"schema":"palpate.compare/1""#),
+        "{json}"
+    );
+    assert_eq!(table.lines().count(), 1 + 700);
+    let columns = table.lines().next().expect("a head").split(',').count();
+    // The time; then two quantities along three axes of two devices, in two runs and the reference.
+    assert_eq!(columns, 1 + 3 * 2 * 2 * 3);
+}
+
+#[test]
+fn errors_against_the_reference_fall_with_the_rate_and_separate_the_schemes() {
+    let found = compared(&Settings {
+        schemes: vec![SchemeName::Hold, SchemeName::Linear],
+        publish_rates: vec![20.0, 250.0],
+        duration: Some(2.0),
+        ..Settings::default()
+    });
+    assert_eq!(found.runs.len(), 4);
+    let error = |scheme, rate| {
+        let run = of(&found, scheme, rate);
+        let error = |device: &DeviceMeasures| device.error.expect("a reference").rms;
+        run.measures.worst(error)
+    };
+    for scheme in ["hold", "linear"] {
+        assert!(error(scheme, 250.0) < 0.5 * error(scheme, 20.0), "{scheme}");
+    }
+    // A held force is late by half a period and by the latency.
+    assert!(error("linear", 20.0) < 0.2 * error("hold", 20.0));
+    // The sheet of the scene has no weight, but its hands pull from 0.5 s on: the first forces have faded in by then.
+    assert!(
+        (0.45..0.5).contains(&found.measured_from),
+        "{}",
+        found.measured_from
+    );
+    for run in &found.runs {
+        for device in &run.measures.devices {
+            let error = device.error.expect("a reference");
+            assert!(error.largest_time >= found.measured_from && error.rms <= error.largest);
+        }
+    }
+    // The reference is passive: its force is constant between ticks, which costs up to 1 uJ.
+    let reference = found.reference.as_ref().expect("a reference");
+    assert!(reference.net_energy < 1e-6);
+    let held = of(&found, "hold", 20.0);
+    assert!(held.measures.net_energy > 1e-4, "{:?}", held.measures);
+    // No model is younger than the latency of the host, or older than latency and period with a tick of each.
+    for run in &found.runs {
+        let [median, most] = run.measures.bodies[0].model_age.expect("models arrive");
+        assert!(median <= most && most <= found.latency + 1.0 / run.publish_rate + 3e-3);
+    }
+}
+
+#[test]
+fn a_rate_at_which_the_host_cannot_publish_is_refused() {
+    let settings = Settings {
+        publish_rates: vec![60.0],
+        ..Settings::default()
+    };
+    let refused = compare(&sheet(), &settings, |_| ()).expect_err("1000 / 60 is not whole");
+    assert_eq!(
+        refused.to_string(),
+        "--publish-rates: found 60.0, allowed: host.step_rate of the scene, 1000.0, divided by a whole number"
+    );
+}
+
+#[test]
+fn a_stall_ages_the_models_and_a_panic_is_a_failure() {
+    let fault = |kind, at, duration| HostFault { kind, at, duration };
+    let found = compared(&Settings {
+        schemes: vec![SchemeName::Linear],
+        duration: Some(1.5),
+        without_reference: true,
+        faults: vec![
+            fault(host::engine::faults::FaultKind::Stall, 0.6, 0.4),
+            fault(host::engine::faults::FaultKind::Panic, 1.2, 0.0),
+        ],
+        ..Settings::default()
+    });
+    let run = &found.runs[0];
+    let [_, most] = run.measures.bodies[0].model_age.expect("models arrive");
+    assert!(most > 0.4, "{most}");
+    assert!(
+        run.failures[0].contains("the host panicked"),
+        "{:?}",
+        run.failures
+    );
+    assert_eq!(run.record.out.len(), 1500);
+}

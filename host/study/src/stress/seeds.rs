@@ -1,0 +1,403 @@
+//! Files of results of several seeds, side by side: how far a result of a study depends on its seed.
+//!
+//! Each file holds the cells of one seed of one study with the same settings. The quantities are those of the tables of
+//! the study. Their spread over the seeds shows which of their differences, between two schemes say, mean anything.
+
+use super::hold::{self, CellResult as HoldCell};
+use super::jobs::{self, Header, JobError};
+use super::scene::summary::{Band, row as scene_row};
+use super::scene::{self, CellResult as SceneCell};
+use super::wall::{self, Outcome as Wall};
+use super::{faults, hold::summary::row as hold_row};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Version of the JSON of [`Seeds`].
+pub const SCHEMA: &str = "palpate.seeds/1";
+
+/// A study over several seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Seeds {
+    /// [`SCHEMA`].
+    pub schema: &'static str,
+    /// The study's name.
+    pub study: String,
+    /// The seeds, in the order of the files.
+    pub seeds: Vec<u64>,
+    /// Number of cells of each seed.
+    pub cells: Vec<u64>,
+    /// The quantities.
+    pub quantities: Vec<Spread>,
+}
+
+/// A quantity over the seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// What it is measured on, such as a scheme.
+    pub of: String,
+    /// Its name, with its unit.
+    pub quantity: String,
+    /// Its value for each seed; none where the cells do not give it.
+    pub values: Vec<Option<f64>>,
+    /// Mean of the values; none without values.
+    pub mean: Option<f64>,
+    /// Standard deviation of the values (of a sample: divided by their number less one); none below two values.
+    pub deviation: Option<f64>,
+    /// Smallest value.
+    pub least: Option<f64>,
+    /// Largest value.
+    pub most: Option<f64>,
+}
+
+/// Why files cannot be compared.
+#[derive(Debug, thiserror::Error)]
+pub enum SeedsError {
+    /// A file cannot be used.
+    #[error(transparent)]
+    Jobs(#[from] JobError),
+    /// Two files are not of the same study.
+    #[error(
+        "{}: {field} differs from that of {}; give files of one study with the same settings, which differ in their seeds",
+        path.display(), other.display()
+    )]
+    Differs {
+        /// The file.
+        path: PathBuf,
+        /// The first file.
+        other: PathBuf,
+        /// The field of the header that differs.
+        field: String,
+    },
+    /// Two files have the same seed.
+    #[error(
+        "{}: found seed {seed}, which is that of {}, too; merge the files of the shards of a seed with cat",
+        path.display(), other.display()
+    )]
+    Twice {
+        /// The file.
+        path: PathBuf,
+        /// The earlier file.
+        other: PathBuf,
+        /// The seed.
+        seed: u64,
+    },
+    /// A study whose results this program does not compare.
+    #[error("{}: found the study {study:?}, allowed: wall, faults, hold, scene", path.display())]
+    Unknown {
+        /// The file.
+        path: PathBuf,
+        /// The study of the file.
+        study: String,
+    },
+}
+
+/// What a quantity is measured on, its name with its unit, and its value.
+type Value = (String, String, f64);
+
+/// Compares the files at `paths`.
+///
+/// # Errors
+/// [`SeedsError`] if a file cannot be read, or if the files are not of one study with different seeds.
+pub fn compare(paths: &[PathBuf]) -> Result<Seeds, SeedsError> {
+    let mut headers: Vec<(&Path, Header)> = Vec::new();
+    for path in paths {
+        let header = jobs::header_of(path)?;
+        if let Some((other, first)) = headers.first()
+            && let Some(field) = difference(first, &header)
+        {
+            return Err(SeedsError::Differs {
+                path: path.clone(),
+                other: other.to_path_buf(),
+                field,
+            });
+        }
+        if let Some((other, _)) = headers.iter().find(|(_, known)| known.seed == header.seed) {
+            return Err(SeedsError::Twice {
+                path: path.clone(),
+                other: other.to_path_buf(),
+                seed: header.seed,
+            });
+        }
+        headers.push((path, header));
+    }
+    let mut cells = Vec::new();
+    // In the order in which the first seed gives them.
+    let mut spreads: Vec<Spread> = Vec::new();
+    for (number, (path, header)) in headers.iter().enumerate() {
+        let (count, values) = values(path, header)?;
+        cells.push(count);
+        for (of, quantity, value) in values {
+            let same = |one: &&mut Spread| one.of == of && one.quantity == quantity;
+            let value = value.is_finite().then_some(value);
+            match spreads.iter_mut().find(same) {
+                Some(known) => known.values[number] = value,
+                None => {
+                    let mut values = vec![None; headers.len()];
+                    values[number] = value;
+                    spreads.push(Spread {
+                        of,
+                        quantity,
+                        values,
+                        mean: None,
+                        deviation: None,
+                        least: None,
+                        most: None,
+                    });
+                }
+            }
+        }
+    }
+    for spread in &mut spreads {
+        spread.complete();
+    }
+    Ok(Seeds {
+        schema: SCHEMA,
+        study: headers
+            .first()
+            .map_or(String::new(), |(_, h)| h.study.clone()),
+        seeds: headers.iter().map(|(_, header)| header.seed).collect(),
+        cells,
+        quantities: spreads,
+    })
+}
+
+impl Spread {
+    fn complete(&mut self) {
+        let values: Vec<f64> = self.values.iter().copied().flatten().collect();
+        let count = values.len() as f64;
+        if values.is_empty() {
+            return;
+        }
+        let mean = values.iter().sum::<f64>() / count;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        self.mean = Some(mean);
+        self.deviation = (count > 1.0).then(|| (squares / (count - 1.0)).sqrt());
+        self.least = values.iter().copied().reduce(f64::min);
+        self.most = values.iter().copied().reduce(f64::max);
+    }
+}
+
+/// The first field in which two headers differ; the seed and the number of cells may.
+fn difference(first: &Header, other: &Header) -> Option<String> {
+    if first.study != other.study {
+        return Some("study".to_owned());
+    }
+    if first.schema != other.schema {
+        return Some("schema".to_owned());
+    }
+    let [one, two] = [first, other].map(|header| {
+        let mut settings = header.settings.clone();
+        // The study of walls has its seed among its settings, too.
+        if let Some(seed) = settings.pointer_mut("/study/seed") {
+            *seed = serde_json::Value::Null;
+        }
+        settings
+    });
+    if one == two {
+        return None;
+    }
+    let fields = |settings: &serde_json::Value| {
+        let fields = settings.as_object().map(|fields| fields.keys().cloned());
+        fields.map_or_else(Vec::new, Iterator::collect)
+    };
+    let all = fields(&one).into_iter().chain(fields(&two));
+    let mut differing = all.filter(|field| one.get(field) != two.get(field));
+    let field = differing.next();
+    Some(field.map_or_else(
+        || "settings".to_owned(),
+        |field| format!("settings.{field}"),
+    ))
+}
+
+/// The number of cells of a file, and its quantities.
+fn values(path: &Path, header: &Header) -> Result<(u64, Vec<Value>), SeedsError> {
+    let found = match header.study.as_str() {
+        "scene" => {
+            let cells = jobs::read::<SceneCell>(path, header)?;
+            (cells.len(), of_scene(&cells))
+        }
+        "hold" => {
+            let cells = jobs::read::<HoldCell>(path, header)?;
+            (cells.len(), of_hold(&cells))
+        }
+        "wall" => {
+            let cells = jobs::read::<Wall>(path, header)?;
+            (cells.len(), of_wall(&cells))
+        }
+        "faults" => {
+            let cells = jobs::read::<faults::Outcome>(path, header)?;
+            let failed = cells.values().filter(|cell| !cell.passed()).count();
+            let value = (
+                "all".to_owned(),
+                "cells that fail".to_owned(),
+                failed as f64,
+            );
+            (cells.len(), vec![value])
+        }
+        study => {
+            return Err(SeedsError::Unknown {
+                path: path.to_owned(),
+                study: study.to_owned(),
+            });
+        }
+    };
+    Ok((found.0 as u64, found.1))
+}
+
+fn named(of: &str, values: impl IntoIterator<Item = (&'static str, f64)>) -> Vec<Value> {
+    let values = values.into_iter();
+    values
+        .map(|(quantity, value)| (of.to_owned(), quantity.to_owned(), value))
+        .collect()
+}
+
+fn of_scene(cells: &BTreeMap<u64, SceneCell>) -> Vec<Value> {
+    let all = Band::of(0.0, f64::INFINITY);
+    let rows = scene::SCHEMES.iter();
+    let rows = rows.filter_map(|(_, scheme)| scene_row(cells.iter(), scheme, all));
+    rows.flat_map(|row| {
+        named(
+            &row.scheme,
+            [
+                ("bounded (%)", 100.0 * row.bounded),
+                ("net energy, 99 % (mJ)", 1e3 * row.net_energy[0]),
+                ("net energy, most (mJ)", 1e3 * row.net_energy[1]),
+                ("ripple, most (N)", row.ripple[1]),
+                ("force error, median (%)", 100.0 * row.error[0]),
+                ("force error, 90 % (%)", 100.0 * row.error[1]),
+                ("stiffness error, 90 % (%)", 100.0 * row.stiffness[1]),
+                ("run error, median (%)", 100.0 * row.run_error[0]),
+                ("run error, 90 % (%)", 100.0 * row.run_error[1]),
+                ("capped, most (%)", 100.0 * row.capped[1]),
+            ],
+        )
+    })
+    .collect()
+}
+
+fn of_hold(cells: &BTreeMap<u64, HoldCell>) -> Vec<Value> {
+    let rows = hold::SCHEMES.iter();
+    let rows = rows.filter_map(|(_, scheme)| Some((scheme, hold_row(cells.values(), scheme)?)));
+    rows.flat_map(|(scheme, row)| {
+        named(
+            scheme,
+            [
+                (
+                    "cells that pass (%)",
+                    100.0 * row.passed as f64 / row.runs.max(1) as f64,
+                ),
+                ("hold error, 90 % (%)", 100.0 * row.hold[1]),
+                ("run error, median (%)", 100.0 * row.run[0]),
+                ("run error, 90 % (%)", 100.0 * row.run[1]),
+                ("ripple, 90 % (N)", row.ripple[1]),
+                ("capped, most (%)", 100.0 * row.capped),
+                ("net energy, most (mJ)", 1e3 * row.net_energy),
+            ],
+        )
+    })
+    .collect()
+}
+
+fn of_wall(cells: &BTreeMap<u64, Wall>) -> Vec<Value> {
+    let mut values = Vec::new();
+    for outcome in cells.values() {
+        let Wall::Passive {
+            setting,
+            measured: Some(measured),
+            ..
+        } = outcome
+        else {
+            continue;
+        };
+        if setting.damping == 0.0 {
+            let name = if setting.whole {
+                "passive stiffness with friction and counts (N/m)"
+            } else {
+                "passive stiffness (N/m)"
+            };
+            let of = place(&setting.device, setting.rate, setting.delay);
+            values.extend(named(&of, [(name, *measured)]));
+        }
+    }
+    for gain in wall::gains(cells).iter().filter(|gain| gain.whole) {
+        let of = place(&gain.device, gain.rate, gain.delay);
+        let name = if gain.as_hand {
+            "multiple of the plain bound, motion of a hand"
+        } else {
+            "multiple of the plain bound, any motion"
+        };
+        values.extend(named(
+            &format!("{of}, {}", gain.scheme),
+            [(name, gain.times())],
+        ));
+    }
+    values
+}
+
+fn place(device: &str, rate: u32, delay: usize) -> String {
+    format!("{device}, {rate} Hz, delay {delay}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::stress::jobs::Options;
+
+    /// A file of the study of invalid input: `failed` of its `cells` cells fail.
+    fn file(folder: &Path, seed: u64, cells: u64, failed: u64, ticks: u64) -> PathBuf {
+        let path = folder.join(format!("{seed}-{cells}-{ticks}.jsonl"));
+        let mut header = faults::header(seed, cells, &[]);
+        header.settings["ticks"] = ticks.into();
+        let options = Options {
+            file: Some(path.clone()),
+            ..Options::default()
+        };
+        let work = |cell| faults::Outcome {
+            beyond: u64::from(cell < failed),
+            ..faults::Outcome::default()
+        };
+        jobs::run(&header, &options, work, |_| {}).expect("cells");
+        path
+    }
+
+    #[test]
+    fn the_spread_over_the_seeds_is_that_of_the_values() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let counts = [(1, 5, 1), (2, 5, 3), (7, 6, 5)];
+        let paths = counts.map(|(seed, cells, failed)| file(folder.path(), seed, cells, failed, 9));
+        let found = compare(&paths).expect("one study");
+        assert_eq!((found.seeds, found.cells), (vec![1, 2, 7], vec![5, 5, 6]));
+        let [spread] = &found.quantities[..] else {
+            panic!("{:?}", found.quantities);
+        };
+        assert_eq!(spread.values, [Some(1.0), Some(3.0), Some(5.0)]);
+        let summary = [spread.mean, spread.deviation, spread.least, spread.most];
+        assert_eq!(summary, [Some(3.0), Some(2.0), Some(1.0), Some(5.0)]);
+        // One seed has no spread.
+        let found = compare(&paths[..1]).expect("one file");
+        assert_eq!(found.quantities[0].deviation, None);
+        assert_eq!(found.quantities[0].mean, Some(1.0));
+    }
+
+    #[test]
+    fn files_that_are_not_of_one_study_are_refused() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let first = file(folder.path(), 1, 3, 0, 9);
+        let refused = |other: PathBuf| {
+            let refused = compare(&[first.clone(), other]).expect_err("refused");
+            refused.to_string()
+        };
+        let said = refused(file(folder.path(), 2, 3, 0, 10));
+        assert!(
+            said.contains("settings.ticks differs from that of"),
+            "{said}"
+        );
+        let said = refused(file(folder.path(), 1, 4, 0, 9));
+        assert!(said.contains("found seed 1, which is that of"), "{said}");
+        let text = folder.path().join("notes.txt");
+        std::fs::write(&text, "no results\n").expect("written");
+        let said = refused(text);
+        assert!(said.contains("line 1: not a header"), "{said}");
+    }
+}
