@@ -22,8 +22,8 @@ pub struct Mount {
 /// The mount of the device number `device`.
 ///
 /// # Errors
-/// [`SceneError`], naming the file, line and field, where a body cannot be built, or where the handle is not in the
-/// workspace that the scene gives the device.
+/// [`SceneError`], naming the file, line and field, where a body cannot be built, where the handle is not in the
+/// workspace that the scene gives the device, or where it is not on the axes of a device of one or two degrees of freedom.
 pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
     let spec = &loaded.scene.devices[device];
     let handle = handle_origin(loaded, device)?;
@@ -37,6 +37,7 @@ pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
             (origin, start)
         }
     };
+    let start = on_axes(loaded, device, start)?;
     if let (Some([low, high]), Some(_)) = (spec.workspace, handle) {
         let inside = (0..3).all(|axis| (low[axis]..=high[axis]).contains(&start[axis]));
         if !inside {
@@ -55,6 +56,25 @@ pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
         rotation,
         start,
     })
+}
+
+/// The place at which a device meets its handle at rest (m, device axes): `start` itself, without the rest across the
+/// axes of a device of one or two degrees of freedom. Such a rest of more than an encoder count is an error.
+fn on_axes(loaded: &LoadedScene, device: usize, start: Vec3) -> Result<Vec3, SceneError> {
+    let model = &loaded.models[device];
+    let along = model.freedom().part(&start);
+    let across = start - along;
+    if across.norm() <= model.position_step {
+        return Ok(along);
+    }
+    // Adding zero turns the sign of a rounded zero.
+    let [x, y, z] = across.map(|x| (x * 1e6).round() * 1e-6 + 0.0).into();
+    let found = format!(
+        "a handle at rest that is off the axes of the device by ({x:.6}, {y:.6}, {z:.6}) m of the device"
+    );
+    let allowed = "an origin from which the axes of the device lead to the handle";
+    let field = format!("device[{device}].mounting.origin");
+    Err(loaded.source.error(&field, found, allowed))
 }
 
 /// Whether the mount of a device can be wrong: whether the scene says where the device, or its workspace, is.

@@ -183,7 +183,7 @@ impl Study {
             &[1.0, 2.0, 3.0, 5.0, 10.0, 20.0]
         };
         let mut tasks = Vec::new();
-        for (device, model) in DeviceModel::all().take(if quick { 2 } else { usize::MAX }) {
+        for (device, model) in DeviceModel::spatial().take(if quick { 2 } else { usize::MAX }) {
             let rates: &[u32] = if quick { &[1000] } else { &[1000, 4000] };
             for (&rate, &delay) in rates
                 .iter()
@@ -252,7 +252,7 @@ impl Study {
 
     /// The header of the results: everything that determines them.
     pub fn header(&self) -> Header {
-        let models: BTreeMap<_, _> = DeviceModel::all()
+        let models: BTreeMap<_, _> = DeviceModel::spatial()
             .map(|(name, m)| {
                 let numbers = [m.mass, m.damping, m.friction, m.position_step, m.max_force];
                 (name, numbers)
