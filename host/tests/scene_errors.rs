@@ -391,8 +391,8 @@ name = "b"
   -> name = "b\u0007"
   x.toml:32: body[0].handle[1].name: found "b\u{7}", allowed: a name of 1 to 64 characters
 device = "right"
-  -> device = "left"
-  x.toml:34: body[0].handle[1].device: found "left", allowed: a device that holds nothing else; this one holds body[0].handle[0]
+  -> device = "left"¶border = "clamped"
+  x.toml:35: body[0].handle[1].border: found another border than that of body[0].handle[0], allowed: the same border: the device "left" holds both, as one rigid handle
 device = "right"
   -> device = "rihgt"
   x.toml:34: body[0].handle[1].device: found "rihgt", allowed: "left", "right"

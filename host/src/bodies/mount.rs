@@ -1,6 +1,6 @@
 //! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
 
-use super::handle_origins;
+use super::tool;
 use crate::scene::plausible::{START, Warning};
 use crate::scene::spec::Rotation;
 use crate::scene::{LoadedScene, SceneError};
@@ -15,7 +15,7 @@ pub struct Mount {
     pub origin: Vec3,
     /// From the device's axes to those of the scene.
     pub rotation: UnitQuaternion<f64>,
-    /// Where the handle that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
+    /// Where the tool that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
     pub start: Vec3,
 }
 
@@ -26,7 +26,7 @@ pub struct Mount {
 /// workspace that the scene gives the device, or where it is not on the axes of a device of one or two degrees of freedom.
 pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
     let spec = &loaded.scene.devices[device];
-    let handle = handle_origin(loaded, device)?;
+    let handle = tool::origin(loaded, device)?;
     let rotation = spec.mounting.rotation.map(Rotation::quaternion);
     let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
     let (origin, start) = match (spec.mounting.origin.map(Vec3::from), handle) {
@@ -98,19 +98,4 @@ pub(super) fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         judged.ok().flatten()
     });
     warnings.collect()
-}
-
-/// The position at rest (m) of the handle that a device holds; `None` if the device holds no handle.
-fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Option<Vec3>, SceneError> {
-    let name = &loaded.scene.devices[device].name;
-    for (body, spec) in loaded.scene.bodies.iter().enumerate() {
-        let held = spec
-            .handles
-            .iter()
-            .position(|handle| handle.device == *name);
-        if let Some(handle) = held {
-            return Ok(Some(handle_origins(loaded, body)?[handle]));
-        }
-    }
-    Ok(None)
 }

@@ -85,10 +85,9 @@ fn body(
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
-    let devices: Vec<u8> = spec
-        .handles
+    let devices: Vec<u8> = bodies::tools(scene, spec)
         .iter()
-        .map(|handle| scene.device_of(handle) as u8)
+        .map(|tool| tool.device as u8)
         .collect();
     let paths = built
         .handles

@@ -196,9 +196,10 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     for (number, spec) in scene.bodies.iter().enumerate() {
         let condenser = bodies::condense::<StudyError>(loaded, number, SLOW)?;
         let condensed = condenser.condensed();
-        for (i, row) in spec.handles.iter().enumerate() {
-            for (j, column) in spec.handles.iter().enumerate() {
-                let (row, column) = (scene.device_of(row), scene.device_of(column));
+        let tools = bodies::tools(scene, spec);
+        for (i, row) in tools.iter().enumerate() {
+            for (j, column) in tools.iter().enumerate() {
+                let (row, column) = (row.device, column.device);
                 let scale = |device: usize| scene.devices[device].motion_scale;
                 let scale = scale(row) * scale(column);
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
