@@ -213,10 +213,10 @@ duration = 1.0
   x.toml:47: device[1].hand.waypoints[0]: found [0.5, 0, 0], allowed: a list of 4
 model = "touch"
   -> model = 3
-  x.toml:43: device[1].model: found 3, allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, or the name of a device's file, which ends in .toml
+  x.toml:43: device[1].model: found 3, allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, or the name of a device's file, which ends in .toml
 model = "touch"
   -> model = "tuch"
-  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, or the name of a device's file, which ends in .toml
+  x.toml:43: device[1].model: found "tuch", allowed: `falcon`, `touch`, `phantom_premium`, `omega3`, `delta3`, `virtuose6d`, `hapkit`, `pantograph`, or the name of a device's file, which ends in .toml
 [loop]
   -> [loop]¶scheme = "Hold"
   x.toml:6: loop.scheme: found "Hold", allowed: `hold`, `thesis`, `linear`, `proxy`, `classic`, `capped`
@@ -391,8 +391,8 @@ name = "b"
   -> name = "b\u0007"
   x.toml:32: body[0].handle[1].name: found "b\u{7}", allowed: a name of 1 to 64 characters
 device = "right"
-  -> device = "left"
-  x.toml:34: body[0].handle[1].device: found "left", allowed: a device that holds nothing else; this one holds body[0].handle[0]
+  -> device = "left"¶border = "clamped"
+  x.toml:35: body[0].handle[1].border: found another border than that of body[0].handle[0], allowed: the same border: the device "left" holds both, as one rigid handle
 device = "right"
   -> device = "rihgt"
   x.toml:34: body[0].handle[1].device: found "rihgt", allowed: "left", "right"

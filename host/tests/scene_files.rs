@@ -35,7 +35,15 @@ fn every_shipped_scene_loads() -> Outcome {
     assert_eq!(
         names,
         [
-            "cloth", "cube", "press", "sleeve", "stretch", "thread", "twist"
+            "cloth",
+            "cube",
+            "paddle",
+            "pantograph",
+            "press",
+            "sleeve",
+            "stretch",
+            "thread",
+            "twist"
         ]
     );
     Ok(())
@@ -189,7 +197,7 @@ fn a_device_of_ones_own_is_read_from_its_file() -> Outcome {
         (
             "mess = 0.15 ",
             "mess: unknown field, allowed: rate, mass, damping, friction, \
-            position_step, max_force, workspace_radius, driver_stiffness, driver_damping, name, \
+            position_step, max_force, workspace_radius, driver_stiffness, driver_damping, name, axes, \
             estimated, rotation, sources",
         ),
     ] {

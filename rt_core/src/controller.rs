@@ -6,7 +6,7 @@
 
 use crate::channel::Channel;
 use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
-use crate::device::{Device, DeviceError, DeviceState};
+use crate::device::{Device, DeviceError, DeviceState, Freedom};
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use crate::local_model::{ModelFault, PublishedModel};
@@ -237,7 +237,17 @@ impl Controller {
         for (((((channel, proxy), fresh), wrench), passed), ((command, record), device)) in
             inputs.zip(outputs.zip(0..MAX_DEVICES))
         {
-            let asked = channel.frame.to_device(wrench);
+            let actuated = channel.limiter.actuated();
+            if let Freedom::Along(axes) = actuated {
+                // The mechanism bears the force along the other axes. No account may take that force as rendered.
+                let frame = &channel.frame;
+                let here = forces.by_body.iter_mut();
+                for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
+                    wrench.force = frame.borne_by(axes, &wrench.force);
+                }
+            }
+            let mut asked = channel.frame.to_device(wrench);
+            asked.force = actuated.part(&asked.force);
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));

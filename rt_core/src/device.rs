@@ -4,12 +4,13 @@
 //! A simulation, a recording and a wrapper (a fault injector, a tracer) all implement the same [`Device`]. The loop
 //! treats them alike.
 
-use crate::geometry::{Pose, Twist, Wrench};
+use crate::geometry::{Pose, Twist, Vec3, Wrench};
 
 /// The result of one read of a device, in the device's own axes, SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeviceState {
-    /// Pose of the end effector (m). A device that senses no rotation reports the identity.
+    /// Pose of the end effector (m). A device that senses no rotation reports the identity, and a device of one or two
+    /// degrees of freedom reports zero along its other axes.
     pub pose: Pose,
     /// Twist of the end effector (m/s, rad/s), as the driver estimates it.
     pub twist: Twist,
@@ -36,13 +37,66 @@ impl DeviceState {
     }
 }
 
+/// One or two of a device's own axes: those along which a device of one or two degrees of freedom moves, such as a
+/// paddle or a pantograph. Its mechanism holds the handle along the others.
+///
+/// ```
+/// use rt_core::{Axes, Vec3};
+///
+/// let plane = Axes::new([true, false, true]).unwrap();
+/// assert_eq!(plane.part(&Vec3::new(1.0, 2.0, 3.0)), Vec3::new(1.0, 0.0, 3.0));
+/// // A device that moves along all axes, or along none, is no such device.
+/// assert!(Axes::new([true; 3]).is_none() && Axes::new([false; 3]).is_none());
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Axes([bool; 3]);
+
+impl Axes {
+    /// The axes x, y, z whose entry is true; `None` unless one or two are.
+    pub fn new(free: [bool; 3]) -> Option<Self> {
+        let any = free.contains(&true);
+        (any && free.contains(&false)).then_some(Self(free))
+    }
+
+    /// Which of the axes x, y, z the device moves along.
+    pub fn free(&self) -> [bool; 3] {
+        self.0
+    }
+
+    /// The part of a vector (device axes) along the axes. The other components are exactly zero.
+    pub fn part(&self, vector: &Vec3) -> Vec3 {
+        let [x, y, z] = self.0;
+        let along = |free: bool, component: f64| if free { component } else { 0.0 };
+        Vec3::new(along(x, vector.x), along(y, vector.y), along(z, vector.z))
+    }
+}
+
 /// The degrees of freedom that a device senses or actuates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Freedom {
+    /// Translation along one or two axes only.
+    Along(Axes),
     /// Translation only.
     Three,
     /// Translation and rotation.
     Six,
+}
+
+impl Freedom {
+    /// Whether rotation is among the degrees of freedom.
+    pub fn turns(&self) -> bool {
+        *self == Self::Six
+    }
+
+    /// The part of a force or a translation (device axes) along the degrees of freedom. The other components are
+    /// exactly zero.
+    #[inline]
+    pub fn part(&self, vector: &Vec3) -> Vec3 {
+        match self {
+            Self::Along(axes) => axes.part(vector),
+            Self::Three | Self::Six => *vector,
+        }
+    }
 }
 
 /// The capabilities of a device.

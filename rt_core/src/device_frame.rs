@@ -4,7 +4,7 @@
 //! of the device position" (thesis, chapter 4, section 5). The same map, transposed, brings the wrench
 //! back, so that with a force scale of one the power at the hand equals the power in the scene.
 
-use crate::device::DeviceState;
+use crate::device::{Axes, DeviceState};
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
 use nalgebra::{Quaternion, UnitQuaternion};
 
@@ -99,6 +99,12 @@ impl DeviceFrame {
             force: back * wrench.force * (self.motion_scale * self.force_scale),
             moment: back * wrench.moment * self.force_scale,
         }
+    }
+
+    /// The part of a force (world axes) that a device of one or two degrees of freedom renders: its part along the axes
+    /// of the device.
+    pub fn borne_by(&self, axes: Axes, force: &Vec3) -> Vec3 {
+        self.rotation * axes.part(&(self.rotation.inverse() * force))
     }
 
     /// The inverse of [`Self::to_device`]: the wrench on the proxy (world axes) that a device's wrench (its own axes)

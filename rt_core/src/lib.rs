@@ -61,7 +61,9 @@ pub mod scheme;
 pub mod velocity;
 
 pub use controller::{Controller, ControllerConfig, cycle};
-pub use device::{Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe};
+pub use device::{
+    Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe,
+};
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
 pub use local_model::{HandleReference, LocalModel};
 pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};

@@ -4,7 +4,8 @@
 //! - A device that has given **no good state** for a while gets no force.
 //! - A device that moves **too fast**, or is **out of reach**, has its force fade. The force comes back once the device
 //!   is below nine tenths of the limit.
-//! - A moment for a device that actuates no moments is left out. That is no fault and is not counted.
+//! - A moment for a device that actuates no moments is left out, and so is a force along an axis that the device does
+//!   not actuate. That is no fault and is not counted.
 //! - A wrench beyond the device's limits is scaled down to them; its direction stays.
 //! - A force that would change faster than the device can stand follows at its **slew limit**.
 //!
@@ -180,6 +181,11 @@ impl Limiter {
         self.config.period
     }
 
+    /// Degrees of freedom that the device actuates.
+    pub(crate) fn actuated(&self) -> Freedom {
+        self.config.actuated
+    }
+
     /// What the last stage did to the last wrench.
     pub fn state(&self) -> SafetyState {
         self.state
@@ -217,9 +223,10 @@ impl Limiter {
         }
         self.state = SafetyState::Normal;
         let mut passed = *wrench;
-        if config.actuated == Freedom::Three {
+        if !config.actuated.turns() {
             passed.moment = Vec3::zeros();
         }
+        passed.force = config.actuated.part(&passed.force);
         let fading = self.too_fast || self.out_of_reach;
         if fading || self.authority < 1.0 {
             let step = if fading {

@@ -70,12 +70,14 @@ pub enum SimError {
         /// The value that was given (ns).
         found: u64,
     },
-    /// The start position is not finite.
-    #[error("the device's start position must be finite")]
+    /// The start position is not finite, or not on the axes of the device.
+    #[error("the device's start position must be finite, and on the axes along which it moves")]
     Start,
 }
 
-/// A simulated device, held by a hand or free. It has three degrees of freedom, or six where its model has a rotation.
+/// A simulated device, held by a hand or free. It has three degrees of freedom, or six where its model has a rotation, or
+/// one or two where its model names axes. Such a device moves along its axes alone, to the last bit: its mechanism bears
+/// the force of the hand across them, without friction, and takes no part of a force across them from a command.
 #[derive(Clone, Debug)]
 pub struct SimDevice {
     model: DeviceModel,
@@ -153,9 +155,9 @@ impl SimDevice {
     /// The same device, at rest at `position` (m, device axes). To be called before the first read.
     ///
     /// # Errors
-    /// [`SimError::Start`] where the position is not finite.
+    /// [`SimError::Start`] where the position is not finite, or not on the axes of the device.
     pub fn starting_at(mut self, position: Vec3) -> Result<Self, SimError> {
-        if !position.iter().all(|x| x.is_finite()) {
+        if !position.iter().all(|x| x.is_finite()) || self.along(&position) != position {
             return Err(SimError::Start);
         }
         let arm = self.aim.as_ref().map_or(Arm::NONE, Aim::arm);
@@ -238,6 +240,11 @@ impl SimDevice {
         self.refused_wrenches
     }
 
+    /// The part of a vector along the axes of the device.
+    fn along(&self, vector: &Vec3) -> Vec3 {
+        self.model.freedom().part(vector)
+    }
+
     /// Moves the device to the time `now_ns`. A time before the latest call changes nothing.
     fn advance(&mut self, now_ns: u64) {
         let (first, last) = self.clock.unwrap_or((now_ns, now_ns));
@@ -249,10 +256,10 @@ impl SimDevice {
             let step = left.min(self.substep_ns);
             left -= step;
             self.moved_ns += step;
-            let wanted = self
-                .aim
-                .as_mut()
-                .map_or(self.start, |aim| self.start + aim.at(self.moved_ns));
+            let freedom = self.model.freedom();
+            let wanted = self.aim.as_mut().map_or(self.start, |aim| {
+                self.start + freedom.part(&aim.at(self.moved_ns))
+            });
             self.dynamics.step(step as f64 * 1e-9, &self.force, &wanted);
             if let Some(rotation) = &mut self.rotation {
                 let moment = rotation.moment;
@@ -342,10 +349,10 @@ impl Device for SimDevice {
     }
 
     /// Never fails. A force or a moment beyond the largest keeps its direction. A force or a moment that is not finite
-    /// becomes zero. A device without a rotation ignores the moment.
+    /// becomes zero. A device without a rotation ignores the moment, and a device with axes the force across them.
     fn write(&mut self, now_ns: u64, wrench: &Wrench) -> Result<(), DeviceError> {
         self.advance(now_ns);
-        let force = shortened(wrench.force, self.model.max_force);
+        let force = shortened(self.along(&wrench.force), self.model.max_force);
         let mut refused = force.is_none();
         self.force = force.unwrap_or_else(Vec3::zeros);
         if let Some(rotation) = &mut self.rotation {

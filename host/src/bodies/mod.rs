@@ -9,6 +9,7 @@ mod mesh;
 mod mount;
 mod places;
 mod survey;
+mod tool;
 
 use crate::scene::spec::{self, body::BorderName, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
@@ -21,6 +22,7 @@ use physics::{
 pub(crate) use mount::is_mounted;
 pub use mount::{Mount, mount};
 pub use survey::warnings;
+pub use tool::{Tool, bodies_held, tools};
 
 /// A step whose residual is below this tolerance counts as solved (N): a millionth of the smallest force that any
 /// device can render.
@@ -55,7 +57,7 @@ pub struct Built {
     pub poisson: Vec<f64>,
     /// The body of the physics. Its supports are at rest and its loads act in full.
     pub body: Body,
-    /// The handles of the body: those of the scene in their order, then the turned supports in theirs.
+    /// The handles of the body: its [`tools`] in their order, then the turned supports of the scene in theirs.
     pub handles: Vec<HandleSpec>,
     /// The carrier of each support of the scene.
     pub carriers: Vec<Carrier>,
@@ -74,7 +76,8 @@ pub enum Carrier {
     Nothing,
 }
 
-/// The origins of a body's handles at rest (m): the centres of their vertices, in the order of the body.
+/// The origins of a body's handles at rest (m), in the order of its [`tools`]: the centre of the vertices of a handle, or
+/// the mean of such centres over the places of a tool.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
@@ -139,7 +142,8 @@ pub fn build(loaded: &LoadedScene, index: usize) -> Result<Built, SceneError> {
     }
     .map_err(|error| match error {
         BodyError::Clamp { number, found, .. } => {
-            unclamped(loaded, &field_of_handle(index, &parts, number), found)
+            let field = field_of_handle(loaded, index, &parts, number);
+            unclamped(loaded, &field, found)
         }
         error => refuse(&error),
     })?;
@@ -232,22 +236,45 @@ fn settle(body: &mut Body, handles: &[HandleSpec], is_cut: bool) {
     }
 }
 
-/// The handles of a scene's body.
+/// The handles of a scene's body: one for each tool.
 fn handles(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Result<Vec<HandleSpec>, SceneError> {
-    let specs = &loaded.scene.bodies[index].handles;
-    let mut handles: Vec<HandleSpec> = Vec::new();
-    for (number, handle) in specs.iter().enumerate() {
+    let spec = &loaded.scene.bodies[index];
+    let mut all: Vec<Vec<u32>> = Vec::new();
+    for (number, handle) in spec.handles.iter().enumerate() {
+        let vertices = tool::vertices(loaded, index, number, mesh)?;
         let field = format!("body[{index}].handle[{number}]");
-        let group = handle.group.as_deref();
-        let vertices = places::vertices(loaded, &field, group, handle.in_box, mesh)?;
-        for (other, earlier) in specs.iter().zip(&handles) {
+        for (other, earlier) in spec.handles.iter().zip(&all) {
             let [this, other] = [&handle.name, &other.name].map(|name| format!("handle {name:?}"));
             held_once(loaded, &field, &this, &vertices, &other, earlier)?;
         }
-        let freedom = freedom(loaded, handle);
-        handles.push(holding(vertices, mesh, freedom, handle.border.into()));
+        all.push(vertices);
     }
-    Ok(handles)
+    let bodies = bodies_held(&loaded.scene);
+    let each = tools(&loaded.scene, spec).into_iter().map(|tool| {
+        let handle = tool.first(spec);
+        let mut vertices: Vec<u32> = Vec::new();
+        for &place in &tool.places {
+            vertices.append(&mut all[place]);
+        }
+        vertices.sort_unstable();
+        let held = holding(
+            vertices,
+            mesh,
+            freedom(loaded, handle),
+            handle.border.into(),
+        );
+        let alone = tool.places.len() == 1 && bodies[tool.device] == 1;
+        let origin = if alone {
+            None
+        } else {
+            tool::origin(loaded, tool.device)?
+        };
+        Ok(HandleSpec {
+            origin: origin.unwrap_or(held.origin),
+            ..held
+        })
+    });
+    each.collect()
 }
 
 /// Refuses `vertices`, which `this` holds rigidly by the scene's `field`, if `other` holds some of them, too.
@@ -257,13 +284,13 @@ fn held_once(
     this: &str,
     vertices: &[u32],
     other: &str,
-    held: &HandleSpec,
+    held: &[u32],
 ) -> Result<(), SceneError> {
-    let shared = places::shared(vertices, &held.vertices);
+    let shared = places::shared(vertices, held);
     if shared == 0 {
         return Ok(());
     }
-    let (of, others) = (vertices.len(), held.vertices.len());
+    let (of, others) = (vertices.len(), held.len());
     let found =
         format!("{shared} of the {of} vertices of {this} among the {others} of {other}, too");
     let allowed =
@@ -283,12 +310,9 @@ pub fn freedom(loaded: &LoadedScene, handle: &spec::Handle) -> Freedom {
 
 /// A handle about the centre of `vertices`.
 fn holding(vertices: Vec<u32>, mesh: &Mesh, freedom: Freedom, border: Border) -> HandleSpec {
-    let positions = mesh.positions();
-    let sum: Vec3 = vertices.iter().map(|&v| positions[v as usize]).sum();
-    let origin = sum / vertices.len().max(1) as f64;
     HandleSpec {
+        origin: tool::centre(&vertices, mesh),
         vertices,
-        origin,
         freedom,
         border,
     }
@@ -322,10 +346,10 @@ fn supports(
         .map(find)
         .collect::<Result<_, _>>()?;
     let mut parts: Vec<Option<Part>> = Vec::new();
-    let specs = &loaded.scene.bodies[index].handles;
-    let mut names: Vec<_> = specs
+    let spec = &loaded.scene.bodies[index];
+    let mut names: Vec<_> = tools(&loaded.scene, spec)
         .iter()
-        .map(|handle| format!("handle {:?}", handle.name))
+        .map(|tool| format!("handle {:?}", tool.name(spec)))
         .collect();
     for (number, (support, vertices)) in supports.iter().zip(&all).enumerate() {
         if support.rotation.is_none() {
@@ -335,7 +359,7 @@ fn supports(
         let field = format!("body[{index}].support[{number}]");
         let this = format!("support {:?}, which turns,", support.name);
         for (other, earlier) in names.iter().zip(&*handles) {
-            held_once(loaded, &field, &this, vertices, other, earlier)?;
+            held_once(loaded, &field, &this, vertices, other, &earlier.vertices)?;
         }
         let border = support.border.into();
         handles.push(holding(vertices.clone(), mesh, Freedom::Rigid, border));
@@ -360,11 +384,15 @@ fn supports(
 }
 
 /// The field of the scene from which the handle `number` of the body comes.
-fn field_of_handle(index: usize, parts: &[Part], number: usize) -> String {
+fn field_of_handle(loaded: &LoadedScene, index: usize, parts: &[Part], number: usize) -> String {
     let turned = |part: &Part| matches!(part, Part::Turned(handle) if *handle == number);
     match parts.iter().position(turned) {
         Some(support) => format!("body[{index}].support[{support}]"),
-        None => format!("body[{index}].handle[{number}]"),
+        None => {
+            let tools = tools(&loaded.scene, &loaded.scene.bodies[index]);
+            let place = tools.get(number).map_or(number, |tool| tool.places[0]);
+            format!("body[{index}].handle[{place}]")
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Where devices stand in the scene: their mountings, and where the handles that they hold are in their workspaces.
 
-use super::handle_origins;
+use super::tool;
 use crate::scene::plausible::{START, Warning};
 use crate::scene::spec::Rotation;
 use crate::scene::{LoadedScene, SceneError};
@@ -15,18 +15,18 @@ pub struct Mount {
     pub origin: Vec3,
     /// From the device's axes to those of the scene.
     pub rotation: UnitQuaternion<f64>,
-    /// Where the handle that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
+    /// Where the tool that it holds is at rest (m, device axes and device metres); its origin, if it holds none.
     pub start: Vec3,
 }
 
 /// The mount of the device number `device`.
 ///
 /// # Errors
-/// [`SceneError`], naming the file, line and field, where a body cannot be built, or where the handle is not in the
-/// workspace that the scene gives the device.
+/// [`SceneError`], naming the file, line and field, where a body cannot be built, where the handle is not in the
+/// workspace that the scene gives the device, or where it is not on the axes of a device of one or two degrees of freedom.
 pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
     let spec = &loaded.scene.devices[device];
-    let handle = handle_origin(loaded, device)?;
+    let handle = tool::origin(loaded, device)?;
     let rotation = spec.mounting.rotation.map(Rotation::quaternion);
     let rotation = rotation.unwrap_or_else(UnitQuaternion::identity);
     let (origin, start) = match (spec.mounting.origin.map(Vec3::from), handle) {
@@ -37,6 +37,7 @@ pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
             (origin, start)
         }
     };
+    let start = on_axes(loaded, device, start)?;
     if let (Some([low, high]), Some(_)) = (spec.workspace, handle) {
         let inside = (0..3).all(|axis| (low[axis]..=high[axis]).contains(&start[axis]));
         if !inside {
@@ -55,6 +56,25 @@ pub fn mount(loaded: &LoadedScene, device: usize) -> Result<Mount, SceneError> {
         rotation,
         start,
     })
+}
+
+/// The place at which a device meets its handle at rest (m, device axes): `start` itself, without the rest across the
+/// axes of a device of one or two degrees of freedom. Such a rest of more than an encoder count is an error.
+fn on_axes(loaded: &LoadedScene, device: usize, start: Vec3) -> Result<Vec3, SceneError> {
+    let model = &loaded.models[device];
+    let along = model.freedom().part(&start);
+    let across = start - along;
+    if across.norm() <= model.position_step {
+        return Ok(along);
+    }
+    // Adding zero turns the sign of a rounded zero.
+    let [x, y, z] = across.map(|x| (x * 1e6).round() * 1e-6 + 0.0).into();
+    let found = format!(
+        "a handle at rest that is off the axes of the device by ({x:.6}, {y:.6}, {z:.6}) m of the device"
+    );
+    let allowed = "an origin from which the axes of the device lead to the handle";
+    let field = format!("device[{device}].mounting.origin");
+    Err(loaded.source.error(&field, found, allowed))
 }
 
 /// Whether the mount of a device can be wrong: whether the scene says where the device, or its workspace, is.
@@ -78,19 +98,4 @@ pub(super) fn warnings(loaded: &LoadedScene) -> Vec<Warning> {
         judged.ok().flatten()
     });
     warnings.collect()
-}
-
-/// The position at rest (m) of the handle that a device holds; `None` if the device holds no handle.
-fn handle_origin(loaded: &LoadedScene, device: usize) -> Result<Option<Vec3>, SceneError> {
-    let name = &loaded.scene.devices[device].name;
-    for (body, spec) in loaded.scene.bodies.iter().enumerate() {
-        let held = spec
-            .handles
-            .iter()
-            .position(|handle| handle.device == *name);
-        if let Some(handle) = held {
-            return Ok(Some(handle_origins(loaded, body)?[handle]));
-        }
-    }
-    Ok(None)
 }

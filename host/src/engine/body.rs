@@ -3,6 +3,7 @@
 mod landing;
 
 use super::beside::Beside;
+use super::borne::Borne;
 use super::change::Rebuild;
 use super::clock::BodyClock;
 use super::path::HandlePath;
@@ -31,6 +32,8 @@ pub struct HostBody {
     solver: Box<dyn Solver>,
     paths: Vec<HandlePath>,
     devices: Vec<u8>,
+    /// What devices of one or two degrees of freedom render.
+    borne: Borne,
     targets: Vec<HandlePose>,
     /// Length of a step (s).
     step: f64,
@@ -88,6 +91,8 @@ pub struct HostBodyParts {
     pub paths: Vec<HandlePath>,
     /// The device of each handle.
     pub devices: Vec<u8>,
+    /// What devices of one or two degrees of freedom render.
+    pub borne: Borne,
     /// Length of a step (s).
     pub step: f64,
     /// Publication period (s).
@@ -121,6 +126,7 @@ impl HostBody {
         {
             reference.device = *device;
             reference.weight = weight;
+            parts.borne.weight(reference);
         }
         Self {
             stored,
@@ -132,6 +138,7 @@ impl HostBody {
             solver: parts.solver,
             paths: parts.paths,
             devices: parts.devices,
+            borne: parts.borne,
             step: parts.step,
             clock: BodyClock::new(parts.step),
             newest_ns: None,
@@ -270,6 +277,7 @@ impl HostBody {
                     drift: reference.drift,
                     ..reference_of(reference.device, report)
                 };
+                self.borne.wrench(reference);
             }
         }
         if let Some(stored) = &mut self.stored {
@@ -345,8 +353,9 @@ impl HostBody {
             return Ok(());
         };
         fill_blocks(&mut self.model, condensed);
+        self.borne.blocks(&mut self.model);
         if let Some(stored) = &mut self.stored {
-            stored.keep(condensed);
+            stored.keep(&self.model, condensed.length);
         }
         if let Some(coupling) = &mut self.coupling {
             coupling.set_length(condensed.length);

@@ -1,6 +1,7 @@
 //! Builds the bodies of the host's loop from the bodies of a scene.
 
 use super::body::{HostBody, HostBodyParts};
+use super::borne::Borne;
 use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
 use super::recipe::Recipe;
@@ -26,8 +27,9 @@ pub struct How {
 /// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneError> {
     check(loaded)?;
+    let borne = Borne::new(loaded)?;
     (0..loaded.scene.bodies.len())
-        .map(|index| body(loaded, index, how))
+        .map(|index| body(loaded, index, how, borne.clone()))
         .collect()
 }
 
@@ -53,7 +55,7 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
         }
     }
     for device in 0..scene.devices.len() {
-        if bodies::is_mounted(loaded, device) {
+        if bodies::is_mounted(loaded, device) || loaded.models[device].axes.is_some() {
             bodies::mount(loaded, device)?;
         }
     }
@@ -67,7 +69,12 @@ pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
         .max(1.0) as u64
 }
 
-fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
+fn body(
+    loaded: &LoadedScene,
+    index: usize,
+    how: How,
+    borne: Borne,
+) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
     let built = bodies::build_settled(loaded, index)?;
@@ -78,10 +85,9 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         let field = format!("body[{index}]");
         loaded.source.error(&field, format!("{e}"), allowed)
     })?;
-    let devices: Vec<u8> = spec
-        .handles
+    let devices: Vec<u8> = bodies::tools(scene, spec)
         .iter()
-        .map(|handle| scene.device_of(handle) as u8)
+        .map(|tool| tool.device as u8)
         .collect();
     let paths = built
         .handles
@@ -108,6 +114,7 @@ fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneE
         smoothing: scene.host.smoothing,
         paths,
         devices,
+        borne,
         step: plan.step,
         period: plan.period,
         horizon: plan.horizon,

@@ -7,6 +7,7 @@
 
 mod beside;
 pub mod body;
+pub mod borne;
 pub mod build;
 pub mod change;
 pub mod choice;

@@ -22,8 +22,8 @@
 //! A body whose material becomes softer from one step to the next stores less at the same shape: `c` changes so that
 //! the body's own energy falls by the ratio of its elastic energies.
 
+use physics::Body;
 use physics::linear::dense::{Clipper, Square};
-use physics::{Body, Condensed};
 use rt_core::{LocalModel, MAX_HANDLES, Vec3};
 
 /// Least stiffness of a motion in the tangent's estimate (N/m). A softer motion counts with this stiffness, so that a
@@ -59,17 +59,17 @@ impl Stored {
         }
     }
 
-    /// Keeps the stiffness that models publish from now on.
-    pub(super) fn keep(&mut self, condensed: &Condensed) {
-        // `clone_from` would allocate: the derived method makes a new matrix.
+    /// Keeps the stiffness of `model`, which models publish from now on. A turn causes displacements at the lever arm
+    /// `length` (m).
+    pub(super) fn keep(&mut self, model: &LocalModel, length: f64) {
         for j in 0..self.stiffness.size() {
             for i in 0..self.stiffness.size() {
-                self.stiffness[(i, j)] = condensed.stiffness[(i, j)];
+                self.stiffness[(i, j)] = model.stiffness[i / 6][j / 6][(i % 6, j % 6)];
             }
         }
         for (slot, scale) in self.scale.iter_mut().enumerate() {
             // A turn counts by the displacement that it causes at the body's length.
-            *scale = if slot % 6 < 3 { 1.0 } else { condensed.length };
+            *scale = if slot % 6 < 3 { 1.0 } else { length };
         }
     }
 

@@ -142,6 +142,7 @@ pub(super) fn controller(
     let period = 1.0 / scene.realtime.rate;
     let mut config = ControllerConfig::default();
     let mut passivity = PassivityConfig::new(period);
+    let held = bodies::bodies_held(scene);
     for (index, device) in devices.iter().enumerate() {
         let mount = bodies::mount(loaded, index)?;
         let frame = DeviceFrame {
@@ -151,7 +152,8 @@ pub(super) fn controller(
         };
         let capabilities = device.capabilities();
         let safety = safety(&scene.devices[index], &capabilities, scene, period);
-        passivity.ports[index] = port(&loaded.models[index], &safety, &frame, period);
+        let whole = port(&loaded.models[index], &safety, &frame, period);
+        passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }
@@ -207,6 +209,22 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period:
         force_scale: frame.force_scale,
         count: model.position_step * scale,
         max_slew: safety.max_slew / (scale * frame.force_scale),
+    }
+}
+
+/// The share of one of `bodies` bodies in the port of a device that holds them all. Every body has an account of its own.
+/// Together, the accounts must not rely on more dissipation than the device has, nor render more damping than it can.
+fn share(port: &Port, bodies: usize) -> Port {
+    let part = 1.0 / bodies.max(1) as f64;
+    Port {
+        damping: port.damping * part,
+        friction: port.friction * part,
+        turning_damping: port.turning_damping * part,
+        turning_friction: port.turning_friction * part,
+        most_damping: port.most_damping * part,
+        most_turning_damping: port.most_turning_damping * part,
+        max_slew: port.max_slew * part,
+        ..*port
     }
 }
 

@@ -3,7 +3,7 @@
 use super::drivers::drivers;
 use super::spec::body::BorderName;
 use super::spec::{
-    Body, Device, Hand, Host, MeshSource, Realtime, Rotation, SIMULATED, Scene, TaskName,
+    Body, Device, Hand, Handle, Host, MeshSource, Realtime, Rotation, SIMULATED, Scene, TaskName,
 };
 use rt_core::{MAX_BODIES, MAX_DEVICES, MAX_HANDLES};
 use sim::TaskKind;
@@ -162,7 +162,6 @@ fn check_body(at: &str, body: &Body) -> Check {
             region.in_box,
         )?;
     }
-    at_most(&format!("{at}.handle"), body.handles.len(), MAX_HANDLES)?;
     names(
         &format!("{at}.handle"),
         body.handles.iter().map(|handle| &handle.name),
@@ -274,25 +273,39 @@ fn file_name(field: &str, file: &str) -> Check {
     require(fits, field, format!("{file:?}"), "the name of a file")
 }
 
-/// Checks that each handle names a device of the scene, and that no device holds two handles.
+/// Checks that each handle names a device of the scene. Handles of one body that name the same device are one rigid
+/// handle, so they treat the border alike.
 fn check_holding(scene: &Scene) -> Check {
-    let mut taken: Vec<(&str, String)> = Vec::new();
     for (index, body) in scene.bodies.iter().enumerate() {
+        let mut held: Vec<(usize, &Handle)> = Vec::new();
         for (number, handle) in body.handles.iter().enumerate() {
             let at = format!("body[{index}].handle[{number}]");
-            let field = format!("{at}.device");
-            let found = format!("{:?}", handle.device);
             let exists = scene
                 .devices
                 .iter()
                 .any(|device| device.name == handle.device);
-            require(exists, &field, found.as_str(), device_names(&scene.devices))?;
-            if let Some((_, other)) = taken.iter().find(|(device, _)| *device == handle.device) {
-                let allowed = format!("a device that holds nothing else; this one holds {other}");
-                require(false, &field, found, allowed)?;
-            }
-            taken.push((&handle.device, at));
+            require(
+                exists,
+                &format!("{at}.device"),
+                format!("{:?}", handle.device),
+                device_names(&scene.devices),
+            )?;
+            let same = held.iter().find(|(_, other)| other.device == handle.device);
+            let Some((first, other)) = same else {
+                held.push((number, handle));
+                continue;
+            };
+            require(
+                handle.border == other.border,
+                &format!("{at}.border"),
+                format!("another border than that of body[{index}].handle[{first}]"),
+                format!(
+                    "the same border: the device {:?} holds both, as one rigid handle",
+                    handle.device
+                ),
+            )?;
         }
+        at_most(&format!("body[{index}].handle"), held.len(), MAX_HANDLES)?;
     }
     Ok(())
 }

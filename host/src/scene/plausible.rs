@@ -464,6 +464,7 @@ impl Judge<'_> {
         self.given(&MAX_REACH, &format!("{at}.max_reach"), device.max_reach)?;
         match &device.hand {
             Some(hand) => {
+                self.moves(at, hand, model)?;
                 // A box says no more of a motion's length than its diagonal.
                 let diagonal =
                     |[low, high]: [[f64; 3]; 2]| (Vec3::from(high) - Vec3::from(low)).norm();
@@ -472,6 +473,26 @@ impl Judge<'_> {
             }
             None => Ok(()),
         }
+    }
+
+    /// A task moves its hand along an axis of the device at least. What leads across the axes is borne by the device.
+    fn moves(&self, at: &str, hand: &Hand, model: &DeviceModel) -> Check {
+        let Some((axes, direction)) = model.axes.zip(hand.direction) else {
+            return Ok(());
+        };
+        if axes.part(&Vec3::from(direction)) != Vec3::zeros() {
+            return Ok(());
+        }
+        let names = ["x", "y", "z"].into_iter().zip(axes.free());
+        let names: Vec<_> = names
+            .filter_map(|(name, free)| free.then_some(name))
+            .collect();
+        let allowed = format!(
+            "a direction with a part along {}, the axes along which this device moves",
+            names.join(" and ")
+        );
+        let field = format!("{at}.hand.direction");
+        Err(self.source.error(&field, format!("{direction:?}"), allowed))
     }
 
     fn hand(&mut self, at: &str, hand: &Hand, reach: f64, recording: Option<&[Sample]>) -> Check {

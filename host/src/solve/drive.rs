@@ -6,7 +6,7 @@
 
 use super::result::{BodySolution, Extreme, Reaction, Row};
 use super::snapshot;
-use crate::bodies::{Built, Carrier};
+use crate::bodies::{self, Built, Carrier, Tool};
 use crate::scene::spec::solve::TimeScheme;
 use crate::scene::spec::{Analysis, Body as BodySpec, Scene};
 use meshio::write_vtu::Snapshot;
@@ -35,6 +35,8 @@ enum Method {
 /// A body that is driven step by step.
 pub(super) struct Drive<'a> {
     spec: &'a BodySpec,
+    /// What holds the body: its first handles.
+    tools: Vec<Tool>,
     built: Built,
     method: Method,
     rest: Vec<Vec3>,
@@ -157,6 +159,7 @@ impl<'a> Drive<'a> {
         let targets = built.handles.iter().map(|h| HandlePose::at(h.origin));
         Ok(Self {
             spec: &scene.bodies[index],
+            tools: bodies::tools(scene, &scene.bodies[index]),
             targets: targets.collect(),
             forces: vec![Vec3::zeros(); rest.len()],
             built,
@@ -313,18 +316,19 @@ impl<'a> Drive<'a> {
 
     fn reactions(&self) -> Vec<Reaction> {
         let body = &self.built.body;
-        let of_handle = |number: usize, name: &String, by| {
+        let of_handle = |number: usize, name: &str, by| {
             let wrench = body.handle_report(number).map(|report| report.reaction);
             let wrench = wrench.unwrap_or_default();
             Reaction {
-                name: name.clone(),
+                name: name.to_owned(),
                 by,
                 force: wrench.force.into(),
                 moment: Some(wrench.moment.into()),
             }
         };
-        let handles = self.spec.handles.iter().enumerate();
-        let handles = handles.map(|(number, handle)| of_handle(number, &handle.name, "handle"));
+        let handles = self.tools.iter().enumerate();
+        let handles =
+            handles.map(|(number, tool)| of_handle(number, &tool.name(self.spec), "handle"));
         let supports = self.spec.supports.iter().zip(&self.built.carriers);
         let supports = supports.map(|(support, carrier)| match *carrier {
             Carrier::Handle(number) => of_handle(number, &support.name, "turned support"),

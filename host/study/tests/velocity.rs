@@ -46,7 +46,7 @@ fn the_drivers_estimate_is_better_than_the_filter_before_it() {
 
 #[test]
 fn the_allowed_damping_is_stable_on_every_device() {
-    for (device, model) in sim::DeviceModel::all() {
+    for (device, model) in sim::DeviceModel::spatial() {
         for row in FOUND.rows.iter().filter(|row| row.device == device) {
             if row.method != "best fit, 4 ms" {
                 continue;

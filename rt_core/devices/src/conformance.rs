@@ -4,18 +4,18 @@
 //! violates:
 //!
 //! 1. The capabilities are constant, finite and consistent.
-//! 2. A state is valid: it is finite, its rotation has unit length, and its rotation is the identity where none is
-//!    sensed.
+//! 2. A state is valid: it is finite, its rotation has unit length, its rotation is the identity where none is sensed,
+//!    and its position and velocity are zero along axes that are not sensed.
 //! 3. The clock of the device never decreases.
 //! 4. Any time is accepted: the same time twice, a time far ahead, an earlier time.
 //! 5. Any wrench is accepted: a wrench beyond the largest, a wrench with a NaN. The states stay valid, and the motors
-//!    hold no more than their largest wrench.
+//!    hold no more than their largest wrench, and no force along an axis that is not actuated.
 //! 6. No call inside a tick allocates, as far as the caller's counter can detect ([`Suite::watched`]).
 //! 7. The device may be dropped at any time, after a wrench as well as before its first reading.
 //!
 //! An error is a valid result of a call. The suite requires a minimal number of states ([`Suite::states`]).
 
-use rt_core::{Capabilities, Device, DeviceState, Freedom, Vec3, Wrench};
+use rt_core::{Capabilities, Device, DeviceState, Vec3, Wrench};
 use std::ops::DerefMut;
 
 /// Number of ticks of the long part.
@@ -80,7 +80,7 @@ impl<'a> Suite<'a> {
                 "{name}: {what} {number}"
             );
         }
-        let turns = found.actuated == Freedom::Six;
+        let turns = found.actuated.turns();
         assert!(
             found.max_moment.is_finite() && (found.max_moment > 0.0) == turns,
             "{name}: largest moment {} with {:?}",
@@ -107,7 +107,15 @@ impl<'a> Suite<'a> {
             (length - 1.0).abs() <= SKEW,
             "{name}: no rotation: {length}"
         );
-        if device.capabilities().sensed == Freedom::Three {
+        let sensed = device.capabilities().sensed;
+        for vector in [&state.pose.position, &state.twist.linear] {
+            assert_eq!(
+                sensed.part(vector),
+                *vector,
+                "{name}: moves along an axis that it does not sense"
+            );
+        }
+        if !sensed.turns() {
             let turns = state.pose.rotation.scaled_axis() + state.twist.angular;
             assert_eq!(turns, Vec3::zeros(), "{name}: turns without sensing it");
         }
@@ -135,6 +143,18 @@ impl<'a> Suite<'a> {
             "{}: its motors hold {held:?} after {wrench:?}",
             self.name
         );
+        for (what, vector) in [
+            ("force", &held.force),
+            ("position", &probe.pose.position),
+            ("velocity", &probe.twist.linear),
+        ] {
+            assert_eq!(
+                most.actuated.part(vector),
+                *vector,
+                "{}: a {what} along an axis that it does not actuate",
+                self.name
+            );
+        }
         assert!(
             probe.pose.is_finite() && probe.twist.is_finite(),
             "{}: it truly is at {probe:?}",
@@ -204,6 +224,10 @@ impl<'a> Suite<'a> {
             along(0.0, f64::NAN),
             along(f64::INFINITY, f64::NEG_INFINITY),
             along(f64::MIN_POSITIVE, 0.0),
+            Wrench {
+                force: Vec3::new(0.1, -0.2, 0.3) * most.max_force,
+                moment: Vec3::zeros(),
+            },
         ] {
             for _ in 0..5 {
                 self.write(device, now, &wrench);

@@ -11,7 +11,7 @@ mod file;
 
 pub use file::{DeviceFile, ModelError, ModelProblem};
 
-use rt_core::{Capabilities, Freedom};
+use rt_core::{Axes, Capabilities, Freedom};
 
 /// The mechanics, encoder and motors of a device, the same in all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +34,9 @@ pub struct DeviceModel {
     pub driver_damping: f64,
     /// Usual rate of the device (Hz).
     pub rate_hz: u32,
+    /// The axes along which the handle moves, on a device of one or two degrees of freedom; `None` where the handle moves
+    /// along all three.
+    pub axes: Option<Axes>,
     /// The rotation of the handle, where the device senses and actuates it.
     pub rotation: Option<RotationModel>,
 }
@@ -58,7 +61,7 @@ pub struct RotationModel {
 }
 
 /// The files of the built-in devices, with the names that scenes use.
-pub const FILES: [(&str, &str); 6] = [
+pub const FILES: [(&str, &str); 8] = [
     ("falcon", include_str!("../models/falcon.toml")),
     ("touch", include_str!("../models/touch.toml")),
     (
@@ -68,6 +71,8 @@ pub const FILES: [(&str, &str); 6] = [
     ("omega3", include_str!("../models/omega3.toml")),
     ("delta3", include_str!("../models/delta3.toml")),
     ("virtuose6d", include_str!("../models/virtuose6d.toml")),
+    ("hapkit", include_str!("../models/hapkit.toml")),
+    ("pantograph", include_str!("../models/pantograph.toml")),
 ];
 
 impl DeviceModel {
@@ -86,10 +91,19 @@ impl DeviceModel {
         DeviceFile::parse(text).ok().map(|file| file.model)
     }
 
+    /// The degrees of freedom that a device of this model senses and actuates.
+    pub fn freedom(&self) -> Freedom {
+        match (self.axes, self.rotation) {
+            (Some(axes), _) => Freedom::Along(axes),
+            (None, Some(_)) => Freedom::Six,
+            (None, None) => Freedom::Three,
+        }
+    }
+
     /// The capabilities of a device of this model.
     pub fn capabilities(&self) -> Capabilities {
         let rotation = self.rotation.as_ref();
-        let freedom = rotation.map_or(Freedom::Three, |_| Freedom::Six);
+        let freedom = self.freedom();
         Capabilities {
             sensed: freedom,
             actuated: freedom,
@@ -105,6 +119,12 @@ impl DeviceModel {
         FILES
             .iter()
             .filter_map(|(name, _)| Some((*name, Self::named(name)?)))
+    }
+
+    /// The models among [`FILES`] whose handles move along all three axes, with their names. Studies that draw the
+    /// direction of a motion draw from these.
+    pub fn spatial() -> impl Iterator<Item = (&'static str, Self)> {
+        Self::all().filter(|(_, model)| model.axes.is_none())
     }
 }
 
@@ -140,5 +160,14 @@ mod tests {
             six.map(|(name, _)| name).collect::<Vec<_>>(),
             ["virtuose6d"]
         );
+        let few = DeviceModel::all().filter_map(|(name, model)| Some((name, model.axes?.free())));
+        assert_eq!(
+            few.collect::<Vec<_>>(),
+            [
+                ("hapkit", [true, false, false]),
+                ("pantograph", [true, true, false])
+            ]
+        );
+        assert_eq!(DeviceModel::spatial().count(), FILES.len() - 2);
     }
 }

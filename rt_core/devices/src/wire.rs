@@ -47,15 +47,15 @@ impl DeviceClock {
 }
 
 /// The state in a report, in SI units. Where the device senses no rotation (`sensed`), the report's orientation and
-/// angular velocity are ignored.
+/// angular velocity are ignored; so are positions and velocities along axes that the device does not sense.
 pub fn state_of(report: &StateReport, sensed: Freedom, device_time_ns: u64) -> DeviceState {
     let si = report.to_si();
-    let mut pose = Pose::at(Vec3::from(si.position));
+    let mut pose = Pose::at(sensed.part(&Vec3::from(si.position)));
     let mut twist = Twist {
-        linear: Vec3::from(si.velocity),
+        linear: sensed.part(&Vec3::from(si.velocity)),
         angular: Vec3::zeros(),
     };
-    if sensed == Freedom::Six {
+    if sensed.turns() {
         let [w, x, y, z] = si.orientation;
         let rotation = pose.rotation.as_mut_unchecked();
         (rotation.w, rotation.i, rotation.j, rotation.k) = (w, x, y, z);

@@ -118,7 +118,7 @@ fn print(cells: &BTreeMap<u64, CellResult>) {
     }
     outln!("\nBy device:\n");
     head("device");
-    for (name, _) in DeviceModel::all() {
+    for (name, _) in DeviceModel::spatial() {
         rows(name, cells, |cell| {
             cell.draw.as_ref().is_some_and(|draw| draw.device == name)
         });

@@ -51,15 +51,17 @@ impl BodyPlan {
     pub fn new(loaded: &LoadedScene, index: usize, built: &Built) -> Self {
         let scene = &loaded.scene;
         let spec = &scene.bodies[index];
-        let rigid = |handle: &&spec::Handle| bodies::freedom(loaded, handle) == Freedom::Rigid;
+        let tools = bodies::tools(scene, spec);
+        let rigid =
+            |tool: &&bodies::Tool| bodies::freedom(loaded, tool.first(spec)) == Freedom::Rigid;
         let period = 1.0 / scene.host.publish_rate;
         Self {
             name: spec.name.clone(),
             kind: built.kind,
             choice: choose(scene, &built.body),
             bends: bodies::bending(spec, built.kind) > 0.0,
-            handles: spec.handles.len(),
-            turned: spec.handles.iter().filter(rigid).count(),
+            handles: tools.len(),
+            turned: tools.iter().filter(rigid).count(),
             condenses: condenses(scene),
             publishes_energy: publishes_energy(scene),
             step: 1.0 / scene.host.step_rate,
@@ -90,8 +92,8 @@ pub fn publishes_energy(scene: &Scene) -> bool {
 /// device's driver recommends.
 pub fn links(loaded: &LoadedScene, body: &spec::Body) -> Vec<Link> {
     let scene = &loaded.scene;
-    let each = body.handles.iter().map(|handle| {
-        let index = scene.device_of(handle);
+    let each = bodies::tools(scene, body).into_iter().map(|tool| {
+        let index = tool.device;
         let device = &scene.devices[index];
         let recommended = Link::recommended(&loaded.models[index]);
         // A metre of the scene is `1 / motion_scale` metres of the device. Forces scale inversely.

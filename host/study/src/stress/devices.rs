@@ -13,10 +13,10 @@ pub struct StudyDevice {
 }
 
 impl StudyDevice {
-    /// The built-in devices.
+    /// The built-in devices that move along all three axes.
     pub fn built_in() -> Vec<Self> {
-        let all = DeviceModel::all();
-        all.map(|(name, model)| Self {
+        let spatial = DeviceModel::spatial();
+        spatial.map(|(name, model)| Self {
             name: name.to_owned(),
             model,
         })

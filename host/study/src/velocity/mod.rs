@@ -164,7 +164,7 @@ pub struct VelocityStudy {
 /// Runs the study. `progress` receives the fraction done.
 pub fn run(mut progress: impl FnMut(f64)) -> VelocityStudy {
     let mut rows = Vec::new();
-    let models: Vec<_> = DeviceModel::all().collect();
+    let models: Vec<_> = DeviceModel::spatial().collect();
     let all = models.len() * RATES.len() * CANDIDATES.len();
     for (device, model) in models {
         for rate in RATES {

@@ -2,6 +2,7 @@
 
 use super::{DeviceModel, RotationModel};
 use core::fmt;
+use rt_core::Axes;
 use std::collections::BTreeMap;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -78,7 +79,9 @@ const NUMBERS: [&str; 9] = [
     "driver_damping",
 ];
 /// The other fields.
-const OTHERS: [&str; 4] = ["name", "estimated", "rotation", "sources"];
+const OTHERS: [&str; 5] = ["name", "axes", "estimated", "rotation", "sources"];
+/// The axes of a device, by name.
+const AXES: [&str; 3] = ["x", "y", "z"];
 /// Numbers of a device's rotation.
 const TURNING: [&str; 7] = [
     "inertia",
@@ -122,7 +125,11 @@ impl DeviceFile {
             line: 1,
         };
         root.only(NUMBERS.into_iter().chain(OTHERS))?;
-        let rotation = root.optional("rotation", rotation)?;
+        let axes = root.optional("axes", axes)?.flatten();
+        let rotation = root.optional("rotation", |at| match axes {
+            None => rotation(at),
+            Some(_) => Err(at.refused("no rotation on a device that moves along one or two axes")),
+        })?;
         let known: Vec<_> = Self::numbers(rotation.is_some()).collect();
         let estimated = root.optional("estimated", |at| names(at, &known))?;
         let sources = root.optional("sources", |at| sources(at, &known))?;
@@ -136,6 +143,7 @@ impl DeviceFile {
             driver_stiffness: root.number("driver_stiffness", POSITIVE)?,
             driver_damping: root.number("driver_damping", NOT_NEGATIVE)?,
             rate_hz: root.number("rate", RATE)? as u32,
+            axes,
             rotation,
         };
         Ok(Self {
@@ -166,6 +174,29 @@ fn rotation(at: &Value<'_>) -> Result<RotationModel, ModelError> {
         driver_stiffness: table.number("driver_stiffness", POSITIVE)?,
         driver_damping: table.number("driver_damping", NOT_NEGATIVE)?,
     })
+}
+
+/// Reads the axes along which a device moves; `None` for all three.
+fn axes(at: &Value<'_>) -> Result<Option<Axes>, ModelError> {
+    let refused = || at.refused("a list of one, two or three of \"x\", \"y\", \"z\", each once");
+    let DeValue::Array(items) = at.content.get_ref() else {
+        return Err(refused());
+    };
+    let mut free = [false; 3];
+    for item in items {
+        let DeValue::String(name) = item.get_ref() else {
+            return Err(refused());
+        };
+        let axis = AXES.iter().position(|axis| *axis == name.as_ref());
+        let axis = axis.ok_or_else(refused)?;
+        if core::mem::replace(&mut free[axis], true) {
+            return Err(refused());
+        }
+    }
+    if items.is_empty() {
+        return Err(refused());
+    }
+    Ok(Axes::new(free))
 }
 
 /// Reads a list of names of numbers.

@@ -140,7 +140,7 @@ impl Draw {
         let chance = Chance::new(seed, cell).of("hold");
         let kinds = Kind::ALL.len() as u64;
         let kind = Kind::ALL[(cell % kinds) as usize];
-        let devices: Vec<_> = DeviceModel::all().collect();
+        let devices: Vec<_> = DeviceModel::spatial().collect();
         let (device, model) = devices[(cell / kinds % devices.len() as u64) as usize];
         let scale = |n, [low, high]: [f64; 2]| low * libm::pow(high / low, chance.unit(n));
         let [soft, stiff] = STIFFNESS;
@@ -206,6 +206,6 @@ mod tests {
             assert!((steps - steps.round()).abs() < 1e-9 * steps, "{steps}");
             met.insert((draw.kind, draw.device));
         }
-        assert_eq!(met.len(), Kind::ALL.len() * DeviceModel::all().count());
+        assert_eq!(met.len(), Kind::ALL.len() * DeviceModel::spatial().count());
     }
 }

@@ -148,7 +148,7 @@ impl Study {
             loaded.scene.host.publish_rate = rate;
             return Ok(loaded);
         };
-        let devices: BTreeMap<_, _> = DeviceModel::all().collect();
+        let devices: BTreeMap<_, _> = DeviceModel::spatial().collect();
         let model = &devices[draw.device.as_str()];
         let name = format!("hold {cell} of seed {}", self.seed);
         let scene = |scale| load(&specimen::scene(&name, &draw, scale, model));

@@ -215,9 +215,10 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     for (number, spec) in scene.bodies.iter().enumerate() {
         let condenser = bodies::condense::<StudyError>(loaded, number, SLOW)?;
         let condensed = condenser.condensed();
-        for (i, row) in spec.handles.iter().enumerate() {
-            for (j, column) in spec.handles.iter().enumerate() {
-                let (row, column) = (scene.device_of(row), scene.device_of(column));
+        let tools = bodies::tools(scene, spec);
+        for (i, row) in tools.iter().enumerate() {
+            for (j, column) in tools.iter().enumerate() {
+                let (row, column) = (row.device, column.device);
                 let scale = |device: usize| scene.devices[device].motion_scale;
                 let scale = scale(row) * scale(column);
                 let block = Matrix3::from_fn(|r, c| condensed.stiffness[(6 * i + r, 6 * j + c)]);

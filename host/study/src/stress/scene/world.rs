@@ -59,8 +59,8 @@ impl World {
     pub(super) fn held(&self) -> Vec<Vec<usize>> {
         let scene = &self.loaded.scene;
         let bodies = scene.bodies.iter().map(|body| {
-            let handles = body.handles.iter();
-            handles.map(|handle| scene.device_of(handle)).collect()
+            let tools = host::bodies::tools(scene, body).into_iter();
+            tools.map(|tool| tool.device).collect()
         });
         bodies.collect()
     }

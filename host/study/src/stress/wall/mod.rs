@@ -298,7 +298,7 @@ impl Study {
 
     /// The header of the results: everything that determines them.
     pub fn header(&self) -> Header {
-        let models: BTreeMap<_, _> = DeviceModel::all()
+        let models: BTreeMap<_, _> = DeviceModel::spatial()
             .map(|(name, m)| {
                 let numbers = [m.mass, m.damping, m.friction, m.position_step, m.max_force];
                 (name, numbers)

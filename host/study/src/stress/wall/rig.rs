@@ -61,6 +61,13 @@ impl Wall {
         }
     }
 
+    /// The axis across which the wall stands: the first along which the device moves.
+    fn axis(&self) -> usize {
+        let axes = self.model.axes.map(|axes| axes.free());
+        let first = axes.and_then(|free| free.iter().position(|free| *free));
+        first.unwrap_or(0)
+    }
+
     fn config(&self) -> ControllerConfig {
         let period = self.period();
         let mut passivity = PassivityConfig::new(period);
@@ -81,7 +88,7 @@ impl Wall {
         let _ = config.devices.push(DeviceConfig {
             frame: DeviceFrame::at(Vec3::zeros()),
             safety: SafetyConfig {
-                actuated: Freedom::Three,
+                actuated: self.model.axes.map_or(Freedom::Three, Freedom::Along),
                 max_force: self.model.max_force,
                 max_moment: 0.0,
                 max_speed: f64::INFINITY,
@@ -113,10 +120,11 @@ impl Wall {
         model.time_ns = 1;
         model.period = self.period();
         model.handle_count = 1;
-        model.handles[0].contact = Vec3::x();
+        let axis = self.axis();
+        model.handles[0].contact[axis] = 1.0;
         let [stiffness, damping] = self.published();
-        model.stiffness[0][0][(0, 0)] = stiffness;
-        model.damping[0][0][(0, 0)] = damping;
+        model.stiffness[0][0][(axis, axis)] = stiffness;
+        model.damping[0][0][(axis, axis)] = damping;
         model
     }
 
@@ -197,11 +205,13 @@ impl Rendering for Rig {
         } else {
             position
         };
-        let place = Vec3::new(shown, 0.0, 0.0);
+        let axis = self.wall.axis();
+        let along = |size: f64| Vec3::ith(axis, size);
+        let place = along(shown);
         let linear = if self.wall.whole {
             self.estimator.update(&place)
         } else {
-            Vec3::new((shown - self.last) / self.wall.period(), 0.0, 0.0)
+            along((shown - self.last) / self.wall.period())
         };
         self.last = shown;
         let mut readings: [Reading; MAX_DEVICES] = [Err(DeviceError::NoReport); MAX_DEVICES];
@@ -214,6 +224,6 @@ impl Rendering for Rig {
             ..DeviceState::resting()
         });
         let (commands, _) = self.controller.tick(self.now_ns, &readings);
-        commands[0].force.x
+        commands[0].force[axis]
     }
 }

@@ -88,6 +88,45 @@ fn boundaries_of_passivity_are_those_of_theory_on_two_devices() {
 }
 
 #[test]
+fn walls_on_devices_of_one_and_two_degrees_of_freedom_are_those_of_theory() {
+    let slanted = |free| DeviceModel {
+        axes: rt_core::Axes::new(free),
+        ..DeviceModel::named("hapkit").expect("it is built in")
+    };
+    for (device, model) in [
+        ("hapkit", slanted([true, false, false])),
+        ("paddle", slanted([false, false, true])),
+        (
+            "pantograph",
+            DeviceModel::named("pantograph").expect("it is built in"),
+        ),
+    ] {
+        assert!(model.axes.is_some());
+        for (fraction, whole) in [(0.0, false), (0.4, false), (0.0, true)] {
+            let task = Task {
+                device,
+                model,
+                rate: 1000,
+                delay: 0,
+                case: Case::Passive(fraction, whole),
+            };
+            let outcome = quick().work(&task, 7);
+            let Outcome::Passive {
+                theory,
+                measured: Some(measured),
+                ..
+            } = outcome
+            else {
+                panic!("{outcome:?}");
+            };
+            // As for the other devices.
+            let error = measured / theory - 1.0;
+            assert!((-1e-6..0.05).contains(&error), "{device}: {outcome:?}");
+        }
+    }
+}
+
+#[test]
 fn boundaries_of_stability_are_those_of_the_eigenvalues() {
     for outcome in cells(|task| matches!(task.case, Case::Stable(..))) {
         let Outcome::Stable {

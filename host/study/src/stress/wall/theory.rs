@@ -283,6 +283,7 @@ mod tests {
             driver_stiffness: 1000.0,
             driver_damping: 1.0,
             rate_hz: 1000,
+            axes: None,
             rotation: None,
         };
         // With much friction, the bound falls towards 2 b / T with the speed, as (2 b n d / T + 2 f) / ((n + 1) d).

@@ -1,5 +1,6 @@
 use super::*;
 use proptest::prelude::*;
+use rt_core::Freedom;
 
 const BASE: &str = r#"name = "Mine"
 rate = 1000
@@ -37,9 +38,45 @@ fn a_file_gives_its_numbers_and_sources() {
     assert_eq!(file.estimated, ["mass", "rotation.step"]);
     assert_eq!(file.sources["rotation.inertia"], "a pendulum");
     // A device without a rotation has three degrees of freedom.
+    let plain = without_rotation();
+    let model = DeviceFile::parse(&plain).unwrap().model;
+    assert_eq!((model.rotation, model.axes), (None, None));
+    assert_eq!(model.freedom(), Freedom::Three);
+}
+
+fn without_rotation() -> String {
     let (plain, _) = BASE.split_once("[rotation]").unwrap();
-    let plain = plain.replace(", \"rotation.step\"", "");
-    assert_eq!(DeviceFile::parse(&plain).unwrap().model.rotation, None);
+    plain.replace(", \"rotation.step\"", "")
+}
+
+#[test]
+fn a_device_moves_along_the_axes_of_its_file() {
+    let axes = |list: &str| {
+        let text = format!("axes = {list}\n{}", without_rotation());
+        DeviceFile::parse(&text).map(|file| file.model.freedom())
+    };
+    for (list, free) in [
+        ("[\"x\"]", [true, false, false]),
+        ("[\"z\", \"x\"]", [true, false, true]),
+    ] {
+        assert_eq!(axes(list), Ok(Freedom::Along(Axes::new(free).unwrap())));
+    }
+    assert_eq!(axes("[\"x\", \"y\", \"z\"]"), Ok(Freedom::Three));
+    for list in ["[]", "[\"w\"]", "[\"x\", \"x\"]", "\"x\"", "[1, 0, 0]"] {
+        assert_eq!(
+            axes(list).unwrap_err().to_string(),
+            format!(
+                "line 1: axes: found {list}, allowed: a list of one, two or three of \"x\", \"y\", \"z\", each once"
+            )
+        );
+    }
+    let turning = format!("axes = [\"x\"]\n{BASE}");
+    let error = DeviceFile::parse(&turning).unwrap_err().to_string();
+    assert!(
+        error.starts_with("line 14: rotation: found ")
+            && error.ends_with("no rotation on a device that moves along one or two axes"),
+        "{error}"
+    );
 }
 
 #[test]
@@ -76,7 +113,7 @@ fn each_mistake_is_reported_with_line_and_field() {
             "mass = 0.1",
             "mass = 0.1\nmas = 1",
             format!(
-                "line 4: mas: unknown field, allowed: {numbers}, name, estimated, rotation, sources"
+                "line 4: mas: unknown field, allowed: {numbers}, name, axes, estimated, rotation, sources"
             ),
         ),
         (
