@@ -14,6 +14,7 @@ pub mod atomic_file;
 pub mod bodies;
 pub mod engine;
 pub mod log;
+pub mod machine;
 pub mod plot;
 pub mod run;
 pub mod scene;

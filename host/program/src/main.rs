@@ -183,6 +183,9 @@ struct SceneArgument {
     scene: Option<PathBuf>,
 }
 
+/// The commit from which this program was built, as `build.rs` found it.
+const COMMIT: Option<&str> = option_env!("PALPATE_COMMIT");
+
 /// A progress bar of a thousand parts. It is drawn only on a terminal.
 fn progress_bar() -> ProgressBar {
     let bar = ProgressBar::new(1000);

@@ -2,7 +2,7 @@
 
 use super::fault::fault;
 use super::outputs::{Declared, Format};
-use super::{CommandError, SceneArgument, load, progress_bar, signals};
+use super::{COMMIT, CommandError, SceneArgument, load, progress_bar, signals};
 use host::engine::faults::HostFault;
 use host::run::{Clock, RunOptions};
 use host::scene::Scene;
@@ -186,6 +186,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             ClockName::Real => Clock::Real,
         })
     };
+    options.commit = COMMIT;
     options.runner.require_grants =
         matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));

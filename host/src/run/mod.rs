@@ -3,6 +3,7 @@
 mod collect;
 mod devices;
 mod hand;
+mod held_back;
 pub mod late;
 mod log_observer;
 pub mod observer;
@@ -70,6 +71,8 @@ pub struct RunOptions {
     pub faults: Vec<HostFault>,
     /// A request to end a run under the real clock early and in order.
     pub stop: Arc<Stop>,
+    /// The commit from which the program was built, if the program knows it.
+    pub commit: Option<&'static str>,
 }
 
 impl RunOptions {
@@ -86,6 +89,7 @@ impl RunOptions {
             runner: RunnerConfig::default(),
             faults: Vec::new(),
             stop: Arc::default(),
+            commit: None,
         }
     }
 }

@@ -13,6 +13,7 @@ use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,7 +29,7 @@ const HOST_PAUSE: Duration = Duration::from_millis(20);
 pub(super) struct RealRun {
     /// The tick's report.
     pub(super) report: TickReport,
-    /// The host's side; `None` if the host's thread panicked.
+    /// The host's side; where the host panicked, as the panic left it. `None` if its thread was lost.
     pub(super) host: Option<HostSide>,
     /// The run's observers; `None` if the log's thread panicked.
     pub(super) observers: Option<Observers>,
@@ -71,7 +72,17 @@ pub(super) fn run(
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
     let host = named("palpate-host", move || {
-        threads.run(|| host_loop(host, engine, pacer, &host_over))
+        let mut running = Hosting {
+            end: host,
+            engine,
+            pacer,
+        };
+        // The counts before a panic belong to the summary.
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            threads.run(|| running.steps(&host_over));
+        }));
+        let panicked = ended.err().map(|panic| message(&*panic).to_owned());
+        (running.into_side(), panicked)
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
@@ -90,12 +101,14 @@ pub(super) fn run(
             None
         }
     };
-    let host = host.join().map_err(|panic| {
-        failures.push(host_panicked(message(&*panic)));
-    });
+    let (host, panicked) = match host.join() {
+        Ok((side, panicked)) => (Some(side), panicked),
+        Err(panic) => (None, Some(message(&*panic).to_owned())),
+    };
+    failures.extend(panicked.as_deref().map(host_panicked));
     Ok(RealRun {
         report: report?,
-        host: host.ok(),
+        host,
         observers,
         failures,
     })
@@ -111,33 +124,47 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &Stop) -> HostSide {
-    let watch = WallStopwatch::start();
-    let start = Instant::now();
-    while !over.is_requested() {
-        let due = pacer.due();
-        let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
-        if !early.is_zero() {
-            std::thread::sleep(early.min(HOST_PAUSE));
-            continue;
-        }
-        let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        if let Some(until_ns) = engine.stall(now_ns) {
-            std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
-        }
-        host.drain(|record| engine.follow(record));
-        awake(|| {
-            engine.step(due, &watch, |body, model| {
-                // The link counts a full ring.
-                let _ = host.publish(body, model);
+/// The host on its thread.
+struct Hosting {
+    end: HostEnd,
+    engine: Failing,
+    pacer: Pacer,
+}
+
+impl Hosting {
+    /// Steps when a step is due, until the run is over.
+    fn steps(&mut self, over: &Stop) {
+        let Self { end, engine, pacer } = self;
+        let watch = WallStopwatch::start();
+        let start = Instant::now();
+        while !over.is_requested() {
+            let due = pacer.due();
+            let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
+            if !early.is_zero() {
+                std::thread::sleep(early.min(HOST_PAUSE));
+                continue;
+            }
+            let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            if let Some(until_ns) = engine.stall(now_ns) {
+                std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
+            }
+            end.drain(|record| engine.follow(record));
+            awake(|| {
+                engine.step(due, &watch, |body, model| {
+                    // The link counts a full ring.
+                    let _ = end.publish(body, model);
+                });
             });
-        });
-        pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
+            pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        }
     }
-    HostSide {
-        engine: engine.into_engine(),
-        pacer,
-        end: host,
+
+    fn into_side(self) -> HostSide {
+        HostSide {
+            engine: self.engine.into_engine(),
+            pacer: self.pacer,
+            end: self.end,
+        }
     }
 }
 

@@ -69,8 +69,8 @@ pub struct Running {
     pub tick: TickLoop,
     /// The log's end of the link.
     pub log: LogEnd,
-    /// The host's side; `None` if the host panicked.
-    pub host: Option<HostSide>,
+    /// The host's side; where the host panicked, as the panic left it.
+    pub host: HostSide,
     /// The message of the panic, if there was one.
     pub panicked: Option<String>,
 }

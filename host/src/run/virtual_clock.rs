@@ -62,7 +62,7 @@ pub fn run(
     Running {
         tick,
         log,
-        host: host.running.map(Paced::into_side),
+        host: host.host.into_side(),
         panicked: host.panicked,
     }
 }
@@ -129,16 +129,18 @@ impl Host for Paced {
     }
 }
 
-/// A host that may panic. After a panic there is no host, as under the real clock, and the tick continues.
+/// A host that may panic. After a panic the host does nothing more, as under the real clock, and the tick continues.
+/// Its counts are kept for the summary.
 struct CatchPanic<H> {
-    running: Option<H>,
+    host: H,
+    /// The message of the panic, after a panic.
     panicked: Option<String>,
 }
 
 impl<H> CatchPanic<H> {
     fn new(host: H) -> Self {
         Self {
-            running: Some(host),
+            host,
             panicked: None,
         }
     }
@@ -148,23 +150,23 @@ impl<H: Host> Host for CatchPanic<H> {
     type Error = H::Error;
 
     fn next_ns(&self) -> Option<u64> {
-        self.running.as_ref().and_then(H::next_ns)
+        match self.panicked {
+            None => self.host.next_ns(),
+            Some(_) => None,
+        }
     }
 
     fn step(&mut self) -> Result<(), H::Error> {
-        let Some(host) = &mut self.running else {
-            return Ok(());
-        };
+        let host = &mut self.host;
         catch_unwind(AssertUnwindSafe(|| host.step())).unwrap_or_else(|panic| {
             self.panicked = Some(message(&*panic).to_owned());
-            self.running = None;
             Ok(())
         })
     }
 
     fn deliver(&mut self, now_ns: u64) {
-        if let Some(host) = &mut self.running {
-            host.deliver(now_ns);
+        if self.panicked.is_none() {
+            self.host.deliver(now_ns);
         }
     }
 }
