@@ -22,6 +22,8 @@ use std::path::{Path, PathBuf};
 pub(super) enum Format {
     /// A drawing.
     Svg,
+    /// A distribution: a table, or a drawing of it.
+    Distribution,
     /// One value of JSON.
     Json,
     /// A line of JSON for each cell of a study, appended to those that are there.
@@ -48,6 +50,7 @@ impl Format {
     fn endings(self) -> &'static [&'static str] {
         match self {
             Self::Svg => &["svg"],
+            Self::Distribution => &["csv", "svg"],
             Self::Json => &["json"],
             Self::JsonLines => &["jsonl", "ndjson", "json"],
             Self::Mcap => &["mcap"],

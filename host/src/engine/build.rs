@@ -8,6 +8,7 @@ use super::virtual_coupling::VirtualCoupling;
 use crate::bodies;
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
+use crate::stage::Stage;
 use physics::FactorCode;
 use rt_core::{MAX_DEVICES, Pose};
 
@@ -70,9 +71,11 @@ pub(crate) fn steps_per_publication(scene: &Scene) -> u64 {
 fn body(loaded: &LoadedScene, index: usize, how: How) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
+    Stage::Building.begin();
     let built = bodies::build_settled(loaded, index)?;
     let plan = BodyPlan::new(loaded, index, &built);
     let recipe = Recipe::new(scene, &plan, how);
+    Stage::Factorizing.begin();
     let solver = recipe.make(&built.body).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");

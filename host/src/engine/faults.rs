@@ -6,7 +6,7 @@
 
 use super::Engine;
 use super::pacer::Due;
-use super::stats::Stopwatch;
+use super::stats::{EngineStats, Stopwatch};
 use rt_core::{LocalModel, TickRecord};
 
 /// A kind of fault.
@@ -142,6 +142,11 @@ impl Failing {
             let spoilt = faults.spoilt(due.time_ns, model);
             publish(body, spoilt.as_ref().unwrap_or(model));
         });
+    }
+
+    /// As [`Engine::stats`].
+    pub(crate) fn stats(&self) -> &EngineStats {
+        self.engine.stats()
     }
 
     /// The engine alone.

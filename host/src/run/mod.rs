@@ -4,6 +4,7 @@ mod collect;
 mod devices;
 mod hand;
 mod held_back;
+mod histogram;
 pub mod late;
 mod log_observer;
 pub mod observer;
@@ -12,6 +13,7 @@ mod real_clock;
 pub mod replay;
 mod report;
 pub mod setup;
+pub mod slow_host;
 pub mod summary;
 pub mod timeline;
 pub mod virtual_clock;
@@ -32,6 +34,7 @@ use physics::{Body, FactorCode};
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use runner::{CoreChoice, Cores, Reserved};
 use setup::Setup;
+use slow_host::StepTime;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -61,6 +64,9 @@ pub struct RunOptions {
     pub log: Option<PathBuf>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
+    /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
+    /// without this file.
+    pub histogram: Option<PathBuf>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
@@ -84,6 +90,7 @@ impl RunOptions {
             seed: None,
             log: None,
             plot: None,
+            histogram: None,
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
@@ -123,6 +130,8 @@ pub struct Progress {
     pub of: u64,
     /// Ticks in the log that survive this process; zero without a log.
     pub logged: u64,
+    /// The time of a step, if the first steps took longer than the scene allows.
+    pub slow: Option<StepTime>,
 }
 
 impl Progress {
@@ -185,9 +194,16 @@ pub fn run_watched(
     let logged = Arc::default();
     let observers = observers(loaded, options, seed, others, log, &logged)?;
     let of = prepared.timing.ticks;
+    let found = prepared.slow.found();
     let progress = |ticks| {
         let logged = logged.load(Ordering::Relaxed);
-        progress(Progress { ticks, of, logged });
+        let slow = found.get().copied();
+        progress(Progress {
+            ticks,
+            of,
+            logged,
+            slow,
+        });
     };
     let mut parts = match options.clock {
         Clock::Virtual => parts::under_virtual_time(prepared, observers, progress),
@@ -197,8 +213,22 @@ pub fn run_watched(
     };
     parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
+    let slow = found.get().copied();
+    let warning = slow.map(|slow| slow_warning(loaded, options, slow));
+    summary.warnings.extend(warning);
     write_files(loaded, options, &parts, &mut summary);
     Ok(summary)
+}
+
+/// What to say of a run whose steps take longer than its scene allows.
+pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) -> String {
+    let duration = options.duration.unwrap_or(loaded.scene.duration);
+    slow.warning(
+        &loaded.scene,
+        Some(options.clock),
+        duration,
+        slow_host::cores(),
+    )
 }
 
 /// The parts of the run before its first tick.
@@ -256,6 +286,10 @@ fn write_files(
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
         note(summary, path, write_atomically(path, svg.as_bytes()));
+    }
+    if let Some(path) = &options.histogram {
+        let written = histogram::write(path, &loaded.scene, parts);
+        note(summary, path, written);
     }
     // Last, so that the file holds the failures before it.
     if let Some(path) = &options.json {

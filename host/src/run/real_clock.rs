@@ -6,6 +6,7 @@
 
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
+use super::slow_host::SlowWatch;
 use super::{RunError, host_panicked, message};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
@@ -58,6 +59,7 @@ pub(super) fn run(
         threads,
         faults,
         pacer,
+        slow,
         timing,
     } = setup;
     let config = RunnerConfig {
@@ -76,6 +78,7 @@ pub(super) fn run(
             end: host,
             engine,
             pacer,
+            slow,
         };
         // The counts before a panic belong to the summary.
         let ended = catch_unwind(AssertUnwindSafe(|| {
@@ -129,12 +132,18 @@ struct Hosting {
     end: HostEnd,
     engine: Failing,
     pacer: Pacer,
+    slow: SlowWatch,
 }
 
 impl Hosting {
     /// Steps when a step is due, until the run is over.
     fn steps(&mut self, over: &Stop) {
-        let Self { end, engine, pacer } = self;
+        let Self {
+            end,
+            engine,
+            pacer,
+            slow,
+        } = self;
         let watch = WallStopwatch::start();
         let start = Instant::now();
         while !over.is_requested() {
@@ -155,6 +164,7 @@ impl Hosting {
                     let _ = end.publish(body, model);
                 });
             });
+            slow.look(engine.stats());
             pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }
     }

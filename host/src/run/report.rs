@@ -6,7 +6,7 @@ use super::summary::{
     DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
     HostSummary, RunSummary, SCHEMA, TickSummary, TripSummary,
 };
-use super::{Clock, RunOptions, clock_name, held_back, instructions, setup};
+use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
 use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
@@ -52,7 +52,7 @@ pub(super) fn summarize(
         dropped: dropped(parts),
         events: events(options, parts),
         refusals: refusals(scene, &couplings),
-        degradations: parts.degradations.clone(),
+        degradations: degradations(scene, options.clock, parts),
         failures: parts.failures.clone(),
         unwritten: Vec::new(),
     }
@@ -194,6 +194,21 @@ fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
         limit: trip.limit,
         unit,
     }
+}
+
+/// What the system did not grant, and what that or a slow host left out.
+fn degradations(scene: &Scene, clock: Clock, parts: &Parts) -> Vec<String> {
+    let mut found = parts.degradations.clone();
+    if let Some(host) = parts.host.as_ref().filter(|_| clock == Clock::Real) {
+        let (stats, skipped) = (host.engine.stats(), host.pacer.skipped());
+        found.extend(slow_host::skipped(
+            scene,
+            stats,
+            skipped,
+            slow_host::cores(),
+        ));
+    }
+    found
 }
 
 /// Which models were refused, and why, in words.

@@ -9,6 +9,9 @@ use std::path::PathBuf;
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
 pub const SCHEMA: &str = "palpate.run/4";
 
+/// Number of values from which on a ten-thousandth of them is at least one value.
+const ENOUGH_FOR_P99_99: u64 = 10_000;
+
 /// A distribution of times (s).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distribution {
@@ -22,6 +25,8 @@ pub struct Distribution {
     pub p99: f64,
     /// 99.9 % of the values lie at or below this time.
     pub p99_9: f64,
+    /// 99.99 % of the values lie at or below this time; `None` for fewer than 10,000 values.
+    pub p99_99: Option<f64>,
     /// Largest.
     pub max: f64,
     /// Values beyond the histogram's bound.
@@ -38,6 +43,7 @@ impl From<runner::latency::Summary> for Distribution {
             p50: seconds(s.p50),
             p99: seconds(s.p99),
             p99_9: seconds(s.p99_9),
+            p99_99: (s.count >= ENOUGH_FOR_P99_99).then(|| seconds(s.p99_99)),
             max: seconds(s.max),
             overflow: s.overflow,
         }

@@ -8,6 +8,7 @@
 use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
+use super::slow_host::SlowWatch;
 use super::timeline::{Host, Timeline};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
@@ -16,6 +17,10 @@ use crate::engine::threads::{Threads, awake};
 use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+/// Longest time on the wall between two reports of progress, unless a single step takes longer.
+const SAID: Duration = Duration::from_millis(100);
 
 /// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model before the
 /// ticks that used it. From time to time `progress` is given the number of ticks done.
@@ -32,6 +37,7 @@ pub fn run(
         threads,
         faults,
         pacer,
+        slow,
         timing,
     } = setup;
     let bodies = engine.bodies().len();
@@ -39,6 +45,7 @@ pub fn run(
         engine: Failing::new(engine, faults),
         threads,
         pacer,
+        slow,
         link: LateLink::new(host, bodies),
         latency_ns: timing.latency_ns,
         free_at: 0,
@@ -49,10 +56,13 @@ pub fn run(
         ticks: timing.ticks,
     };
     let mut done = 0;
+    let mut said = Instant::now();
     let Ok(()) = timeline.drive(&mut host, |_, now_ns| {
         tick.tick(now_ns, 0);
         log.records(&mut sink);
-        if done % 256 == 0 {
+        // Large bodies take long for a step: a person who waits sees something by the clock on the wall, too.
+        if done % 256 == 0 || said.elapsed() > SAID {
+            said = Instant::now();
             progress(done);
         }
         done += 1;
@@ -72,6 +82,7 @@ struct Paced {
     engine: Failing,
     threads: Threads,
     pacer: Pacer,
+    slow: SlowWatch,
     link: LateLink,
     latency_ns: u64,
     /// The time until which the host is busy (ns).
@@ -117,6 +128,7 @@ impl Host for Paced {
                 });
             });
         });
+        self.slow.look(self.engine.stats());
         if due.publishes {
             self.free_at = arrival_ns;
         }

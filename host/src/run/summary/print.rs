@@ -293,12 +293,15 @@ impl fmt::Display for Times<'_> {
         let d = self.0;
         write!(
             f,
-            "median {}, 99 % {}, 99.9 % {}, most {}",
+            "median {}, 99 % {}, 99.9 % {}",
             Time(d.p50),
             Time(d.p99),
-            Time(d.p99_9),
-            Time(d.max)
+            Time(d.p99_9)
         )?;
+        if let Some(p99_99) = d.p99_99 {
+            write!(f, ", 99.99 % {}", Time(p99_99))?;
+        }
+        write!(f, ", most {}", Time(d.max))?;
         if d.overflow > 0 {
             write!(f, " ({} beyond the histogram)", d.overflow)?;
         }
