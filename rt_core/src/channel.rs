@@ -10,6 +10,7 @@ use crate::clutch::Clutch;
 use crate::device::DeviceState;
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist};
+use crate::held_back::HeldBackByDevice;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_REACH, LARGEST_SPEED};
 use crate::safety::{Limiter, SafetyConfig};
 
@@ -25,6 +26,8 @@ const SKEW: f64 = 0.01;
 pub(crate) struct Channel {
     pub(crate) frame: DeviceFrame,
     pub(crate) limiter: Limiter,
+    /// The force that the last stage held back.
+    pub(crate) held_back: HeldBackByDevice,
     /// The last state that was believed; at rest before the first.
     pub(crate) state: DeviceState,
     /// Time of that state (ns).
@@ -37,6 +40,7 @@ impl Channel {
         Self {
             frame,
             limiter: Limiter::new(safety),
+            held_back: HeldBackByDevice::default(),
             state: DeviceState::resting(),
             seen_ns: None,
             clutch: Clutch::new(),

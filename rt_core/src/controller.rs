@@ -9,6 +9,7 @@ use crate::coupling::{Coupling, CouplingConfig, CouplingCounters};
 use crate::device::{Device, DeviceError, DeviceState, Freedom};
 use crate::device_frame::DeviceFrame;
 use crate::geometry::{Pose, Twist, Vec3, Wrench};
+use crate::held_back::{HeldBackByBody, HeldBackByDevice};
 use crate::local_model::{ModelFault, PublishedModel};
 use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
@@ -251,6 +252,8 @@ impl Controller {
             *command = channel
                 .limiter
                 .pass(&asked, fresh.then_some(&channel.state));
+            let (state, now_ns) = (channel.limiter.state(), telemetry.time_ns);
+            (channel.held_back).note(state, now_ns, &asked.force, &command.force);
             let [force, moment] = fractions_passed(&asked, command);
             // A slew limit may change the direction of the force. That change is attributed to the first body.
             let rest = Wrench {
@@ -315,6 +318,16 @@ impl Controller {
         self.channels
             .iter()
             .map(|channel| channel.limiter.first_trip())
+    }
+
+    /// The force that each device's last stage held back so far.
+    pub fn held_back_by_devices(&self) -> impl Iterator<Item = HeldBackByDevice> {
+        self.channels.iter().map(|channel| channel.held_back)
+    }
+
+    /// The force that the cap and the age of the model held back from each body's hands so far.
+    pub fn held_back_by_bodies(&self) -> impl Iterator<Item = HeldBackByBody> {
+        self.couplings.iter().map(Coupling::held_back)
     }
 
     /// Number of models that came for a body that does not exist.

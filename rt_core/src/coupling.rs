@@ -18,6 +18,7 @@ mod capped;
 mod leaving;
 
 use crate::geometry::{Pose, Twist, Vec3, Vec6, Wrench, smooth_step};
+use crate::held_back::HeldBackByBody;
 use crate::local_model::{LocalModel, ModelFault, PublishedModel};
 use crate::passivity::{EnergyAccount, Passivity, PassivityConfig, Withheld};
 use crate::scheme::Scheme;
@@ -137,6 +138,7 @@ pub struct Coupling {
     trust: f64,
     state: HostState,
     counters: CouplingCounters,
+    held_back: HeldBackByBody,
     passivity: Passivity,
     /// Time of the last tick (ns); `None` before the first.
     ticked_ns: Option<u64>,
@@ -161,6 +163,7 @@ impl Coupling {
             trust: 0.0,
             state: HostState::Waiting,
             counters: CouplingCounters::default(),
+            held_back: HeldBackByBody::default(),
             passivity: Passivity::new(config.passivity),
             ticked_ns: None,
             ahead: 0.0,
@@ -240,6 +243,7 @@ impl Coupling {
         self.blend = (self.blend + self.blend_step).min(1.0);
         self.grow_old(now_ns);
         let trust = smooth_step(self.trust);
+        self.note_held_back(now_ns, trust, &wrenches);
         for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
             let velocity = devices
                 .get(usize::from(handle.device))
@@ -273,6 +277,11 @@ impl Coupling {
     /// The force that the cap withholds in this tick.
     pub fn withheld(&self) -> Withheld {
         self.passivity.withheld()
+    }
+
+    /// The force that the cap and the age of the model held back so far.
+    pub fn held_back(&self) -> HeldBackByBody {
+        self.held_back
     }
 
     /// The newest model in use, as the scheme reads it. Before the first model it has no handles. Hands that it no
@@ -406,6 +415,23 @@ impl Coupling {
             0.0
         };
         ticks.max(left)
+    }
+
+    /// Notes the force that the cap and the fade of an old model hold back, where `trust` is the fraction of
+    /// `wrenches` that is rendered. The force that grows before the first fade is the start of a run.
+    fn note_held_back(&mut self, now_ns: u64, trust: f64, wrenches: &[Wrench; MAX_HANDLES]) {
+        let Withheld { force, of } = self.passivity.withheld();
+        if force > 0.0 {
+            let whole = of * trust;
+            self.held_back
+                .capped
+                .note(now_ns, whole, whole - force * trust);
+        }
+        if trust < 1.0 && self.counters.faded > 0 {
+            let used = wrenches.iter().take(usize::from(self.to.handle_count));
+            let largest = used.map(|wrench| wrench.force.norm()).fold(0.0, f64::max);
+            self.held_back.aged.note(now_ns, largest, largest * trust);
+        }
     }
 
     fn rendered(&self, devices: &[(Pose, Twist)]) -> [Wrench; MAX_HANDLES] {

@@ -51,6 +51,7 @@ pub mod coupling;
 pub mod device;
 pub mod device_frame;
 pub mod geometry;
+pub mod held_back;
 mod limits;
 pub mod local_model;
 pub mod passivity;
@@ -65,6 +66,7 @@ pub use device::{
     Axes, Capabilities, Corruption, Device, DeviceError, DeviceState, Freedom, Probe,
 };
 pub use geometry::{Mat6, Pose, Twist, Vec3, Vec6, Wrench};
+pub use held_back::{HeldBack, HeldBackByBody, HeldBackByDevice};
 pub use local_model::{HandleReference, LocalModel};
 pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};
 pub use record::{Telemetry, TickRecord};

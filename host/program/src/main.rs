@@ -16,6 +16,7 @@ mod mesh;
 mod outputs;
 mod overrides;
 mod plan;
+mod progress;
 mod replay;
 mod run;
 mod signals;
@@ -25,7 +26,7 @@ mod written;
 
 use clap::{Parser, Subcommand};
 use host::scene::{LoadedScene, Scene, SceneError};
-use indicatif::{ProgressBar, ProgressStyle};
+use progress::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -205,11 +206,10 @@ struct SceneArgument {
     scene: Option<PathBuf>,
 }
 
-/// A progress bar of a thousand parts. It is drawn only on a terminal.
+/// The commit from which this program was built, as `build.rs` found it.
+const COMMIT: Option<&str> = option_env!("PALPATE_COMMIT");
+
+/// Begins to show the progress of long work.
 fn progress_bar() -> ProgressBar {
-    let bar = ProgressBar::new(1000);
-    if let Ok(style) = ProgressStyle::with_template("{bar:40} {percent:>3} %  {eta} left") {
-        bar.set_style(style);
-    }
-    bar
+    ProgressBar::begin(true)
 }

@@ -23,6 +23,8 @@ use std::path::{Path, PathBuf};
 pub(super) enum Format {
     /// A picture; the ending says in which of the formats.
     Picture,
+    /// A distribution: a table, or a drawing of it.
+    Distribution,
     /// One value of JSON.
     Json,
     /// A line of JSON for each cell of a study, appended to those that are there.
@@ -51,6 +53,7 @@ impl Format {
     fn endings(self) -> &'static [&'static str] {
         match self {
             Self::Picture => &["svg", "png"],
+            Self::Distribution => &["csv", "svg", "png"],
             Self::Json => &["json"],
             Self::JsonLines => &["jsonl", "ndjson", "json"],
             Self::Mcap => &["mcap"],

@@ -1,11 +1,13 @@
 //! `palpate plan`: prints the stages that a scene needs, and why.
 
 use super::outputs::{Declared, Format};
-use super::{CommandError, SceneArgument, load};
+use super::{CommandError, SceneArgument, load, progress_bar};
 use host::atomic_file::write_json;
 use host::bodies;
 use host::engine::build;
 use host::engine::plan::{BodyPlan, Stage, stages};
+use host::engine::rehearsal::step_time;
+use host::run::slow_host::{StepTime, cores};
 use host::scene::SceneError;
 use serde::Serialize;
 use std::path::PathBuf;
@@ -18,6 +20,9 @@ pub(super) struct PlanArguments {
     /// Write the plan as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Do not time a step: a large mesh takes a while to settle and to factorize
+    #[arg(long)]
+    no_timing: bool,
 }
 
 /// The JSON that `--json` writes.
@@ -28,6 +33,9 @@ struct PlanJson<'a> {
     /// Values of the scene that few scenes mean.
     warnings: Vec<String>,
     stages: &'a [Stage],
+    /// Mean time of a host step on this machine (s), with its share of the publications, as measured; `None` with
+    /// `--no-timing`.
+    step_time: Option<f64>,
     /// The data from which the engine is built, by body.
     bodies: &'a [BodyPlan],
 }
@@ -39,6 +47,7 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
         .scene(scene, &loaded)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
+    let bar = progress_bar();
     // A scene that cannot run gets no plan. This check also reports faults of its meshes.
     build::check(&loaded)?;
     let plans = (0..loaded.scene.bodies.len()).map(|index| {
@@ -47,20 +56,37 @@ pub(super) fn run(arguments: &PlanArguments) -> Result<(), CommandError> {
     });
     let plans = plans.collect::<Result<Vec<_>, SceneError>>()?;
     let stages = stages(&loaded.scene, &plans);
+    let step_time = if arguments.no_timing {
+        None
+    } else {
+        Some(step_time(&loaded)?)
+    };
+    bar.finish_and_clear();
     outln!("{}: stages of a host step", loaded.scene.name);
     for stage in &stages {
         let sign = if stage.needed { "run " } else { "skip" };
         outln!("  {sign}  {:<10} {}", stage.name, stage.why);
     }
+    let time = step_time.map(|took| StepTime::new(&loaded.scene, took));
+    if let Some(time) = time {
+        outln!("  time       on this machine, {}", time.in_words());
+    }
+    let mut warnings: Vec<_> = bodies::warnings(&loaded)
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    if let Some(time) = time.filter(StepTime::is_too_slow) {
+        let warning = time.warning(&loaded.scene, None, loaded.scene.duration, cores());
+        errln!("warning: {warning}");
+        warnings.push(warning);
+    }
     if let Some(path) = &arguments.json {
         let json = PlanJson {
             schema: "palpate.plan/2",
             scene: &loaded.scene.name,
-            warnings: bodies::warnings(&loaded)
-                .iter()
-                .map(ToString::to_string)
-                .collect(),
+            warnings,
             stages: &stages,
+            step_time,
             bodies: &plans,
         };
         write_json(path, &json)?;

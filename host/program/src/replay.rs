@@ -1,7 +1,7 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::outputs::{Declared, Format};
-use super::{CommandError, load};
+use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
 use host::log::{Log, LogError};
 use host::run::TickOutputs;
@@ -46,8 +46,12 @@ pub(super) fn run(
     let declared = declared.ticks(ticks);
     let _held = declared.file("--json", json, Format::Json).check()?;
     let mut observers = ticks.observe(&loaded.scene, Observers::new())?;
-    let report =
-        replay_watched(&log, &loaded, &mut observers, |_| {}).map_err(|e| refused(e.into()))?;
+    let bar = progress_bar();
+    let report = replay_watched(&log, &loaded, &mut observers, |fraction| {
+        bar.set_position((1000.0 * fraction) as u64);
+    });
+    bar.finish_and_clear();
+    let report = report.map_err(|e| refused(e.into()))?;
     let observed = observers.finish();
     out!("{report}");
     if let Some(path) = json {

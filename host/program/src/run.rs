@@ -3,9 +3,10 @@
 use super::fault::fault;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
-use super::{CommandError, SceneArgument, progress_bar, signals};
+use super::progress::ProgressBar;
+use super::{COMMIT, CommandError, SceneArgument, signals};
 use host::engine::faults::HostFault;
-use host::run::{Clock, RunOptions, TickOutputs};
+use host::run::{Clock, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
 use host::scene::spec::SIMULATED;
 use physics::FactorCode;
@@ -52,6 +53,10 @@ pub(super) struct RunArguments {
     /// Draw the force on the body against the displacement of each device (SVG or PNG). Also with --replay
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
+    /// Real clock: write the distributions of lateness and tick time, as a table (CSV) or as a picture (SVG): the
+    /// fraction of ticks above a time, on logarithmic axes
+    #[arg(long, value_name = "FILE")]
+    histogram: Option<PathBuf>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -60,7 +65,7 @@ pub(super) struct RunArguments {
     #[arg(
         long,
         value_name = "FILE",
-        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot"]
+        conflicts_with_all = ["clock", "duration", "seed", "instructions", "log", "plot", "histogram"]
     )]
     replay: Option<PathBuf>,
     /// Print lines on stderr with the number of ticks done and the number of ticks in the log
@@ -109,6 +114,7 @@ impl Default for RunArguments {
             plot: None,
             csv: None,
             force_displacement: None,
+            histogram: None,
             json: None,
             replay: None,
             report_progress: false,
@@ -166,6 +172,7 @@ fn needs_real_clock(arguments: &RunArguments) -> Result<(), CommandError> {
         ("--strict", arguments.strict.is_some()),
         ("--core", arguments.core.is_some()),
         ("--priority", arguments.priority.is_some()),
+        ("--histogram", arguments.histogram.is_some()),
     ];
     match given.into_iter().find(|(_, given)| *given) {
         Some((option, _)) if arguments.clock == ClockName::Virtual => {
@@ -197,6 +204,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         .file("--log", arguments.log.as_ref(), Format::Mcap)
         .ticks(&ticks)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .file(
+            "--histogram",
+            arguments.histogram.as_ref(),
+            Format::Distribution,
+        )
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {
@@ -205,6 +217,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         ticks,
+        histogram: arguments.histogram.clone(),
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
@@ -216,6 +229,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             ClockName::Real => Clock::Real,
         })
     };
+    options.commit = COMMIT;
     options.runner.require_grants =
         matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
@@ -227,9 +241,19 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
         Clock::Virtual => None,
     };
-    let bar = progress_bar();
+    let bar = ProgressBar::begin(!arguments.report_progress);
+    let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {
-        bar.set_position((1000.0 * progress.fraction()) as u64);
+        let position = (1000.0 * progress.fraction()) as u64;
+        match options.clock {
+            Clock::Real => bar.draw_here(position),
+            Clock::Virtual => bar.set_position(position),
+        }
+        if let Some(slow) = progress.slow.filter(|_| !warned) {
+            warned = true;
+            let warning = slow_warning(&loaded, &options, slow);
+            bar.say(&format!("warning: {warning}"));
+        }
         if arguments.report_progress {
             let line = format!("ticks {} logged {}\n", progress.ticks, progress.logged);
             // One write call, so that a reader never sees half a line. Without a reader the error does not matter.
@@ -244,6 +268,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         ("plot", &options.plot),
         ("csv", &options.ticks.csv),
         ("curve", &options.ticks.force_displacement),
+        ("histogram", &options.histogram),
         ("json", &options.json),
     ] {
         if let Some(path) = path

@@ -3,7 +3,7 @@
 use super::outputs::{Declared, Format};
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
-use host::atomic_file::write_json;
+use host::atomic_file::{write_atomically, write_json};
 use host::plot::{self, Marker, Series};
 use host::scene::spec::Analysis;
 use host::solve::frames::FrameFolder;

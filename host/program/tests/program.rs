@@ -56,7 +56,7 @@ fn a_run_prints_its_summary_and_writes_the_requested_files() {
         let summary: serde_json::Value =
             serde_json::from_slice(&std::fs::read(&json).expect("JSON was written"))
                 .expect("it is JSON");
-        assert_eq!(summary["schema"], "palpate.run/3");
+        assert_eq!(summary["schema"], "palpate.run/4");
         assert_eq!(summary["clock"], clock);
         assert_eq!(summary["seed"], 9);
         assert_eq!(summary["tick"]["count"], 300);

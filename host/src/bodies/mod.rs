@@ -13,6 +13,7 @@ mod tool;
 
 use crate::scene::spec::{self, body::BorderName, body::LawName};
 use crate::scene::{LoadedScene, SceneError};
+use crate::stage::Stage;
 use physics::mesh::Mesh;
 use physics::{
     Body, BodyConfig, BodyError, Border, CondenseError, Condenser, Equilibrium, EquilibriumOptions,
@@ -223,6 +224,7 @@ fn settle(body: &mut Body, handles: &[HandleSpec], is_cut: bool) {
         .iter()
         .map(|handle| HandlePose::at(handle.origin))
         .collect();
+    Stage::Settling.begin();
     let start = body.clone();
     let options = EquilibriumOptions::default();
     let found = Equilibrium::new(body, options)

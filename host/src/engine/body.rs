@@ -172,6 +172,15 @@ impl HostBody {
         &self.body
     }
 
+    /// The device of each hand on the body, and the pose of its handle.
+    pub(super) fn hands(&self) -> impl Iterator<Item = (usize, Pose)> {
+        let devices = self.devices.iter().enumerate();
+        devices.filter_map(|(handle, device)| {
+            let report = self.body.handle_report(handle)?;
+            Some((usize::from(*device), reference_of(*device, report).pose))
+        })
+    }
+
     /// Gives the body the physics and the solver of `other` from now on. Its hands, paths and sequence of models
     /// continue. A change that is under way is dropped, because it is a change of the old physics.
     ///

@@ -9,6 +9,7 @@ use super::virtual_coupling::VirtualCoupling;
 use crate::bodies;
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
+use crate::stage::Stage;
 use physics::FactorCode;
 use rt_core::{MAX_DEVICES, Pose};
 
@@ -77,9 +78,11 @@ fn body(
 ) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
+    Stage::Building.begin();
     let built = bodies::build_settled(loaded, index)?;
     let plan = BodyPlan::new(loaded, index, &built);
     let recipe = Recipe::new(scene, &plan, how);
+    Stage::Factorizing.begin();
     let solver = recipe.make(&built.body).map_err(|e| {
         let allowed = "a body whose matrix can be factorized";
         let field = format!("body[{index}]");

@@ -6,7 +6,7 @@
 
 use super::Engine;
 use super::pacer::Due;
-use super::stats::Stopwatch;
+use super::stats::{EngineStats, Stopwatch};
 use rt_core::{LocalModel, TickRecord};
 
 /// A kind of fault.
@@ -147,6 +147,11 @@ impl Failing {
     /// The engine.
     pub(crate) fn engine(&self) -> &Engine {
         &self.engine
+    }
+
+    /// As [`Engine::stats`].
+    pub(crate) fn stats(&self) -> &EngineStats {
+        self.engine.stats()
     }
 
     /// The engine alone.

@@ -17,6 +17,7 @@ pub mod pacer;
 mod path;
 pub mod plan;
 pub mod recipe;
+pub mod rehearsal;
 mod solver;
 pub mod stats;
 mod stored;

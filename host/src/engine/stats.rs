@@ -113,6 +113,21 @@ impl EngineStats {
         }
     }
 
+    /// Time of all steps so far (s): to assemble, to solve and to publish. The times of bodies add up, though several
+    /// threads may step bodies beside each other.
+    pub fn total_time(&self) -> f64 {
+        let sum = |times: &LatencyHistogram| {
+            let summary = times.summary();
+            summary.mean * summary.count as f64
+        };
+        1e-9 * (sum(&self.assemble) + sum(&self.solve) + sum(&self.condense))
+    }
+
+    /// Mean time of a step (s), with its share of the publications.
+    pub fn mean_step(&self) -> f64 {
+        self.total_time() / self.steps.max(1) as f64
+    }
+
     /// Adds the tally of a body.
     pub(super) fn add(&mut self, tally: &Tally) {
         for (times, time) in [

@@ -4,6 +4,8 @@ mod collect;
 mod csv;
 mod devices;
 mod hand;
+mod held_back;
+mod histogram;
 pub mod late;
 mod load_curve;
 mod log_observer;
@@ -13,6 +15,7 @@ mod real_clock;
 pub mod replay;
 mod report;
 pub mod setup;
+pub mod slow_host;
 pub mod summary;
 mod tick_outputs;
 pub mod timeline;
@@ -34,6 +37,7 @@ use physics::{Body, FactorCode};
 use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use runner::{CoreChoice, Cores, Reserved};
 use setup::Setup;
+use slow_host::StepTime;
 use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -67,6 +71,9 @@ pub struct RunOptions {
     pub plot: Option<PathBuf>,
     /// The table and the picture of force against displacement.
     pub ticks: TickOutputs,
+    /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
+    /// without this file.
+    pub histogram: Option<PathBuf>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
@@ -77,6 +84,8 @@ pub struct RunOptions {
     pub faults: Vec<HostFault>,
     /// A request to end a run under the real clock early and in order.
     pub stop: Arc<Stop>,
+    /// The commit from which the program was built, if the program knows it.
+    pub commit: Option<&'static str>,
 }
 
 impl RunOptions {
@@ -89,11 +98,13 @@ impl RunOptions {
             log: None,
             plot: None,
             ticks: TickOutputs::default(),
+            histogram: None,
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
             faults: Vec::new(),
             stop: Arc::default(),
+            commit: None,
         }
     }
 }
@@ -130,6 +141,8 @@ pub struct Progress {
     pub of: u64,
     /// Ticks in the log that survive this process; zero without a log.
     pub logged: u64,
+    /// The time of a step, if the first steps took longer than the scene allows.
+    pub slow: Option<StepTime>,
 }
 
 impl Progress {
@@ -192,9 +205,16 @@ pub fn run_watched(
     let logged = Arc::default();
     let observers = observers(loaded, options, seed, others, log, &logged)?;
     let of = prepared.timing.ticks;
+    let found = prepared.slow.found();
     let progress = |ticks| {
         let logged = logged.load(Ordering::Relaxed);
-        progress(Progress { ticks, of, logged });
+        let slow = found.get().copied();
+        progress(Progress {
+            ticks,
+            of,
+            logged,
+            slow,
+        });
     };
     let mut parts = match options.clock {
         Clock::Virtual => parts::under_virtual_time(prepared, observers, progress),
@@ -205,8 +225,22 @@ pub fn run_watched(
     parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
     summary.unwritten.append(&mut parts.unwritten);
+    let slow = found.get().copied();
+    let warning = slow.map(|slow| slow_warning(loaded, options, slow));
+    summary.warnings.extend(warning);
     write_files(loaded, options, &parts, &mut summary);
     Ok(summary)
+}
+
+/// What to say of a run whose steps take longer than its scene allows.
+pub fn slow_warning(loaded: &LoadedScene, options: &RunOptions, slow: StepTime) -> String {
+    let duration = options.duration.unwrap_or(loaded.scene.duration);
+    slow.warning(
+        &loaded.scene,
+        Some(options.clock),
+        duration,
+        slow_host::cores(),
+    )
 }
 
 /// The parts of the run before its first tick.
@@ -264,6 +298,10 @@ fn write_files(
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
         note(summary, path, plot::write_picture(path, &svg));
+    }
+    if let Some(path) = &options.histogram {
+        let written = histogram::write(path, &loaded.scene, parts);
+        note(summary, path, written);
     }
     // Last, so that the file holds the failures before it.
     if let Some(path) = &options.json {

@@ -18,6 +18,7 @@ use std::sync::Arc;
 /// A finished run, under either clock.
 pub(super) struct Parts {
     pub(super) tick: TickSide,
+    /// The side of the host; where the host panicked, as the panic left it. `None` if its thread was lost.
     pub(super) host: Option<HostSide>,
     pub(super) collected: Collected,
     pub(super) degradations: Vec<String>,
@@ -113,7 +114,7 @@ pub(super) fn under_virtual_time(
             controller: done.tick.controller,
             devices: done.tick.devices,
         },
-        host: done.host,
+        host: Some(done.host),
         collected: observed.collected,
         degradations: observed.degradations,
         unwritten: observed.unwritten,
@@ -166,6 +167,7 @@ pub(super) fn under_the_real_clock(
                 core: report.core,
                 isolated: report.isolated,
                 priority: report.priority,
+                kept_awake: report.kept_awake,
             }),
             locked_bytes: report.locked_bytes as u64,
             counters: report.link,

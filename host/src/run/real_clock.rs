@@ -6,6 +6,7 @@
 
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
+use super::slow_host::SlowWatch;
 use super::{RunError, host_panicked, message};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
@@ -13,6 +14,7 @@ use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -28,7 +30,7 @@ const HOST_PAUSE: Duration = Duration::from_millis(20);
 pub(super) struct RealRun {
     /// The tick's report.
     pub(super) report: TickReport,
-    /// The host's side; `None` if the host's thread panicked.
+    /// The host's side; where the host panicked, as the panic left it. `None` if its thread was lost.
     pub(super) host: Option<HostSide>,
     /// The run's observers; `None` if the log's thread panicked.
     pub(super) observers: Option<Observers>,
@@ -57,6 +59,7 @@ pub(super) fn run(
         threads,
         faults,
         pacer,
+        slow,
         timing,
     } = setup;
     let config = RunnerConfig {
@@ -71,7 +74,18 @@ pub(super) fn run(
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
     let host = named("palpate-host", move || {
-        threads.run(|| host_loop(host, engine, pacer, &host_over))
+        let mut running = Hosting {
+            end: host,
+            engine,
+            pacer,
+            slow,
+        };
+        // The counts before a panic belong to the summary.
+        let ended = catch_unwind(AssertUnwindSafe(|| {
+            threads.run(|| running.steps(&host_over));
+        }));
+        let panicked = ended.err().map(|panic| message(&*panic).to_owned());
+        (running.into_side(), panicked)
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
@@ -90,12 +104,14 @@ pub(super) fn run(
             None
         }
     };
-    let host = host.join().map_err(|panic| {
-        failures.push(host_panicked(message(&*panic)));
-    });
+    let (host, panicked) = match host.join() {
+        Ok((side, panicked)) => (Some(side), panicked),
+        Err(panic) => (None, Some(message(&*panic).to_owned())),
+    };
+    failures.extend(panicked.as_deref().map(host_panicked));
     Ok(RealRun {
         report: report?,
-        host: host.ok(),
+        host,
         observers,
         failures,
     })
@@ -111,33 +127,54 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &Stop) -> HostSide {
-    let watch = WallStopwatch::start();
-    let start = Instant::now();
-    while !over.is_requested() {
-        let due = pacer.due();
-        let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
-        if !early.is_zero() {
-            std::thread::sleep(early.min(HOST_PAUSE));
-            continue;
-        }
-        let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
-        if let Some(until_ns) = engine.stall(now_ns) {
-            std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
-        }
-        host.drain(|record| engine.follow(record));
-        awake(|| {
-            engine.step(due, &watch, |body, model| {
-                // The link counts a full ring.
-                let _ = host.publish(body, model);
+/// The host on its thread.
+struct Hosting {
+    end: HostEnd,
+    engine: Failing,
+    pacer: Pacer,
+    slow: SlowWatch,
+}
+
+impl Hosting {
+    /// Steps when a step is due, until the run is over.
+    fn steps(&mut self, over: &Stop) {
+        let Self {
+            end,
+            engine,
+            pacer,
+            slow,
+        } = self;
+        let watch = WallStopwatch::start();
+        let start = Instant::now();
+        while !over.is_requested() {
+            let due = pacer.due();
+            let early = Duration::from_nanos(due.time_ns).saturating_sub(start.elapsed());
+            if !early.is_zero() {
+                std::thread::sleep(early.min(HOST_PAUSE));
+                continue;
+            }
+            let now_ns = u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX);
+            if let Some(until_ns) = engine.stall(now_ns) {
+                std::thread::sleep(Duration::from_nanos(until_ns.saturating_sub(now_ns)));
+            }
+            end.drain(|record| engine.follow(record));
+            awake(|| {
+                engine.step(due, &watch, |body, model| {
+                    // The link counts a full ring.
+                    let _ = end.publish(body, model);
+                });
             });
-        });
-        pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
+            slow.look(engine.stats());
+            pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
+        }
     }
-    HostSide {
-        engine: engine.into_engine(),
-        pacer,
-        end: host,
+
+    fn into_side(self) -> HostSide {
+        HostSide {
+            engine: self.engine.into_engine(),
+            pacer: self.pacer,
+            end: self.end,
+        }
     }
 }
 

@@ -1,15 +1,16 @@
 //! From a finished run to its summary and its plot.
 
 use super::collect::Collected;
-use super::parts::Parts;
+use super::parts::{Parts, TickSide};
 use super::summary::{
-    DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HostSummary,
-    RunSummary, SCHEMA, TickSummary, TripSummary,
+    DeviceSummary, Distribution, DroppedSummary, EnergySummary, EventSummary, HeldBackSummary,
+    HostSummary, RunSummary, SCHEMA, TickSummary, TripSummary,
 };
-use super::{Clock, RunOptions, clock_name, setup};
+use super::{Clock, RunOptions, clock_name, held_back, instructions, setup, slow_host};
 use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
+use crate::machine::Machine;
 use crate::plot::{DeviceSeries, Mark, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use rt_core::EnergyAccount;
@@ -32,6 +33,11 @@ pub(super) fn summarize(
         schema: SCHEMA,
         scene: scene.name.clone(),
         clock: clock_name(options.clock),
+        machine: Machine::here(
+            options.commit,
+            instructions(options.instructions),
+            parts.tick.place.and_then(|place| place.core),
+        ),
         scheme: setup::scheme(scene).name(),
         seed,
         warnings: bodies::warnings(loaded)
@@ -41,11 +47,12 @@ pub(super) fn summarize(
         tick: tick(scene, options.clock, parts, &couplings),
         host: host_summary(parts, elapsed, size),
         devices: devices(scene, parts),
+        held_back: held_back(scene, parts),
         energy: energy(scene, side.controller.energy()),
         dropped: dropped(parts),
         events: events(options, parts),
         refusals: refusals(scene, &couplings),
-        degradations: parts.degradations.clone(),
+        degradations: degradations(scene, options.clock, parts),
         failures: parts.failures.clone(),
         unwritten: Vec::new(),
     }
@@ -97,7 +104,7 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
             peak_force: totals.peak_force,
             peak_time: totals.peak_time,
             work: totals.work,
-            port_work: device.probe().map(|probe| probe.motor_work),
+            port_work: device.probe().map(|probe| probe.on_hand),
             reach: totals.reach,
             limited_ticks: safety.limited,
             not_a_number_ticks: safety.not_a_number,
@@ -108,6 +115,21 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
             first_trip: trip.map(|trip| trip_summary(&trip, scene.realtime.rate)),
         })
         .collect()
+}
+
+fn held_back(scene: &Scene, parts: &Parts) -> Vec<HeldBackSummary> {
+    let TickSide {
+        controller,
+        devices,
+        ..
+    } = &parts.tick;
+    let capabilities: Vec<_> = devices.iter().map(|device| device.capabilities()).collect();
+    held_back::summaries(
+        scene,
+        &capabilities,
+        controller.held_back_by_bodies(),
+        controller.held_back_by_devices(),
+    )
 }
 
 /// The faults on purpose, then what the observers saw.
@@ -144,6 +166,7 @@ fn energy(scene: &Scene, accounts: impl Iterator<Item = EnergyAccount>) -> Vec<E
     let summaries = bodies.map(|(body, account)| EnergySummary {
         body: body.name.clone(),
         supplied: account.supplied,
+        initial: account.initial,
         raised: account.raised,
         stored: publishes.then_some(account.stored),
         dissipated: publishes.then(|| account.dissipated()),
@@ -171,6 +194,21 @@ fn trip_summary(trip: &Trip, rate: f64) -> TripSummary {
         limit: trip.limit,
         unit,
     }
+}
+
+/// What the system did not grant, and what that or a slow host left out.
+fn degradations(scene: &Scene, clock: Clock, parts: &Parts) -> Vec<String> {
+    let mut found = parts.degradations.clone();
+    if let Some(host) = parts.host.as_ref().filter(|_| clock == Clock::Real) {
+        let (stats, skipped) = (host.engine.stats(), host.pacer.skipped());
+        found.extend(slow_host::skipped(
+            scene,
+            stats,
+            skipped,
+            slow_host::cores(),
+        ));
+    }
+    found
 }
 
 /// Which models were refused, and why, in words.

@@ -1,6 +1,7 @@
 //! Builds everything that a run of a scene needs, before the run starts.
 
 use super::devices;
+use super::slow_host::SlowWatch;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
@@ -49,6 +50,8 @@ pub struct Setup {
     pub faults: Faults,
     /// The due times of the host's steps.
     pub pacer: Pacer,
+    /// Judges the first steps: whether they take longer than the scene allows.
+    pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
 }
@@ -69,8 +72,8 @@ pub struct Running {
     pub tick: TickLoop,
     /// The log's end of the link.
     pub log: LogEnd,
-    /// The host's side; `None` if the host panicked.
-    pub host: Option<HostSide>,
+    /// The host's side; where the host panicked, as the panic left it.
+    pub host: HostSide,
     /// The message of the panic, if there was one.
     pub panicked: Option<String>,
 }
@@ -110,6 +113,7 @@ pub(crate) fn setup_with(
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
+        slow: SlowWatch::new(scene),
         timing: Timing {
             period_ns: (1e9 * period).round() as u64,
             ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,

@@ -2,11 +2,15 @@
 
 mod print;
 
+use crate::machine::Machine;
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
-pub const SCHEMA: &str = "palpate.run/3";
+pub const SCHEMA: &str = "palpate.run/4";
+
+/// Number of values from which on a ten-thousandth of them is at least one value.
+const ENOUGH_FOR_P99_99: u64 = 10_000;
 
 /// A distribution of times (s).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
@@ -21,6 +25,8 @@ pub struct Distribution {
     pub p99: f64,
     /// 99.9 % of the values lie at or below this time.
     pub p99_9: f64,
+    /// 99.99 % of the values lie at or below this time; `None` for fewer than 10,000 values.
+    pub p99_99: Option<f64>,
     /// Largest.
     pub max: f64,
     /// Values beyond the histogram's bound.
@@ -37,6 +43,7 @@ impl From<runner::latency::Summary> for Distribution {
             p50: seconds(s.p50),
             p99: seconds(s.p99),
             p99_9: seconds(s.p99_9),
+            p99_99: (s.count >= ENOUGH_FOR_P99_99).then(|| seconds(s.p99_99)),
             max: seconds(s.max),
             overflow: s.overflow,
         }
@@ -52,6 +59,8 @@ pub struct RunSummary {
     pub scene: String,
     /// `virtual` or `real`.
     pub clock: &'static str,
+    /// The program and the machine.
+    pub machine: Machine,
     /// The force scheme.
     pub scheme: &'static str,
     /// The seed.
@@ -64,6 +73,9 @@ pub struct RunSummary {
     pub host: HostSummary,
     /// The devices, in the scene's order.
     pub devices: Vec<DeviceSummary>,
+    /// Forces that were held below what they would have been, by body or device and cause. A force counts where a hand
+    /// can notice the difference: more than 0.02 N and more than 1 % of it.
+    pub held_back: Vec<HeldBackSummary>,
     /// The energy between the hands and each body.
     pub energy: Vec<EnergySummary>,
     /// Messages that did not arrive.
@@ -123,6 +135,8 @@ pub struct PlaceSummary {
     pub isolated: bool,
     /// Its priority under SCHED_FIFO; `None` under the ordinary scheduler.
     pub priority: Option<u8>,
+    /// Whether the processor was kept out of its deeper sleep states.
+    pub kept_awake: bool,
 }
 
 /// The host.
@@ -173,9 +187,11 @@ pub struct DeviceSummary {
     pub peak_force: f64,
     /// Time of the largest force (s).
     pub peak_time: f64,
-    /// Work done on the hand (J), from telemetry: the sum of held force times displacement.
+    /// Work done on the hand as the controller knows it (J): the sum of each tick's commanded force times the
+    /// displacement of the proxy until the next tick.
     pub work: f64,
-    /// Work at the motor port of a simulated device, integrated between ticks (J); `None` for other devices.
+    /// Work done on the hand at the port between hand and handle (J): the work of the motors, less the losses and the
+    /// kinetic energy of the mechanism, integrated between ticks. Only a simulated device knows it; `None` for others.
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,
@@ -211,25 +227,58 @@ pub struct TripSummary {
     pub unit: &'static str,
 }
 
+/// A force that one cause held below what it would have been. The forces of a body are those at the handle with the
+/// largest force (scene); those of a device act on the hand.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HeldBackSummary {
+    /// The name of the body or the device whose force was held back.
+    pub of: String,
+    /// The cause: `cap` or `old model` of a body; `force limit`, `slew limit`, `speed limit`, `reach limit`,
+    /// `no reading` or `return` (after a fault) of a device.
+    pub cause: &'static str,
+    /// The cause, in words.
+    pub why: String,
+    /// Number of ticks in which the force was held back.
+    pub ticks: u64,
+    /// The time that these ticks take together (s).
+    pub duration: f64,
+    /// Start of the first of these ticks (s).
+    pub from: f64,
+    /// End of the last of these ticks (s).
+    pub to: f64,
+    /// Mean of the force that was held back, over these ticks (N).
+    pub mean: f64,
+    /// The largest force that was held back (N).
+    pub most: f64,
+    /// The whole force at that time (N).
+    pub most_of: f64,
+    /// That time (s).
+    pub most_time: f64,
+}
+
 /// The energy between the hands and one body (J).
 #[derive(Clone, Debug, Serialize)]
 pub struct EnergySummary {
     /// Name of the body.
     pub body: String,
-    /// Net work of the hands, computed from held wrenches.
+    /// Net work of the hands, computed from held wrenches. `supplied + initial = raised + stored + dissipated`.
     pub supplied: f64,
+    /// Energy stored when the first local model came, which the hands need not have supplied.
+    pub initial: f64,
     /// The part of `supplied` that lifted the body's weight.
     pub raised: f64,
     /// Energy that hands at rest could recover at the end, by the last local model; `None` if the scheme does not use
     /// it.
     pub stored: Option<f64>,
-    /// The part of the supplied work that was neither stored nor raised.
+    /// The part of the supplied and of the initial energy that was neither stored nor raised; below zero, energy was
+    /// made. `None` if the scheme uses no stored energy.
     pub dissipated: Option<f64>,
-    /// Net energy: the largest excess, over the run, of the energy that came out at the hands over the energy stored
-    /// at the start; zero without an excess. The work of lowered weights and the credited dissipation of the devices
-    /// are deducted.
+    /// Net energy: the largest value over the run of `raised - supplied - credited - initial`, but at least zero. It is
+    /// the energy that came out at the hands beyond the initial energy, the work of lowered weights and the credited
+    /// dissipation of the devices.
     pub most_out: f64,
-    /// The part of the devices' own dissipation on which a cap relied.
+    /// The part of the devices' own dissipation (damping and friction of their mechanisms) on which a cap relies, at the
+    /// end. The hands also supplied this energy; it went into the devices and not into the body.
     pub credited: f64,
     /// Ticks in which a cap reduced a wrench, or the classic controller damped.
     pub capped_ticks: u64,

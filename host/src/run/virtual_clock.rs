@@ -8,6 +8,7 @@
 use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
+use super::slow_host::SlowWatch;
 use super::timeline::{Host, Timeline};
 use crate::engine::Engine;
 use crate::engine::faults::Failing;
@@ -19,6 +20,10 @@ use runner::TickLoop;
 use runner::link::LogRecord;
 use std::convert::Infallible;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+/// Longest time on the wall between two reports of progress, unless a single step takes longer.
+const SAID: Duration = Duration::from_millis(100);
 
 /// Runs `setup` for its whole length. `sink` is given every tick's telemetry in order, and each model before the
 /// ticks that used it. From time to time `progress` is given the number of ticks done.
@@ -42,6 +47,7 @@ pub fn run_seen(
         threads,
         faults,
         pacer,
+        slow,
         timing,
     } = setup;
     let bodies = engine.bodies().len();
@@ -49,6 +55,7 @@ pub fn run_seen(
         engine: Failing::new(engine, faults),
         threads,
         pacer,
+        slow,
         link: LateLink::new(host, bodies),
         latency_ns: timing.latency_ns,
         free_at: 0,
@@ -59,12 +66,15 @@ pub fn run_seen(
         ticks: timing.ticks,
     };
     let mut done = 0;
+    let mut said = Instant::now();
     let Ok(()) = timeline.drive(&mut host, |host, now_ns| {
         let telemetry = tick.tick(now_ns, 0);
-        let engine = host.running.as_ref().map(|host| host.engine.engine());
+        let engine = host.panicked.is_none().then(|| host.host.engine.engine());
         see(&tick, &telemetry, engine);
         log.records(&mut sink);
-        if done % 256 == 0 {
+        // Large bodies take long for a step: a person who waits sees something by the clock on the wall, too.
+        if done % 256 == 0 || said.elapsed() > SAID {
+            said = Instant::now();
             progress(done);
         }
         done += 1;
@@ -74,7 +84,7 @@ pub fn run_seen(
     Running {
         tick,
         log,
-        host: host.running.map(Paced::into_side),
+        host: host.host.into_side(),
         panicked: host.panicked,
     }
 }
@@ -84,6 +94,7 @@ struct Paced {
     engine: Failing,
     threads: Threads,
     pacer: Pacer,
+    slow: SlowWatch,
     link: LateLink,
     latency_ns: u64,
     /// The time until which the host is busy (ns).
@@ -129,6 +140,7 @@ impl Host for Paced {
                 });
             });
         });
+        self.slow.look(self.engine.stats());
         if due.publishes {
             self.free_at = arrival_ns;
         }
@@ -141,16 +153,18 @@ impl Host for Paced {
     }
 }
 
-/// A host that may panic. After a panic there is no host, as under the real clock, and the tick continues.
+/// A host that may panic. After a panic the host does nothing more, as under the real clock, and the tick continues.
+/// Its counts are kept for the summary.
 struct CatchPanic<H> {
-    running: Option<H>,
+    host: H,
+    /// The message of the panic, after a panic.
     panicked: Option<String>,
 }
 
 impl<H> CatchPanic<H> {
     fn new(host: H) -> Self {
         Self {
-            running: Some(host),
+            host,
             panicked: None,
         }
     }
@@ -160,23 +174,23 @@ impl<H: Host> Host for CatchPanic<H> {
     type Error = H::Error;
 
     fn next_ns(&self) -> Option<u64> {
-        self.running.as_ref().and_then(H::next_ns)
+        match self.panicked {
+            None => self.host.next_ns(),
+            Some(_) => None,
+        }
     }
 
     fn step(&mut self) -> Result<(), H::Error> {
-        let Some(host) = &mut self.running else {
-            return Ok(());
-        };
+        let host = &mut self.host;
         catch_unwind(AssertUnwindSafe(|| host.step())).unwrap_or_else(|panic| {
             self.panicked = Some(message(&*panic).to_owned());
-            self.running = None;
             Ok(())
         })
     }
 
     fn deliver(&mut self, now_ns: u64) {
-        if let Some(host) = &mut self.running {
-            host.deliver(now_ns);
+        if self.panicked.is_none() {
+            self.host.deliver(now_ns);
         }
     }
 }

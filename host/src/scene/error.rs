@@ -118,7 +118,7 @@ impl SceneError {
     /// The place in the text of the scene; `None` where no text was read.
     pub(super) fn place_mut(&mut self) -> Option<&mut Place> {
         match self {
-            Self::Read { .. } => None,
+            Self::Read { .. } | Self::DeviceFile { .. } | Self::NoDevice { .. } => None,
             Self::Malformed { place, .. }
             | Self::Missing { place, .. }
             | Self::Unknown { place, .. }

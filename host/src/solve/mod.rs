@@ -77,6 +77,7 @@ pub fn solve<E>(
     let built = (0..count)
         .map(|index| bodies::build(loaded, index))
         .collect::<Result<Vec<_>, _>>()?;
+    progress(0.0);
     let mut solution = Solution {
         schema: SCHEMA,
         scene: scene.name.clone(),

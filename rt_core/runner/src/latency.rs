@@ -44,7 +44,7 @@ pub struct Summary {
     pub overflow: u64,
     /// Smallest value, exact (ns).
     pub min: u64,
-    /// Median (ns). This and the next three are known to one part in a thousand.
+    /// Median (ns). This and the next four are known to one part in a thousand.
     pub p50: u64,
     /// 90 % of the values lie at or below this one (ns).
     pub p90: u64,
@@ -52,6 +52,8 @@ pub struct Summary {
     pub p99: u64,
     /// 99.9 % of the values lie at or below this one (ns).
     pub p99_9: u64,
+    /// 99.99 % of the values lie at or below this one (ns).
+    pub p99_99: u64,
     /// Largest value, exact even beyond the bound (ns).
     pub max: u64,
     /// Mean (ns).
@@ -138,6 +140,7 @@ impl LatencyHistogram {
             p90: self.value_at(0.9),
             p99: self.value_at(0.99),
             p99_9: self.value_at(0.999),
+            p99_99: self.value_at(0.9999),
             max: self.max,
             mean: self.sum as f64 / count as f64,
         }

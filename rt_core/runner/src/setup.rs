@@ -17,6 +17,8 @@ pub(crate) struct Setup {
     pub(crate) isolated: bool,
     pub(crate) priority: Option<u8>,
     pub(crate) locked_bytes: usize,
+    /// Whether the processor is kept out of its deeper sleep states.
+    pub(crate) kept_awake: bool,
 }
 
 /// Makes all the requests of `config`, from the thread that will tick. The returned request and the locked memory must
@@ -46,7 +48,10 @@ pub(crate) fn set_up(
     let mut awake = None;
     if config.keep_awake {
         match KeepAwake::hold(Path::new(config.wake_latency)) {
-            Ok(held) => awake = Some(held),
+            Ok(held) => {
+                awake = Some(held);
+                setup.kept_awake = true;
+            }
             Err(degradation) => setup.degradations.push(degradation),
         }
     }

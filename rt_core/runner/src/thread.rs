@@ -169,6 +169,8 @@ pub struct TickReport {
     pub priority: Option<u8>,
     /// Size of the locked memory (bytes).
     pub locked_bytes: usize,
+    /// Whether the processor was kept out of its deeper sleep states.
+    pub kept_awake: bool,
     /// The system call that ended the run, if one did.
     pub forbidden_call: Option<ForbiddenCall>,
 }

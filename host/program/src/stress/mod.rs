@@ -10,9 +10,9 @@ mod wall;
 use super::outputs::{Declared, Format};
 use super::written::Written;
 use super::{CommandError, load, progress_bar};
+use crate::progress::ProgressBar;
 use host::scene::NamedDevice;
 use host::scene::spec::SchemeName;
-use indicatif::ProgressBar;
 use std::cell::Cell;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -127,9 +127,9 @@ impl Shown {
         if let Some(error) = at.unwritten
             && !self.warned.replace(true)
         {
-            self.bar.suspend(|| {
-                errln!("warning: {error}; the study continues, and tries again after each cell");
-            });
+            self.bar.say(&format!(
+                "warning: {error}; the study continues, and tries again after each cell"
+            ));
         }
     }
 

@@ -1,6 +1,8 @@
 //! The summary for people, one line for each subject.
 
-use super::{DeviceSummary, Distribution, EnergySummary, PlaceSummary, RunSummary};
+use super::{
+    DeviceSummary, Distribution, EnergySummary, HeldBackSummary, PlaceSummary, RunSummary,
+};
 use std::fmt;
 
 /// Most events that are printed; `--json` writes all of them.
@@ -13,10 +15,14 @@ impl fmt::Display for RunSummary {
             "{}: {} clock, scheme {}, seed {}",
             self.scene, self.clock, self.scheme, self.seed
         )?;
+        writeln!(f, "  machine    {}", self.machine)?;
         self.print_tick(f)?;
         self.print_host(f)?;
         for device in &self.devices {
             device.print(f)?;
+        }
+        for held_back in &self.held_back {
+            held_back.print(f)?;
         }
         for energy in &self.energy {
             energy.print(f)?;
@@ -39,7 +45,9 @@ impl RunSummary {
             writeln!(f, "  stopped    before its end, because it was asked to")?;
         }
         if let Some(place) = &t.place {
-            writeln!(f, "  ran on     {place}")?;
+            let locked = t.locked_bytes as f64 / f64::from(1 << 20);
+            writeln!(f, "  ran on     {place}, {locked:.1} MiB locked")?;
+            writeln!(f, "             {}", self.machine.surroundings())?;
         }
         if let Some(lateness) = &t.lateness {
             writeln!(f, "  woke late  {}", Times(lateness))?;
@@ -148,13 +156,16 @@ impl DeviceSummary {
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ, reach {:.1} mm",
+            "  {:<10} peak {:.2} N at {:.2} s, work {:+.1} mJ",
             self.name,
             self.peak_force,
             self.peak_time,
-            self.work * 1e3,
-            self.reach * 1e3
+            self.work * 1e3
         )?;
+        if let Some(port_work) = self.port_work {
+            write!(f, " ({:+.1} at the port)", port_work * 1e3)?;
+        }
+        write!(f, ", reach {:.1} mm", self.reach * 1e3)?;
         if self.limited_ticks > 0 {
             write!(f, ", limited in {} ticks", self.limited_ticks)?;
         }
@@ -188,27 +199,55 @@ impl DeviceSummary {
     }
 }
 
-impl EnergySummary {
+impl HeldBackSummary {
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(
+            f,
+            "  held back  {}: for {} in all between {:.3} and {:.3} s, by {:.2} N on average and at most {:.2} N of {:.2} \
+             N (at {:.3} s): {}",
+            self.of,
+            Time(self.duration),
+            self.from,
+            self.to,
+            self.mean,
+            self.most,
+            self.most_of,
+            self.most_time,
+            self.why
+        )
+    }
+}
+
+impl EnergySummary {
+    /// Prints the balance `supplied + initial = raised + stored + dissipated`, and below it what came out of nothing.
+    fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mj = |joules: f64| joules * 1e3;
         write!(
             f,
             "  energy     {}: {:+.1} mJ put in by the hands",
             self.body,
-            self.supplied * 1e3
+            mj(self.supplied)
         )?;
         if let (Some(stored), Some(dissipated)) = (self.stored, self.dissipated) {
-            let [raised, stored, dissipated] = [self.raised, stored, dissipated].map(|j| j * 1e3);
+            let parts = [self.initial, self.raised, stored, dissipated];
+            let [initial, raised, stored, dissipated] = parts.map(mj);
             write!(
                 f,
-                " ({raised:+.1} raised, {stored:.1} stored, {dissipated:.1} dissipated)"
+                ", {initial:+.1} stored at the start = {raised:+.1} raised, {stored:+.1} stored, {dissipated:+.1} \
+                 dissipated"
             )?;
         }
-        write!(f, ", at most {:.1} mJ out beyond that", self.most_out * 1e3)?;
+        writeln!(f)?;
+        write!(
+            f,
+            "             at most {:.1} mJ out beyond that, with {:.1} of the devices' own losses credited",
+            mj(self.most_out),
+            mj(self.credited)
+        )?;
         if self.capped_ticks > 0 {
             write!(f, "; capped in {} ticks", self.capped_ticks)?;
         }
-        writeln!(f)?;
-        Ok(())
+        writeln!(f)
     }
 }
 
@@ -220,9 +259,11 @@ impl fmt::Display for PlaceSummary {
             (None, _) => write!(f, "no core of its own")?,
         }
         match self.priority {
-            Some(priority) => write!(f, ", SCHED_FIFO {priority}"),
-            None => write!(f, ", no realtime priority"),
+            Some(priority) => write!(f, ", SCHED_FIFO {priority}")?,
+            None => write!(f, ", no realtime priority")?,
         }
+        let awake = if self.kept_awake { "off" } else { "allowed" };
+        write!(f, ", deep sleep {awake}")
     }
 }
 
@@ -252,12 +293,15 @@ impl fmt::Display for Times<'_> {
         let d = self.0;
         write!(
             f,
-            "median {}, 99 % {}, 99.9 % {}, most {}",
+            "median {}, 99 % {}, 99.9 % {}",
             Time(d.p50),
             Time(d.p99),
-            Time(d.p99_9),
-            Time(d.max)
+            Time(d.p99_9)
         )?;
+        if let Some(p99_99) = d.p99_99 {
+            write!(f, ", 99.99 % {}", Time(p99_99))?;
+        }
+        write!(f, ", most {}", Time(d.max))?;
         if d.overflow > 0 {
             write!(f, " ({} beyond the histogram)", d.overflow)?;
         }

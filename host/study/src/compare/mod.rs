@@ -287,8 +287,7 @@ fn run(
     if let Some(message) = &running.panicked {
         failures.push(format!("the host panicked: {message}"));
     }
-    let engine = running.host.as_ref().map(|host| &host.engine);
-    if let Some(fault) = engine.and_then(|engine| engine.stats().first_fault.as_ref()) {
+    if let Some(fault) = &running.host.engine.stats().first_fault {
         failures.push(format!("host steps failed; the first: {fault}"));
     }
     Ok((recorder.finish(&running.tick), failures))

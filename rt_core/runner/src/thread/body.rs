@@ -69,6 +69,7 @@ pub(super) fn body(
         isolated: setup.isolated,
         priority: setup.priority,
         locked_bytes: setup.locked_bytes,
+        kept_awake: setup.kept_awake,
         forbidden_call,
     });
     (Ok(report), held)

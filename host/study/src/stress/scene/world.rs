@@ -59,7 +59,7 @@ impl World {
     pub(super) fn held(&self) -> Vec<Vec<usize>> {
         let scene = &self.loaded.scene;
         let bodies = scene.bodies.iter().map(|body| {
-            let tools = host::bodies::tools(scene, body).into_iter();
+            let tools = bodies::tools(scene, body).into_iter();
             tools.map(|tool| tool.device).collect()
         });
         bodies.collect()

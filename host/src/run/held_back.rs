@@ -1,0 +1,75 @@
+//! The forces that were held below what they would have been, in plain words: whose force, for how long, by how much,
+//! when, and why. The numbers are those of the tick (`rt_core::held_back`).
+
+use super::summary::HeldBackSummary;
+use crate::scene::Scene;
+use rt_core::{Capabilities, HeldBack, HeldBackByBody, HeldBackByDevice};
+
+/// What was held back from the hands of each body, then of each device, in the scene's order. `capabilities` are those
+/// of the devices.
+pub(super) fn summaries(
+    scene: &Scene,
+    capabilities: &[Capabilities],
+    by_bodies: impl Iterator<Item = HeldBackByBody>,
+    by_devices: impl Iterator<Item = HeldBackByDevice>,
+) -> Vec<HeldBackSummary> {
+    let period = 1.0 / scene.realtime.rate;
+    let mut all = Vec::new();
+    let mut push = |of: &str, cause, found: &HeldBack, why: String| {
+        if found.ticks > 0 {
+            all.push(summary(of, cause, found, why, period));
+        }
+    };
+    for (body, found) in scene.bodies.iter().zip(by_bodies) {
+        let why = "the cap lets a body give back no more energy than the hands have put in";
+        push(&body.name, "cap", &found.capped, why.to_owned());
+        let why = format!(
+            "its model was older than {} s (`age_limit`), or had just been",
+            scene.realtime.age_limit()
+        );
+        push(&body.name, "old model", &found.aged, why);
+    }
+    for ((device, able), found) in scene.devices.iter().zip(capabilities).zip(by_devices) {
+        let infinite = |limit: Option<f64>| limit.unwrap_or(f64::INFINITY);
+        let force = infinite(device.max_force).min(able.max_force);
+        let why = format!("the device renders at most {force} N");
+        push(&device.name, "force limit", &found.limited, why);
+        let slew = infinite(device.max_slew);
+        let why = format!("its force may change by at most {slew} N/s (`max_slew`)");
+        push(&device.name, "slew limit", &found.slewed, why);
+        let speed = infinite(device.max_speed);
+        let why = format!("the hand moved faster than {speed} m/s (`max_speed`)");
+        push(&device.name, "speed limit", &found.too_fast, why);
+        let reach = infinite(device.max_reach);
+        let why = format!("the hand was beyond {reach} m (`max_reach`)");
+        push(&device.name, "reach limit", &found.out_of_reach, why);
+        let why = "the device gave no reading".to_owned();
+        push(&device.name, "no reading", &found.silent, why);
+        let why = "the force returns slowly after a fault".to_owned();
+        push(&device.name, "return", &found.recovering, why);
+    }
+    all
+}
+
+fn summary(
+    of: &str,
+    cause: &'static str,
+    found: &HeldBack,
+    why: String,
+    period: f64,
+) -> HeldBackSummary {
+    let seconds = |ns: u64| ns as f64 * 1e-9;
+    HeldBackSummary {
+        of: of.to_owned(),
+        cause,
+        why,
+        ticks: found.ticks,
+        duration: found.ticks as f64 * period,
+        from: seconds(found.first_ns),
+        to: seconds(found.last_ns) + period,
+        mean: found.mean(),
+        most: found.most,
+        most_of: found.of,
+        most_time: seconds(found.most_ns),
+    }
+}

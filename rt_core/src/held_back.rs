@@ -1,0 +1,122 @@
+//! How much of a force did not reach the hand, by cause, over a run.
+//!
+//! The cap and the age of a model hold back the force of a body; the last stage holds back the force of a device. Each
+//! cause has one [`HeldBack`]: how long the force was smaller than it would have been without that cause, by how much,
+//! and when. The sums only grow and use constant memory, so a summary needs no record of the ticks.
+
+use crate::geometry::Vec3;
+use crate::safety::SafetyState;
+
+/// Smallest fraction of a force that counts as held back. Smaller ones lie within the accuracy of the hold.
+pub const LEAST_FRACTION: f64 = 0.01;
+/// Smallest force that counts as held back (N). A hand cannot notice a smaller one.
+pub const LEAST_FORCE: f64 = 0.02;
+
+/// The force that one cause held back.
+///
+/// ```
+/// use rt_core::held_back::HeldBack;
+///
+/// let mut held_back = HeldBack::default();
+/// held_back.note(3_000_000, 2.0, 1.5); // half a newton of two, at 3 ms
+/// held_back.note(4_000_000, 2.0, 1.0);
+/// held_back.note(5_000_000, 2.0, 1.99); // too little to notice
+/// assert_eq!((held_back.ticks, held_back.mean()), (2, 0.75));
+/// assert_eq!((held_back.most, held_back.of, held_back.most_ns), (1.0, 2.0, 4_000_000));
+/// ```
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeldBack {
+    /// Ticks in which a noticeable force was held back.
+    pub ticks: u64,
+    /// Time of the first such tick (ns).
+    pub first_ns: u64,
+    /// Time of the last such tick (ns).
+    pub last_ns: u64,
+    /// Sum of the held-back forces over these ticks (N).
+    pub sum: f64,
+    /// The largest force that was held back (N).
+    pub most: f64,
+    /// The whole force at that time (N).
+    pub of: f64,
+    /// That time (ns).
+    pub most_ns: u64,
+}
+
+impl HeldBack {
+    /// Notes that at `now_ns` (ns) only `passed` of a `whole` force passed (N).
+    pub fn note(&mut self, now_ns: u64, whole: f64, passed: f64) {
+        let held = whole - passed;
+        // False for a number that is not finite: such a wrench is a fault with a count of its own.
+        let counts = whole.is_finite() && held > LEAST_FORCE.max(LEAST_FRACTION * whole);
+        if !counts {
+            return;
+        }
+        if self.ticks == 0 {
+            self.first_ns = now_ns;
+        }
+        self.last_ns = now_ns;
+        self.ticks = self.ticks.saturating_add(1);
+        self.sum += held;
+        if held > self.most {
+            self.most = held;
+            self.of = whole;
+            self.most_ns = now_ns;
+        }
+    }
+
+    /// Mean of the held-back force over the ticks in which it was held back (N); zero where there were none.
+    pub fn mean(&self) -> f64 {
+        if self.ticks == 0 {
+            0.0
+        } else {
+            self.sum / self.ticks as f64
+        }
+    }
+}
+
+/// What held back the force of one device: the causes of the last stage. Forces are those on the hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeldBackByDevice {
+    /// The largest force or moment of the device.
+    pub limited: HeldBack,
+    /// The slew limit.
+    pub slewed: HeldBack,
+    /// The device moved too fast.
+    pub too_fast: HeldBack,
+    /// The device was out of reach.
+    pub out_of_reach: HeldBack,
+    /// The force was coming back after a fault.
+    pub recovering: HeldBack,
+    /// The device gave no state.
+    pub silent: HeldBack,
+}
+
+impl HeldBackByDevice {
+    /// Notes the force `asked` for at `now_ns` (ns) and the force that the last stage `passed`, in which it was in
+    /// `state`.
+    pub(crate) fn note(&mut self, state: SafetyState, now_ns: u64, asked: &Vec3, passed: &Vec3) {
+        // Nearly every tick passes the whole force, and then there is nothing to compute.
+        if asked == passed {
+            return;
+        }
+        let cause = match state {
+            SafetyState::Limited => &mut self.limited,
+            SafetyState::Slewed => &mut self.slewed,
+            SafetyState::TooFast => &mut self.too_fast,
+            SafetyState::OutOfReach => &mut self.out_of_reach,
+            SafetyState::Recovering => &mut self.recovering,
+            SafetyState::DeviceStale => &mut self.silent,
+            SafetyState::Normal | SafetyState::NotANumber => return,
+        };
+        cause.note(now_ns, asked.norm(), passed.norm());
+    }
+}
+
+/// What held back the force of one body. Forces are those at the handle with the largest force (scene).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HeldBackByBody {
+    /// The cap: the part of the local model's spring force.
+    pub capped: HeldBack,
+    /// The age of the model, once a model had grown too old: the force fades, and returns later.
+    pub aged: HeldBack,
+}
