@@ -53,8 +53,8 @@ pub(super) struct RunArguments {
     /// Draw the force on the body against the displacement of each device (SVG or PNG). Also with --replay
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
-    /// Real clock: write the distributions of lateness and tick time, as a table (CSV) or as a picture (SVG): the
-    /// fraction of ticks above a time, on logarithmic axes
+    /// Real clock: write the distributions of lateness and tick time, as a table (CSV) or as a picture (SVG or
+    /// PNG): the fraction of ticks above a time, on logarithmic axes
     #[arg(long, value_name = "FILE")]
     histogram: Option<PathBuf>,
     /// Write the summary as JSON

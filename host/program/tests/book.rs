@@ -7,7 +7,8 @@
 //! - `<!-- file: NAME -->`: a file of this name, which later blocks use;
 //! - `<!-- merged into SCENE -->`: fields of a scene; `palpate plan` must accept the scene that has them;
 //! - `<!-- merged into SCENE at PATH -->`: fields of the table at a path such as `body.0`;
-//! - `<!-- given: NAME = PATH -->`: the page assumes a copy of the file at this path of the sources;
+//! - `<!-- given: NAME = PATH -->`: the page assumes a copy of the file at this path of the sources; `, OLD -> NEW` after
+//!   the path changes a text in it;
 //! - `<!-- prints -->`: lines that the last command before the block prints, one after the other. Measured times may
 //!   differ, and `...` stands for any lines;
 //! - `<!-- ends with N -->`: the exit code of the block's last command;
@@ -60,7 +61,10 @@ fn every_block_of_every_page_does_what_it_says() {
 /// Checks a page of commands, and returns the folder in which they ran.
 fn job(name: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    let faults = page::check(&Page::read(&root().join("docs/src").join(name)), folder.path());
+    let faults = page::check(
+        &Page::read(&root().join("docs/src").join(name)),
+        folder.path(),
+    );
     assert!(faults.is_empty(), "{}", faults.join("\n\n"));
     folder
 }
@@ -70,13 +74,102 @@ fn columns(path: &Path) -> Vec<(String, Vec<f64>)> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names = lines.next().unwrap().split(',');
-    let mut columns: Vec<(String, Vec<f64>)> = names.map(|name| (name.to_owned(), vec![])).collect();
+    let mut columns: Vec<(String, Vec<f64>)> =
+        names.map(|name| (name.to_owned(), vec![])).collect();
     for line in lines {
         for (column, value) in columns.iter_mut().zip(line.split(',')) {
             column.1.push(value.parse().unwrap_or(f64::NAN));
         }
     }
     columns
+}
+
+/// The column whose name begins with a text.
+fn column<'a>(columns: &'a [(String, Vec<f64>)], name: &str) -> &'a [f64] {
+    let found = columns.iter().find(|(column, _)| column.starts_with(name));
+    let names: Vec<&String> = columns.iter().map(|(name, _)| name).collect();
+    &found
+        .unwrap_or_else(|| panic!("no column {name} among {names:?}"))
+        .1
+}
+
+fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn the_tutorial_leads_from_an_empty_folder_to_a_figure() {
+    let folder = job("tutorial.md");
+    let work = folder.path().join("tissue");
+    for figure in [
+        "press.svg",
+        "above.svg",
+        "beside.svg",
+        "indent.svg",
+        "schemes.svg",
+    ] {
+        let svg = fs::read_to_string(work.join(figure)).unwrap();
+        assert!(svg.ends_with("</svg>\n"), "{figure}");
+    }
+    assert!(work.join("frames/frames.pvd").is_file());
+    let press = columns(&work.join("press.csv"));
+    assert_eq!(column(&press, "time_s").len(), 4000);
+    // A stiffer place resists the same motion more.
+    let strongest = |file: &str| {
+        let columns = columns(&work.join(file));
+        let forces = column(&columns, "omega_force_z_N").iter();
+        forces.fold(0.0, |most: f64, force| most.max(*force))
+    };
+    let (above, beside) = (strongest("press.csv"), strongest("beside.csv"));
+    assert!(above > 1.1 * beside, "{above} N above, {beside} N beside");
+    // The table starts where the weight has settled, and the indenter has not moved.
+    let indent = columns(&work.join("indent.csv"));
+    let depth = column(&indent, "tissue_indenter_displacement_z_m");
+    assert_eq!((depth[0], depth[depth.len() - 1]), (0.0, -0.006));
+    let schemes = json(&work.join("schemes.json"));
+    let runs: Vec<_> = (schemes["runs"].as_array().unwrap().iter())
+        .map(|run| run["scheme"].as_str().unwrap())
+        .collect();
+    assert_eq!(runs, ["hold", "linear", "capped"]);
+}
+
+#[test]
+fn the_six_jobs_give_what_they_say() {
+    let folder = job("jobs.md");
+    let work = folder.path().join("work");
+    // Force against displacement, as numbers and as a figure.
+    assert!(column(&columns(&work.join("press.csv")), "omega_force_z_N").len() > 1000);
+    assert!(work.join("press.svg").is_file());
+    // The study of walls names the device of the file.
+    let walls = fs::read_to_string(work.join("wall.jsonl")).unwrap();
+    assert!(walls.contains("Our paddle"), "{walls}");
+    assert!(work.join("wall.svg").is_file());
+    // Every scheme has an error against the reference.
+    let schemes = json(&work.join("schemes.json"));
+    let runs = schemes["runs"].as_array().unwrap();
+    assert_eq!(runs.len(), 3);
+    for run in runs {
+        let error = run["devices"][0]["error"]["rms"].as_f64().unwrap();
+        assert!(error > 0.0 && error < 1.0, "{run}");
+    }
+    // All ticks of the real clock are in the histogram.
+    let latency = json(&work.join("latency.json"));
+    let ticks = latency["tick"]["count"].as_f64().unwrap();
+    let histogram = fs::read_to_string(work.join("latency.csv")).unwrap();
+    assert!(ticks > 0.0 && histogram.lines().any(|line| line.starts_with("lateness,")));
+    assert!(work.join("latency.svg").is_file());
+    // Two bodies, four devices, six handles.
+    let hands = json(&work.join("four_hands.json"));
+    assert_eq!(hands["devices"].as_array().unwrap().len(), 4);
+    assert_eq!(hands["energy"].as_array().unwrap().len(), 2);
+    for device in hands["devices"].as_array().unwrap() {
+        assert!(device["peak_force"].as_f64().unwrap() > 0.01, "{device}");
+    }
+    // The hand follows its recording: 5 mm, less what the force and the filter take.
+    let recorded = columns(&work.join("recorded.csv"));
+    let path = column(&recorded, "omega_position_z_m");
+    let depth = path[0] - path.iter().fold(f64::MAX, |least, z| least.min(*z));
+    assert!(depth > 0.003 && depth < 0.006, "{depth} m");
 }
 
 /// GitHub and mdBook read the same formulas: `$` and `$$` in pairs, without a backslash before punctuation, which one

@@ -3,9 +3,9 @@
 mod axis;
 mod chart;
 mod direction;
-mod force_displacement;
 mod file;
 mod font;
+mod force_displacement;
 mod map;
 mod page;
 mod panels;
@@ -14,8 +14,8 @@ mod reduce;
 mod run;
 
 pub use chart::{Series, line_chart_svg};
-pub use force_displacement::{LoadCurve, force_displacement_svg};
 pub use file::write_picture;
+pub use force_displacement::{LoadCurve, force_displacement_svg};
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};

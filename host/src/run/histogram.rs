@@ -5,13 +5,13 @@
 
 use super::parts::Parts;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::plot::{Marker, Series, line_chart_svg};
+use crate::plot::{Marker, Series, line_chart_svg, write_picture};
 use crate::scene::Scene;
 use runner::latency::LatencyHistogram;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Writes the distributions of a run of `scene` to `path`: a picture if the name ends in `.svg`, else CSV.
+/// Writes the distributions of a run of `scene` to `path`: a picture if the name ends in `.svg` or `.png`, else CSV.
 ///
 /// # Errors
 /// The file cannot be written.
@@ -24,16 +24,14 @@ pub(super) fn write(path: &Path, scene: &Scene, parts: &Parts) -> Result<(), Ato
     let ages = scene.bodies.iter().zip(&latencies.model_age);
     all.extend(ages.map(|(body, age)| (format!("model age of {}", body.name), age)));
     all.retain(|(_, histogram)| histogram.count() > 0);
-    let drawn = path
-        .extension()
-        .is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
-    let text = if drawn {
+    let ending = path.extension().unwrap_or_default();
+    let drawn = ["svg", "png"].map(|picture| ending.eq_ignore_ascii_case(picture));
+    if drawn.contains(&true) {
         // The age of models is of another kind: it is planned, and a thousand times as large.
-        picture(&scene.name, &all[..all.len().min(2)])
+        write_picture(path, &picture(&scene.name, &all[..all.len().min(2)]))
     } else {
-        table(&all)
-    };
-    write_atomically(path, text.as_bytes())
+        write_atomically(path, table(&all).as_bytes())
+    }
 }
 
 /// The steps of a distribution, in ascending order: a time (ns), and the number of values up to this time, all smaller

@@ -4,24 +4,24 @@ use std::fs;
 use std::path::Path;
 
 /// A page.
-pub struct Page {
+pub(super) struct Page {
     /// The name of the file.
-    pub name: String,
+    pub(super) name: String,
     /// The blocks and comments, in the order of the page.
-    pub parts: Vec<Part>,
+    pub(super) parts: Vec<Part>,
     text: String,
 }
 
 /// A comment or a block of a page.
-pub struct Part {
+pub(super) struct Part {
     /// The line of the page, counted from 1.
-    pub line: usize,
+    pub(super) line: usize,
     /// The content.
-    pub kind: Kind,
+    pub(super) kind: Kind,
 }
 
 /// The kinds of parts.
-pub enum Kind {
+pub(super) enum Kind {
     /// The text of a comment.
     Comment(String),
     /// A fenced block: its language, which may be empty, and its text.
@@ -30,7 +30,7 @@ pub enum Kind {
 
 impl Page {
     /// Reads a page.
-    pub fn read(path: &Path) -> Self {
+    pub(super) fn read(path: &Path) -> Self {
         let text = fs::read_to_string(path).unwrap();
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
         let mut parts = Vec::new();
@@ -59,7 +59,7 @@ impl Page {
     }
 
     /// The text outside blocks and outside `code`.
-    pub fn prose(&self) -> String {
+    pub(super) fn prose(&self) -> String {
         let outside = self.text.split("\n```").step_by(2);
         let spans = outside.flat_map(|text| text.split('`').step_by(2));
         spans.collect()

@@ -12,7 +12,7 @@ use toml::{Table, Value};
 const ENDS: [char; 6] = ['\'', '|', '&', '#', '>', ';'];
 
 /// Checks all blocks of a page, and returns what is wrong. Files that the page writes are in `folder`.
-pub fn check(page: &Page, folder: &Path) -> Vec<String> {
+pub(super) fn check(page: &Page, folder: &Path) -> Vec<String> {
     for shared in ["host", "docs", "rt_core"] {
         symlink(root().join(shared), folder.join(shared)).unwrap();
     }
@@ -56,9 +56,16 @@ impl State {
         else {
             return Ok(());
         };
-        fs::copy(root().join(source), self.folder.join(name))
-            .map(|_| ())
-            .map_err(|error| format!("{source}: {error}"))
+        let (source, change) = source.split_once(", ").unwrap_or((source, ""));
+        let text = fs::read_to_string(root().join(source));
+        let mut text = text.map_err(|error| format!("{source}: {error}"))?;
+        if let Some((old, new)) = change.split_once(" -> ") {
+            if !text.contains(old) {
+                return Err(format!("{source} has no {old}"));
+            }
+            text = text.replacen(old, new, 1);
+        }
+        fs::write(self.folder.join(name), text).map_err(|error| format!("{name}: {error}"))
     }
 
     fn block(&mut self, comment: &str, language: &str, text: &str) -> Result<(), String> {
@@ -137,7 +144,12 @@ impl State {
         if arguments_only || is_study {
             return self.arguments(line);
         }
-        let own = line.split('#').next().unwrap_or_default().trim().strip_prefix("cargo run --release");
+        let own = line
+            .split('#')
+            .next()
+            .unwrap_or_default()
+            .trim()
+            .strip_prefix("cargo run --release");
         if let Some(arguments) = own.filter(|rest| rest.is_empty() || rest.starts_with(" -- ")) {
             let call = format!("palpate {}", arguments.trim_start_matches(" -- "));
             return self.line(&call, arguments_only, code);
@@ -169,7 +181,10 @@ impl State {
         for call in line.split("palpate ").skip(1) {
             let call = call.split(" :::").next().unwrap_or_default();
             let call = call.split(ENDS).next().unwrap_or_default();
-            let call = call.replace("$SLURM_ARRAY_TASK_ID", "1").replace("{}", "1");
+            let call = call
+                .replace("$SLURM_ARRAY_TASK_ID", "1")
+                .replace("{}", "1")
+                .replace("$seed", "1");
             ends_well(&run(&self.folder, &format!("palpate {call} --help")))
                 .map_err(|fault| format!("{line}: {fault}"))?;
         }
@@ -279,7 +294,8 @@ fn cargo(line: &str) -> Result<(), String> {
     Ok(())
 }
 
-/// Checks that a text contains the expected lines one after the other; `...` stands for any lines.
+/// Checks that a text contains the expected lines one after the other; `...` stands for any lines, and at the
+/// end of a line for any text.
 fn prints(text: &str, expected: &str) -> Result<(), String> {
     let lines: Vec<String> = text.lines().map(without_times).collect();
     let mut at = 0;
@@ -291,10 +307,14 @@ fn prints(text: &str, expected: &str) -> Result<(), String> {
             continue;
         }
         let rest = lines.get(at..).unwrap_or_default();
+        let is_wanted = |line: &String| match wanted.strip_suffix("...") {
+            Some(start) => line.starts_with(start),
+            None => *line == wanted,
+        };
         let found = if anywhere {
-            rest.iter().position(|line| *line == wanted)
+            rest.iter().position(is_wanted)
         } else {
-            rest.first().filter(|line| **line == wanted).map(|_| 0)
+            rest.first().filter(|line| is_wanted(line)).map(|_| 0)
         };
         let Some(found) = found else {
             return Err(format!("expected the line\n{line}\nin\n{text}"));

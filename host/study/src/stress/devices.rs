@@ -16,11 +16,12 @@ impl StudyDevice {
     /// The built-in devices that move along all three axes.
     pub fn built_in() -> Vec<Self> {
         let spatial = DeviceModel::spatial();
-        spatial.map(|(name, model)| Self {
-            name: name.to_owned(),
-            model,
-        })
-        .collect()
+        spatial
+            .map(|(name, model)| Self {
+                name: name.to_owned(),
+                model,
+            })
+            .collect()
     }
 
     /// The devices that a user chose. No two of them may have the same name.
