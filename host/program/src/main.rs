@@ -133,7 +133,7 @@ impl CommandError {
             | Self::Override { .. }
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
-            | Self::Run(host::run::RunError::Scene(_))
+            | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)

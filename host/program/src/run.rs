@@ -5,7 +5,8 @@ use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
 use super::{CommandError, SceneArgument, progress_bar, signals};
 use host::engine::faults::HostFault;
-use host::run::{Clock, RunOptions, TickOutputs};
+use host::run::frames::FrameOptions;
+use host::run::{Clock, RunError, RunOptions, TickOutputs};
 use host::scene::Scene;
 use host::scene::spec::SIMULATED;
 use physics::FactorCode;
@@ -17,6 +18,7 @@ const EXAMPLES: &str = "\
 Examples:
   palpate run --csv run.csv                           write a row for each tick
   palpate run --force-displacement run.svg            draw force against displacement of each device
+  palpate run --vtu out --frames 50                   write 50 deformed meshes a second for ParaView
   palpate run --scheme linear --latency 0.02          try another scheme and another latency
   palpate run --replay run.mcap --csv run.csv         make the table from a log";
 
@@ -52,6 +54,19 @@ pub(super) struct RunArguments {
     /// Draw the force on the body against the displacement of each device (SVG). Also with --replay
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
+    /// Write the deformed bodies as VTU into this folder, and the list frames.pvd, for ParaView
+    #[arg(long, value_name = "FOLDER", conflicts_with = "replay")]
+    vtu: Option<PathBuf>,
+    /// Frames of --vtu a second of the run's own time (Hz), at most `host.step_rate` of the scene. A frame is the state
+    /// after the first step at or after its time
+    #[arg(
+        long,
+        value_name = "RATE",
+        requires = "vtu",
+        default_value_t = 25.0,
+        allow_negative_numbers = true
+    )]
+    frames: f64,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -109,6 +124,8 @@ impl Default for RunArguments {
             plot: None,
             csv: None,
             force_displacement: None,
+            vtu: None,
+            frames: 25.0,
             json: None,
             replay: None,
             report_progress: false,
@@ -192,10 +209,18 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         return Err(CommandError::NeedsVirtualClock);
     }
     let loaded = arguments.overrides.load(scene)?;
+    let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
+        folder: folder.clone(),
+        rate: arguments.frames,
+    });
+    if let Some(frames) = &frames {
+        frames.check(&loaded.scene).map_err(RunError::from)?;
+    }
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
         .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .ticks(&ticks)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
@@ -205,6 +230,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         log: arguments.log.clone(),
         plot: arguments.plot.clone(),
         ticks,
+        frames,
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
@@ -239,11 +265,13 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     bar.finish_and_clear();
     let summary = result?;
     out!("{summary}");
+    let list = options.frames.as_ref().map(FrameOptions::list_file);
     for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
         ("csv", &options.ticks.csv),
         ("curve", &options.ticks.force_displacement),
+        ("vtu", &list),
         ("json", &options.json),
     ] {
         if let Some(path) = path

@@ -5,6 +5,7 @@
 //! except models that a failing host could send.
 
 use super::Engine;
+use super::body::HostBody;
 use super::pacer::Due;
 use super::stats::Stopwatch;
 use rt_core::{LocalModel, TickRecord};
@@ -142,6 +143,11 @@ impl Failing {
             let spoilt = faults.spoilt(due.time_ns, model);
             publish(body, spoilt.as_ref().unwrap_or(model));
         });
+    }
+
+    /// As [`Engine::bodies`].
+    pub(crate) fn bodies(&self) -> &[HostBody] {
+        self.engine.bodies()
     }
 
     /// The engine alone.

@@ -33,12 +33,12 @@ pub struct LoadCurve {
 
 impl LoadCurve {
     /// The curve of a motion over `position` (m) under the forces `force` on the body (N): along the principal direction
-    /// of the motion, which points to where the motion is farthest from its start.
+    /// of the force, without force that of the motion. It points to where the motion is farthest from its start.
     pub(crate) fn of_motion(name: &str, position: &[[f64; 3]], force: &[[f64; 3]]) -> Self {
         let start = first_usable(position);
         let moved = position.iter().map(|p| Vector3::from(*p) - start);
         let moved: Vec<[f64; 3]> = moved.map(Into::into).collect();
-        let direction = main_direction(&moved, force);
+        let direction = main_direction(force, &moved);
         Self::along(name, direction.axis, &direction.name, &moved, force)
     }
 

@@ -4,6 +4,7 @@
 //! log's thread empties its ring fifty times a second. If the host panics, the tick continues: its force fades, and
 //! the summary reports the panic.
 
+use super::frames::FrameTap;
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::{RunError, host_panicked, message};
@@ -56,6 +57,7 @@ pub(super) fn run(
         engine,
         threads,
         faults,
+        frames,
         pacer,
         timing,
     } = setup;
@@ -71,7 +73,7 @@ pub(super) fn run(
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
     let host = named("palpate-host", move || {
-        threads.run(|| host_loop(host, engine, pacer, &host_over))
+        threads.run(|| host_loop(host, engine, frames, pacer, &host_over))
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
@@ -111,7 +113,13 @@ fn named<T: Send + 'static>(
         .map_err(RunError::Thread)
 }
 
-fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &Stop) -> HostSide {
+fn host_loop(
+    mut host: HostEnd,
+    mut engine: Failing,
+    mut frames: Option<FrameTap>,
+    mut pacer: Pacer,
+    over: &Stop,
+) -> HostSide {
     let watch = WallStopwatch::start();
     let start = Instant::now();
     while !over.is_requested() {
@@ -132,6 +140,9 @@ fn host_loop(mut host: HostEnd, mut engine: Failing, mut pacer: Pacer, over: &St
                 let _ = host.publish(body, model);
             });
         });
+        if let Some(frames) = &mut frames {
+            frames.after_step(due.time_ns, engine.bodies());
+        }
         pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
     }
     HostSide {

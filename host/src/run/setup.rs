@@ -1,6 +1,7 @@
 //! Builds everything that a run of a scene needs, before the run starts.
 
 use super::devices;
+use super::frames::FrameTap;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
@@ -47,6 +48,8 @@ pub struct Setup {
     pub threads: Threads,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
+    /// Takes frames of the bodies; `None` for a run without frames.
+    pub frames: Option<FrameTap>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// The times of the run.
@@ -109,6 +112,7 @@ pub(crate) fn setup_with(
         engine: Engine::new(held).on(scene.host.threads),
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
+        frames: None,
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         timing: Timing {
             period_ns: (1e9 * period).round() as u64,

@@ -5,6 +5,7 @@
 //! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
 //! machine's clock. Its readings never enter the state: two runs give the same bytes under any load.
 
+use super::frames::FrameTap;
 use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
@@ -31,12 +32,14 @@ pub fn run(
         engine,
         threads,
         faults,
+        frames,
         pacer,
         timing,
     } = setup;
     let bodies = engine.bodies().len();
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
+        frames,
         threads,
         pacer,
         link: LateLink::new(host, bodies),
@@ -70,6 +73,7 @@ pub fn run(
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
     engine: Failing,
+    frames: Option<FrameTap>,
     threads: Threads,
     pacer: Pacer,
     link: LateLink,
@@ -117,6 +121,9 @@ impl Host for Paced {
                 });
             });
         });
+        if let Some(frames) = &mut self.frames {
+            frames.after_step(due.time_ns, self.engine.bodies());
+        }
         if due.publishes {
             self.free_at = arrival_ns;
         }
