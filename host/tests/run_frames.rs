@@ -1,5 +1,6 @@
 //! Frames of a run: the deformed bodies at exact times, without an effect on the run.
 
+use host::engine::faults::{FaultKind, HostFault};
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
@@ -131,6 +132,25 @@ fn a_rate_above_that_of_the_steps_is_refused() -> Outcome {
             )
         );
     }
+    Ok(())
+}
+
+/// A host that ends early leaves the frames up to then, and the run ends in order.
+#[test]
+fn the_frames_end_with_the_host() -> Outcome {
+    let loaded = Scene::embedded_default()?;
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("out");
+    let mut options = options(&out, 50.0);
+    options.faults = vec![HostFault {
+        kind: FaultKind::Panic,
+        at: 0.2,
+        duration: 0.0,
+    }];
+    let summary = run(&loaded, &options, |_| ())?;
+    assert_eq!(summary.tick.count, 500);
+    let frames = list(&out)?;
+    assert_eq!(frames.len(), 10, "up to 0.18 s");
     Ok(())
 }
 

@@ -21,8 +21,8 @@ use std::path::{Path, PathBuf};
 /// The format of an output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Format {
-    /// A drawing.
-    Svg,
+    /// A picture; the ending says in which of the formats.
+    Picture,
     /// One value of JSON.
     Json,
     /// A line of JSON for each cell of a study, appended to those that are there.
@@ -50,7 +50,7 @@ impl Format {
     /// The endings of the format. The first one is the usual one.
     fn endings(self) -> &'static [&'static str] {
         match self {
-            Self::Svg => &["svg"],
+            Self::Picture => &["svg", "png"],
             Self::Json => &["json"],
             Self::JsonLines => &["jsonl", "ndjson", "json"],
             Self::Mcap => &["mcap"],
@@ -80,11 +80,11 @@ impl Format {
         if self.endings().contains(&lower) || !KNOWN_ENDINGS.contains(&lower) {
             return Ok(());
         }
-        let pixels = [
-            "png", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf",
+        let drawn = [
+            "svgz", "jpg", "jpeg", "gif", "webp", "bmp", "tif", "tiff", "pdf", "ps", "eps",
         ];
         let advice = match self {
-            Self::Svg if pixels.contains(&lower) => {
+            Self::Picture if drawn.contains(&lower) => {
                 "; a program such as rsvg-convert or Inkscape converts the SVG"
             }
             _ => "",
@@ -264,7 +264,7 @@ impl Declared {
         self.file("--csv", ticks.csv.as_ref(), Format::Rows).file(
             "--force-displacement",
             curve,
-            Format::Svg,
+            Format::Picture,
         )
     }
 

@@ -14,6 +14,9 @@ use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;
 
+/// Frames a second without `--frames` (Hz).
+const FRAME_RATE: f64 = 25.0;
+
 const EXAMPLES: &str = "\
 Examples:
   palpate run --csv run.csv                           write a row for each tick
@@ -44,29 +47,28 @@ pub(super) struct RunArguments {
     /// Log every tick (MCAP, for Foxglove, PlotJuggler and others)
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// Draw force and position over time (SVG)
+    /// Draw force and position over time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write a row for each tick: time, poses, velocities and forces of the devices, age of the models, limits (CSV).
     /// Also with --replay
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Draw the force on the body against the displacement of each device (SVG). Also with --replay
+    /// Draw the force on the body against the displacement of each device (SVG or PNG). Also with --replay
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
     /// Write the deformed bodies as VTU into this folder, and the list frames.pvd, for ParaView
     #[arg(long, value_name = "FOLDER", conflicts_with = "replay")]
     vtu: Option<PathBuf>,
     /// Frames of --vtu a second of the run's own time (Hz), at most `host.step_rate` of the scene. A frame is the state
-    /// after the first step at or after its time
+    /// after the first step at or after its time. Default: 25, or `host.step_rate` if that is lower
     #[arg(
         long,
         value_name = "RATE",
         requires = "vtu",
-        default_value_t = 25.0,
         allow_negative_numbers = true
     )]
-    frames: f64,
+    frames: Option<f64>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -125,7 +127,7 @@ impl Default for RunArguments {
             csv: None,
             force_displacement: None,
             vtu: None,
-            frames: 25.0,
+            frames: None,
             json: None,
             replay: None,
             report_progress: false,
@@ -211,7 +213,9 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let loaded = arguments.overrides.load(scene)?;
     let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
         folder: folder.clone(),
-        rate: arguments.frames,
+        rate: arguments
+            .frames
+            .unwrap_or(FRAME_RATE.min(loaded.scene.host.step_rate)),
     });
     if let Some(frames) = &frames {
         frames.check(&loaded.scene).map_err(RunError::from)?;
@@ -219,7 +223,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .ticks(&ticks)
         .file("--json", arguments.json.as_ref(), Format::Json)

@@ -25,13 +25,13 @@ pub(super) struct SolveArguments {
     /// Write each frame as VTU into this folder, and the list frames.pvd, for ParaView
     #[arg(long, value_name = "FOLDER")]
     vtu: Option<PathBuf>,
-    /// Draw the reactions against the loads or time (SVG)
+    /// Draw the reactions against the loads or time (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Write a row for each load step or time step: displacements and reactions of supports, energies, extremes (CSV)
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Draw the force of each displaced support against its displacement (SVG)
+    /// Draw the force of each displaced support against its displacement (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     force_displacement: Option<PathBuf>,
     /// Write the solution as JSON
@@ -47,12 +47,12 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(Some(&arguments.scene), &loaded)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--csv", arguments.csv.as_ref(), Format::Csv)
         .file(
             "--force-displacement",
             arguments.force_displacement.as_ref(),
-            Format::Svg,
+            Format::Picture,
         )
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
@@ -79,14 +79,14 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     out!("{solution}");
     let mut written = Written::default();
     let plot = written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, chart(&solution).as_bytes())
+        plot::write_picture(path, &chart(&solution))
     });
     let csv = written.write(arguments.csv.as_ref(), |path| {
         write_atomically(path, solution.csv().as_bytes())
     });
     let curves = written.write(arguments.force_displacement.as_ref(), |path| {
         let svg = plot::force_displacement_svg(&solution.scene, &solution.load_curves());
-        write_atomically(path, svg.as_bytes())
+        plot::write_picture(path, &svg)
     });
     let json = written.write(arguments.json.as_ref(), |path| write_json(path, &solution));
     let list = frames.map(|folder| folder.list_file());

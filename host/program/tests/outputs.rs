@@ -133,12 +133,12 @@ solve box.toml --vtu new --plot new/a --json ./new/a
 stress faults --quick --json new --plot new
 2
 --json new: --plot writes to the same file; give each output a file of its own
-run --plot x.png
+run --plot x.jpg
 2
---plot x.png: found the ending of another format, allowed: .svg; a program such as rsvg-convert or Inkscape converts the SVG
+--plot x.jpg: found the ending of another format, allowed: .svg or .png; a program such as rsvg-convert or Inkscape converts the SVG
 run --plot x.json
 2
---plot x.json: found the ending of another format, allowed: .svg
+--plot x.json: found the ending of another format, allowed: .svg or .png
 run --log x.CSV
 2
 --log x.CSV: found the ending of another format, allowed: .mcap

@@ -1,16 +1,20 @@
-//! Pictures of runs and of benchmarks, as SVG.
+//! Pictures of runs and of benchmarks. A picture is drawn as SVG; a file of it is SVG or PNG.
 
 mod axis;
 mod chart;
 mod direction;
+mod file;
+mod font;
 mod force_displacement;
 mod map;
 mod page;
 mod panels;
+mod png;
 mod reduce;
 mod run;
 
 pub use chart::{Series, line_chart_svg};
+pub use file::write_picture;
 pub use force_displacement::{LoadCurve, force_displacement_svg};
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;

@@ -9,6 +9,7 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axis::Axis;
+use super::font::FAMILIES;
 
 /// Units per pixel. The SVG backend draws at whole units; several units per pixel keep lines smooth.
 pub(super) const UNITS: i32 = 4;
@@ -22,7 +23,6 @@ pub(super) const BELOW: i32 = 44;
 /// Height of the solid strip on top of a band (pixels). Without it a short band would not be visible.
 pub(super) const STRIP: i32 = 4;
 
-const FONT: &str = "Helvetica, Arial, sans-serif";
 /// The colour of text.
 pub(super) const TEXT: RGBColor = RGBColor(34, 34, 34);
 const MUTED: RGBColor = RGBColor(96, 96, 96);
@@ -83,13 +83,15 @@ pub(super) fn svg(width: i32, height: i32, draw: impl FnOnce(&Area) -> Drawn) ->
             .and_then(|()| area.present());
     }
     let inner = format!("width=\"{}\" height=\"{}\"", size.0, size.1);
-    text.replacen(&inner, &format!("width=\"{width}\" height=\"{height}\""), 1)
+    // Without round joins, a noisy line would have long spikes.
+    let outer = format!("width=\"{width}\" height=\"{height}\" stroke-linejoin=\"round\"");
+    text.replacen(&inner, &outer, 1)
 }
 
 /// A font of `size` pixels.
 pub(super) fn font(size: f64) -> FontDesc<'static> {
     // The backend treats sizes as line heights and divides them by 1.24.
-    (FONT, size * 1.24 * f64::from(UNITS)).into_font()
+    (FAMILIES, size * 1.24 * f64::from(UNITS)).into_font()
 }
 
 /// A line of `width` pixels.

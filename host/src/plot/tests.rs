@@ -46,7 +46,9 @@ fn check(svg: &str) {
 fn a_run_shows_names_units_and_marks() {
     let svg = force_and_position_svg(&stretch(1000));
     check(&svg);
-    assert!(svg.starts_with("<svg width=\"960\" height=\"600\" viewBox=\"0 0 3840 2400\""));
+    assert!(svg.starts_with(
+        "<svg width=\"960\" height=\"600\" stroke-linejoin=\"round\" viewBox=\"0 0 3840 2400\""
+    ));
     for text in [
         "stretch &lt;1&gt; &amp; more",
         "seed 7",

@@ -1,8 +1,7 @@
 //! The force-displacement curve of each device as an observer, which draws the curves at the end of the run.
 
 use super::observer::{Observed, Observer};
-use crate::atomic_file::write_atomically;
-use crate::plot::{LoadCurve, force_displacement_svg};
+use crate::plot::{LoadCurve, force_displacement_svg, write_picture};
 use crate::scene::Scene;
 use runner::link::LogRecord;
 use std::path::{Path, PathBuf};
@@ -83,9 +82,36 @@ impl Observer for LoadCurveObserver {
         let curves = devices
             .map(|device| LoadCurve::of_motion(&device.name, &device.position, &device.force));
         let svg = force_displacement_svg(&self.title, &curves.collect::<Vec<_>>());
-        if let Err(error) = write_atomically(&self.path, svg.as_bytes()) {
+        if let Err(error) = write_picture(&self.path, &svg) {
             observed.failures.push(error.to_string());
             observed.unwritten.push(self.path);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Telemetry;
+
+    /// However long a run is, the samples stay bounded and evenly spaced from its start to its end.
+    #[test]
+    fn a_long_run_keeps_samples_at_even_distances() {
+        let loaded = Scene::embedded_default().expect("the built-in scene");
+        let mut observer = LoadCurveObserver::new(Path::new("x.svg"), &loaded.scene);
+        let mut telemetry = Telemetry::empty();
+        telemetry.device_count = 2;
+        let ticks = 3 * MOST;
+        for tick in 0..ticks {
+            telemetry.devices[1].pose.position.x = tick as f64;
+            observer.take(LogRecord::Tick(&telemetry));
+        }
+        assert_eq!(observer.every, 4);
+        for device in &observer.devices {
+            assert_eq!(device.position.len(), ticks / 4);
+            assert_eq!(device.force.len(), ticks / 4);
+        }
+        let kept = observer.devices[1].position.iter().enumerate();
+        assert!({ kept }.all(|(index, at)| at[0] == 4.0 * index as f64));
     }
 }

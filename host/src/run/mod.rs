@@ -20,7 +20,7 @@ pub mod timeline;
 pub mod virtual_clock;
 mod withheld;
 
-use crate::atomic_file::{AtomicFileError, write_atomically, write_json};
+use crate::atomic_file::{AtomicFileError, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
@@ -282,7 +282,7 @@ fn write_files(
     };
     if let Some(path) = &options.plot {
         let svg = plot::force_and_position_svg(&report::plot_data(loaded, &parts.collected));
-        note(summary, path, write_atomically(path, svg.as_bytes()));
+        note(summary, path, plot::write_picture(path, &svg));
     }
     // Last, so that the file holds the failures before it.
     if let Some(path) = &options.json {

@@ -4,7 +4,7 @@ use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::{level, with_bar};
-use host::atomic_file::{write_atomically, write_json};
+use host::atomic_file::write_json;
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
 use study::accuracy::{self, Accuracy, LocalModels, Prediction};
@@ -15,7 +15,7 @@ pub(super) struct AccuracyArguments {
     /// Write the tables as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw error against element size (SVG)
+    /// Draw error against element size (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
     /// Use only the coarse meshes, in seconds instead of minutes
@@ -26,7 +26,7 @@ pub(super) struct AccuracyArguments {
 pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
     let level = level(arguments.quick);
     let found = with_bar(|progress| accuracy::run(level, progress))?;
@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));
     written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, chart(&found).as_bytes())
+        plot::write_picture(path, &chart(&found))
     });
     written.end()?;
     Ok(())

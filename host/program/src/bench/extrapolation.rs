@@ -4,7 +4,7 @@ use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::with_bar;
-use host::atomic_file::{write_atomically, write_json};
+use host::atomic_file::write_json;
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
 use study::extrapolation::{self, Extrapolation, Motion, RATES};
@@ -15,7 +15,7 @@ pub(super) struct ExtrapolationArguments {
     /// Write the table as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the error against the publication rate (SVG)
+    /// Draw the error against the publication rate (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -28,14 +28,14 @@ const DURATION: f64 = 6.0;
 pub(super) fn run(arguments: &ExtrapolationArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
     let found = with_bar(|progress| extrapolation::run(DURATION, &RATES, &BLENDS, progress))?;
     print_tables(&found);
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));
     written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, chart(&found).as_bytes())
+        plot::write_picture(path, &chart(&found))
     });
     written.end()?;
     Ok(())

@@ -4,7 +4,7 @@ use super::super::CommandError;
 use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::{level, with_bar};
-use host::atomic_file::{write_atomically, write_json};
+use host::atomic_file::write_json;
 use host::plot::{self, Marker, Series};
 use std::path::PathBuf;
 use study::stability::{self, Account, Case, Family, Report, Verdict};
@@ -21,7 +21,7 @@ pub(super) struct StabilityArguments {
     /// Write every case as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the recovery of bodies from scrambled starts (SVG)
+    /// Draw the recovery of bodies from scrambled starts (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -29,7 +29,7 @@ pub(super) struct StabilityArguments {
 pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
-        .file("--plot", arguments.plot.as_ref(), Format::Svg)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .check()?;
     let level = level(arguments.quick);
     let report = with_bar(|progress| stability::run(level, arguments.family.as_deref(), progress));
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &StabilityArguments) -> Result<(), CommandError> {
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &report));
     written.write(arguments.plot.as_ref(), |path| {
-        write_atomically(path, chart(&report).as_bytes())
+        plot::write_picture(path, &chart(&report))
     });
     written.end()?;
     match report.failures().count() {

@@ -3,6 +3,7 @@
 use super::scene::{log, picture};
 use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
 use host::atomic_file::write_atomically;
+use host::plot::write_picture;
 use host::scene::Scene;
 use host::scene::spec::SchemeName;
 use sim::DeviceModel;
@@ -81,7 +82,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     outln!("{} cells, seed {}\n", cells.len(), common.seed);
     print(&cells);
     if let Some(path) = &common.plot {
-        write_atomically(path, picture::holds(&cells).as_bytes())?;
+        write_picture(path, &picture::holds(&cells))?;
     }
     finish(&cells)
 }
@@ -232,7 +233,7 @@ fn show_cell(arguments: &HoldArguments, study: Study, cell: u64) -> Result<(), C
                 100.0 * outcome.capped
             );
             let svg = picture::cell(&title, &subtitle, run, &traces.reference);
-            write_atomically(path, svg.as_bytes())
+            write_picture(path, &svg)
         });
         written.write(arguments.log.as_ref(), |path| {
             write_atomically(path, log(run, &traces.reference).as_bytes())

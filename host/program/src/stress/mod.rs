@@ -52,7 +52,7 @@ struct Common {
     /// Append each cell as a line of JSON as soon as the cell is done. Cells that the file holds are not run again
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Draw the result (SVG)
+    /// Draw the result (SVG or PNG)
     #[arg(long, value_name = "FILE")]
     plot: Option<PathBuf>,
 }
@@ -71,7 +71,7 @@ impl Common {
     fn declare(&self, declared: Declared) -> Declared {
         declared
             .file("--json", self.json.as_ref(), Format::JsonLines)
-            .file("--plot", self.plot.as_ref(), Format::Svg)
+            .file("--plot", self.plot.as_ref(), Format::Picture)
     }
 }
 

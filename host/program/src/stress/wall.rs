@@ -1,7 +1,6 @@
 //! `palpate stress wall`: maps over stiffness and damping, with the boundary in theory and the measured one.
 
 use super::{CommandError, Common, Declared, progress_bar, show};
-use host::atomic_file::write_atomically;
 use host::plot::{self, Map, MapCell, MapLine, MapPanel};
 use std::collections::BTreeMap;
 use study::stress::wall::{self, Gain, Outcome, Panel, SCHEMES, Setting, Study, passive};
@@ -45,7 +44,7 @@ pub(super) fn run(arguments: &WallArguments) -> Result<(), CommandError> {
     print_whole(&cells);
     print_gains(&cells);
     if let Some(path) = &common.plot {
-        write_atomically(path, plot::map_svg(&map(&cells)).as_bytes())?;
+        plot::write_picture(path, &plot::map_svg(&map(&cells)))?;
     }
     Ok(())
 }

@@ -3,10 +3,18 @@
 use host::plot::{self, Marker, Series};
 use study::speed::{Speed, Varied};
 
-/// The names of the files.
-pub(super) const NAMES: [&str; 3] = ["speed-solver.svg", "speed-mesh.svg", "speed-time-step.svg"];
+/// The names of the pictures.
+const NAMES: [&str; 3] = ["speed-solver", "speed-mesh", "speed-time-step"];
+/// The formats of each picture.
+pub(super) const ENDINGS: [&str; 2] = ["svg", "png"];
 
-/// File names with their charts.
+/// Whether `file` is one of the files.
+pub(super) fn writes(file: &str) -> bool {
+    let parts = file.rsplit_once('.');
+    parts.is_some_and(|(name, ending)| NAMES.contains(&name) && ENDINGS.contains(&ending))
+}
+
+/// The pictures with their names.
 pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
     let step = "processor time of a step (ms)";
     [

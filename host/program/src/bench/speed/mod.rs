@@ -11,6 +11,7 @@ use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::{write_atomically, write_json};
+use host::plot::write_picture;
 use std::path::PathBuf;
 use study::speed::{self, Section};
 
@@ -23,7 +24,7 @@ pub(super) struct SpeedArguments {
     /// Write a line for each scene and path as CSV as well
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Draw error against processor time (SVG): speed-solver, speed-mesh and speed-time-step
+    /// Draw error against processor time: speed-solver, speed-mesh and speed-time-step, each as SVG and as PNG
     #[arg(long, value_name = "FOLDER")]
     plot: Option<PathBuf>,
     /// Use faster motions and fewer meshes: within one minute instead of twenty
@@ -71,9 +72,7 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .file("--json", arguments.json.as_ref(), Format::Json)
         .file("--csv", arguments.csv.as_ref(), Format::Csv)
-        .folder("--plot", arguments.plot.as_ref(), |file| {
-            chart::NAMES.contains(&file)
-        })
+        .folder("--plot", arguments.plot.as_ref(), chart::writes)
         .check()?;
     let level = level(arguments.quick);
     let found =
@@ -87,8 +86,11 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     // The charts show the part `precision` only.
     let drawn = arguments.plot.is_some() && !found.precision.is_empty();
     for (name, svg) in drawn.then(|| chart::all(&found)).into_iter().flatten() {
-        let path = arguments.plot.as_ref().map(|folder| folder.join(name));
-        written.write(path.as_ref(), |path| write_atomically(path, svg.as_bytes()));
+        for ending in chart::ENDINGS {
+            let file = format!("{name}.{ending}");
+            let path = arguments.plot.as_ref().map(|folder| folder.join(file));
+            written.write(path.as_ref(), |path| write_picture(path, &svg));
+        }
     }
     written.end()
 }

@@ -5,6 +5,7 @@ mod table;
 
 use super::{CommandError, Common, Declared, Format, Written, progress_bar, scheme_of, show};
 use host::atomic_file::write_atomically;
+use host::plot::write_picture;
 use host::scene::Scene;
 use host::scene::spec::SchemeName;
 use std::fmt::Write;
@@ -82,7 +83,7 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     outln!("{name}: {} worlds, seed {}\n", cells.len(), common.seed);
     table::print(&cells);
     if let Some(path) = &common.plot {
-        write_atomically(path, picture::distributions(&name, &cells).as_bytes())?;
+        write_picture(path, &picture::distributions(&name, &cells))?;
     }
     let mut failed = cells
         .iter()
@@ -122,7 +123,7 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
                 draw.trouble.name()
             );
             let svg = picture::cell(&title, &subtitle, run, &reference);
-            write_atomically(path, svg.as_bytes())
+            write_picture(path, &svg)
         });
         written.write(arguments.log.as_ref(), |path| {
             write_atomically(path, log(run, &reference).as_bytes())
