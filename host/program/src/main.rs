@@ -140,7 +140,7 @@ impl CommandError {
             | Self::Override { .. }
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
-            | Self::Run(host::run::RunError::Scene(_))
+            | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
             | Self::Study(study::StudyError::Scene(_) | study::StudyError::PublishRate { .. })
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }

@@ -6,7 +6,8 @@ use super::overrides::Overrides;
 use super::progress::ProgressBar;
 use super::{COMMIT, CommandError, SceneArgument, signals};
 use host::engine::faults::HostFault;
-use host::run::{Clock, RunOptions, TickOutputs, slow_warning};
+use host::run::frames::FrameOptions;
+use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
 use host::scene::spec::SIMULATED;
 use physics::FactorCode;
@@ -14,10 +15,14 @@ use runner::{CallPolicy, CoreChoice, Cores};
 use std::io::Write;
 use std::path::PathBuf;
 
+/// Frames a second without `--frames` (Hz).
+const FRAME_RATE: f64 = 25.0;
+
 const EXAMPLES: &str = "\
 Examples:
   palpate run --csv run.csv                           write a row for each tick
   palpate run --force-displacement run.svg            draw force against displacement of each device
+  palpate run --vtu out --frames 50                   write 50 deformed meshes a second for ParaView
   palpate run --scheme linear --latency 0.02          try another scheme and another latency
   palpate run --replay run.mcap --csv run.csv         make the table from a log";
 
@@ -57,6 +62,18 @@ pub(super) struct RunArguments {
     /// PNG): the fraction of ticks above a time, on logarithmic axes
     #[arg(long, value_name = "FILE")]
     histogram: Option<PathBuf>,
+    /// Write the deformed bodies as VTU into this folder, and the list frames.pvd, for ParaView
+    #[arg(long, value_name = "FOLDER", conflicts_with = "replay")]
+    vtu: Option<PathBuf>,
+    /// Frames of --vtu a second of the run's own time (Hz), at most `host.step_rate` of the scene. A frame is the state
+    /// after the first step at or after its time. Default: 25, or `host.step_rate` if that is lower
+    #[arg(
+        long,
+        value_name = "RATE",
+        requires = "vtu",
+        allow_negative_numbers = true
+    )]
+    frames: Option<f64>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -115,6 +132,8 @@ impl Default for RunArguments {
             csv: None,
             force_displacement: None,
             histogram: None,
+            vtu: None,
+            frames: None,
             json: None,
             replay: None,
             report_progress: false,
@@ -199,6 +218,15 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         return Err(CommandError::NeedsVirtualClock);
     }
     let loaded = arguments.overrides.load(scene)?;
+    let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
+        folder: folder.clone(),
+        rate: arguments
+            .frames
+            .unwrap_or(FRAME_RATE.min(loaded.scene.host.step_rate)),
+    });
+    if let Some(frames) = &frames {
+        frames.check(&loaded.scene).map_err(RunError::from)?;
+    }
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
@@ -209,6 +237,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             arguments.histogram.as_ref(),
             Format::Distribution,
         )
+        .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {
@@ -218,6 +247,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         plot: arguments.plot.clone(),
         ticks,
         histogram: arguments.histogram.clone(),
+        frames,
         json: arguments.json.clone(),
         faults: arguments.fault.clone(),
         instructions: match arguments.instructions {
@@ -263,12 +293,14 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     bar.finish_and_clear();
     let summary = result?;
     out!("{summary}");
+    let list = options.frames.as_ref().map(FrameOptions::list_file);
     for (output, path) in [
         ("log", &options.log),
         ("plot", &options.plot),
         ("csv", &options.ticks.csv),
         ("curve", &options.ticks.force_displacement),
         ("histogram", &options.histogram),
+        ("vtu", &list),
         ("json", &options.json),
     ] {
         if let Some(path) = path

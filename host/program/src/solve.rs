@@ -47,13 +47,13 @@ pub(super) fn run(arguments: &SolveArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(Some(&arguments.scene), &loaded)
         .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--csv", arguments.csv.as_ref(), Format::Csv)
         .file(
             "--force-displacement",
             arguments.force_displacement.as_ref(),
             Format::Picture,
         )
-        .file("--plot", arguments.plot.as_ref(), Format::Picture)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut frames = match &arguments.vtu {

@@ -20,6 +20,9 @@ const HEIGHT: i32 = 480;
 /// tremor of a hand or the counts of an encoder.
 const TURN: f64 = 0.02;
 
+/// Most points of a curve that are marked: more marks cannot be distinguished.
+const MOST_MARKS: usize = 30;
+
 /// The force on a body against the displacement of the device or the support that loads the body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LoadCurve {
@@ -33,12 +36,12 @@ pub struct LoadCurve {
 
 impl LoadCurve {
     /// The curve of a motion over `position` (m) under the forces `force` on the body (N): along the principal direction
-    /// of the motion, which points to where the motion is farthest from its start.
+    /// of the force, without force that of the motion. It points to where the motion is farthest from its start.
     pub(crate) fn of_motion(name: &str, position: &[[f64; 3]], force: &[[f64; 3]]) -> Self {
         let start = first_usable(position);
         let moved = position.iter().map(|p| Vector3::from(*p) - start);
         let moved: Vec<[f64; 3]> = moved.map(Into::into).collect();
-        let direction = main_direction(&moved, force);
+        let direction = main_direction(force, &moved);
         Self::along(name, direction.axis, &direction.name, &moved, force)
     }
 
@@ -127,7 +130,15 @@ pub fn force_displacement_svg(title: &str, curves: &[LoadCurve]) -> String {
 }
 
 fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
-    page::title(area, title, "solid: displacement grows; dashed: it returns")?;
+    let drawn: Vec<Vec<(f64, f64)>> = curves.iter().map(millimetres).collect();
+    let branches: Vec<Vec<Branch>> = drawn.iter().map(|points| branches(points)).collect();
+    let returns = branches.iter().flatten().any(|branch| !branch.loading);
+    let subtitle = if returns {
+        "solid: displacement grows; dashed: it returns"
+    } else {
+        ""
+    };
+    page::title(area, title, subtitle)?;
     // The axes name a direction that all curves have in common. Otherwise the legend names each direction.
     let common = curves.first().map(|first| &first.direction);
     let common = common.filter(|name| curves.iter().all(|curve| curve.direction == **name));
@@ -139,11 +150,10 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
             Some(_) => curve.name.clone(),
             None => format!("{}, along {}", curve.name, curve.direction),
         },
-        key: Key::Line(page::series_color(i), Marker::None),
+        key: Key::Line(page::series_color(i), marker(&drawn[i])),
     });
     let top = 56;
     let top = top + page::legend(area, WIDTH, top, &entries.collect::<Vec<_>>())?;
-    let drawn: Vec<Vec<(f64, f64)>> = curves.iter().map(millimetres).collect();
     // Both axes include zero, which is no displacement or no force.
     let all = || drawn.iter().flatten();
     let x = Axis::linear(all().map(|point| point.0).chain([0.0]), 0.04, 8.0);
@@ -169,7 +179,7 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
     }
     for (i, points) in drawn.iter().enumerate() {
         let style = page::stroke(page::series_color(i), 1.5);
-        for branch in branches(points) {
+        for branch in &branches[i] {
             draw_branch(
                 &mut panel,
                 &points[branch.from..=branch.to],
@@ -177,8 +187,21 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
                 style,
             )?;
         }
+        for point in points {
+            let (x, y) = panel.backend_coord(point);
+            marker(points).draw(area, x, y, page::series_color(i))?;
+        }
     }
     Ok(())
+}
+
+/// The mark at the points of a curve: a circle at each step of a solve, but none at the ticks of a run.
+fn marker(points: &[(f64, f64)]) -> Marker {
+    if points.len() > MOST_MARKS {
+        Marker::None
+    } else {
+        Marker::Circle
+    }
 }
 
 /// The points that can be drawn, with displacements in mm.
@@ -264,8 +287,7 @@ mod tests {
         let noise = |i: usize| if i.is_multiple_of(2) { 0.01 } else { 0.0 };
         let wave = |i: usize| match i {
             0..100 => i as f64,
-            100..200 => 200.0 - i as f64,
-            200..250 => 200.0 - i as f64,
+            100..250 => 200.0 - i as f64,
             _ => i as f64 - 300.0,
         };
         let points: Vec<_> = (0..=300)

@@ -1,6 +1,6 @@
 //! The table of a run as an observer: a row for each tick, written as the run goes.
 //!
-//! What was flushed survives the end of the process. A table that can no longer be written (a full disk) ends early; the
+//! Rows are written whole: what is in the file when the process is killed is a table up to its last row. A table that can no longer be written (a full disk) ends early; the
 //! run and its summary continue without it.
 
 use super::observer::{Observed, Observer};
@@ -13,13 +13,15 @@ use rt_core::record::{BodyTelemetry, DeviceTelemetry};
 use rt_core::safety::SafetyState;
 use runner::link::LogRecord;
 use std::fs::{OpenOptions, TryLockError};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::log::energy_sums;
 
 /// Length of the data that may be lost when the process is killed (s).
 const FLUSH_PERIOD: f64 = 0.5;
+/// Most rows that wait to be written (bytes).
+const WAITING: usize = 1 << 16;
 
 /// What the last stage does to a wrench, each with its column.
 const SAFETY: [(SafetyState, &str); 7] = [
@@ -43,7 +45,9 @@ const COUPLING: [(HostState, &str); 3] = [
 pub(super) struct CsvObserver {
     path: PathBuf,
     /// The open file; `None` after a failure.
-    file: Option<BufWriter<Box<dyn Write + Send>>>,
+    file: Option<Box<dyn Write + Send>>,
+    /// Rows that are not written yet.
+    rows: String,
     failure: Option<io::Error>,
     line: Line,
     /// Ticks from one flush to the next.
@@ -63,12 +67,11 @@ impl CsvObserver {
             path: path.to_owned(),
             source,
         };
-        let mut file = BufWriter::new(open(path).map_err(failed)?);
-        file.write_all(columns(scene).header().as_bytes())
-            .map_err(failed)?;
+        let file = open(path).map_err(failed)?;
         Ok(Self {
             path: path.to_owned(),
             file: Some(file),
+            rows: columns(scene).header(),
             failure: None,
             line: Line::default(),
             flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
@@ -89,17 +92,24 @@ impl CsvObserver {
         for (body, capped) in telemetry.bodies().zip(&mut self.capped) {
             write_body(line, body, capped);
         }
+        self.rows.push_str(line.end());
         self.taken += 1;
-        let Some(file) = &mut self.file else { return };
-        let mut written = file.write_all(line.end().as_bytes());
-        if self.taken.is_multiple_of(self.flush_every) {
-            written = written.and_then(|()| file.flush());
+        if self.rows.len() >= WAITING || self.taken.is_multiple_of(self.flush_every) {
+            self.flush();
         }
-        if let Err(error) = written {
-            self.file = None;
-            // A reader that closes its pipe has read enough.
-            self.failure = (error.kind() != io::ErrorKind::BrokenPipe).then_some(error);
+    }
+
+    /// Writes the rows that wait.
+    fn flush(&mut self) {
+        if let Some(file) = &mut self.file {
+            let written = file.write_all(self.rows.as_bytes());
+            if let Err(error) = written.and_then(|()| file.flush()) {
+                self.file = None;
+                // A reader that closes its pipe has read enough.
+                self.failure = (error.kind() != io::ErrorKind::BrokenPipe).then_some(error);
+            }
         }
+        self.rows.clear();
     }
 }
 
@@ -112,12 +122,8 @@ impl Observer for CsvObserver {
 
     /// Ends the table. If the table ended early, adds the reason to the failures.
     fn finish(mut self: Box<Self>, observed: &mut Observed) {
-        let ended = self.file.as_mut().map_or(Ok(()), Write::flush);
-        let ended = ended.or_else(|error| match error.kind() {
-            io::ErrorKind::BrokenPipe => Ok(()),
-            _ => Err(error),
-        });
-        if let Some(error) = self.failure.take().or(ended.err()) {
+        self.flush();
+        if let Some(error) = self.failure.take() {
             let path = self.path.display();
             let failure = format!("the table {path} ended early: {error}");
             observed.failures.push(failure);

@@ -88,3 +88,30 @@ impl Observer for LoadCurveObserver {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Telemetry;
+
+    /// However long a run is, the samples stay bounded and evenly spaced from its start to its end.
+    #[test]
+    fn a_long_run_keeps_samples_at_even_distances() {
+        let loaded = Scene::embedded_default().expect("the built-in scene");
+        let mut observer = LoadCurveObserver::new(Path::new("x.svg"), &loaded.scene);
+        let mut telemetry = Telemetry::empty();
+        telemetry.device_count = 2;
+        let ticks = 3 * MOST;
+        for tick in 0..ticks {
+            telemetry.devices[1].pose.position.x = tick as f64;
+            observer.take(LogRecord::Tick(&telemetry));
+        }
+        assert_eq!(observer.every, 4);
+        for device in &observer.devices {
+            assert_eq!(device.position.len(), ticks / 4);
+            assert_eq!(device.force.len(), ticks / 4);
+        }
+        let kept = observer.devices[1].position.iter().enumerate();
+        assert!({ kept }.all(|(index, at)| at[0] == 4.0 * index as f64));
+    }
+}

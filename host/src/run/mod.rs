@@ -3,6 +3,7 @@
 mod collect;
 mod csv;
 mod devices;
+pub mod frames;
 mod hand;
 mod held_back;
 mod histogram;
@@ -30,6 +31,7 @@ use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::Collector;
+use frames::{FrameOptions, FrameRateError, FrameWriter};
 use log_observer::LogObserver;
 use observer::Observers;
 use parts::Parts;
@@ -74,6 +76,8 @@ pub struct RunOptions {
     /// Path of the distributions of lateness and tick time (CSV or SVG) of a run under the real clock; `None` for a run
     /// without this file.
     pub histogram: Option<PathBuf>,
+    /// Frames of the deformed bodies; `None` for a run without frames.
+    pub frames: Option<FrameOptions>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
@@ -99,6 +103,7 @@ impl RunOptions {
             plot: None,
             ticks: TickOutputs::default(),
             histogram: None,
+            frames: None,
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
@@ -121,6 +126,9 @@ pub enum RunError {
     /// The table or the folder of the frames cannot be written.
     #[error(transparent)]
     File(#[from] AtomicFileError),
+    /// The rate of the frames is not allowed.
+    #[error(transparent)]
+    FrameRate(#[from] FrameRateError),
     /// The tick's thread cannot start.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
@@ -196,7 +204,15 @@ pub fn run_watched(
         Clock::Virtual => CoreChoice::Anywhere,
     };
     let reserved = Reserved::new(core, &Cores::of_this_machine());
-    let prepared = prepare(loaded, options, seed)?;
+    let mut prepared = prepare(loaded, options, seed)?;
+    let frames = options
+        .frames
+        .as_ref()
+        .map(|frames| FrameWriter::begin(loaded, frames, options.clock, prepared.engine.bodies()));
+    let writer = frames.transpose()?.map(|(tap, writer)| {
+        prepared.frames = Some(tap);
+        writer
+    });
     let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
     let size = (
         bodies().map(Body::element_count).sum(),
@@ -222,6 +238,9 @@ pub fn run_watched(
             parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
         }
     };
+    if let Some(writer) = writer {
+        writer.finish(&mut parts);
+    }
     parts.judge(&loaded.scene, options.log.is_some());
     let mut summary = report::summarize(loaded, options, seed, size, &parts);
     summary.unwritten.append(&mut parts.unwritten);

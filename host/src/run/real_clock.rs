@@ -4,6 +4,7 @@
 //! log's thread empties its ring fifty times a second. If the host panics, the tick continues: its force fades, and
 //! the summary reports the panic.
 
+use super::frames::FrameTap;
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::slow_host::SlowWatch;
@@ -58,6 +59,7 @@ pub(super) fn run(
         engine,
         threads,
         faults,
+        frames,
         pacer,
         slow,
         timing,
@@ -79,6 +81,7 @@ pub(super) fn run(
             engine,
             pacer,
             slow,
+            frames,
         };
         // The counts before a panic belong to the summary.
         let ended = catch_unwind(AssertUnwindSafe(|| {
@@ -133,6 +136,7 @@ struct Hosting {
     engine: Failing,
     pacer: Pacer,
     slow: SlowWatch,
+    frames: Option<FrameTap>,
 }
 
 impl Hosting {
@@ -143,6 +147,7 @@ impl Hosting {
             engine,
             pacer,
             slow,
+            frames,
         } = self;
         let watch = WallStopwatch::start();
         let start = Instant::now();
@@ -165,6 +170,9 @@ impl Hosting {
                 });
             });
             slow.look(engine.stats());
+            if let Some(frames) = frames {
+                frames.after_step(due.time_ns, engine.bodies());
+            }
             pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }
     }

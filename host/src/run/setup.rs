@@ -2,6 +2,7 @@
 
 use super::devices;
 use super::slow_host::SlowWatch;
+use super::frames::FrameTap;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
@@ -48,6 +49,8 @@ pub struct Setup {
     pub threads: Threads,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
+    /// Takes frames of the bodies; `None` for a run without frames.
+    pub frames: Option<FrameTap>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// Judges the first steps: whether they take longer than the scene allows.
@@ -112,6 +115,7 @@ pub(crate) fn setup_with(
         engine: Engine::new(held).on(scene.host.threads),
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
+        frames: None,
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         slow: SlowWatch::new(scene),
         timing: Timing {

@@ -5,6 +5,7 @@
 //! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
 //! machine's clock. Its readings never enter the state: two runs give the same bytes under any load.
 
+use super::frames::FrameTap;
 use super::late::LateLink;
 use super::message;
 use super::setup::{HostSide, Running, Setup};
@@ -46,6 +47,7 @@ pub fn run_seen(
         engine,
         threads,
         faults,
+        frames,
         pacer,
         slow,
         timing,
@@ -53,6 +55,7 @@ pub fn run_seen(
     let bodies = engine.bodies().len();
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
+        frames,
         threads,
         pacer,
         slow,
@@ -92,6 +95,7 @@ pub fn run_seen(
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
     engine: Failing,
+    frames: Option<FrameTap>,
     threads: Threads,
     pacer: Pacer,
     slow: SlowWatch,
@@ -141,6 +145,9 @@ impl Host for Paced {
             });
         });
         self.slow.look(self.engine.stats());
+        if let Some(frames) = &mut self.frames {
+            frames.after_step(due.time_ns, self.engine.bodies());
+        }
         if due.publishes {
             self.free_at = arrival_ns;
         }

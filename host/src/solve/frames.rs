@@ -86,7 +86,12 @@ impl FrameFolder {
 
     /// The path of the list, the file to open in ParaView.
     pub fn list_file(&self) -> PathBuf {
-        self.folder.join(LIST)
+        Self::list_in(&self.folder)
+    }
+
+    /// The path of the list of the frames in `folder`.
+    pub(crate) fn list_in(folder: &Path) -> PathBuf {
+        folder.join(LIST)
     }
 }
 
