@@ -228,13 +228,12 @@ impl<'a> Walk<'a, '_> {
                     }
                     ("bool", _) => "true or false".into(),
                     ("String" | "str" | "PathBuf", _) => "text".into(),
-                    ("Value", _) if is_compared(module) => "text".into(),
+                    // The comparison of a replay writes values and fields as texts.
+                    ("Value" | "Field", _) if is_compared(module) => "text".into(),
                     ("Value", _) => "any".into(),
                     ("Option", [inner]) => format!("{} or null", self.describe(inner, module)),
                     ("Vec", [inner]) => format!("list of {}", self.many(inner, module)),
                     ("Box" | "Arc", [inner]) => self.describe(inner, module),
-                    // The comparison of a replay writes values and fields as texts.
-                    ("Field", _) if is_compared(module) => "text".into(),
                     ("BTreeMap" | "HashMap", [_, inner]) => {
                         format!("{} by name", self.many(inner, module))
                     }

@@ -219,7 +219,7 @@ fn named(fields: &Fields, container: &[Attribute]) -> Vec<Field> {
     let fields = fields.iter().filter(|field| !flag(&field.attrs, "skip"));
     fields
         .map(|field| {
-            let own = field.ident.as_ref().map(|name| name.to_string());
+            let own = field.ident.as_ref().map(ToString::to_string);
             Field {
                 name: word(&field.attrs, "rename")
                     .unwrap_or_else(|| renamed(&own.unwrap_or_default(), container)),
