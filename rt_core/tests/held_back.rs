@@ -5,8 +5,8 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
-    Controller, ControllerConfig, DeviceError, DeviceState, Freedom, HeldBack, LocalModel,
-    MAX_DEVICES, PassivityConfig, Pose, Scheme, Vec3,
+    Controller, ControllerConfig, DeviceError, DeviceState, Freedom, HeldBack, HeldBackByBody,
+    HeldBackByDevice, LocalModel, MAX_DEVICES, PassivityConfig, Pose, Scheme, Vec3,
 };
 
 const PERIOD: f64 = 1e-3;
@@ -148,10 +148,10 @@ fn a_whole_force_is_not_held_back() {
     run(&mut controller, 300, 0..0, 300);
     assert_eq!(
         controller.held_back_by_devices().next(),
-        Some(Default::default())
+        Some(HeldBackByDevice::default())
     );
     assert_eq!(
         controller.held_back_by_bodies().next(),
-        Some(Default::default())
+        Some(HeldBackByBody::default())
     );
 }

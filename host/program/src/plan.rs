@@ -28,10 +28,13 @@ pub(super) struct PlanArguments {
 /// The JSON that `--json` writes.
 #[derive(Serialize)]
 struct PlanJson<'a> {
+    /// Version of this layout.
     schema: &'static str,
+    /// Name of the scene.
     scene: &'a str,
     /// Values of the scene that few scenes mean.
     warnings: Vec<String>,
+    /// The stages of a host step, in their order.
     stages: &'a [Stage],
     /// Mean time of a host step on this machine (s), with its share of the publications, as measured; `None` with
     /// `--no-timing`.

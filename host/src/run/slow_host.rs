@@ -76,14 +76,15 @@ impl StepTime {
     /// What to do where a step takes too long.
     fn advice(&self, scene: &Scene, cores: usize) -> String {
         let rate = two_digits_down(0.8e9 / self.took_ns.max(1) as f64);
-        let mut advice = format!(
-            "Lower `host.step_rate` and `host.publish_rate` to {rate} Hz or less, or take a coarser mesh"
-        );
-        if scene.host.threads < cores {
+        let more = if scene.host.threads < cores {
             let threads = cores.min(4);
-            advice += &format!(", or share the steps among cores (`host.threads = {threads}`)");
-        }
-        advice
+            format!(", or share the steps among cores (`host.threads = {threads}`)")
+        } else {
+            String::new()
+        };
+        format!(
+            "Lower `host.step_rate` and `host.publish_rate` to {rate} Hz or less, or take a coarser mesh{more}"
+        )
     }
 }
 

@@ -219,9 +219,9 @@ pub struct TripSummary {
     pub event: &'static str,
     /// Time of the trip (s).
     pub time: f64,
-    /// The value found.
+    /// The value found, in `unit`.
     pub found: f64,
-    /// The largest value allowed.
+    /// The largest value allowed, in `unit`.
     pub limit: f64,
     /// Unit of `found` and `limit`.
     pub unit: &'static str,

@@ -89,7 +89,7 @@ pub struct Reaction {
 /// A largest value and its place.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Extreme {
-    /// The value.
+    /// The value, in the unit of the quantity: displacement (m), stress (Pa).
     pub value: f64,
     /// Number of the vertex or element, from 0, in the mesh's order.
     pub at: usize,

@@ -55,9 +55,10 @@ pub struct Prediction {
     pub change: f64,
     /// Error of the predicted change, as a fraction of the change.
     pub error: f64,
-    /// The same without the drift.
+    /// Error of a prediction without the drift, as a fraction of the change.
     pub error_without_drift: f64,
-    /// The same with drift, condensed from the exact tangent of a body that no step has moved. Steps need a tangent
+    /// Error of a prediction with drift, as a fraction of the change, condensed from the exact tangent of a body that no
+    /// step has moved. Steps need a tangent
     /// without negative eigenvalues and condense that one; their drift contains the difference in compressed cells.
     pub error_exact_tangent: f64,
 }

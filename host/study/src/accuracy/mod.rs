@@ -26,13 +26,13 @@ pub use local_model::{LocalModels, Prediction};
 pub struct Point {
     /// Description for readers.
     pub mesh: String,
-    /// Size of the elements over the length of the problem (or of a time step over the duration).
+    /// Relative size: of the elements over the length of the problem (or of a time step over the duration).
     pub size: f64,
     /// The computed value, in the unit of the series.
     pub ours: f64,
-    /// The value of an independent program on the same mesh, in the same unit, if it is known.
+    /// The value of an independent program on the same mesh, in the unit of the series, if it is known.
     pub independent: Option<f64>,
-    /// `ours / reference - 1`; the value itself if the series is an error already.
+    /// Relative error, `ours / reference - 1`; the value itself if the series is an error already.
     pub error: f64,
     /// Order of convergence from the previous point; none at the first point, and for equal sizes.
     pub order: Option<f64>,
@@ -47,7 +47,7 @@ pub struct Series {
     pub title: String,
     /// Unit of the quantity; "1" for a ratio.
     pub unit: &'static str,
-    /// The exact or agreed value; none if the quantity is an error.
+    /// The exact or agreed value, in `unit`; none if the quantity is an error.
     pub reference: Option<f64>,
     /// The source of the reference.
     pub source: &'static str,

@@ -77,13 +77,14 @@ pub struct Row {
     pub mean_iterations: f64,
     /// Largest number of iterations in a step.
     pub most_iterations: usize,
-    /// The largest residual of a step, in the definition of the path.
+    /// The largest relative residual of a step, in the definition of the path.
     pub residual: f64,
     /// Force at the end, along the motion (N).
     pub force: f64,
     /// Largest error of the force against the same equation solved tightly, as a fraction of the largest force.
     pub solver_error: f64,
-    /// The same against implicit Euler by Newton's method, if that path ran.
+    /// Largest error of the force against implicit Euler by Newton's method, as a fraction of the largest force; none if
+    /// that path did not run.
     pub step_error: Option<f64>,
 }
 

@@ -43,7 +43,7 @@ pub struct Timed {
     pub count: usize,
     /// Median of the processor time (s).
     pub median: f64,
-    /// Mean number of repetitions in a step. A refresh is not a part of the step.
+    /// Mean number of times that a step repeats the part. A refresh is not a part of the step.
     pub per_step: f64,
     /// Bytes that the part must read and write.
     pub bytes: usize,
@@ -51,19 +51,19 @@ pub struct Timed {
     pub touched: usize,
     /// Operations on floating-point numbers.
     pub flops: usize,
-    /// Bytes a second.
+    /// Speed of the memory (bytes/s).
     pub bytes_per_second: f64,
-    /// Operations a second.
+    /// Operations a second (1/s).
     pub flops_per_second: f64,
-    /// Bytes a second that this machine reads from a block of size `touched`.
+    /// Speed (bytes/s) at which this machine reads from a block of size `touched`.
     pub bandwidth: f64,
-    /// Operations a second of this machine in registers, without fusing; for a whole step, in the precisions of its
+    /// Operations a second (1/s) of this machine in registers, without fusing; for a whole step, in the precisions of its
     /// parts.
     pub peak: f64,
-    /// `bytes_per_second` over `bandwidth`.
+    /// `bytes_per_second` as a fraction of `bandwidth`.
     #[serde(rename = "share_of_bandwidth")]
     pub fraction_of_bandwidth: f64,
-    /// `flops_per_second` over `peak`.
+    /// `flops_per_second` as a fraction of `peak`.
     #[serde(rename = "share_of_peak")]
     pub fraction_of_peak: f64,
 }

@@ -55,9 +55,9 @@ pub struct Case {
     pub scheme: &'static str,
     /// The verdict.
     pub verdict: Verdict,
-    /// The figure of the case, as the family defines it.
+    /// The figure of the case, in the unit of the family.
     pub figure: f64,
-    /// The largest figure that passes; none if the figure has no limit.
+    /// The largest figure that passes, in the unit of the family; none if the figure has no limit.
     pub limit: Option<f64>,
     /// The counts over the case.
     pub account: Account,

@@ -110,7 +110,7 @@ pub struct Draw {
     pub quadratic: bool,
     /// How fine the mesh is, from 0 to 1.
     pub fineness: f64,
-    /// Whether the specimen has weight.
+    /// How thick the specimen is, from 0 to 1.
     pub thickness: f64,
     /// Whether it has weight.
     pub weight: bool,

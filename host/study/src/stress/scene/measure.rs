@@ -154,10 +154,10 @@ pub struct Outcome {
     pub net_energy: f64,
     /// Force error against the reference over the whole motion, a fraction.
     pub error: f64,
-    /// The same without the time between a softening and the arrival of its first model: the reference needs no model
+    /// Force error as a fraction, without the time between a softening and the arrival of its first model: the reference needs no model
     /// and responds at once, which no tick can.
     pub error_aware: Option<f64>,
-    /// The same without the times of faults and their consequences; none if no time is left.
+    /// Force error as a fraction, without the times of faults and their consequences; none if no time is left.
     pub error_untroubled: Option<f64>,
     /// Force error of the hold against the body's own force at the same place, a fraction.
     pub stiffness_error: f64,

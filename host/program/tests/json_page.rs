@@ -1,0 +1,154 @@
+//! The book's page on JSON (`docs/src/json.md`) is generated from the doc comments of the types that the program writes.
+//! This test fails where the page is out of date, and where a number has no unit. To renew the page:
+//!
+//! ```sh
+//! PALPATE_RENEW=1 cargo test --release -p palpate --test json_page
+//! ```
+
+#[path = "json_page/page.rs"]
+mod page;
+#[path = "json_page/source.rs"]
+mod source;
+
+use page::{Output, page, unit};
+use source::Source;
+use std::path::Path;
+
+/// The files that the program writes, in the page's order.
+const OUTPUTS: [Output; 13] = [
+    Output {
+        title: "`palpate run --json`",
+        schema: "palpate.run/4",
+        about: "The summary of a run.",
+        root: "host::run::summary::RunSummary",
+    },
+    Output {
+        title: "`palpate run --replay LOG --json`",
+        schema: "palpate.replay/1",
+        about: "The comparison of a replay with its log.",
+        root: "host::run::replay::ReplayReport",
+    },
+    Output {
+        title: "`palpate solve --json`",
+        schema: "palpate.solve/1",
+        about: "Equilibrium or motion without devices.",
+        root: "host::solve::result::Solution",
+    },
+    Output {
+        title: "`palpate plan --json`",
+        schema: "palpate.plan/2",
+        about: "The stages of a host step.",
+        root: "palpate::plan::PlanJson",
+    },
+    Output {
+        title: "`palpate bench accuracy --json`",
+        schema: "palpate.accuracy/2",
+        about: "Distances from exact solutions.",
+        root: "study::accuracy::Accuracy",
+    },
+    Output {
+        title: "`palpate bench extrapolation --json`",
+        schema: "palpate.extrapolation/1",
+        about: "Errors of the force schemes between publications.",
+        root: "study::extrapolation::Extrapolation",
+    },
+    Output {
+        title: "`palpate bench speed --json`",
+        schema: "palpate.speed/1",
+        about: "Run time against error.",
+        root: "study::speed::Speed",
+    },
+    Output {
+        title: "`palpate bench stability --json`",
+        schema: "palpate.stability/1",
+        about: "Bodies under extreme conditions.",
+        root: "study::stability::Report",
+    },
+    Output {
+        title: "`palpate bench velocity --json`",
+        schema: "palpate.velocity/1",
+        about: "Errors of the estimate of velocity.",
+        root: "study::velocity::VelocityStudy",
+    },
+    Output {
+        title: "`palpate stress wall --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::wall::Outcome",
+    },
+    Output {
+        title: "`palpate stress faults --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::faults::Outcome",
+    },
+    Output {
+        title: "`palpate stress hold --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::hold::CellResult",
+    },
+    Output {
+        title: "`palpate stress scene --json`",
+        schema: "",
+        about: "A line for each cell.",
+        root: "study::stress::scene::CellResult",
+    },
+];
+
+/// The crates whose types are written, by name and folder.
+const CRATES: [(&str, &str); 8] = [
+    ("host", "host/src"),
+    ("palpate", "host/program/src"),
+    ("study", "host/study/src"),
+    ("physics", "host/physics/src"),
+    ("sim", "sim/src"),
+    ("rt_core", "rt_core/src"),
+    ("runner", "rt_core/runner/src"),
+    ("devices", "rt_core/devices/src"),
+];
+
+const RENEW: &str = "PALPATE_RENEW=1 cargo test --release -p palpate --test json_page";
+
+#[test]
+fn the_page_on_json_is_up_to_date_and_every_number_has_a_unit() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let source = Source::read(&root, &CRATES);
+    let page = page(&source, &OUTPUTS);
+    assert!(
+        page.without_unit.is_empty(),
+        "these numbers name no unit: end the doc comment of the field (or of its type) with one in parentheses, such as \
+         (m), or say that the number is a fraction, a factor or relative:\n{}",
+        page.without_unit.join("\n")
+    );
+    assert!(
+        page.without_words.is_empty(),
+        "these fields have no doc comment:\n{}",
+        page.without_words.join("\n")
+    );
+    let path = root.join("docs/src/json.md");
+    if std::env::var_os("PALPATE_RENEW").is_some() {
+        std::fs::write(&path, &page.text).expect("the page can be written");
+        return;
+    }
+    let found = std::fs::read_to_string(&path).unwrap_or_default();
+    let differs = found.lines().zip(page.text.lines()).find(|(a, b)| a != b);
+    assert!(
+        found == page.text,
+        "docs/src/json.md is out of date: {differs:?}. Renew it with\n\n  {RENEW}\n"
+    );
+}
+
+#[test]
+fn a_unit_is_read_from_the_field_before_its_type() {
+    let of = |field, definition| unit(field, definition).unwrap_or_default();
+    assert_eq!(of("The largest force (N), at a time.", "All in (s)."), "N");
+    assert_eq!(of("Median.", "A distribution of times (s)."), "s");
+    assert_eq!(
+        of("Damping: by mass (1/s) and by stiffness (s).", ""),
+        "1/s, s"
+    );
+    assert_eq!(of("A fraction of the force.", "Forces (N)."), "1");
+    assert_eq!(of("The value, in `unit`.", ""), "see there");
+    assert_eq!(of("The time (see below).", "A thing."), "");
+}
