@@ -86,7 +86,7 @@ fn wrong_devices_rates_and_troubles_are_refused_with_what_is_allowed() {
             "wall bad.toml",
             "bad.toml:3: mass: found -1, allowed: a number above 0",
         ),
-        ("faults scene.toml", "scene.toml:2: duration: unknown field"),
+        ("faults scene.toml", "scene.toml:4: body: unknown field"),
         (
             "wall undamped.toml",
             "undamped.toml:4: damping: found 0, allowed: above 0 for a study of walls",
@@ -147,7 +147,7 @@ fn worlds_of_one_rate_and_trouble_print_warnings_of_their_scene() {
     let (shown, said) = (text(output.stdout), text(output.stderr));
     assert_eq!(output.status.code(), Some(0), "{said}");
     // The strip is mounted: the study turns its forces into the axes of the device.
-    assert!(said.starts_with("warning: scene.toml:"), "{said}");
+    assert!(said.starts_with("palpate: warning: scene.toml:"), "{said}");
     assert!(said.contains("device[0].mounting.origin"), "{said}");
     for row in [
         "| 90 | linear | 2 |",
@@ -160,7 +160,7 @@ fn worlds_of_one_rate_and_trouble_print_warnings_of_their_scene() {
     assert!(cells.iter().all(|cell| cell["draw"]["rate"] == 90.0));
     let warned = palpate(folder.path(), "stress hold scene.toml");
     let said = text(warned.stderr);
-    assert!(said.starts_with("warning: scene.toml:"), "{said}");
+    assert!(said.starts_with("palpate: warning: scene.toml:"), "{said}");
 }
 
 #[test]

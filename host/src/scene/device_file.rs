@@ -59,7 +59,8 @@ impl NamedDevice {
             return Ok(found);
         }
         let path = Path::new(text);
-        if !text.ends_with(".toml") && !path.exists() {
+        let is_file = path.extension().is_some_and(|ending| ending == "toml");
+        if !is_file && !path.exists() {
             let known: Vec<_> = FILES.iter().map(|(name, _)| *name).collect();
             return Err(SceneError::NoDevice {
                 found: text.to_owned(),

@@ -211,3 +211,79 @@ fn worst_ripple(force: &[Vec3], period: f64) -> f64 {
         .map(|window| band_rms(window, period))
         .fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn within(from: f64, to: f64, time: f64) -> bool {
+        (from..to).contains(&time)
+    }
+
+    #[test]
+    fn a_hold_back_lasts_over_short_gaps_and_needs_a_noticeable_force() {
+        // Two newtons, of which `force` is withheld at each time (s).
+        let body = |force: fn(f64) -> f64| {
+            let ticks = (0..2000).map(|tick| f64::from(tick) * 1e-3);
+            let withheld = ticks.map(|time| Withheld {
+                force: force(time),
+                of: 2.0,
+            });
+            BodyRecord {
+                withheld: withheld.collect(),
+                capped: 500,
+                ..BodyRecord::default()
+            }
+        };
+        let quiet = BodyMeasures::of(&body(|_| 0.015), 1e-3);
+        assert_eq!((quiet.held_back, quiet.longest_hold_back), (0.0, 0.0));
+        assert_eq!((quiet.most_withheld, quiet.capped), (0.015, 0.25));
+        // 50 ms without are a gap, 200 ms end the hold-back.
+        let found = BodyMeasures::of(
+            &body(|time| {
+                let acts =
+                    within(0.1, 0.3, time) || within(0.35, 0.4, time) || within(0.6, 0.7, time);
+                if acts { 0.5 } else { 0.0 }
+            }),
+            1e-3,
+        );
+        // The bound is one tick on either side.
+        assert!((found.held_back - 0.35).abs() < 3.1e-3, "{found:?}");
+        assert!((found.longest_hold_back - 0.3).abs() < 2.1e-3, "{found:?}");
+        let whole = BodyMeasures::of(&body(|_| 0.5), 1e-3);
+        assert_eq!(whole.longest_hold_back, 2.0);
+    }
+
+    #[test]
+    fn errors_ripple_and_peaks_are_those_of_the_signals() {
+        let run = |amplitude: f64| {
+            let force = (0..2000).map(|tick| {
+                let angle = std::f64::consts::TAU * 50.0 * f64::from(tick) * 1e-3;
+                // A pulse at the start, which is not measured.
+                let pulse = if tick < 100 { 5.0 } else { 0.0 };
+                Vec3::new(2.0 + pulse + amplitude * libm::sin(angle), 0.0, 0.0)
+            });
+            Record {
+                period: 1e-3,
+                devices: vec![DeviceRecord {
+                    force: force.collect(),
+                    ..DeviceRecord::default()
+                }],
+                out: vec![0.0; 2000],
+                ..Record::default()
+            }
+        };
+        let mut expected = run(0.0);
+        expected.devices[0].force[..100].fill(Vec3::zeros());
+        let found = Measures::of(&run(0.4), &["one".to_owned()], Some(&expected), 0.5);
+        let device = &found.devices[0];
+        let rms = 0.4 / 2.0_f64.sqrt();
+        let error = device.error.expect("a reference");
+        // Whole periods of the sine; rounding alone.
+        assert!((error.rms - rms).abs() < 1e-9 && (error.relative - rms / 2.0).abs() < 1e-9);
+        assert!((error.largest - 0.4).abs() < 1e-9 && error.largest_time >= 0.5);
+        // A line of a Hann window is three lines wide, all in the band.
+        assert!((device.ripple - rms).abs() < 1e-6, "{}", device.ripple);
+        assert!(device.peak_force > 7.0 && device.peak_time < 0.1);
+    }
+}

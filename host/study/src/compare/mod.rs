@@ -30,8 +30,8 @@ use host::scene::spec::SchemeName;
 use record::Recorder;
 use serde::Serialize;
 use std::num::NonZero;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 /// Version of the JSON of a [`Comparison`].
 pub const SCHEMA: &str = "palpate.compare/1";
@@ -114,13 +114,7 @@ pub struct Run {
     pub record: Record,
 }
 
-/// The work of one thread at a time.
-enum Job {
-    Reference,
-    Run(LoadedScene),
-}
-
-/// The result of a [`Job`].
+/// The result of one run.
 enum Done {
     Reference(Result<Record, StudyError>),
     Run(Result<(Record, Vec<String>), StudyError>),
@@ -139,12 +133,10 @@ pub fn compare(
     loaded.scene.seed = settings.seed.unwrap_or(loaded.scene.seed);
     loaded.scene.duration = settings.duration.unwrap_or(loaded.scene.duration);
     let runs = runs(&loaded, settings)?;
-    let mut jobs: Vec<Job> = runs
-        .iter()
-        .map(|(_, loaded)| Job::Run(loaded.clone()))
-        .collect();
+    // The scene of each run; none for the reference, which takes longest and is first.
+    let mut jobs: Vec<Option<&LoadedScene>> = runs.iter().map(|(_, run)| Some(run)).collect();
     if !settings.without_reference {
-        jobs.insert(0, Job::Reference);
+        jobs.insert(0, None);
     }
     let world = World {
         draw: Draw::untroubled(loaded.scene.host.publish_rate, loaded.scene.host.latency),
@@ -158,12 +150,12 @@ pub fn compare(
         progress((before + thousandths) as f64 / of);
     };
     let found = in_threads(settings.threads, &jobs, |job| match job {
-        Job::Reference => {
+        None => {
             let found = reference::run(&world).map(|trace| Record::of_reference(&trace));
             add(1000);
             Done::Reference(found)
         }
-        Job::Run(loaded) => Done::Run(run(loaded, &settings.faults, &add)),
+        Some(loaded) => Done::Run(run(loaded, &settings.faults, &add)),
     });
     let (mut reference_record, mut no_reference) = (None, None);
     let mut records = Vec::new();
@@ -310,15 +302,13 @@ fn in_threads<J: Sync, D: Send>(
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(job) = jobs.get(number) else { break };
                     let done = work(job);
-                    let mut found = found.lock().unwrap_or_else(|broken| broken.into_inner());
+                    let mut found = found.lock().unwrap_or_else(PoisonError::into_inner);
                     found.push((number, done));
                 }
             });
         }
     });
-    let mut found = found
-        .into_inner()
-        .unwrap_or_else(|broken| broken.into_inner());
+    let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
     found.sort_by_key(|(number, _)| *number);
     found.into_iter().map(|(_, done)| done).collect()
 }

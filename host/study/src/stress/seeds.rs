@@ -130,22 +130,21 @@ pub fn compare(paths: &[PathBuf]) -> Result<Seeds, SeedsError> {
         for (of, quantity, value) in values {
             let same = |one: &&mut Spread| one.of == of && one.quantity == quantity;
             let value = value.is_finite().then_some(value);
-            match spreads.iter_mut().find(same) {
-                Some(known) => known.values[number] = value,
-                None => {
-                    let mut values = vec![None; headers.len()];
-                    values[number] = value;
-                    spreads.push(Spread {
-                        of,
-                        quantity,
-                        values,
-                        mean: None,
-                        deviation: None,
-                        least: None,
-                        most: None,
-                    });
-                }
+            if let Some(known) = spreads.iter_mut().find(same) {
+                known.values[number] = value;
+                continue;
             }
+            let mut values = vec![None; headers.len()];
+            values[number] = value;
+            spreads.push(Spread {
+                of,
+                quantity,
+                values,
+                mean: None,
+                deviation: None,
+                least: None,
+                most: None,
+            });
         }
     }
     for spread in &mut spreads {
