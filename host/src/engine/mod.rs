@@ -20,7 +20,7 @@ pub mod recipe;
 pub mod rehearsal;
 mod solver;
 pub mod stats;
-mod stored;
+pub mod stored;
 pub mod threads;
 pub mod virtual_coupling;
 

@@ -5,7 +5,7 @@
 
 use super::parts::Parts;
 use crate::atomic_file::{AtomicFileError, write_atomically};
-use crate::plot::{Marker, Series, line_chart_svg, write_picture};
+use crate::plot::{Series, line_chart_svg, write_picture};
 use crate::scene::Scene;
 use runner::latency::LatencyHistogram;
 use std::fmt::Write as _;
@@ -77,7 +77,7 @@ fn picture(scene: &str, all: &[(String, &LatencyHistogram)]) -> String {
         .map(|(name, histogram)| Series {
             name: format!("{name}, {} ticks", histogram.count()),
             points: staircase(histogram),
-            marker: Marker::None,
+            ..Series::default()
         })
         .collect();
     let title = format!("{scene}: lateness and duration of the ticks");

@@ -10,6 +10,7 @@ mod histogram;
 pub mod late;
 mod load_curve;
 mod log_observer;
+mod marks;
 pub mod observer;
 mod parts;
 mod real_clock;

@@ -11,7 +11,7 @@ use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
 use crate::machine::Machine;
-use crate::plot::{DeviceSeries, Mark, PlotData};
+use crate::plot::{DeviceSeries, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
@@ -286,14 +286,6 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData
         ),
         time: collected.samples.iter().map(|sample| sample.time).collect(),
         devices: series.collect(),
-        marks: collected
-            .spans
-            .iter()
-            .map(|span| Mark {
-                from: span.from,
-                to: span.to,
-                label: span.description.clone(),
-            })
-            .collect(),
+        marks: collected.marks.clone(),
     }
 }
