@@ -94,7 +94,7 @@ fn go_through(chance: Chance, outcome: &mut Outcome) {
     scheme.name().clone_into(&mut outcome.scheme);
     let config = config(chance, scheme);
     let devices = config.devices.len();
-    let mut controller = Controller::new(&config);
+    let mut controller = Box::new(Controller::new(&config));
     let mut clock = Clock::new(chance);
     let hands = Hands::new(chance, devices);
     let mut models = Models::new(chance, devices);
