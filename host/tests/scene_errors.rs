@@ -448,8 +448,8 @@ hand = {}
   -> hand.recording = ''
   x.toml:39: device[0].hand.recording: found "", allowed: the name of a file
 [[device]]¶name = "right"¶model = "touch"¶
-  -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
-  x.toml:36: device: found 5, allowed: up to 4 of them
+  -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "f"¶model = "touch"¶hand = {}¶[[device]]¶name = "g"¶model = "touch"¶hand = {}¶[[device]]¶name = "h"¶model = "touch"¶hand = {}¶[[device]]¶name = "i"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
+  x.toml:36: device: found 9, allowed: up to 8 of them
 "#,
     );
 }

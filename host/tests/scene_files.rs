@@ -43,7 +43,8 @@ fn every_shipped_scene_loads() -> Outcome {
             "sleeve",
             "stretch",
             "thread",
-            "twist"
+            "twist",
+            "two_people"
         ]
     );
     Ok(())

@@ -155,3 +155,54 @@ fn a_tool_of_six_degrees_of_freedom_feels_the_moments_about_its_origin() {
         );
     }
 }
+
+#[test]
+fn four_devices_hold_two_bodies_at_six_places() {
+    let loaded = load(include_str!("../scenes/two_people.toml"));
+    let scene = &loaded.scene;
+    assert_eq!((scene.bodies.len(), scene.devices.len()), (2, 4));
+    assert_eq!(
+        scene
+            .bodies
+            .iter()
+            .map(|body| body.handles.len())
+            .sum::<usize>(),
+        6
+    );
+    assert_eq!(bodies::bodies_held(scene), [1, 2, 1, 1]);
+    let (ticks, models) = observed(&loaded, 2.0);
+    let handles = [0, 1].map(|body| {
+        let (_, model) = models.iter().find(|(of, _)| *of == body).unwrap();
+        model
+            .handles()
+            .map(|handle| handle.device)
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(handles, [vec![0, 1], vec![1, 2, 3]]);
+    // What the hands supply is what the bodies took, over all devices and bodies.
+    let mut work = 0.0;
+    for pair in ticks.windows(2) {
+        for device in 0..4 {
+            let [before, after] = [&pair[0].devices[device], &pair[1].devices[device]];
+            work -= before
+                .wrench
+                .force
+                .dot(&(after.pose.position - before.pose.position));
+        }
+    }
+    let last = ticks.last().unwrap();
+    let supplied: f64 = last.bodies().map(|body| body.energy.supplied).sum();
+    // Rounding of works of order 10 mJ.
+    assert!((supplied - work).abs() < 1e-13, "{supplied} {work}");
+    for device in 0..4 {
+        let forces = ticks
+            .iter()
+            .map(|tick| tick.devices[device].wrench.force.norm());
+        let peak = forces.fold(0.0, f64::max);
+        assert!(peak > 0.1, "device {device}: {peak} N");
+    }
+    // Every body gave back no more than it got, but for the allowance and the debt up to which the cap damps.
+    for body in last.bodies() {
+        assert!(body.energy.least > -1e-3, "{:?}", body.energy);
+    }
+}

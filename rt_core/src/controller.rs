@@ -118,20 +118,23 @@ pub struct Controller {
 pub type Reading = Result<DeviceState, DeviceError>;
 
 impl Controller {
-    /// A controller at rest, before its first model.
+    /// A controller at rest, before its first model. It takes half a megabyte, so keep it on the heap.
     pub fn new(config: &ControllerConfig) -> Self {
-        let devices = config.devices.iter();
-        let channels = devices.map(|device| Channel::new(device.frame, device.safety));
-        Self {
-            channels: channels.collect(),
-            couplings: config
-                .bodies
-                .iter()
-                .map(|body| Coupling::new(*body))
-                .collect(),
+        // Built in place: a second copy would be too much for the stack of some threads.
+        let mut new = Self {
+            channels: heapless::Vec::new(),
+            couplings: heapless::Vec::new(),
             stray_models: 0,
             tick: 0,
+        };
+        // The lists have the capacities of those in the configuration.
+        for device in &config.devices {
+            let _ = new.channels.push(Channel::new(device.frame, device.safety));
         }
+        for body in &config.bodies {
+            let _ = new.couplings.push(Coupling::new(*body));
+        }
+        new
     }
 
     /// Hands over the newest local model of a body. The next tick takes the model into use.
@@ -202,6 +205,8 @@ impl Controller {
         forces: &mut Forces,
         telemetry: &mut Telemetry,
     ) {
+        // Devices that do not exist cost nothing.
+        let proxies = proxies.get(..self.channels.len()).unwrap_or(proxies);
         let bodies = self.couplings.iter_mut().zip(&mut forces.by_body);
         for ((coupling, by_device), record) in bodies.zip(&mut telemetry.bodies) {
             let wrenches = coupling.tick(now_ns, proxies);
@@ -231,6 +236,7 @@ impl Controller {
         telemetry: &mut Telemetry,
     ) -> [Wrench; MAX_DEVICES] {
         let mut commands = [Wrench::zero(); MAX_DEVICES];
+        let bodies = self.couplings.len();
         let inputs = self.channels.iter_mut().zip(proxies).zip(fresh);
         let inputs = inputs.zip(&forces.on_proxies).zip(&mut forces.passed);
         let outputs = commands.iter_mut().zip(&mut telemetry.devices);
@@ -242,7 +248,7 @@ impl Controller {
             if let Freedom::Along(axes) = actuated {
                 // The mechanism bears the force along the other axes. No account may take that force as rendered.
                 let frame = &channel.frame;
-                let here = forces.by_body.iter_mut();
+                let here = forces.by_body.iter_mut().take(bodies);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                     wrench.force = frame.borne_by(axes, &wrench.force);
                 }
@@ -266,7 +272,7 @@ impl Controller {
             rest.force *= lever;
             let (force, moment) = (force * lever, moment * lever);
             *passed = force;
-            let here = forces.by_body.iter_mut();
+            let here = forces.by_body.iter_mut().take(bodies);
             for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
                 wrench.force = wrench.force * force + rest.force;
                 wrench.moment *= moment;

@@ -439,7 +439,8 @@ impl Coupling {
         let mut wrenches = self.to.wrenches(&deviations, self.ahead);
         if self.blend < 1.0 {
             let old = self.from.wrenches(&deviations, self.ahead);
-            for (wrench, old) in wrenches.iter_mut().zip(&old) {
+            let used = usize::from(self.to.handle_count);
+            for (wrench, old) in wrenches.iter_mut().zip(&old).take(used) {
                 *wrench = old
                     .scaled(1.0 - self.blend)
                     .plus(&wrench.scaled(self.blend));

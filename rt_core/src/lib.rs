@@ -72,10 +72,10 @@ pub use passivity::{EnergyAccount, PassivityConfig, Port, Withheld};
 pub use record::{Telemetry, TickRecord};
 pub use scheme::Scheme;
 
-/// Largest number of devices that one loop serves (two people with two hands each).
-pub const MAX_DEVICES: usize = 4;
+/// Largest number of devices that one loop serves (four people with two hands each).
+pub const MAX_DEVICES: usize = 8;
 /// Largest number of handles on one connected body.
-pub const MAX_HANDLES: usize = 4;
+pub const MAX_HANDLES: usize = 8;
 /// Largest number of connected bodies that the tick renders at the same time.
 pub const MAX_BODIES: usize = 4;
 

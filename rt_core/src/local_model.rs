@@ -213,7 +213,7 @@ impl LocalModel {
     }
 
     /// Copies the used part of another model. The unused part stays as it was. With one handle, the used part is a
-    /// tenth of the whole.
+    /// fiftieth of the whole.
     pub fn copy_used_from(&mut self, other: &impl PublishedModel) {
         let Self {
             sequence,
@@ -337,7 +337,12 @@ impl LocalModel {
                 }
             }
         }
-        if scales.iter().flatten().all(|&fraction| fraction == 1.0) {
+        if scales
+            .iter()
+            .take(n)
+            .flatten()
+            .all(|&fraction| fraction == 1.0)
+        {
             return;
         }
         let scale = |[linear, angular]: [f64; 2]| {
@@ -361,7 +366,10 @@ impl LocalModel {
     /// resists.
     pub(crate) fn rest_dampers(&mut self) {
         let n = usize::from(self.handle_count);
-        let twists = self.handles.map(|handle| handle.twist.stacked());
+        let mut twists = [Vec6::zeros(); MAX_HANDLES];
+        for (twist, handle) in twists.iter_mut().zip(self.handles()) {
+            *twist = handle.twist.stacked();
+        }
         for (row, handle) in self.damping.iter().zip(&mut self.handles).take(n) {
             let mut wrench = handle.wrench.stacked();
             for (b, twist) in row.iter().zip(&twists).take(n) {

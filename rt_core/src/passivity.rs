@@ -179,6 +179,8 @@ impl EnergyAccount {
 pub struct Passivity {
     config: PassivityConfig,
     hands: [Hand; MAX_DEVICES],
+    /// Number of devices that move these hands.
+    devices: usize,
     account: EnergyAccount,
     /// Energy that springs may give back (J): the energy that hands have supplied, minus the forgotten part.
     credit: f64,
@@ -203,6 +205,7 @@ impl Passivity {
         Self {
             config,
             hands: [Hand::new(); MAX_DEVICES],
+            devices: 0,
             account: EnergyAccount {
                 available: config.allowance,
                 ..EnergyAccount::default()
@@ -237,8 +240,10 @@ impl Passivity {
     /// Returns the displacement of each device since then.
     pub(crate) fn observe(&mut self, poses: impl Iterator<Item = Pose>) -> [Vec6; MAX_DEVICES] {
         let mut steps = [Vec6::zeros(); MAX_DEVICES];
+        self.devices = 0;
         let each = self.hands.iter_mut().zip(&self.config.ports);
         for (((hand, port), pose), step) in each.zip(poses).zip(&mut steps) {
+            self.devices = self.devices.saturating_add(1);
             let Some(before) = hand.pose.replace(pose) else {
                 continue;
             };
@@ -361,7 +366,8 @@ impl Passivity {
     /// the weights in these wrenches.
     pub(crate) fn hold(&mut self, wrenches: &[Wrench; MAX_DEVICES], weights: &[Vec3; MAX_DEVICES]) {
         let each = self.hands.iter_mut().zip(&self.config.ports);
-        for ((hand, port), (wrench, weight)) in each.zip(wrenches.iter().zip(weights)) {
+        let each = each.zip(wrenches.iter().zip(weights));
+        for ((hand, port), (wrench, weight)) in each.take(self.devices) {
             // No device holds a larger force, so a larger number was limited before it left.
             let held = |force: &Vec3| force.norm() <= MOST_FORCE;
             let zero = (Wrench::zero(), Vec3::zeros());

@@ -150,8 +150,7 @@ impl Telemetry {
         record.time_ns = self.time_ns;
         record.device_count = self.device_count;
         for ((device, proxy), buttons) in self
-            .devices
-            .iter()
+            .devices()
             .zip(&mut record.proxies)
             .zip(&mut record.buttons)
         {

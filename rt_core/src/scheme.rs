@@ -15,7 +15,6 @@
 //! As printed, equation 4.5 equates its two parts. As meant, the parts add: `F_tear + k (x_handle - x_proxy) - k_v v`.
 //! `linear` has no second spring, which would count the same displacement twice.
 
-use crate::MAX_HANDLES;
 use crate::geometry::{Mat6, Twist, Wrench};
 use crate::local_model::{LocalModel, PairBlocks};
 
@@ -76,7 +75,9 @@ impl Scheme {
 /// Leaves `value` on the translations of each of the first `n` handles alone.
 fn own_translation(blocks: &mut PairBlocks, value: f64, n: usize) {
     for (i, row) in blocks.iter_mut().enumerate().take(n) {
-        *row = [Mat6::zeros(); MAX_HANDLES];
+        row.iter_mut()
+            .take(n)
+            .for_each(|block| *block = Mat6::zeros());
         if let Some(own) = row.get_mut(i) {
             own.fixed_view_mut::<3, 3>(0, 0).fill_diagonal(value);
         }

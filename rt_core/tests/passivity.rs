@@ -24,7 +24,7 @@ const BOUND: f64 = 2.0 * DAMPING / PERIOD;
 
 /// A device that moves along x, and the forces that it renders.
 struct Rig {
-    controller: Controller,
+    controller: Box<Controller>,
     estimator: VelocityEstimator,
     x: f64,
     v: f64,
@@ -64,7 +64,7 @@ fn rig(scheme: Scheme, delay: usize, x: f64) -> Rig {
     });
     let _ = config.bodies.push(coupling_config(scheme, &passivity));
     Rig {
-        controller: Controller::new(&config),
+        controller: Box::new(Controller::new(&config)),
         estimator: VelocityEstimator::new(PERIOD, VelocityEstimator::DEFAULT_CUTOFF),
         x,
         v: 0.0,

@@ -1,4 +1,4 @@
-//! A control law for measurements and tests: one body with up to four handles, each held by a device that moves and
+//! A control law for measurements and tests: one body with up to eight handles, each held by a device that moves and
 //! turns, and models in which every block is full.
 
 use nalgebra::UnitQuaternion;
@@ -14,7 +14,7 @@ use rt_core::{
 /// The schemes, by name.
 pub const SCHEMES: [&str; 6] = ["hold", "thesis", "linear", "proxy", "classic", "capped"];
 /// The numbers of handles in tests.
-pub const HANDLES: [usize; 3] = [1, 2, 4];
+pub const HANDLES: [usize; 5] = [1, 2, 4, 6, 8];
 /// Successive ticks in which a device may be silent.
 pub const PATIENCE: u32 = 10;
 /// Age above which a model is no longer trusted (ns).
@@ -64,7 +64,7 @@ pub fn scheme(name: &str) -> Scheme {
 }
 
 /// A controller for one body, held by as many devices as it has handles.
-pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
+pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Box<Controller> {
     let period = 1e-3;
     let mut config = ControllerConfig::default();
     for _ in 0..handles {
@@ -105,7 +105,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Controller {
         hold_damping: 2.0,
         passivity,
     });
-    Controller::new(&config)
+    Box::new(Controller::new(&config))
 }
 
 /// A model in which every block is full, published every `period` (s).

@@ -79,7 +79,7 @@ impl Faults {
     }
 
     /// A spoilt copy of the model that is published at `now_ns`, if a fault is due. A sound model is not copied,
-    /// since it takes some 10 kB.
+    /// since it takes some 39 kB.
     fn spoilt(&self, now_ns: u64, model: &LocalModel) -> Option<LocalModel> {
         let due = || self.pending.iter().filter(|fault| fault.lasts_at(now_ns));
         due().next()?;

@@ -41,7 +41,7 @@ pub(super) struct TickSide {
     pub(super) counters: TickCounters,
     pub(super) refused_wrenches: u64,
     pub(super) latencies: Latencies,
-    pub(super) controller: Controller,
+    pub(super) controller: Box<Controller>,
     pub(super) devices: Vec<AnyDevice>,
 }
 
@@ -90,8 +90,6 @@ impl Parts {
 }
 
 /// Runs what is prepared under virtual time. `progress` is given the number of ticks done.
-// The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
-#[inline(never)]
 pub(super) fn under_virtual_time(
     prepared: Setup,
     mut observers: Observers,
@@ -130,8 +128,6 @@ pub(super) fn under_virtual_time(
 ///
 /// # Errors
 /// The system gives no thread, or the tick's thread panicked.
-// The controller takes 280 KB. A frame of its own keeps its copies out of the frame of the caller.
-#[inline(never)]
 pub(super) fn under_the_real_clock(
     prepared: Setup,
     options: &RunOptions,

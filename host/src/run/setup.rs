@@ -105,6 +105,7 @@ pub(crate) fn setup_with(
     let config = controller(loaded, &devices)?;
     let (end, host, log) = link(&LinkConfig {
         bodies: scene.bodies.len(),
+        handles: scene.devices.len(),
         ..LinkConfig::new(scene.realtime.rate, scene.host.publish_rate)
     });
     let period = 1.0 / scene.realtime.rate;

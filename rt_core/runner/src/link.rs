@@ -25,7 +25,7 @@ use crate::memory::MemoryRange;
 use crate::model_ring::{ModelReader, ModelWriter, model_ring, prefaulted_model_ring};
 use crate::ring::{Sequence, drain, drain_up_to, prefaulted, slots_for, take_newest};
 use rt_core::local_model::PackedModel;
-use rt_core::{LocalModel, MAX_BODIES, Telemetry, TickRecord};
+use rt_core::{LocalModel, MAX_BODIES, MAX_HANDLES, Telemetry, TickRecord};
 use rtrb::{Consumer, Producer};
 
 /// Sizes of the rings of a link.
@@ -37,6 +37,9 @@ pub struct LinkConfig {
     pub publish_rate: f64,
     /// Number of connected bodies, of which at most [`MAX_BODIES`] get a ring.
     pub bodies: usize,
+    /// Largest number of handles of a body for which the rings have room in every slot, at most [`MAX_HANDLES`]. A body
+    /// has at most one handle for each device of its scene.
+    pub handles: usize,
     /// Duration of a stall of either side before a record is refused (s).
     pub stall: f64,
 }
@@ -51,13 +54,14 @@ impl LinkConfig {
             tick_rate,
             publish_rate,
             bodies: 1,
+            handles: MAX_HANDLES,
             stall: Self::STALL,
         }
     }
 }
 
-/// Makes the rings. Allocates and maps all their memory: at 1 kHz about 10 MB, and for each body 1 MB per 10 Hz of
-/// publication rate.
+/// Makes the rings. Allocates and maps all their memory: at 1 kHz about 19 MB, and for each body per 10 Hz of publication
+/// rate 0.03 MB with one handle, 0.1 MB with two, 0.5 MB with four and 2 MB with eight.
 ///
 /// ```
 /// use rt_core::{LocalModel, Telemetry};
@@ -89,8 +93,9 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
     let mut to_tick = Vec::new();
     let mut inlets = Vec::new();
     let bodies = config.bodies.min(MAX_BODIES);
+    let handles = config.handles.clamp(1, MAX_HANDLES);
     for _ in 0..bodies {
-        let (writer, ring, used) = prefaulted_model_ring(models);
+        let (writer, ring, used) = prefaulted_model_ring(models, handles);
         memory.extend(used);
         to_tick.push(writer);
         inlets.push(Inlet {
@@ -99,7 +104,7 @@ pub fn link(config: &LinkConfig) -> (TickEnd, HostEnd, LogEnd) {
         });
     }
     // Both threads of this ring may wait for a page, so the ring is not mapped in advance.
-    let (copies, to_replay) = model_ring(models * bodies);
+    let (copies, to_replay) = model_ring(models * bodies, handles);
     let tick = TickEnd {
         to_host,
         to_log,

@@ -6,20 +6,22 @@
 //! head last.
 //!
 //! The handles of a model lie one after another in memory, and so do its blocks. The writer skips the end of a ring
-//! that is too short for them. A ring never contains more than one skipped end. It has room for the largest model in
-//! every slot of the ring of heads, and for one model more in place of the skipped end. Therefore the number of models
-//! alone decides whether a model finds room.
+//! that is too short for them. A ring never contains more than one skipped end. It has room for the largest model that
+//! its configuration names in every slot of the ring of heads, and for one model more in place of the skipped end. For
+//! such models, the number of models alone decides whether a model finds room. A larger model finds room or is refused.
 //!
 //! A head states where its parts end. The reader thus finds the newest model in constant time, and reads it in place.
 
 use crate::memory::MemoryRange;
 use crate::ring::prefaulted;
 use rt_core::local_model::{ModelHead, PackedModel, PublishedModel};
-use rt_core::{HandleReference, LocalModel, MAX_HANDLES, Mat6};
+use rt_core::{HandleReference, LocalModel, Mat6};
 use rtrb::{Consumer, Producer, RingBuffer};
 
-/// Largest number of blocks of a model.
-const MOST_BLOCKS: usize = 2 * MAX_HANDLES * MAX_HANDLES;
+/// Number of blocks of a model of `handles` handles.
+fn blocks_of(handles: usize) -> usize {
+    2 * handles * handles
+}
 
 /// Numbers of handles and of blocks, with the skipped ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,18 +57,19 @@ pub(crate) struct ModelReader {
     read: Parts,
 }
 
-/// A ring for `slots` models. Its memory is mapped when it is first used.
-pub(crate) fn model_ring(slots: usize) -> (ModelWriter, ModelReader) {
+/// A ring for `slots` models of up to `handles` handles. Its memory is mapped when it is first used.
+pub(crate) fn model_ring(slots: usize, handles: usize) -> (ModelWriter, ModelReader) {
     join(
         RingBuffer::new(slots),
-        RingBuffer::new((slots + 1) * MAX_HANDLES),
-        RingBuffer::new((slots + 1) * MOST_BLOCKS),
+        RingBuffer::new((slots + 1) * handles),
+        RingBuffer::new((slots + 1) * blocks_of(handles)),
     )
 }
 
-/// A ring for `slots` models, in which every slot was written once, and the memory that the ring occupies.
+/// A ring for `slots` models of up to `most_handles` handles, in which every slot was written once, and the memory that the ring occupies.
 pub(crate) fn prefaulted_model_ring(
     slots: usize,
+    most_handles: usize,
 ) -> (ModelWriter, ModelReader, impl Iterator<Item = MemoryRange>) {
     let filler = Entry {
         body: 0,
@@ -74,8 +77,8 @@ pub(crate) fn prefaulted_model_ring(
         end: Parts::default(),
     };
     let (to_heads, heads, a) = prefaulted(slots, filler);
-    let (to_handles, handles, b) = prefaulted((slots + 1) * MAX_HANDLES, HandleReference::zero());
-    let (to_blocks, blocks, c) = prefaulted((slots + 1) * MOST_BLOCKS, Mat6::zeros());
+    let (to_handles, handles, b) = prefaulted((slots + 1) * most_handles, HandleReference::zero());
+    let (to_blocks, blocks, c) = prefaulted((slots + 1) * blocks_of(most_handles), Mat6::zeros());
     let (writer, reader) = join(
         (to_heads, heads),
         (to_handles, handles),

@@ -69,6 +69,7 @@ fn lock_all(tick_loop: &TickLoop, locked: &mut LockedMemory) -> Option<Degradati
     let mut refusal = locked.lock_stack().err();
     let own = [
         MemoryRange::of(tick_loop),
+        MemoryRange::of(&*tick_loop.controller),
         MemoryRange::of(tick_loop.devices.as_slice()),
     ];
     let devices = tick_loop.devices.iter();

@@ -144,7 +144,7 @@ pub struct TickReport {
     /// The devices, returned to the caller.
     pub devices: Vec<AnyDevice>,
     /// The controller, with its counters.
-    pub controller: Controller,
+    pub controller: Box<Controller>,
     /// Histograms of the lateness, of the duration of a tick and of the age of the models.
     pub latencies: Latencies,
     /// Number of ticks.
@@ -213,7 +213,7 @@ pub struct TickThread {
 /// that runs.
 pub fn spawn(
     config: RunnerConfig,
-    controller: Controller,
+    controller: impl Into<Box<Controller>>,
     devices: Vec<AnyDevice>,
     end: TickEnd,
     stop: Arc<Stop>,
@@ -221,6 +221,7 @@ pub fn spawn(
     if config.period_ns == 0 {
         return Err(SpawnError::NoPeriod);
     }
+    let controller = controller.into();
     let expected = controller.safety_counters().count();
     if devices.len() != expected {
         return Err(SpawnError::Devices {
@@ -228,7 +229,6 @@ pub fn spawn(
             found: devices.len(),
         });
     }
-    // The loop is on the heap, because a controller with its local models takes some hundred KB.
     let tick_loop = Box::new(TickLoop::new(controller, devices, end));
     let ticks = Arc::new(AtomicU64::new(0));
     let (sender, ready) = sync_channel(1);

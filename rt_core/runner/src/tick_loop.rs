@@ -30,8 +30,8 @@ pub type AnyDevice = Box<dyn Device + Send>;
 /// assert_eq!(host.newest().expect("a record").time_ns, 2_000_000);
 /// ```
 pub struct TickLoop {
-    /// The controller.
-    pub controller: Controller,
+    /// The controller, on the heap: it takes half a megabyte.
+    pub controller: Box<Controller>,
     /// The devices, in the controller's order.
     pub devices: Vec<AnyDevice>,
     /// The tick's end of the link.
@@ -46,7 +46,12 @@ pub struct TickLoop {
 
 impl TickLoop {
     /// A loop before its first tick. Allocates the histograms.
-    pub fn new(controller: Controller, devices: Vec<AnyDevice>, end: TickEnd) -> Self {
+    pub fn new(
+        controller: impl Into<Box<Controller>>,
+        devices: Vec<AnyDevice>,
+        end: TickEnd,
+    ) -> Self {
+        let controller = controller.into();
         #[cfg(feature = "mutations")]
         crate::mutation::arm();
         let bodies = controller.coupling_counters().count();

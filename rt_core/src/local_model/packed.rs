@@ -1,6 +1,6 @@
 //! A local model as it lies in a ring: only the parts in use.
 //!
-//! A [`LocalModel`] has room for [`MAX_HANDLES`] handles, about 10 kB. With one handle, a tenth of the room is in use. A
+//! A [`LocalModel`] has room for [`MAX_HANDLES`] handles, 39 kB. With one handle, a fiftieth of the room is in use. A
 //! ring stores the parts in use one after another, so a writer and a reader touch only these. [`PackedModel`] refers to
 //! them, and [`Controller::accept`](crate::Controller::accept) takes the model from the ring without a copy in between.
 

@@ -70,11 +70,25 @@ const EASE: f64 = 0.02;
 /// The devices on a body's handles, in the handles' order.
 struct Holders {
     devices: [usize; MAX_HANDLES],
+    /// Number of handles.
+    count: usize,
     ports: [Port; MAX_HANDLES],
     /// Largest motion of each handle in a tick: translation (m) and rotation (rad).
     reaches: [[f64; 2]; MAX_HANDLES],
     /// Work that earlier commands may still do (J).
     under_way: f64,
+}
+
+impl Holders {
+    /// The ports of the handles that exist.
+    fn ports(&self) -> &[Port] {
+        self.ports.get(..self.count).unwrap_or(&self.ports)
+    }
+
+    /// The wrenches on the handles that exist.
+    fn used<'a>(&self, wrenches: &'a mut [Vec6; MAX_HANDLES]) -> &'a mut [Vec6] {
+        wrenches.get_mut(..self.count).unwrap_or_default()
+    }
 }
 
 impl Passivity {
@@ -94,8 +108,11 @@ impl Passivity {
         // Commands under way will be rendered, whatever this tick decides.
         let left = self.credit - spared - holders.under_way;
         let budget = left.max(0.0);
-        let bowed = self.bowed_out(budget, stored, &holders.ports);
-        self.damp_missing(stored - budget, &holders.ports, motions, viscous);
+        let bowed = self.bowed_out(budget, stored, holders.ports());
+        self.damp_missing(stored - budget, holders.ports(), motions, viscous);
+        // Handles that do not exist have no force.
+        let elastic = holders.used(elastic);
+        let viscous = holders.used(viscous);
         let [kept, solvent] = self.certified(left, bowed, &holders.reaches, elastic, viscous);
         self.withhold([kept, solvent], elastic, viscous);
         self.settle_counts(&holders, elastic);
@@ -109,6 +126,7 @@ impl Passivity {
     ) -> Holders {
         let mut holders = Holders {
             devices: [usize::MAX; MAX_HANDLES],
+            count: 0,
             ports: [Port::UNKNOWN; MAX_HANDLES],
             reaches: [[0.0; 2]; MAX_HANDLES],
             under_way: 0.0,
@@ -117,6 +135,7 @@ impl Passivity {
         let each = each.zip(devices).zip(motions).zip(&mut holders.devices);
         for ((((port, reach), device), motion), holder) in each {
             let device = usize::from(device);
+            holders.count = holders.count.saturating_add(1);
             *holder = device;
             let known = self.config.ports.get(device).zip(self.hands.get(device));
             if let Some((known, hand)) = known {
@@ -141,7 +160,7 @@ impl Passivity {
 
     /// The fraction of the elastic wrenches that is left where the `budget` (J) falls below the part of the `stored`
     /// energy (J) that must be backed.
-    fn bowed_out(&self, budget: f64, stored: f64, ports: &[Port; MAX_HANDLES]) -> f64 {
+    fn bowed_out(&self, budget: f64, stored: f64, ports: &[Port]) -> f64 {
         let slow = ports.iter().any(|port| port.max_slew.is_finite());
         let backed = if slow {
             1.0
@@ -159,7 +178,7 @@ impl Passivity {
     fn damp_missing(
         &mut self,
         missing: f64,
-        ports: &[Port; MAX_HANDLES],
+        ports: &[Port],
         motions: &[Motion; MAX_HANDLES],
         viscous: &mut [Vec6; MAX_HANDLES],
     ) {
@@ -183,10 +202,10 @@ impl Passivity {
         left: f64,
         bowed: f64,
         reaches: &[[f64; 2]; MAX_HANDLES],
-        elastic: &[Vec6; MAX_HANDLES],
-        viscous: &[Vec6; MAX_HANDLES],
+        elastic: &[Vec6],
+        viscous: &[Vec6],
     ) -> [f64; 2] {
-        let most = |wrenches: &[Vec6; MAX_HANDLES]| -> f64 {
+        let most = |wrenches: &[Vec6]| -> f64 {
             let each = wrenches.iter().zip(reaches);
             each.map(|(wrench, reach)| most_work(wrench, reach)).sum()
         };
@@ -203,12 +222,7 @@ impl Passivity {
     }
 
     /// Scales the elastic wrenches by `kept` and the viscous ones by `solvent`, and notes the withheld force.
-    fn withhold(
-        &mut self,
-        [kept, solvent]: [f64; 2],
-        elastic: &mut [Vec6; MAX_HANDLES],
-        viscous: &mut [Vec6; MAX_HANDLES],
-    ) {
+    fn withhold(&mut self, [kept, solvent]: [f64; 2], elastic: &mut [Vec6], viscous: &mut [Vec6]) {
         self.withheld = Withheld::default();
         if kept < 1.0 {
             for elastic in elastic.iter_mut() {
@@ -231,7 +245,7 @@ impl Passivity {
     /// Corrects the account for counts that came after a rest. The hand reached such a count slowly, and leaves it at
     /// the same place: the force of the springs changes during the count, not after it. A hand can gain less by this
     /// correction than the friction that is not relied on.
-    fn settle_counts(&mut self, holders: &Holders, elastic: &[Vec6; MAX_HANDLES]) {
+    fn settle_counts(&mut self, holders: &Holders, elastic: &[Vec6]) {
         let each = holders.devices.iter().zip(elastic).zip(&holders.ports);
         for ((holder, elastic), port) in each {
             let Some(hand) = self.hands.get_mut(*holder) else {
@@ -278,7 +292,7 @@ pub(super) fn damp(
     missing: f64,
     period: f64,
     [least, most]: [f64; 2],
-    ports: &[Port; MAX_HANDLES],
+    ports: &[Port],
     motions: &[Motion; MAX_HANDLES],
     viscous: &mut [Vec6; MAX_HANDLES],
 ) -> f64 {

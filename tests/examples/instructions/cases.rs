@@ -150,7 +150,7 @@ impl Case {
 /// A tick that is prepared to run.
 #[derive(Clone)]
 pub(crate) struct Prepared {
-    law: Controller,
+    law: Box<Controller>,
     model: Option<LocalModel>,
     now_ns: u64,
     readings: [Reading; MAX_DEVICES],

@@ -63,7 +63,7 @@ pub(crate) struct Ready {
     tick: TickEnd,
     host: HostEnd,
     log: LogEnd,
-    law: Controller,
+    law: Box<Controller>,
     model: LocalModel,
 }
 

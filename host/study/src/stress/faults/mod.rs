@@ -110,7 +110,7 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
     let model = device.map(|device| &device.model);
     let config = config(chance, scheme, model);
     let devices = config.devices.len();
-    let mut controller = Controller::new(&config);
+    let mut controller = Box::new(Controller::new(&config));
     let kind = Encoder {
         rate: model.map_or(RATE, |model| f64::from(model.rate_hz)),
         count: model.map_or(38e-6, |model| model.position_step),

@@ -92,6 +92,7 @@ pub(in crate::stress) fn run(
     let (config, devices, mut kept) = world.devices(stored)?;
     let (end, host_end, _) = link(&LinkConfig {
         bodies: world.loaded.scene.bodies.len(),
+        handles: world.loaded.scene.devices.len(),
         ..LinkConfig::new(world.loaded.scene.realtime.rate, ROOM)
     });
     let mut tick = TickLoop::new(Controller::new(&config), devices, end);

@@ -104,7 +104,7 @@ fn walls_on_devices_of_one_and_two_degrees_of_freedom_are_those_of_theory() {
         assert!(model.axes.is_some());
         for (fraction, whole) in [(0.0, false), (0.4, false), (0.0, true)] {
             let task = Task {
-                device,
+                device: device.to_owned(),
                 model,
                 rate: 1000,
                 delay: 0,
