@@ -1,8 +1,8 @@
 //! Builds everything that a run of a scene needs, before the run starts.
 
 use super::devices;
-use super::slow_host::SlowWatch;
 use super::frames::FrameTap;
+use super::slow_host::SlowWatch;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
