@@ -260,5 +260,8 @@ fn every_scene_is_printed_and_written_on_every_path() {
         let path = run.folder.path().join(format!("plots/speed-{name}.svg"));
         let svg = std::fs::read_to_string(path).expect("it was drawn");
         assert!(svg.starts_with("<svg") && svg.contains("over the largest force"));
+        let path = run.folder.path().join(format!("plots/speed-{name}.png"));
+        let png = std::fs::read(path).expect("it was drawn");
+        assert!(png.starts_with(b"\x89PNG"));
     }
 }

@@ -149,9 +149,10 @@ impl Axis {
             bound,
             place,
             broken: axis.from - 0.04 * span,
-            label: match most > 0.0 {
-                true => format!("<{}", log_label(libm::log10(bound), bound >= 1e-3)),
-                false => "0".to_owned(),
+            label: if most > 0.0 {
+                format!("<{}", log_label(libm::log10(bound), bound >= 1e-3))
+            } else {
+                "0".to_owned()
             },
         });
         // The label of the lowest place needs room.

@@ -86,9 +86,10 @@ fn written(element: &str, scale: f64) -> Option<Written> {
     let (x, y) = (scale * number("x")?, scale * number("y")?);
     // Turned by a quarter against the clock, the text goes upwards.
     let upright = attribute(tag, "transform").is_some_and(|turn| turn.starts_with("rotate(270"));
-    let (x, y) = match upright {
-        true => (across.map(|a| x + a), [y - along[1], y - along[0]]),
-        false => (along.map(|a| x + a), across.map(|a| y + a)),
+    let (x, y) = if upright {
+        (across.map(|a| x + a), [y - along[1], y - along[0]])
+    } else {
+        (along.map(|a| x + a), across.map(|a| y + a))
     };
     Some(Written { text, x, y })
 }

@@ -414,9 +414,12 @@ pub(super) fn breaks(page: &Area, panel: &Panel, axes: &Axes) -> Drawn {
         let (x, y) = panel.backend_coord(&place);
         // From one stroke to the other, and from the middle of a stroke to its end.
         let (gap, along, across) = (2 * UNITS, UNITS, 4 * UNITS);
-        let turned = |dx: i32, dy: i32| match upright {
-            true => (x + dx, y + dy),
-            false => (x + dy, y + dx),
+        let turned = |dx: i32, dy: i32| {
+            if upright {
+                (x + dx, y + dy)
+            } else {
+                (x + dy, y + dx)
+            }
         };
         let hole = [turned(-gap, -UNITS), turned(gap, UNITS)];
         page.draw(&Rectangle::new(hole, WHITE.filled()))?;

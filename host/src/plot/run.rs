@@ -297,7 +297,7 @@ fn rows(bands: &[Band]) -> Vec<usize> {
             .filter(|(other, _)| band.overlaps(other))
             .map(|(_, row)| *row)
             .collect();
-        rows.push((0..).find(|row| !taken.contains(row)).unwrap_or(k));
+        rows.push((0..k).find(|row| !taken.contains(row)).unwrap_or(k));
     }
     rows
 }

@@ -219,7 +219,7 @@ fn race(
         body: mut sheet,
         handles,
         ..
-    } = bodies::build(loaded, 0)?;
+    } = bodies::build_settled(loaded, 0)?;
     // Far tighter than any measured error.
     sheet.set_budget(Budget {
         tolerance: 1e-9,
@@ -232,8 +232,7 @@ fn race(
     // The cap needs the energy that each rate's models claim.
     let origins = || handles.iter().map(|handle| handle.origin).collect();
     let mut stored: Vec<Stored> = rates.iter().map(|_| Stored::new(origins())).collect();
-    // A body that has not come to rest, such as this one, does not know them.
-    let weights = bodies::build_settled(loaded, 0)?.body.handle_weights();
+    let weights = sheet.handle_weights();
     let steps = (duration / STEP).round() as u64;
     let mut published = vec![0_u64; rates.len()];
     let mut race = Race {

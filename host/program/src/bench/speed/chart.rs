@@ -71,7 +71,7 @@ fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String
     plot::line_chart_svg(
         title,
         x_label,
-        "error of the force, relative to the largest",
+        "error of the force over the largest force",
         true,
         true,
         &drawn,

@@ -296,9 +296,10 @@ mod tests {
     #[test]
     fn a_cell_names_its_lines_once() {
         let trace = |out: f64| {
+            let axis = DeviceTrace::default().main_direction();
             let device = DeviceTrace {
-                force: vec![Default::default(); 100],
-                position: vec![Default::default(); 100],
+                force: (0..100).map(|k| axis * f64::from(k)).collect(),
+                position: vec![axis; 100],
                 ..DeviceTrace::default()
             };
             Trace {
