@@ -2,9 +2,12 @@
 
 mod axis;
 mod chart;
+mod collisions;
 mod direction;
 mod file;
 mod font;
+mod ink;
+mod lines;
 mod map;
 mod page;
 mod panels;
@@ -12,12 +15,15 @@ mod png;
 mod reduce;
 mod run;
 
+pub use axis::Scale;
 pub use chart::{Series, line_chart_svg};
+pub use collisions::collisions;
 pub use file::write_picture;
+pub use ink::Role;
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
-pub(crate) use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};
+pub(crate) use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
 
 #[cfg(test)]
 mod tests;

@@ -5,6 +5,7 @@ mod devices;
 mod hand;
 pub mod late;
 mod log_observer;
+mod marks;
 pub mod observer;
 mod parts;
 mod real_clock;
