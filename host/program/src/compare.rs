@@ -67,7 +67,7 @@ Examples:
                                                          measurements and ticks for your own figures";
 
 /// Largest number of points of a line: more would not be visible.
-const POINTS: usize = 480;
+const POINTS: usize = 320;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
@@ -240,9 +240,12 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
         let force = record.devices[device].force.iter();
         force.map(|force| force.dot(&axis)).collect()
     };
-    let line = |name: &str, role, values: &[f64]| Series {
+    let line = |name: &str, role, from: f64, values: &[f64]| Series {
         name: name.to_owned(),
-        points: thin(first.record.period, values),
+        points: thin(first.record.period, values)
+            .into_iter()
+            .filter(|(time, _)| *time >= from)
+            .collect(),
         role,
         ..Series::default()
     };
@@ -253,26 +256,29 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
         ),
         x_label: "time (s)".to_owned(),
         y_label: format!("{quantity} (N)"),
+        x_covers: vec![0.0, found.duration],
         series,
         ..Panel::default()
     };
     let expected = reference.map(along);
+    // Errors are drawn as they are measured: without the time in which the first forces fade in.
+    let from = found.measured_from;
     // The reference comes first: the others are drawn over it.
     let mut forces: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", Role::Base, force))
+        .map(|force| line("reference", Role::Base, 0.0, force))
         .collect();
     let mut errors: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", Role::Base, &vec![0.0; force.len()]))
+        .map(|force| line("reference", Role::Base, from, &vec![0.0; force.len()]))
         .collect();
     for run in runs {
         let force = along(&run.record);
-        forces.push(line(run.scheme, Role::Scheme(run.scheme), &force));
+        forces.push(line(run.scheme, Role::Scheme(run.scheme), 0.0, &force));
         if let Some(expected) = &expected {
             let pairs = force.iter().zip(expected);
             let off: Vec<_> = pairs.map(|(found, expected)| found - expected).collect();
-            errors.push(line(run.scheme, Role::Scheme(run.scheme), &off));
+            errors.push(line(run.scheme, Role::Scheme(run.scheme), from, &off));
         }
     }
     let mut panels = vec![panel("force", forces)];
