@@ -7,7 +7,7 @@ use super::written::Written;
 use super::{CommandError, SceneArgument, load, progress_bar};
 use host::atomic_file::{write_atomically, write_json};
 use host::engine::faults::HostFault;
-use host::plot::{self, Panel, Series, write_picture};
+use host::plot::{self, Panel, Role, Series, write_picture};
 use host::scene::spec::SchemeName;
 use std::num::NonZero;
 use std::path::PathBuf;
@@ -67,7 +67,7 @@ Examples:
                                                          measurements and ticks for your own figures";
 
 /// Largest number of points of a line: more would not be visible.
-const POINTS: usize = 480;
+const POINTS: usize = 320;
 
 fn scheme(text: &str) -> Result<SchemeName, String> {
     scheme_of(text, &SCHEMES)
@@ -240,37 +240,45 @@ fn row(found: &Comparison, runs: &[&Run], device: usize) -> Vec<Panel> {
         let force = record.devices[device].force.iter();
         force.map(|force| force.dot(&axis)).collect()
     };
-    let line = |name: &str, values: &[f64]| Series {
+    let line = |name: &str, role, from: f64, values: &[f64]| Series {
         name: name.to_owned(),
-        points: thin(first.record.period, values),
+        points: thin(first.record.period, values)
+            .into_iter()
+            .filter(|(time, _)| *time >= from)
+            .collect(),
+        role,
         ..Series::default()
     };
     let panel = |quantity: &str, series| Panel {
-        x_label: "time (s)".to_owned(),
-        y_label: format!(
-            "{quantity} of {}, {} Hz (N)",
+        title: format!(
+            "{}, {} Hz",
             first.measures.devices[device].name, first.publish_rate
         ),
+        x_label: "time (s)".to_owned(),
+        y_label: format!("{quantity} (N)"),
+        x_covers: vec![0.0, found.duration],
         series,
         ..Panel::default()
     };
     let expected = reference.map(along);
-    // The reference comes first in both panels: a line has the same colour in each.
+    // Errors are drawn as they are measured: without the time in which the first forces fade in.
+    let from = found.measured_from;
+    // The reference comes first: the others are drawn over it.
     let mut forces: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", force))
+        .map(|force| line("reference", Role::Base, 0.0, force))
         .collect();
     let mut errors: Vec<_> = expected
         .iter()
-        .map(|force| line("reference", &vec![0.0; force.len()]))
+        .map(|force| line("reference", Role::Base, from, &vec![0.0; force.len()]))
         .collect();
     for run in runs {
         let force = along(&run.record);
-        forces.push(line(run.scheme, &force));
+        forces.push(line(run.scheme, Role::Scheme(run.scheme), 0.0, &force));
         if let Some(expected) = &expected {
             let pairs = force.iter().zip(expected);
             let off: Vec<_> = pairs.map(|(found, expected)| found - expected).collect();
-            errors.push(line(run.scheme, &off));
+            errors.push(line(run.scheme, Role::Scheme(run.scheme), from, &off));
         }
     }
     let mut panels = vec![panel("force", forces)];

@@ -25,6 +25,8 @@ pub enum Role {
     Scheme(&'static str),
     /// What the other lines are compared to: wide, and drawn first.
     Reference,
+    /// What all schemes are compared to: grey and very wide, and drawn first, so that each scheme shows on it.
+    Base,
     /// What is compared to the reference: thin and whole, so that short peaks show.
     Compared,
 }
@@ -60,6 +62,7 @@ impl Role {
             Self::Place => place,
             Self::Number(number) => number,
             Self::Reference => return ink(BLACK, &[], 2.8),
+            Self::Base => return ink(RGBColor(185, 185, 185), &[], 5.0),
             Self::Compared => return ink(VERMILLION, &[], 1.2),
             Self::Scheme(name) => return scheme(name),
         };
