@@ -131,6 +131,7 @@ fn chart(solution: &Solution) -> String {
                 name: format!("{}, {}", body.name, reaction.name),
                 points,
                 marker,
+                ..Series::default()
             });
         }
     }

@@ -18,7 +18,7 @@ pub mod plan;
 pub mod recipe;
 mod solver;
 pub mod stats;
-mod stored;
+pub mod stored;
 pub mod threads;
 pub mod virtual_coupling;
 

@@ -31,7 +31,7 @@ use rt_core::{LocalModel, MAX_HANDLES, Vec3};
 const SOFTEST: f64 = 50.0;
 
 /// Computes the energy that the models of one body claim.
-pub(super) struct Stored {
+pub struct Stored {
     clipper: Clipper,
     stiffness: Square,
     scale: Vec<f64>,
@@ -46,7 +46,7 @@ pub(super) struct Stored {
 
 impl Stored {
     /// For a body whose handles are at `origins` (m).
-    pub(super) fn new(origins: Vec<Vec3>) -> Self {
+    pub fn new(origins: Vec<Vec3>) -> Self {
         let size = 6 * origins.len().min(MAX_HANDLES);
         Self {
             clipper: Clipper::new(size),
@@ -60,7 +60,7 @@ impl Stored {
     }
 
     /// Keeps the stiffness that models publish from now on.
-    pub(super) fn keep(&mut self, condensed: &Condensed) {
+    pub fn keep(&mut self, condensed: &Condensed) {
         // `clone_from` would allocate: the derived method makes a new matrix.
         for j in 0..self.stiffness.size() {
             for i in 0..self.stiffness.size() {
@@ -75,7 +75,7 @@ impl Stored {
 
     /// Writes into `model` the energy that hands could recover from `body`, and the energy that the body has
     /// released. The elastic energy of the body is `elastic` (J).
-    pub(super) fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
+    pub fn publish(&mut self, body: &Body, elastic: f64, model: &mut LocalModel) {
         let tangent = self.tangent(model);
         let own = elastic + self.potential(body, model);
         let constant = self.constant.get_or_insert(tangent - own);

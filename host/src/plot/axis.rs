@@ -6,25 +6,64 @@ use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, Value
 
 use super::reduce::usable;
 
+/// How an axis places values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Scale {
+    /// Evenly.
+    #[default]
+    Linear,
+    /// By their logarithms. Zero and negative values have no place.
+    Logarithmic,
+    /// By their logarithms, above this bound. Values at or below the bound, such as zero, are together at the beginning,
+    /// before a break of the axis.
+    LogarithmicAbove(f64),
+}
+
 /// An axis in drawn coordinates: the value itself, or its decimal logarithm.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Axis {
     pub(super) from: f64,
     pub(super) to: f64,
-    scale: Scale,
+    kind: Kind,
     /// Positions of the labelled ticks.
     ticks: Vec<f64>,
+    low: Option<Low>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Scale {
+enum Kind {
     /// Consecutive ticks are one step apart.
     Linear { step: f64 },
     /// Labels are plain numbers, or powers of ten where plain numbers would be long.
     Logarithmic { plain: bool },
 }
 
+/// The place of values that are too small for a logarithmic axis.
+#[derive(Clone, Debug, PartialEq)]
+struct Low {
+    /// The largest of these values.
+    bound: f64,
+    place: f64,
+    /// Where the axis is broken.
+    broken: f64,
+    label: String,
+}
+
 impl Axis {
+    /// An axis over `values`, with a margin (a fraction of their span) at both ends and about `marks` ticks.
+    pub(super) fn new(
+        scale: Scale,
+        values: impl Iterator<Item = f64> + Clone,
+        margin: f64,
+        marks: f64,
+    ) -> Self {
+        match scale {
+            Scale::Linear => Self::linear(values, margin, marks),
+            Scale::Logarithmic => Self::logarithmic_with(values, margin, marks),
+            Scale::LogarithmicAbove(bound) => Self::logarithmic_above(bound, values, margin, marks),
+        }
+    }
+
     /// A linear axis over all of `values`, with a margin (a fraction of their span) at both ends and about
     /// `marks` ticks.
     pub(super) fn linear(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
@@ -49,22 +88,18 @@ impl Axis {
         Self {
             from,
             to,
-            scale: Scale::Linear { step },
+            kind: Kind::Linear { step },
             ticks,
+            low: None,
         }
     }
 
-    /// A logarithmic axis over the positive ones of `values`.
-    pub(super) fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
-        Self::logarithmic_with(values, 0.05)
+    /// A logarithmic axis without a margin over the positive ones of `values`: the drawing fills it.
+    pub(super) fn logarithmic_to_the_edge(values: impl Iterator<Item = f64>, marks: f64) -> Self {
+        Self::logarithmic_with(values, 0.0, marks)
     }
 
-    /// A logarithmic axis without a margin: the drawing fills it.
-    pub(super) fn logarithmic_to_the_edge(values: impl Iterator<Item = f64>) -> Self {
-        Self::logarithmic_with(values, 0.0)
-    }
-
-    fn logarithmic_with(values: impl Iterator<Item = f64>, margin: f64) -> Self {
+    fn logarithmic_with(values: impl Iterator<Item = f64>, margin: f64, marks: f64) -> Self {
         let logs = values.filter(|x| *x > 0.0).map(libm::log10);
         let (from, to) = range(logs).unwrap_or((0.0, 1.0));
         let least = if to > from && margin == 0.0 {
@@ -74,36 +109,89 @@ impl Axis {
         };
         let pad = (margin * (to - from)).max(least);
         let (from, to) = (from - pad, to + pad);
-        let decades = round_step((to - from) / 7.0).max(1.0);
+        let decades = round_step((to - from) / marks).max(1.0);
         let mut ticks = multiples(decades, from, to);
         if ticks.len() < 3 {
-            let twos_and_fives = (from.floor() as i32..=to.floor() as i32)
-                .flat_map(|decade| [1.0, 2.0, 5.0].map(|x| f64::from(decade) + libm::log10(x)));
-            ticks = twos_and_fives.filter(|x| (from..=to).contains(x)).collect();
+            ticks = [&[1.0, 2.0, 5.0][..], &[1.0, 3.0], &[1.0]]
+                .into_iter()
+                .map(|factors| within_decades(factors, from, to))
+                .find(|ticks| ticks.len() as f64 <= marks + 1.0)
+                .unwrap_or(ticks);
         }
         let plain = ticks.iter().all(|tick| (-3.001..=4.8).contains(tick));
         Self {
             from,
             to,
-            scale: Scale::Logarithmic { plain },
+            kind: Kind::Logarithmic { plain },
             ticks,
+            low: None,
         }
+    }
+
+    fn logarithmic_above(
+        bound: f64,
+        values: impl Iterator<Item = f64> + Clone,
+        margin: f64,
+        marks: f64,
+    ) -> Self {
+        let shown = values.clone().filter(|x| *x > bound);
+        let mut axis = if shown.clone().next().is_some() {
+            Self::logarithmic_with(shown, margin, marks)
+        } else {
+            Self::logarithmic_with([bound, 10.0 * bound].into_iter(), margin, marks)
+        };
+        let Some((_, most)) = range(values.filter(|x| *x <= bound)) else {
+            return axis;
+        };
+        let span = axis.to - axis.from;
+        let place = axis.from - 0.1 * span;
+        axis.low = Some(Low {
+            bound,
+            place,
+            broken: axis.from - 0.04 * span,
+            label: match most > 0.0 {
+                true => format!("<{}", log_label(libm::log10(bound), bound >= 1e-3)),
+                false => "0".to_owned(),
+            },
+        });
+        // The label of the lowest place needs room.
+        axis.ticks
+            .retain(|tick| tick - place > if most > 0.0 { 0.24 } else { 0.12 } * span);
+        axis.ticks.insert(0, place);
+        axis.from = place - 0.05 * span;
+        axis
+    }
+
+    /// Where the axis is broken.
+    pub(super) fn broken(&self) -> Option<f64> {
+        self.low.as_ref().map(|low| low.broken)
+    }
+
+    /// The labels of the ticks, in order.
+    pub(super) fn labels(&self) -> Vec<String> {
+        self.ticks.iter().map(|tick| self.label(*tick)).collect()
     }
 
     /// The drawn coordinate of a value; `None` if the axis cannot show the value.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
-        let place = match self.scale {
-            Scale::Linear { .. } => value,
-            Scale::Logarithmic { .. } => libm::log10(value),
+        if let Some(low) = self.low.as_ref().filter(|low| value <= low.bound) {
+            return Some(low.place);
+        }
+        let place = match self.kind {
+            Kind::Linear { .. } => value,
+            Kind::Logarithmic { .. } => libm::log10(value),
         };
         usable(place).then_some(place)
     }
 
     /// The label of a tick.
     fn label(&self, tick: f64) -> String {
-        let text = match self.scale {
-            Scale::Linear { step } => linear_label(tick, step),
-            Scale::Logarithmic { plain } => log_label(tick, plain),
+        if let Some(low) = self.low.as_ref().filter(|low| tick == low.place) {
+            return low.label.clone();
+        }
+        let text = match self.kind {
+            Kind::Linear { step } => linear_label(tick, step),
+            Kind::Logarithmic { plain } => log_label(tick, plain),
         };
         text.replace('-', "−")
     }
@@ -200,6 +288,19 @@ fn round_step(step: f64) -> f64 {
     factor.unwrap_or(10.0) * power
 }
 
+/// The logarithms of these multiples of powers of ten.
+fn within_decades(factors: &[f64], from: f64, to: f64) -> Vec<f64> {
+    let decades = from.floor() as i32..=to.floor() as i32;
+    decades
+        .flat_map(|decade| {
+            factors
+                .iter()
+                .map(move |x| f64::from(decade) + libm::log10(*x))
+        })
+        .filter(|x| (from..=to).contains(x))
+        .collect()
+}
+
 fn multiples(step: f64, from: f64, to: f64) -> Vec<f64> {
     let (first, last) = ((from / step).ceil(), (to / step).floor());
     // By construction there are about ten at most. The bound keeps rounding errors of extreme ranges harmless.
@@ -211,31 +312,31 @@ fn multiples(step: f64, from: f64, to: f64) -> Vec<f64> {
 mod tests {
     use super::*;
 
-    fn labels(axis: &Axis) -> Vec<String> {
-        axis.ticks.iter().map(|tick| axis.label(*tick)).collect()
+    fn logarithmic(values: &[f64]) -> Axis {
+        Axis::new(Scale::Logarithmic, values.iter().copied(), 0.05, 7.0)
     }
 
     #[test]
     fn ticks_are_round() {
         let axis = Axis::linear([-3.1, 3.2, f64::NAN].into_iter(), 0.05, 6.0);
-        assert_eq!(labels(&axis), ["−2", "0", "2"]);
+        assert_eq!(axis.labels(), ["−2", "0", "2"]);
         let axis = Axis::linear([0.0, 5.999].into_iter(), 0.0, 6.0);
-        assert_eq!(labels(&axis), ["0", "1", "2", "3", "4", "5", "6"]);
+        assert_eq!(axis.labels(), ["0", "1", "2", "3", "4", "5", "6"]);
         let axis = Axis::linear([0.0, 0.35].into_iter(), 0.0, 6.0);
-        assert_eq!(labels(&axis), ["0.0", "0.1", "0.2", "0.3"]);
+        assert_eq!(axis.labels(), ["0.0", "0.1", "0.2", "0.3"]);
     }
 
     #[test]
     fn decades_are_labelled() {
-        let axis = Axis::logarithmic([1e-5, 0.0, -2.0, 2.0].into_iter());
+        let axis = logarithmic(&[1e-5, 0.0, -2.0, 2.0]);
         assert_eq!(
-            labels(&axis),
+            axis.labels(),
             ["10⁻⁵", "10⁻⁴", "10⁻³", "10⁻²", "10⁻¹", "10⁰"]
         );
-        let axis = Axis::logarithmic([0.002, 30.0].into_iter());
-        assert_eq!(labels(&axis), ["0.01", "0.1", "1", "10"]);
-        let axis = Axis::logarithmic([20.0, 450.0].into_iter());
-        assert_eq!(labels(&axis), ["20", "50", "100", "200", "500"]);
+        let axis = logarithmic(&[0.002, 30.0]);
+        assert_eq!(axis.labels(), ["0.01", "0.1", "1", "10"]);
+        let axis = logarithmic(&[20.0, 450.0]);
+        assert_eq!(axis.labels(), ["20", "50", "100", "200", "500"]);
     }
 
     #[test]
@@ -251,12 +352,32 @@ mod tests {
         ];
         for values in cases {
             let linear = Axis::linear(values.iter().copied(), 0.05, 6.0);
-            let log = Axis::logarithmic(values.iter().copied());
+            let log = logarithmic(values);
             for axis in [linear, log] {
                 assert!(axis.from < axis.to, "{values:?}: {axis:?}");
                 assert!(axis.ticks.len() < 20, "{values:?}: {axis:?}");
                 assert!(axis.ticks.iter().all(|tick| !axis.label(*tick).is_empty()));
             }
         }
+    }
+
+    #[test]
+    fn zero_has_a_place_of_its_own_on_a_logarithmic_axis() {
+        let scale = Scale::LogarithmicAbove(1e-3);
+        let axis = |values: &[f64]| Axis::new(scale, values.iter().copied(), 0.05, 7.0);
+        let broken = axis(&[0.0, 0.5, 30.0]);
+        assert_eq!(broken.labels(), ["0", "0.5", "1", "2", "5", "10", "20"]);
+        let [zero, half] = [0.0, 0.5].map(|x| broken.place(x).expect("a place"));
+        assert!(broken.from < zero && zero < half);
+        let at = broken.broken().expect("a break");
+        assert!(zero < at && at < half);
+        // A value below the bound is not zero, and the label says so.
+        assert_eq!(axis(&[1e-4, 0.5, 30.0]).labels()[0], "<0.001");
+        assert_eq!(axis(&[0.0]).labels()[0], "0");
+        let unbroken = axis(&[0.5, 30.0]);
+        assert_eq!(
+            (unbroken.broken(), unbroken.labels()[0].as_str()),
+            (None, "0.5")
+        );
     }
 }

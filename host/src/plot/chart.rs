@@ -1,8 +1,8 @@
 //! A line chart, for the tables of benchmarks.
 
-use plotters::prelude::*;
-
-use super::axis::Axis;
+use super::axis::{Axis, Scale};
+use super::ink::Role;
+use super::lines;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 
 const WIDTH: i32 = 720;
@@ -17,6 +17,10 @@ pub struct Series {
     pub points: Vec<(f64, f64)>,
     /// The mark at each point.
     pub marker: Marker,
+    /// What the line shows, which determines its look.
+    pub role: Role,
+    /// For each point, the range of its x over repetitions; empty where nothing was repeated.
+    pub spread: Vec<[f64; 2]>,
 }
 
 /// Draws lines on linear or logarithmic axes, 720 by 460 pixels. Labels include the unit. A point that
@@ -30,6 +34,7 @@ pub struct Series {
 ///     name: "linear".to_owned(),
 ///     points: vec![(30.0, 1e-2), (60.0, 3e-3)],
 ///     marker: Marker::Circle,
+///     ..Series::default()
 /// };
 /// let svg = line_chart_svg("Error", "rate (Hz)", "error (N)", true, true, &[series]);
 /// assert!(svg.contains("rate (Hz)"));
@@ -43,8 +48,10 @@ pub fn line_chart_svg(
     series: &[Series],
 ) -> String {
     let points = || series.iter().flat_map(|s| s.points.iter());
-    let x = axis(points().map(|point| point.0), log_x);
-    let y = axis(points().map(|point| point.1), log_y);
+    let ranges = series.iter().flat_map(|s| s.spread.iter().flatten());
+    let x = points().map(|point| point.0).chain(ranges.copied());
+    let x = Axis::new(scale(log_x), x, 0.05, 8.0);
+    let y = Axis::new(scale(log_y), points().map(|point| point.1), 0.05, 8.0);
     let axes = Axes {
         x: &x,
         y: &y,
@@ -54,51 +61,35 @@ pub fn line_chart_svg(
     page::svg(WIDTH, HEIGHT, |area| draw(area, title, &axes, series))
 }
 
-fn axis(values: impl Iterator<Item = f64>, log: bool) -> Axis {
-    if log {
-        Axis::logarithmic(values)
+fn scale(logarithmic: bool) -> Scale {
+    if logarithmic {
+        Scale::Logarithmic
     } else {
-        Axis::linear(values, 0.05, 8.0)
+        Scale::Linear
     }
 }
 
 fn draw(area: &Area, title: &str, axes: &Axes, series: &[Series]) -> Drawn {
-    page::title(area, title, "")?;
-    let mut entries = Vec::new();
-    let mut placed = Vec::new();
-    for (i, one) in series.iter().enumerate() {
-        let place = |&(x, y): &(f64, f64)| axes.x.place(x).zip(axes.y.place(y));
-        let points: Vec<_> = one.points.iter().filter_map(place).collect();
-        let name = match one.points.len() - points.len() {
+    let top = page::title(area, title, "")?;
+    let entry = |(i, one): (usize, &Series)| {
+        let shown = |(x, y): &&(f64, f64)| axes.x.place(*x).is_some() && axes.y.place(*y).is_some();
+        let name = match one.points.len() - one.points.iter().filter(shown).count() {
             0 => one.name.clone(),
             left_out => format!("{} ({left_out} not drawn)", one.name),
         };
-        entries.push(Entry {
+        Entry {
             name,
-            key: Key::Line(page::series_color(i), one.marker),
-        });
-        placed.push((points, one.marker));
-    }
-    let top = 36;
+            key: Key::Ink(one.role.ink(i), one.marker),
+        }
+    };
+    let entries: Vec<_> = series.iter().enumerate().map(entry).collect();
     let top = top + page::legend(area, WIDTH, top, &entries)?;
     let (_, below) = area.split_vertically(top * page::UNITS);
     let mut panel = page::panel(&below, axes)?;
     page::grid(&mut panel, axes)?;
-    if placed.iter().all(|(points, _)| points.is_empty()) {
+    page::breaks(area, &panel, axes)?;
+    if !lines::draw(area, &panel, [axes.x, axes.y], series)? {
         page::nothing(&panel)?;
-    }
-    for (i, (points, marker)) in placed.into_iter().enumerate() {
-        let color = page::series_color(i);
-        let marks: Vec<_> = points
-            .iter()
-            .map(|point| panel.backend_coord(point))
-            .collect();
-        if points.len() > 1 {
-            panel.draw_series([PathElement::new(points, page::stroke(color, 1.75))])?;
-        }
-        for (x, y) in marks {
-            marker.draw(area, x, y, color)?;
-        }
     }
     Ok(())
 }

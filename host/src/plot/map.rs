@@ -3,16 +3,29 @@
 use plotters::prelude::*;
 
 use super::axis::Axis;
+use super::font::text_width;
+use super::ink::dashes;
 use super::page::{self, Area, Axes, Drawn, UNITS};
 
 /// Width and height of a panel with its labels (pixels).
-const PANEL: [i32; 2] = [330, 286];
+const PANEL: [i32; 2] = [300, 286];
 /// Panels in a row.
 const COLUMNS: usize = 3;
-/// Space above the panels for title, subtitle and legend (pixels).
-const ABOVE: i32 = 92;
+/// Height of the title and the subtitle of a panel (pixels).
+const HEAD: i32 = 40;
+/// Height of the legend, and of the gap below it (pixels).
+const LEGEND: i32 = 36;
 /// Space below the panels for the scale of colours (pixels).
 const BELOW: i32 = 58;
+
+/// The scale of colours needs this width (pixels).
+const MIN_WIDTH: i32 = 640;
+/// Name of the marks of a boundary in the legend.
+const MEASURED: &str = "measured";
+/// Width of the line of a boundary with the gap after it, and of its mark, in the legend (pixels).
+const LEGEND_KEYS: [i32; 2] = [42, 12];
+/// Gaps after the name of a boundary and after that of its marks (pixels).
+const LEGEND_GAPS: [i32; 2] = [16, 30];
 
 /// The colour of cells below the scale.
 const NOTHING: RGBColor = RGBColor(226, 236, 243);
@@ -44,6 +57,8 @@ pub struct MapLine {
 pub struct MapPanel {
     /// The title above the panel.
     pub title: String,
+    /// The smaller line under the title.
+    pub subtitle: String,
     /// The cells. Their edges determine the range of the panel.
     pub cells: Vec<MapCell>,
     /// The first boundary, drawn as a solid line.
@@ -79,43 +94,55 @@ pub struct Map {
 pub fn map_svg(map: &Map) -> String {
     let columns = map.panels.len().clamp(1, COLUMNS);
     let rows = map.panels.len().div_ceil(columns).max(1);
-    let width = PANEL[0] * columns as i32 + 10;
-    let height = ABOVE + PANEL[1] * rows as i32 + BELOW;
-    page::svg(width.max(2 * PANEL[0]), height, |area| {
-        page::title(area, &map.title, &map.subtitle)?;
-        legend(area, map)?;
-        for (k, panel) in map.panels.iter().enumerate() {
+    let width = (PANEL[0] * columns as i32)
+        .max(MIN_WIDTH)
+        .max(legend_width(map));
+    let above = page::title_height(width, &map.subtitle) + LEGEND;
+    let height = above + PANEL[1] * rows as i32 + BELOW;
+    let axes: Vec<[Axis; 2]> = map.panels.iter().map(axes).collect();
+    let left = axes.iter().map(|[_, y]| page::left(y)).max();
+    let left = left.unwrap_or(page::LEFT);
+    page::svg(width, height, |area| {
+        let top = page::title(area, &map.title, &map.subtitle)?;
+        legend(area, map, top + 12)?;
+        for (k, (panel, axes)) in map.panels.iter().zip(&axes).enumerate() {
             let (row, column) = ((k / columns) as i32, (k % columns) as i32);
             let place = area.clone().shrink(
-                (column * PANEL[0] * UNITS, (ABOVE + row * PANEL[1]) * UNITS),
+                (column * PANEL[0] * UNITS, (above + row * PANEL[1]) * UNITS),
                 (PANEL[0] * UNITS, PANEL[1] * UNITS),
             );
-            draw(area, &place, map, panel)?;
+            draw(area, &place, map, panel, axes, left)?;
         }
         scale(area, map, height - BELOW + 10)
     })
 }
 
-fn draw(page: &Area, area: &Area, map: &Map, data: &MapPanel) -> Drawn {
-    page::write(
-        area,
-        &data.title,
-        page::LEFT,
-        12,
-        page::font(12.5).style(FontStyle::Bold),
-        page::TEXT,
-    )?;
-    let (_, below) = area.split_vertically(20 * UNITS);
+fn axes(data: &MapPanel) -> [Axis; 2] {
     let edges = |of: fn(&MapCell) -> [f64; 2]| data.cells.iter().flat_map(of).collect::<Vec<_>>();
-    let x = Axis::linear(edges(|cell| cell.x).into_iter(), 0.0, 5.0);
-    let y = Axis::logarithmic_to_the_edge(edges(|cell| cell.y).into_iter());
+    [
+        Axis::linear(edges(|cell| cell.x).into_iter(), 0.0, 4.0),
+        Axis::logarithmic_to_the_edge(edges(|cell| cell.y).into_iter(), 7.0),
+    ]
+}
+
+fn draw(
+    page: &Area,
+    area: &Area,
+    map: &Map,
+    data: &MapPanel,
+    [x, y]: &[Axis; 2],
+    left: i32,
+) -> Drawn {
+    page::panel_title(area, PANEL[0], &data.title)?;
+    page::panel_subtitle(area, PANEL[0], &data.subtitle)?;
+    let (_, below) = area.split_vertically(HEAD * UNITS);
     let axes = Axes {
-        x: &x,
-        y: &y,
+        x,
+        y,
         x_label: Some(&map.x_label),
         y_label: &map.y_label,
     };
-    let mut panel = page::panel(&below, &axes)?;
+    let mut panel = page::panel_with(&below, &axes, left)?;
     page::grid(&mut panel, &axes)?;
     if data.cells.is_empty() {
         return page::nothing(&panel);
@@ -155,29 +182,11 @@ fn stroke(page: &Area, path: &[(i32, i32)], ink: RGBColor, dashed: bool) -> Draw
     }
     let edge = page::stroke(WHITE, 4.5);
     let style = page::stroke(ink, 2.25);
-    if !dashed {
-        page.draw(&PathElement::new(path.to_vec(), edge))?;
-        return page.draw(&PathElement::new(path.to_vec(), style));
-    }
-    let (dash, gap) = (7.0 * f64::from(UNITS), 5.0 * f64::from(UNITS));
-    for pair in path.windows(2) {
-        let [from, to] = [pair[0], pair[1]].map(|(x, y)| (f64::from(x), f64::from(y)));
-        let (dx, dy) = (to.0 - from.0, to.1 - from.1);
-        let length = libm::hypot(dx, dy);
-        let mut at = 0.0;
-        while at < length {
-            let end = f64::min(at + dash, length);
-            let ends = [at, end].map(|s| {
-                let fraction = s / length;
-                (
-                    (from.0 + fraction * dx) as i32,
-                    (from.1 + fraction * dy) as i32,
-                )
-            });
-            page.draw(&PathElement::new(ends.to_vec(), edge))?;
-            page.draw(&PathElement::new(ends.to_vec(), style))?;
-            at = end + gap;
-        }
+    let pattern = [7.0 * f64::from(UNITS), 5.0 * f64::from(UNITS)];
+    let pattern = if dashed { &pattern[..] } else { &[] };
+    for piece in dashes(path, pattern) {
+        page.draw(&PathElement::new(piece.clone(), edge))?;
+        page.draw(&PathElement::new(piece, style))?;
     }
     Ok(())
 }
@@ -215,18 +224,29 @@ fn shade(fraction: f64) -> RGBColor {
     RGBColor(mix(0), mix(1), mix(2))
 }
 
-fn legend(page: &Area, map: &Map) -> Drawn {
-    let (mut x, y) = (page::LEFT, 68);
+fn text_pixels(text: &str) -> i32 {
+    text_width(text, 12.0, false).ceil() as i32
+}
+
+/// The width of a page with the legend (pixels).
+fn legend_width(map: &Map) -> i32 {
+    let keys: i32 = LEGEND_KEYS.iter().chain(&LEGEND_GAPS).sum();
+    let entries = map.lines.iter();
+    let entries = entries.map(|name| keys + text_pixels(name) + text_pixels(MEASURED));
+    page::LEFT + entries.sum::<i32>()
+}
+
+fn legend(page: &Area, map: &Map, y: i32) -> Drawn {
+    let mut x = page::LEFT;
     for (name, ink, dashed) in [(&map.lines[0], LINE, false), (&map.lines[1], SECOND, true)] {
         let (left, right, middle) = (x * UNITS, (x + 34) * UNITS, y * UNITS);
         stroke(page, &[(left, middle), (right, middle)], ink, dashed)?;
         let text = |name: &str, x| page::write(page, name, x, y, page::font(12.0), page::TEXT);
-        text(name, x + 42)?;
-        // Without font files, text widths are estimates, as in other legends.
-        x += 42 + (name.chars().count() as f64 * 6.3) as i32 + 16;
+        text(name, x + LEGEND_KEYS[0])?;
+        x += LEGEND_KEYS[0] + text_pixels(name) + LEGEND_GAPS[0];
         mark(page, (x * UNITS, middle), ink)?;
-        text("measured", x + 12)?;
-        x += 12 + 50 + 34;
+        text(MEASURED, x + LEGEND_KEYS[1])?;
+        x += LEGEND_KEYS[1] + text_pixels(MEASURED) + LEGEND_GAPS[1];
     }
     Ok(())
 }
@@ -247,7 +267,7 @@ fn scale(page: &Area, map: &Map, top: i32) -> Drawn {
     let mut x = page::LEFT;
     patch(x, 22, NOTHING)?;
     text(&map.below_label, x + 28, top + HEIGHT / 2)?;
-    x += 28 + (map.below_label.chars().count() as f64 * 5.8) as i32 + 24;
+    x += 28 + text_width(&map.below_label, 11.0, false).ceil() as i32 + 24;
     for k in 0..STEPS {
         let from = x + WIDTH * k / STEPS;
         patch(
@@ -259,11 +279,9 @@ fn scale(page: &Area, map: &Map, top: i32) -> Drawn {
     let [low, high] = map.decades;
     for decade in low..=high {
         let at = x + WIDTH * (decade - low) / (high - low).max(1);
-        text(
-            &super::axis::power_of_ten(decade),
-            at - 8,
-            top + HEIGHT + 11,
-        )?;
+        let label = super::axis::power_of_ten(decade);
+        let half = (0.5 * text_width(&label, 11.0, false)) as i32;
+        text(&label, at - half, top + HEIGHT + 11)?;
     }
     text(&map.scale_label, x + WIDTH + 16, top + HEIGHT / 2)
 }

@@ -2,10 +2,13 @@
 
 mod axis;
 mod chart;
+mod collisions;
 mod direction;
 mod file;
 mod font;
 mod force_displacement;
+mod ink;
+mod lines;
 mod map;
 mod page;
 mod panels;
@@ -13,13 +16,16 @@ mod png;
 mod reduce;
 mod run;
 
+pub use axis::Scale;
 pub use chart::{Series, line_chart_svg};
+pub use collisions::collisions;
 pub use file::write_picture;
 pub use force_displacement::{LoadCurve, force_displacement_svg};
+pub use ink::Role;
 pub use map::{Map, MapCell, MapLine, MapPanel, map_svg};
 pub use page::Marker;
 pub use panels::{Panel, panels_svg};
-pub(crate) use run::{DeviceSeries, Mark, PlotData, force_and_position_svg};
+pub(crate) use run::{Cause, DeviceSeries, Mark, PlotData, force_and_position_svg};
 
 #[cfg(test)]
 mod tests;

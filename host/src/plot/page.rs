@@ -1,6 +1,7 @@
 //! The page: an SVG of a given size with title, legend and panels. All drawings share this style.
 //!
-//! The colours are those of Okabe and Ito, which colour-blind readers can distinguish.
+//! The layout measures all text with the widest font that a viewer shows it in, so that no two texts collide and none is
+//! cut.
 
 use plotters::chart::ChartContext;
 use plotters::coord::Shift;
@@ -9,13 +10,15 @@ use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::axis::Axis;
-use super::font::FAMILIES;
+use super::font::{FAMILIES, text_width};
+use super::ink::{self, Ink, Role};
+use super::lines;
 
 /// Units per pixel. The SVG backend draws at whole units; several units per pixel keep lines smooth.
 pub(super) const UNITS: i32 = 4;
-/// Space left of a panel for its labels (pixels).
+/// Least space left of a panel for its labels (pixels). Titles and legends begin there.
 pub(super) const LEFT: i32 = 64;
-/// Space right of a panel (pixels).
+/// Least space right of a panel (pixels).
 pub(super) const RIGHT: i32 = 18;
 /// Space below a panel that has a labelled x axis (pixels).
 pub(super) const BELOW: i32 = 44;
@@ -24,7 +27,7 @@ pub(super) const BELOW: i32 = 44;
 pub(super) const STRIP: i32 = 4;
 
 /// The colour of text.
-pub(super) const TEXT: RGBColor = RGBColor(34, 34, 34);
+pub(super) const TEXT: RGBColor = ink::BLACK;
 const MUTED: RGBColor = RGBColor(96, 96, 96);
 const GRID: RGBColor = RGBColor(228, 228, 228);
 const FRAME: RGBColor = RGBColor(150, 150, 150);
@@ -36,28 +39,17 @@ pub(super) type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 /// A panel with its two axes.
 pub(super) type Panel<'a, 'b> = ChartContext<'b, SVGBackend<'a>, Cartesian2d<Axis, Axis>>;
 
+/// Sizes of the fonts (pixels): the title, the titles of panels, other text, and the labels of ticks.
+const TITLE_SIZE: f64 = 16.0;
+const PANEL_TITLE_SIZE: f64 = 12.0;
+const TEXT_SIZE: f64 = 12.0;
+const TICK_SIZE: f64 = 11.0;
+/// Distance of two lines of text (pixels).
+const LINE: i32 = 16;
+
 /// The colour of a series by its number.
 pub(super) fn series_color(index: usize) -> RGBColor {
-    const COLORS: [RGBColor; 6] = [
-        RGBColor(0, 114, 178),
-        RGBColor(213, 94, 0),
-        RGBColor(0, 158, 115),
-        RGBColor(204, 121, 167),
-        RGBColor(86, 180, 233),
-        RGBColor(230, 159, 0),
-    ];
-    COLORS[index % COLORS.len()]
-}
-
-/// The colour of a band by its number.
-pub(super) fn band_color(index: usize) -> RGBColor {
-    const COLORS: [RGBColor; 4] = [
-        RGBColor(230, 159, 0),
-        RGBColor(110, 110, 110),
-        RGBColor(86, 180, 233),
-        RGBColor(204, 121, 167),
-    ];
-    COLORS[index % COLORS.len()]
+    Role::Number(index).ink(0).color
 }
 
 /// The fill of a band, behind the lines.
@@ -121,17 +113,70 @@ pub(super) fn write(
     area.draw(&Text::new(printable(text), (x * UNITS, y * UNITS), style))
 }
 
-/// Writes the title and the smaller line under the title.
-pub(super) fn title(area: &Area, title: &str, subtitle: &str) -> Drawn {
-    write(
-        area,
-        title,
-        LEFT,
-        20,
-        font(16.0).style(FontStyle::Bold),
-        TEXT,
-    )?;
-    write(area, subtitle, LEFT, 40, font(12.0), MUTED)
+/// The text, or the beginning of it with an ellipsis, so that it is at most `width` pixels wide.
+fn fitted(text: &str, size: f64, bold: bool, width: i32) -> String {
+    let fits = |text: &str| text_width(text, size, bold) <= f64::from(width);
+    let text = printable(text);
+    if fits(&text) {
+        return text;
+    }
+    let mut short: Vec<char> = text.chars().collect();
+    loop {
+        short.pop();
+        let cut: String = short.iter().chain(['…'].iter()).collect();
+        if short.is_empty() || fits(&cut) {
+            return cut;
+        }
+    }
+}
+
+/// The lines of a text that is at most `width` pixels wide.
+fn wrapped(text: &str, size: f64, width: i32) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split_whitespace() {
+        let longer = lines.last().map(|line| format!("{line} {word}"));
+        match (longer, lines.last_mut()) {
+            (Some(longer), Some(line)) if text_width(&longer, size, false) <= f64::from(width) => {
+                *line = longer;
+            }
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines
+}
+
+/// Writes the title of a page and the smaller text under the title. Returns their height (pixels).
+pub(super) fn title(
+    area: &Area,
+    title: &str,
+    subtitle: &str,
+) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
+    let width = area.dim_in_pixel().0 as i32 / UNITS;
+    let most = width - LEFT - RIGHT;
+    let bold = font(TITLE_SIZE).style(FontStyle::Bold);
+    let text = fitted(title, TITLE_SIZE, true, most);
+    write(area, &text, LEFT, 20, bold, TEXT)?;
+    for (k, line) in wrapped(subtitle, TEXT_SIZE, most).iter().enumerate() {
+        let line = fitted(line, TEXT_SIZE, false, most);
+        let y = 40 + LINE * k as i32;
+        write(area, &line, LEFT, y, font(TEXT_SIZE), MUTED)?;
+    }
+    Ok(title_height(width, subtitle))
+}
+
+/// The height of a title with this text under it (pixels).
+pub(super) fn title_height(width: i32, subtitle: &str) -> i32 {
+    match wrapped(subtitle, TEXT_SIZE, width - LEFT - RIGHT).len() as i32 {
+        0 => 36,
+        lines => 40 + LINE * lines,
+    }
+}
+
+/// Writes the title of a panel of `width` pixels at the top of its area.
+pub(super) fn panel_title(area: &Area, width: i32, title: &str) -> Drawn {
+    let bold = font(PANEL_TITLE_SIZE).style(FontStyle::Bold);
+    let text = fitted(title, PANEL_TITLE_SIZE, true, width - LEFT - 4);
+    write(area, &text, LEFT, 14, bold, TEXT)
 }
 
 /// One entry of a legend.
@@ -142,8 +187,10 @@ pub(super) struct Entry {
 
 /// The symbol that a legend shows before a name.
 pub(super) enum Key {
-    /// A segment of the series' line, with its mark.
+    /// A segment of a solid line, with its mark.
     Line(RGBColor, Marker),
+    /// A segment of a line with its look, and its mark.
+    Ink(Ink, Marker),
     /// A patch of a band's colour.
     Band(RGBColor),
 }
@@ -162,9 +209,22 @@ pub enum Marker {
     Triangle,
     /// A diagonal cross.
     Cross,
+    /// A ring, which shows what is below it.
+    Ring,
 }
 
 impl Marker {
+    /// The mark by place in a list of lines, for a chart whose lines all have marks.
+    pub fn by_place(place: usize) -> Self {
+        [
+            Self::Circle,
+            Self::Square,
+            Self::Triangle,
+            Self::Ring,
+            Self::Cross,
+        ][place % 5]
+    }
+
     /// Draws the mark at (`x`, `y`) units.
     pub(super) fn draw(self, area: &Area, x: i32, y: i32, color: RGBColor) -> Drawn {
         let r = 4 * UNITS;
@@ -187,8 +247,41 @@ impl Marker {
                 area.draw(&PathElement::new([(x - r, y - r), (x + r, y + r)], style))?;
                 area.draw(&PathElement::new([(x - r, y + r), (x + r, y - r)], style))
             }
+            Self::Ring => area.draw(&Circle::new((x, y), r + UNITS, stroke(color, 1.75))),
         }
     }
+}
+
+/// Writes the smaller line under the title of a panel of `width` pixels.
+pub(super) fn panel_subtitle(area: &Area, width: i32, subtitle: &str) -> Drawn {
+    let text = fitted(subtitle, TICK_SIZE, false, width - LEFT - 4);
+    write(area, &text, LEFT, 30, font(TICK_SIZE), MUTED)
+}
+
+const ROW: i32 = 20;
+/// Width of the symbol with the gap after it (pixels).
+const KEY: i32 = 38;
+
+/// The entries of a legend on a page of `width` pixels: the left end and the middle of each, and its name. Then the height
+/// (pixels).
+fn legend_places(width: i32, entries: &[Entry]) -> (Vec<(i32, i32, String)>, i32) {
+    let (mut x, mut y) = (LEFT, ROW / 2);
+    let mut places = Vec::new();
+    for entry in entries {
+        let name = fitted(&entry.name, TEXT_SIZE, false, width - LEFT - KEY - RIGHT);
+        let text = text_width(&name, TEXT_SIZE, false).ceil() as i32;
+        if x > LEFT && x + KEY + text > width - RIGHT {
+            (x, y) = (LEFT, y + ROW);
+        }
+        places.push((x, y, name));
+        x += KEY + text + 18;
+    }
+    (places, y + ROW / 2)
+}
+
+/// The height of a legend (pixels).
+pub(super) fn legend_height(width: i32, entries: &[Entry]) -> i32 {
+    legend_places(width, entries).1
 }
 
 /// Writes the legend in rows of the page's `width`, downwards from `top`. Returns the height of the legend
@@ -199,21 +292,20 @@ pub(super) fn legend(
     top: i32,
     entries: &[Entry],
 ) -> Result<i32, DrawingAreaErrorKind<std::io::Error>> {
-    const ROW: i32 = 20;
-    const KEY: i32 = 26;
-    let (mut x, mut y) = (LEFT, top + ROW / 2);
-    for entry in entries {
-        // Without font files, widths are estimates: 6.3 pixels is about the mean width of a character.
-        let text = (entry.name.chars().count() as f64 * 6.3).ceil() as i32;
-        if x > LEFT && x + KEY + text > width - RIGHT {
-            (x, y) = (LEFT, y + ROW);
-        }
+    let (places, height) = legend_places(width, entries);
+    for (entry, (x, y, name)) in entries.iter().zip(places) {
+        let y = top + y;
         let (left, right, middle) = (x * UNITS, (x + KEY - 6) * UNITS, y * UNITS);
+        let center = i32::midpoint(left, right);
         match &entry.key {
             Key::Line(color, marker) => {
                 let style = stroke(*color, 2.5);
                 area.draw(&PathElement::new([(left, middle), (right, middle)], style))?;
-                marker.draw(area, i32::midpoint(left, right), middle, *color)?;
+                marker.draw(area, center, middle, *color)?;
+            }
+            Key::Ink(ink, marker) => {
+                lines::line(area, &[(left, middle), (right, middle)], *ink)?;
+                marker.draw(area, center, middle, ink.color)?;
             }
             Key::Band(color) => {
                 let half = 6 * UNITS;
@@ -226,10 +318,9 @@ pub(super) fn legend(
                 area.draw(&Rectangle::new(strip, color.filled()))?;
             }
         }
-        write(area, &entry.name, x + KEY, y, font(12.0), TEXT)?;
-        x += KEY + text + 18;
+        write(area, &name, x + KEY, y, font(TEXT_SIZE), TEXT)?;
     }
-    Ok(y + ROW / 2 - top)
+    Ok(height)
 }
 
 /// The axes of a panel and their labels.
@@ -241,17 +332,42 @@ pub(super) struct Axes<'a> {
     pub(super) y_label: &'a str,
 }
 
+/// The space left of a panel for its label and the labels of this axis (pixels).
+pub(super) fn left(y: &Axis) -> i32 {
+    let widths = y.labels().into_iter();
+    let widest = widths.fold(0.0, |most: f64, label| {
+        most.max(text_width(&label, TICK_SIZE, false))
+    });
+    // The label of the axis, turned, the gaps and the tick take 36 pixels.
+    LEFT.max(widest.ceil() as i32 + 36)
+}
+
+/// The space right of a panel, where half of the last label of this axis may end (pixels).
+fn right(x: &Axis) -> i32 {
+    let last = x.labels().pop().unwrap_or_default();
+    RIGHT.max((0.5 * text_width(&last, TICK_SIZE, false)).ceil() as i32 + 4)
+}
+
 /// Lays out a panel on `area`. The background of its grid can be drawn before [`grid`] is called.
 pub(super) fn panel<'a, 'b>(
     area: &'b Area<'a>,
     axes: &Axes,
 ) -> Result<Panel<'a, 'b>, DrawingAreaErrorKind<std::io::Error>> {
+    panel_with(area, axes, left(axes.y))
+}
+
+/// Lays out a panel with this space left of it (pixels), so that panels below each other begin at one x.
+pub(super) fn panel_with<'a, 'b>(
+    area: &'b Area<'a>,
+    axes: &Axes,
+    left: i32,
+) -> Result<Panel<'a, 'b>, DrawingAreaErrorKind<std::io::Error>> {
     let below = if axes.x_label.is_some() { BELOW } else { 0 };
     ChartBuilder::on(area)
-        .set_label_area_size(LabelAreaPosition::Left, (LEFT - 10) * UNITS)
+        .set_label_area_size(LabelAreaPosition::Left, (left - 10) * UNITS)
         .margin_left(10 * UNITS)
         .set_label_area_size(LabelAreaPosition::Bottom, below * UNITS)
-        .margin_right(RIGHT * UNITS)
+        .margin_right(right(axes.x) * UNITS)
         .margin_top(6 * UNITS)
         .margin_bottom(6 * UNITS)
         .build_cartesian_2d(axes.x.clone(), axes.y.clone())
@@ -276,12 +392,59 @@ pub(super) fn grid(panel: &mut Panel, axes: &Axes) -> Drawn {
     let mut mesh = panel.configure_mesh();
     mesh.bold_line_style(stroke(GRID, 1.0))
         .axis_style(stroke(FRAME, 1.0))
-        .label_style(TextStyle::from(font(11.0)).color(&MUTED))
-        .axis_desc_style(TextStyle::from(font(12.0)).color(&TEXT))
+        .label_style(TextStyle::from(font(TICK_SIZE)).color(&MUTED))
+        .axis_desc_style(TextStyle::from(font(TEXT_SIZE)).color(&TEXT))
         .y_desc(printable(axes.y_label))
         .set_all_tick_mark_size(4 * UNITS);
     if let Some(label) = axes.x_label {
         mesh.x_desc(printable(label));
     }
     mesh.draw()
+}
+
+/// Marks where an axis is broken between zero and its logarithmic part: two short strokes across the axis.
+pub(super) fn breaks(page: &Area, panel: &Panel, axes: &Axes) -> Drawn {
+    let corner = (axes.x.from, axes.y.from);
+    let places = [
+        axes.x.broken().map(|x| (x, corner.1)),
+        axes.y.broken().map(|y| (corner.0, y)),
+    ];
+    for (place, upright) in places.into_iter().zip([true, false]) {
+        let Some(place) = place else { continue };
+        let (x, y) = panel.backend_coord(&place);
+        // From one stroke to the other, and from the middle of a stroke to its end.
+        let (gap, along, across) = (2 * UNITS, UNITS, 4 * UNITS);
+        let turned = |dx: i32, dy: i32| match upright {
+            true => (x + dx, y + dy),
+            false => (x + dy, y + dx),
+        };
+        let hole = [turned(-gap, -UNITS), turned(gap, UNITS)];
+        page.draw(&Rectangle::new(hole, WHITE.filled()))?;
+        for side in [-gap, gap] {
+            let ends = [turned(side - along, across), turned(side + along, -across)];
+            page.draw(&PathElement::new(ends, stroke(FRAME, 1.0)))?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_text_is_shortened_or_wrapped_to_its_width() {
+        let long = "a scene of a very long name ".repeat(20);
+        let short = fitted(&long, 16.0, true, 300);
+        assert!(short.ends_with('…') && text_width(&short, 16.0, true) <= 300.0);
+        assert_eq!(fitted("short", 16.0, true, 300), "short");
+        let lines = wrapped(&long, 12.0, 300);
+        assert!(lines.len() > 5);
+        assert!(
+            lines
+                .iter()
+                .all(|line| text_width(line, 12.0, false) <= 300.0)
+        );
+        assert_eq!(lines.join(" "), long.trim());
+    }
 }

@@ -1,18 +1,23 @@
 //! The picture of a run: the force on the hands above, the displacement of the devices below, over the same time.
 //!
 //! Each device is drawn along the principal direction of its force, which the labels name. Bands mark the
-//! intervals in which a limit or a fault acted on the force.
+//! intervals in which the force was not that of the newest model: the cap, a limit or a fault acted on it.
 
 use nalgebra::Vector3;
 use plotters::prelude::*;
 
 use super::axis::Axis;
 use super::direction::{Direction, first_usable, main_direction};
+use super::ink;
 use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 use super::reduce::{reduce, usable};
 
-const WIDTH: i32 = 960;
-const HEIGHT: i32 = 600;
+const WIDTH: i32 = 800;
+const HEIGHT: i32 = 560;
+
+/// Widths of the devices' lines (pixels). The first line is wide, so that it shows beside a second one that coincides with
+/// it.
+const WIDTHS: [f64; 4] = [2.0, 1.0, 1.0, 0.75];
 
 /// The data of a run that are drawn.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -40,18 +45,65 @@ pub(crate) struct DeviceSeries {
     pub position: Vec<[f64; 3]>,
 }
 
-/// An interval in which a limit or a fault acted on the force.
+/// An interval in which the force was not that of the newest model.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Mark {
     /// Its beginning (s).
     pub from: f64,
     /// End of the interval (s).
     pub to: f64,
-    /// The cause, such as `force limited`. Marks of the same label have the same colour.
-    pub label: String,
+    /// The cause.
+    pub cause: Cause,
+    /// The device or the body; empty where there is one only.
+    pub of: String,
 }
 
-/// Draws force and displacement of all devices over time, 960 by 600 pixels. What is not a number is
+/// What acted on the force. A cause has the same colour in every picture, which is not that of a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Cause {
+    /// The host published no model for long.
+    Stalled,
+    /// The force faded: the model was too old, or the device too fast or out of reach.
+    Fading,
+    /// The model was too old, and only the safe hold was left.
+    Held,
+    /// The cap withheld force.
+    Capped,
+    /// The force or its slew was at a limit.
+    Limited,
+    /// The device gave no state.
+    Silent,
+    /// The force was not a number.
+    NotANumber,
+}
+
+impl Cause {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Stalled => "host stalled",
+            Self::Fading => "force fading",
+            Self::Held => "safe hold",
+            Self::Capped => "force capped",
+            Self::Limited => "force or slew limited",
+            Self::Silent => "device silent",
+            Self::NotANumber => "force not a number",
+        }
+    }
+
+    fn color(self) -> RGBColor {
+        match self {
+            Self::Stalled => RGBColor(165, 165, 165),
+            Self::Fading => ink::YELLOW,
+            Self::Held => RGBColor(90, 90, 90),
+            Self::Capped => ink::PURPLE,
+            Self::Limited => ink::SKY,
+            Self::Silent => RGBColor(0, 0, 0),
+            Self::NotANumber => RGBColor(130, 80, 60),
+        }
+    }
+}
+
+/// Draws force and displacement of all devices over time, 800 by 560 pixels. What is not a number is
 /// left out.
 pub(crate) fn force_and_position_svg(data: &PlotData) -> String {
     let devices: Vec<Trace> = data.devices.iter().map(Trace::new).collect();
@@ -95,7 +147,7 @@ impl<'a> Trace<'a> {
 }
 
 fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
-    page::title(area, &data.title, &data.subtitle)?;
+    let top = page::title(area, &data.title, &data.subtitle)?;
     // The axes name a direction that all devices have in common. Otherwise the legend names each direction.
     let common = devices.first().map(|first| &first.direction.name);
     let common = common.filter(|name| devices.iter().all(|d| d.direction.name == **name));
@@ -113,61 +165,68 @@ fn draw(area: &Area, data: &PlotData, devices: &[Trace]) -> Drawn {
         }
     });
     let patches = bands.iter().map(|band| Entry {
-        name: band.label.to_owned(),
-        key: Key::Band(band.color),
+        name: band.label(),
+        key: Key::Band(band.cause.color()),
     });
-    let legend_height = page::legend(area, WIDTH, 56, &lines.chain(patches).collect::<Vec<_>>())?;
-
-    let top = 56 + legend_height;
+    let entries: Vec<_> = lines.chain(patches).collect();
+    let top = top + page::legend(area, WIDTH, top, &entries)?;
     let panel_height = (HEIGHT - top - page::BELOW) / 2;
     let (_, below) = area.split_vertically(top * page::UNITS);
     let (upper, lower) = below.split_vertically(panel_height * page::UNITS);
     let time = Axis::linear(data.time.iter().copied(), 0.0, 12.0);
 
     let force: Vec<_> = devices.iter().map(|d| d.force(&data.time)).collect();
-    let label = format!("Force{along} (N)");
-    draw_panel(&upper, &time, None, &label, &force, &bands)?;
-
     let moved: Vec<_> = devices.iter().map(|d| d.displacement(&data.time)).collect();
-    let label = format!("Displacement{along} (mm)");
-    draw_panel(&lower, &time, Some("Time (s)"), &label, &moved, &bands)
+    // The axes always include zero, which is no force or no displacement.
+    let [force_axis, moved_axis] = [&force, &moved].map(|series| {
+        let values = series.iter().flatten().map(|point| point.1).chain([0.0]);
+        Axis::linear(values, 0.06, 8.0)
+    });
+    let left = page::left(&force_axis).max(page::left(&moved_axis));
+    let axes = Axes {
+        x: &time,
+        y: &force_axis,
+        x_label: None,
+        y_label: &format!("Force{along} (N)"),
+    };
+    draw_panel(&upper, &axes, left, &force, &bands)?;
+    let axes = Axes {
+        x: &time,
+        y: &moved_axis,
+        x_label: Some("Time (s)"),
+        y_label: &format!("Displacement{along} (mm)"),
+    };
+    draw_panel(&lower, &axes, left, &moved, &bands)
 }
 
 fn draw_panel(
     area: &Area,
-    time: &Axis,
-    x_label: Option<&str>,
-    y_label: &str,
+    axes: &Axes,
+    left: i32,
     series: &[Vec<(f64, f64)>],
     bands: &[Band],
 ) -> Drawn {
-    // The axis always includes zero, which is no force or no displacement.
-    let values = series.iter().flatten().map(|point| point.1).chain([0.0]);
-    let y = Axis::linear(values, 0.06, 8.0);
-    let axes = Axes {
-        x: time,
-        y: &y,
-        x_label,
-        y_label,
-    };
-    let mut panel = page::panel(area, &axes)?;
+    let (time, y) = (axes.x, axes.y);
+    let mut panel = page::panel_with(area, axes, left)?;
     for band in bands {
-        let fill = page::band_fill(band.color);
+        let fill = page::band_fill(band.cause.color());
         let bars = band
             .spans
             .iter()
             .map(|span| Rectangle::new([(span.0, y.from), (span.1, y.to)], fill));
         panel.draw_series(bars)?;
     }
-    page::grid(&mut panel, &axes)?;
+    page::grid(&mut panel, axes)?;
+    // The strips of causes that act at one time are in rows below each other.
     let height = panel.plotting_area().dim_in_pixel().1;
-    let strip = y.to - (y.to - y.from) * f64::from(page::STRIP * page::UNITS) / f64::from(height);
-    for band in bands {
-        let fill = band.color.filled();
+    let strip = (y.to - y.from) * f64::from(page::STRIP * page::UNITS) / f64::from(height);
+    for (band, row) in bands.iter().zip(rows(bands)) {
+        let fill = band.cause.color().filled();
+        let top = y.to - strip * row as f64;
         let strips = band
             .spans
             .iter()
-            .map(|span| Rectangle::new([(span.0, strip), (span.1, y.to)], fill));
+            .map(|span| Rectangle::new([(span.0, top - strip), (span.1, top)], fill));
         panel.draw_series(strips)?;
     }
     if series.iter().all(Vec::is_empty) {
@@ -176,14 +235,14 @@ fn draw_panel(
     let zero = PathElement::new([(time.from, 0.0), (time.to, 0.0)], page::zero_style());
     panel.draw_series([zero])?;
     for (i, points) in series.iter().enumerate() {
-        let color = page::series_color(i);
+        let (color, width) = (page::series_color(i), WIDTHS[i % WIDTHS.len()]);
         let lines = reduce(points.iter().copied(), |x| column(time, x));
         for line in lines {
             if let [(x, y)] = line[..] {
                 let dot = Circle::new((x, y), 2 * page::UNITS, color.filled());
                 panel.draw_series([dot])?;
             } else {
-                panel.draw_series([PathElement::new(line, page::stroke(color, 1.25))])?;
+                panel.draw_series([PathElement::new(line, page::stroke(color, width))])?;
             }
         }
     }
@@ -196,14 +255,54 @@ fn column(time: &Axis, x: f64) -> i64 {
     ((x - time.from) / (time.to - time.from) * width).floor() as i64
 }
 
-/// All marks of one label.
+/// All marks of one cause.
 struct Band<'a> {
-    label: &'a str,
-    color: RGBColor,
+    cause: Cause,
+    /// The devices or bodies, in the order of first appearance.
+    of: Vec<&'a str>,
     spans: Vec<(f64, f64)>,
 }
 
-/// The marks by label, in the order of first appearance. Marks closer than a pixel are merged.
+impl Band<'_> {
+    /// Whether both causes act at one time. Both lists of spans are in order, and neither has overlaps.
+    fn overlaps(&self, other: &Self) -> bool {
+        let (mut mine, mut others) = (self.spans.iter().peekable(), other.spans.iter().peekable());
+        while let (Some(a), Some(b)) = (mine.peek(), others.peek()) {
+            if a.0 < b.1 && b.0 < a.1 {
+                return true;
+            }
+            if a.1 <= b.0 {
+                mine.next();
+            } else {
+                others.next();
+            }
+        }
+        false
+    }
+
+    fn label(&self) -> String {
+        match self.of[..] {
+            [] => self.cause.name().to_owned(),
+            _ => format!("{}: {}", self.cause.name(), self.of.join(", ")),
+        }
+    }
+}
+
+/// For each band the row of its strips: the first row without a band that acts at the same time.
+fn rows(bands: &[Band]) -> Vec<usize> {
+    let mut rows: Vec<usize> = Vec::new();
+    for (k, band) in bands.iter().enumerate() {
+        let earlier = bands[..k].iter().zip(&rows);
+        let taken: Vec<usize> = earlier
+            .filter(|(other, _)| band.overlaps(other))
+            .map(|(_, row)| *row)
+            .collect();
+        rows.push((0..).find(|row| !taken.contains(row)).unwrap_or(k));
+    }
+    rows
+}
+
+/// The marks by cause, in the order of first appearance. Marks closer than a pixel are merged.
 fn bands<'a>(marks: &'a [Mark], time: &[f64]) -> Vec<Band<'a>> {
     let axis = Axis::linear(time.iter().copied(), 0.0, 12.0);
     let pixel = (axis.to - axis.from) / f64::from(WIDTH - page::LEFT - page::RIGHT);
@@ -215,20 +314,22 @@ fn bands<'a>(marks: &'a [Mark], time: &[f64]) -> Vec<Band<'a>> {
         }
         let at = bands
             .iter()
-            .position(|band| band.label == mark.label)
+            .position(|band| band.cause == mark.cause)
             .unwrap_or_else(|| {
-                let color = page::band_color(bands.len());
                 bands.push(Band {
-                    label: &mark.label,
-                    color,
+                    cause: mark.cause,
+                    of: Vec::new(),
                     spans: Vec::new(),
                 });
                 bands.len() - 1
             });
+        let band = &mut bands[at];
+        if !mark.of.is_empty() && !band.of.contains(&mark.of.as_str()) {
+            band.of.push(&mark.of);
+        }
         // A span is at least two pixels wide, so that a short mark is visible.
         let short = (pixel - 0.5 * (to - from)).max(0.0);
-        bands[at]
-            .spans
+        band.spans
             .push(((from - short).max(axis.from), (to + short).min(axis.to)));
     }
     for band in &mut bands {

@@ -1,6 +1,6 @@
 use super::{
-    DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, PlotData, Series,
-    force_and_position_svg, line_chart_svg, map_svg,
+    Cause, DeviceSeries, Map, MapCell, MapLine, MapPanel, Mark, Marker, Panel, PlotData, Role,
+    Scale, Series, collisions, force_and_position_svg, line_chart_svg, map_svg, panels_svg,
 };
 
 /// Two hands that pull apart for `samples` ms, with noise.
@@ -27,7 +27,8 @@ fn stretch(samples: u32) -> PlotData {
         marks: vec![Mark {
             from: 0.2,
             to: 0.4,
-            label: "force limited".to_owned(),
+            cause: Cause::Limited,
+            of: String::new(),
         }],
     }
 }
@@ -40,6 +41,7 @@ fn check(svg: &str) {
     assert_eq!(count("<text"), count("</text>"));
     assert_eq!(count("<"), count(">"));
     assert!(!svg.chars().any(|c| c.is_control() && c != '\n'));
+    assert_eq!(collisions(svg), [""; 0]);
 }
 
 #[test]
@@ -47,7 +49,7 @@ fn a_run_shows_names_units_and_marks() {
     let svg = force_and_position_svg(&stretch(1000));
     check(&svg);
     assert!(svg.starts_with(
-        "<svg width=\"960\" height=\"600\" stroke-linejoin=\"round\" viewBox=\"0 0 3840 2400\""
+        "<svg width=\"800\" height=\"560\" stroke-linejoin=\"round\" viewBox=\"0 0 3200 2240\""
     ));
     for text in [
         "stretch &lt;1&gt; &amp; more",
@@ -57,7 +59,7 @@ fn a_run_shows_names_units_and_marks() {
         "Force along x (N)",
         "Displacement along x (mm)",
         "Time (s)",
-        "force limited",
+        "force or slew limited",
     ] {
         assert!(svg.contains(text), "{text}");
     }
@@ -82,7 +84,8 @@ fn ten_minutes_of_four_devices_stay_small() {
         data.marks.push(Mark {
             from,
             to: from + 0.01,
-            label: "force limited".to_owned(),
+            cause: Cause::Limited,
+            of: String::new(),
         });
     }
     let svg = force_and_position_svg(&data);
@@ -121,12 +124,14 @@ fn any_data_gives_a_picture() {
         faulty.marks.push(Mark {
             from: fault,
             to: 1.0,
-            label: "a".to_owned(),
+            cause: Cause::Fading,
+            of: "a".to_owned(),
         });
         faulty.marks.push(Mark {
             from: 0.5,
             to: fault,
-            label: "b\u{1}".to_owned(),
+            cause: Cause::Held,
+            of: "b\u{1}".to_owned(),
         });
     }
     let mut all_faulty = stretch(100);
@@ -147,11 +152,13 @@ fn a_chart_shows_its_labels_and_counts_the_points_that_it_omits() {
             name: "hold".to_owned(),
             points: vec![(10.0, 0.5), (100.0, 0.05), (1000.0, 0.0)],
             marker: Marker::Circle,
+            ..Series::default()
         },
         Series {
             name: "linear".to_owned(),
             points: vec![(10.0, 1e-3), (f64::NAN, 1.0), (100.0, 1e-5)],
             marker: Marker::Cross,
+            ..Series::default()
         },
     ];
     for (log_x, log_y) in [(true, true), (false, true), (true, false), (false, false)] {
@@ -176,6 +183,7 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
     };
     let panel = |title: &str| MapPanel {
         title: title.to_owned(),
+        subtitle: "b = 0.005 N s/m, 3 ticks late".to_owned(),
         cells: vec![
             cell(0.0, 1.0, 0.0),
             cell(0.0, 10.0, 1e-3),
@@ -225,4 +233,154 @@ fn a_map_shows_cells_lines_points_and_its_scale() {
     });
     check(&nothing);
     assert!(nothing.contains("no data"));
+}
+
+#[test]
+fn causes_that_act_at_one_time_are_below_each_other_and_name_what_they_acted_on() {
+    let mut data = stretch(1000);
+    let mark = |cause, of: &str, from, to| Mark {
+        from,
+        to,
+        cause,
+        of: of.to_owned(),
+    };
+    data.marks = vec![
+        mark(Cause::Stalled, "", 0.0, 0.1),
+        mark(Cause::Capped, "sheet", 0.1, 0.5),
+        mark(Cause::Limited, "left hand", 0.2, 0.3),
+        mark(Cause::Capped, "organ", 0.2, 0.8),
+    ];
+    let svg = force_and_position_svg(&data);
+    check(&svg);
+    for text in [
+        "force capped: sheet, organ",
+        "force or slew limited: left hand",
+    ] {
+        assert!(svg.contains(text), "{text}");
+    }
+    // The strips of both causes are below each other, though the causes act at one time.
+    let strip = |color: &str| {
+        let strips = svg.lines().filter(|line| {
+            line.contains(color) && line.contains("opacity=\"1\"") && line.contains("height=\"16\"")
+        });
+        let tops =
+            strips.filter_map(|line| line.split("y=\"").nth(1)?.split('"').next()?.parse().ok());
+        tops.collect::<Vec<i32>>()
+    };
+    let (capped, limited) = (strip("#CC79A7"), strip("#56B4E9"));
+    // What acts at another time is in the first row.
+    assert_eq!(strip("#A5A5A5")[1..], capped[1..]);
+    // The first is that of the legend, and then there is one in each panel.
+    assert_eq!((capped.len(), limited.len()), (3, 3));
+    for (above, below) in capped.iter().zip(&limited).skip(1) {
+        assert!((below - above - 16).abs() <= 1, "{above} {below}");
+    }
+}
+
+#[test]
+fn texts_of_any_length_keep_to_the_page() {
+    let long = "a name of a scene that nobody would read to its end ".repeat(6);
+    let mut data = stretch(200);
+    data.title.clone_from(&long);
+    data.subtitle.clone_from(&long);
+    data.devices[0].name.clone_from(&long);
+    // Coordinates that need long labels.
+    for (k, position) in data.devices[0].position.iter_mut().enumerate() {
+        position[0] = 1e4 * k as f64;
+    }
+    check(&force_and_position_svg(&data));
+    let series = Series {
+        name: long.clone(),
+        points: vec![(1e-7, 123_456.0), (3e9, 123_456.5)],
+        spread: vec![[1e-8, 1e-6]],
+        ..Series::default()
+    };
+    for (log_x, log_y) in [(true, true), (false, false)] {
+        check(&line_chart_svg(
+            &long,
+            "x",
+            "y",
+            log_x,
+            log_y,
+            std::slice::from_ref(&series),
+        ));
+    }
+    for columns in 1..=3 {
+        let panel = Panel {
+            title: long.clone(),
+            x_label: "force error (%)".to_owned(),
+            y_label: "fraction of runs".to_owned(),
+            x_scale: Scale::LogarithmicAbove(1e-3),
+            series: vec![series.clone()],
+            x_covers: vec![5e-4, 1.1e-3],
+            ..Panel::default()
+        };
+        check(&panels_svg(&long, &long, columns, &vec![panel; 4]));
+    }
+}
+
+#[test]
+fn zero_is_drawn_as_zero_and_one_value_is_data() {
+    let panel = |points: Vec<(f64, f64)>| {
+        let panel = Panel {
+            x_label: "net energy (mJ)".to_owned(),
+            y_label: "fraction of runs".to_owned(),
+            x_scale: Scale::LogarithmicAbove(1e-3),
+            series: vec![Series {
+                name: "linear".to_owned(),
+                points,
+                role: Role::Scheme("linear"),
+                ..Series::default()
+            }],
+            ..Panel::default()
+        };
+        panels_svg("Energy", "", 2, &[panel])
+    };
+    let all_zero = panel(vec![(0.0, 0.0), (0.0, 1.0)]);
+    check(&all_zero);
+    assert!(!all_zero.contains("no data") && all_zero.contains("\n0\n"));
+    let one = panel(vec![(5.0, 1.0)]);
+    assert!(!one.contains("no data") && one.contains("<circle"));
+    assert!(panel(Vec::new()).contains("no data"));
+}
+
+#[test]
+fn curves_that_coincide_show_each_other() {
+    let points = vec![(0.0, 0.0), (1.0, 1.0)];
+    let series = ["linear", "classic", "capped"].map(|name| Series {
+        name: name.to_owned(),
+        points: points.clone(),
+        role: Role::Scheme(name),
+        ..Series::default()
+    });
+    let svg = line_chart_svg("Schemes", "x", "y", false, false, &series);
+    // Length of the strokes of each colour: the lower line is whole, and those above it leave gaps.
+    let inked = |color: &str| -> f64 {
+        let strokes = svg
+            .lines()
+            .filter(|line| line.starts_with("<polyline") && line.contains(color));
+        let points = strokes.filter_map(|line| line.split("points=\"").nth(1)?.split('"').next());
+        points
+            .map(|points| {
+                let path: Vec<(f64, f64)> = points
+                    .split_whitespace()
+                    .filter_map(|point| point.split_once(','))
+                    .map(|(x, y)| (x.parse().expect("x"), y.parse().expect("y")))
+                    .collect();
+                let lengths = path
+                    .windows(2)
+                    .map(|p| (p[1].0 - p[0].0).hypot(p[1].1 - p[0].1));
+                lengths.sum::<f64>()
+            })
+            .sum()
+    };
+    let [linear, classic, capped] = ["#009E73", "#CC79A7", "#222222"].map(inked);
+    assert!(
+        classic < 0.55 * linear && capped < 0.5 * linear,
+        "{linear} {classic} {capped}"
+    );
+    assert!(
+        classic > 0.3 * linear && capped > 0.2 * linear,
+        "{linear} {classic} {capped}"
+    );
 }

@@ -3,8 +3,10 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
+use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::withheld::{Stretch, Watch};
+use crate::plot::Mark;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
@@ -56,7 +58,8 @@ pub(super) struct Collector {
     /// By body.
     withheld: Vec<Watch>,
     spans: Vec<Span>,
-    samples: Option<Vec<Sample>>,
+    /// What a plot shows, if there is one.
+    samples: Option<(Vec<Sample>, Marks)>,
     ticks: u64,
     end: f64,
 }
@@ -74,7 +77,7 @@ impl Collector {
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
-            samples: keep_samples.then(Vec::new),
+            samples: keep_samples.then(|| (Vec::new(), Marks::new(&device_names, &body_names))),
             ticks: 0,
             end: 0.0,
             device_names,
@@ -133,7 +136,8 @@ impl Collector {
                 push_withheld(&mut self.spans, name, &stretch);
             }
         }
-        if let Some(samples) = &mut self.samples {
+        if let Some((samples, marks)) = &mut self.samples {
+            marks.take(telemetry);
             let devices = telemetry
                 .devices()
                 .map(|d| (d.wrench.force, d.pose.position))
@@ -155,10 +159,15 @@ impl Collector {
                 push_withheld(&mut self.spans, name, &stretch);
             }
         }
+        let kept = self
+            .samples
+            .map(|(samples, marks)| (samples, marks.finish()));
+        let (samples, marks) = kept.unwrap_or_default();
         Collected {
             totals: self.totals,
             spans: self.spans,
-            samples: self.samples.unwrap_or_default(),
+            samples,
+            marks,
             records: self.ticks,
         }
     }
@@ -206,6 +215,8 @@ pub(super) struct Collected {
     pub totals: Vec<DeviceTotals>,
     /// Stretches of time in which a device or a body was not in its normal state, at most a thousand.
     pub spans: Vec<Span>,
+    /// The intervals that the plot marks, if samples were kept.
+    pub marks: Vec<Mark>,
     /// Every sample, if samples were kept.
     pub samples: Vec<Sample>,
     /// Number of tick records taken.

@@ -8,6 +8,7 @@ mod hand;
 pub mod late;
 mod load_curve;
 mod log_observer;
+mod marks;
 pub mod observer;
 mod parts;
 mod real_clock;

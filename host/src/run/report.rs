@@ -10,7 +10,7 @@ use super::{Clock, RunOptions, clock_name, setup};
 use crate::bodies;
 use crate::engine::plan::publishes_energy;
 use crate::engine::stats::EngineStats;
-use crate::plot::{DeviceSeries, Mark, PlotData};
+use crate::plot::{DeviceSeries, PlotData};
 use crate::scene::{LoadedScene, Scene};
 use rt_core::EnergyAccount;
 use rt_core::coupling::CouplingCounters;
@@ -248,14 +248,6 @@ pub(super) fn plot_data(loaded: &LoadedScene, collected: &Collected) -> PlotData
         ),
         time: collected.samples.iter().map(|sample| sample.time).collect(),
         devices: series.collect(),
-        marks: collected
-            .spans
-            .iter()
-            .map(|span| Mark {
-                from: span.from,
-                to: span.to,
-                label: span.description.clone(),
-            })
-            .collect(),
+        marks: collected.marks.clone(),
     }
 }

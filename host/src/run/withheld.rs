@@ -12,6 +12,11 @@ const LASTING: f64 = 0.5;
 /// Longest gap within a stretch (s). A cap that acts in most ticks feels like a cap that acts in all.
 const GAP: f64 = 0.1;
 
+/// Whether a hand could notice what is withheld.
+pub(super) fn acts(withheld: Withheld) -> bool {
+    withheld.force > FORCE.max(FRACTION * withheld.of)
+}
+
 /// A stretch of time in which force was withheld.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Stretch {
@@ -44,7 +49,7 @@ pub(super) struct Watch {
 impl Watch {
     /// Takes the force withheld at `time` (s). Returns a stretch that has ended, if it lasted long enough.
     pub(super) fn take(&mut self, time: f64, withheld: Withheld) -> Option<Stretch> {
-        let acts = withheld.force > FORCE.max(FRACTION * withheld.of);
+        let acts = acts(withheld);
         match &mut self.open {
             Some(open) if acts && time - open.to <= GAP => {
                 open.to = time;

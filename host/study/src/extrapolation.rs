@@ -11,10 +11,13 @@
 use crate::StudyError;
 use host::bodies::{self, Built};
 use host::engine::body::{fill_blocks, reference_of};
+use host::engine::stored::Stored;
 use host::scene::{LoadedScene, Scene};
 use physics::{Budget, Condenser, HandlePose};
 use rt_core::coupling::{Coupling, CouplingConfig};
-use rt_core::{LocalModel, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3};
+use rt_core::{
+    LocalModel, MAX_DEVICES, MAX_HANDLES, PassivityConfig, Pose, Scheme, Twist, Vec3, Wrench,
+};
 use serde::Serialize;
 use sim::minimum_jerk;
 
@@ -58,6 +61,9 @@ impl Motion {
         }
     }
 }
+
+/// The schemes under test, in the order of the table.
+pub const SCHEMES: [&str; 4] = ["hold", "thesis", "linear", "capped"];
 
 /// One cell of the table.
 #[derive(Clone, Debug, Serialize)]
@@ -136,14 +142,15 @@ pub fn run(
         worst_clip: 0.0,
         cells: Vec::new(),
     };
-    let schemes = [
-        Scheme::Hold,
-        Scheme::Thesis {
+    let schemes = SCHEMES.map(|name| match name {
+        "hold" => Scheme::Hold,
+        "thesis" => Scheme::Thesis {
             stiffness: gains[0],
             damping: gains[1],
         },
-        Scheme::Linear,
-    ];
+        "linear" => Scheme::Linear,
+        _ => Scheme::Capped,
+    });
     for (half, motion) in [Motion::Apart, Motion::Together].into_iter().enumerate() {
         let mut rivals = Vec::new();
         for rate in 0..rates.len() {
@@ -222,6 +229,11 @@ fn race(
     // One condenser for each rate, because the drift of a model needs the previous model.
     let condensers: Result<Vec<_>, _> = rates.iter().map(|_| Condenser::new(&sheet)).collect();
     let mut condensers = condensers?;
+    // The cap needs the energy that each rate's models claim.
+    let origins = || handles.iter().map(|handle| handle.origin).collect();
+    let mut stored: Vec<Stored> = rates.iter().map(|_| Stored::new(origins())).collect();
+    // A body that has not come to rest, such as this one, does not know them.
+    let weights = bodies::build_settled(loaded, 0)?.body.handle_weights();
     let steps = (duration / STEP).round() as u64;
     let mut published = vec![0_u64; rates.len()];
     let mut race = Race {
@@ -246,6 +258,7 @@ fn race(
         for (i, reference) in model.handles.iter_mut().take(handles.len()).enumerate() {
             if let Some(report) = sheet.handle_report(i) {
                 *reference = reference_of(i as u8, report);
+                reference.weight = weights.get(i).copied().unwrap_or_default();
             }
         }
         let hands: Vec<(Pose, Twist)> = model.handles().map(|h| (h.pose, h.twist)).collect();
@@ -263,6 +276,8 @@ fn race(
             race.rigid_stiffness[index] = row.sum::<f64>().abs();
             fill_blocks(&mut model, condensed);
             model.period = 1.0 / rate;
+            stored[index].keep(condensed);
+            stored[index].publish(&sheet, sheet.elastic_energy(), &mut model);
             for rival in rivals.iter_mut().filter(|rival| rival.rate == index) {
                 // The coupling accepts any sound model. A refusal would appear as a growing error.
                 let _ = rival.coupling.accept(&model);
@@ -272,6 +287,12 @@ fn race(
         let measured = t > SETTLE;
         for rival in rivals.iter_mut() {
             let wrenches = rival.coupling.tick(model.time_ns, &hands);
+            // Nothing limits the devices here: they hold what the scheme renders. The account needs to know.
+            let mut held = [Wrench::zero(); MAX_DEVICES];
+            for (held, (wrench, _)) in held.iter_mut().zip(wrenches.iter().zip(&handles)) {
+                *held = *wrench;
+            }
+            rival.coupling.hold(&held, &[1.0; MAX_DEVICES]);
             if measured {
                 for (wrench, reference) in wrenches.iter().zip(model.handles()) {
                     let error = (wrench.force - reference.wrench.force).norm();

@@ -21,6 +21,15 @@ fn linear_bridges_the_gap_at_60_hz() {
         found.peak[0]
     );
 
+    // The cap lets the hands feel the body: here it withholds a few thousandths of a newton.
+    let capped = rms(Motion::Apart, "capped");
+    assert!(
+        5.0 * capped <= hold,
+        "pulling apart: capped {capped} N, hold {hold} N"
+    );
+    let fraction = rms(Motion::Together, "capped") / found.peak[0];
+    assert!(fraction < 0.01, "moving together: {fraction} of the peak");
+
     // Element tangents are clipped to semidefinite matrices, so the condensed matrix is clipped by rounding only.
     assert!(found.worst_clip < 1e-9, "{}", found.worst_clip);
 }

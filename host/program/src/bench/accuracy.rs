@@ -5,7 +5,7 @@ use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::write_json;
-use host::plot::{self, Marker, Series};
+use host::plot::{self, Marker, Role, Series};
 use std::path::PathBuf;
 use study::accuracy::{self, Accuracy, LocalModels, Prediction};
 
@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &AccuracyArguments) -> Result<(), CommandError> {
     let mut written = Written::default();
     written.write(arguments.json.as_ref(), |path| write_json(path, &found));
     written.write(arguments.plot.as_ref(), |path| {
-        plot::write_picture(path, &chart(&found))
+        plot::write_picture(path, &chart(&found.series))
     });
     written.end()?;
     Ok(())
@@ -134,10 +134,10 @@ const DRAWN: [(&str, &str); 6] = [
     ("plate_alternating", "bent plate, diagonals alternating"),
 ];
 
-fn chart(found: &Accuracy) -> String {
+fn chart(all: &[accuracy::Series]) -> String {
     let mut drawn = Vec::new();
-    for (name, label) in DRAWN {
-        let Some(series) = found.get(name) else {
+    for (place, (name, label)) in DRAWN.into_iter().enumerate() {
+        let Some(series) = all.iter().find(|series| series.name == name) else {
             continue;
         };
         let points = series.points.iter().map(|p| (p.size, p.error.abs()));
@@ -145,7 +145,9 @@ fn chart(found: &Accuracy) -> String {
         drawn.push(Series {
             name: order.map_or(label.to_owned(), |o| format!("{label}: order {o:.1}")),
             points: points.collect(),
-            marker: Marker::Circle,
+            marker: Marker::by_place(place),
+            role: Role::Number(place),
+            ..Series::default()
         });
     }
     plot::line_chart_svg(
@@ -156,4 +158,35 @@ fn chart(found: &Accuracy) -> String {
         true,
         &drawn,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use study::accuracy::Point;
+
+    #[test]
+    fn the_chart_names_every_problem_with_its_order_and_nothing_collides() {
+        let point = |size: f64| Point {
+            mesh: String::new(),
+            size,
+            ours: 1.0,
+            independent: None,
+            error: -size * size,
+            order: Some(2.0),
+        };
+        let all = DRAWN.map(|(name, _)| accuracy::Series {
+            name,
+            title: String::new(),
+            unit: "1",
+            reference: None,
+            source: "",
+            points: [0.25, 0.125, 0.03].map(point).to_vec(),
+        });
+        let svg = chart(&all);
+        assert_eq!(plot::collisions(&svg), [""; 0]);
+        let named =
+            |label: &str| svg.contains(&format!("{}: order 2.0", label.replace('\'', "&apos;")));
+        assert!(DRAWN.iter().all(|(_, label)| named(label)));
+    }
 }

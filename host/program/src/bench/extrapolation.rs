@@ -5,9 +5,9 @@ use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::with_bar;
 use host::atomic_file::write_json;
-use host::plot::{self, Marker, Series};
+use host::plot::{self, Marker, Panel, Role, Scale, Series};
 use std::path::PathBuf;
-use study::extrapolation::{self, Extrapolation, Motion, RATES};
+use study::extrapolation::{self, Extrapolation, Motion, RATES, SCHEMES};
 
 /// Arguments of `palpate bench extrapolation`.
 #[derive(Clone, Debug, clap::Args)]
@@ -67,14 +67,17 @@ fn print_tables(found: &Extrapolation) {
             "two ticks"
         };
         outln!("\nBlend into a new model over {over}:\n");
-        outln!(
-            "| Hz | hold, apart | thesis, apart | linear, apart | hold, together | thesis, together | linear, together |"
-        );
-        outln!("|---|---|---|---|---|---|---|");
+        let heads = |motion| {
+            SCHEMES
+                .map(|scheme| format!("{scheme}, {motion}"))
+                .join(" | ")
+        };
+        outln!("| Hz | {} | {} |", heads("apart"), heads("together"));
+        outln!("|---|{}", "---|".repeat(2 * SCHEMES.len()));
         for rate in RATES {
             out!("| {rate} ");
             for motion in [Motion::Apart, Motion::Together] {
-                for scheme in ["hold", "thesis", "linear"] {
+                for scheme in SCHEMES {
                     let rms = found.rms(motion, rate, scheme, blend).unwrap_or(f64::NAN);
                     out!("| {rms:.4} ");
                 }
@@ -84,32 +87,86 @@ fn print_tables(found: &Extrapolation) {
     }
 }
 
+/// The mark of each scheme. A ring shows the mark below it, where errors coincide.
+const MARKERS: [Marker; SCHEMES.len()] = [
+    Marker::Circle,
+    Marker::Square,
+    Marker::Triangle,
+    Marker::Ring,
+];
+
 fn chart(found: &Extrapolation) -> String {
-    let mut series = Vec::new();
-    for motion in [Motion::Apart, Motion::Together] {
-        for scheme in ["hold", "thesis", "linear"] {
-            let name = match motion {
-                Motion::Apart => format!("{scheme}, pulling apart"),
-                Motion::Together => format!("{scheme}, moving together"),
-            };
+    let errors = found.cells.iter().filter(|cell| cell.blend == BLENDS[0]);
+    let errors: Vec<f64> = errors.map(|cell| cell.rms).collect();
+    let panel = |(motion, title): (Motion, &str)| {
+        let series = SCHEMES.iter().zip(MARKERS).map(|(scheme, marker)| {
             let rms = |rate: f64| found.rms(motion, rate, scheme, BLENDS[0]);
-            let points = RATES
-                .iter()
-                .filter_map(|r| rms(*r).map(|e| (*r, e)))
-                .collect();
-            series.push(Series {
-                name,
-                points,
-                marker: Marker::Circle,
-            });
+            Series {
+                name: (*scheme).to_owned(),
+                points: RATES
+                    .iter()
+                    .filter_map(|rate| Some((*rate, rms(*rate)?)))
+                    .collect(),
+                marker,
+                role: Role::Scheme(scheme),
+                ..Series::default()
+            }
+        });
+        Panel {
+            title: title.to_owned(),
+            x_label: "publication rate (Hz)".to_owned(),
+            y_label: "RMS error of the force (N)".to_owned(),
+            x_scale: Scale::Logarithmic,
+            y_scale: Scale::Logarithmic,
+            y_covers: errors.clone(),
+            series: series.collect(),
+            ..Panel::default()
         }
+    };
+    let panels = [
+        (Motion::Apart, "Hands pull apart"),
+        (Motion::Together, "Hands move together"),
+    ]
+    .map(panel);
+    let subtitle = format!(
+        "peak force {:.2} N and {:.2} N; each model blends in over half a period",
+        found.peak[0], found.peak[1]
+    );
+    plot::panels_svg("Force error between publications", &subtitle, 2, &panels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use study::extrapolation::Cell;
+
+    #[test]
+    fn the_chart_has_every_scheme_and_no_collision() {
+        let mut cells = Vec::new();
+        for motion in [Motion::Apart, Motion::Together] {
+            for rate in RATES {
+                for (k, scheme) in SCHEMES.into_iter().enumerate() {
+                    let rms = 10.0 / rate / 10_f64.powi(2 * k as i32);
+                    cells.push(Cell {
+                        motion,
+                        rate,
+                        scheme,
+                        blend: BLENDS[0],
+                        rms,
+                        worst: rms,
+                    });
+                }
+            }
+        }
+        let svg = chart(&Extrapolation {
+            schema: "palpate.extrapolation/1",
+            peak: [4.5, 1.9],
+            thesis_gains: [187.0, 1.9],
+            rigid_stiffness: Vec::new(),
+            worst_clip: 0.0,
+            cells,
+        });
+        assert_eq!(plot::collisions(&svg), [""; 0]);
+        assert!(SCHEMES.iter().all(|scheme| svg.contains(scheme)));
     }
-    plot::line_chart_svg(
-        "Force error between publications",
-        "publication rate (Hz)",
-        "RMS error (N)",
-        true,
-        true,
-        &series,
-    )
 }

@@ -5,7 +5,7 @@ use super::super::outputs::{Declared, Format};
 use super::super::written::Written;
 use super::{level, with_bar};
 use host::atomic_file::write_json;
-use host::plot::{self, Marker, Series};
+use host::plot::{self, Panel, Series};
 use std::path::PathBuf;
 use study::stability::{self, Account, Case, Family, Report, Verdict};
 
@@ -169,16 +169,37 @@ fn chart(report: &Report) -> String {
             series.push(Series {
                 name: law.to_owned(),
                 points: (0..samples).map(mean).collect(),
-                marker: Marker::None,
+                ..Series::default()
             });
         }
     }
-    plot::line_chart_svg(
-        "Recovery from scrambled starts",
-        "time (s)",
-        "fraction of elements not inverted",
-        false,
-        false,
-        &series,
-    )
+    page(series)
+}
+
+fn page(series: Vec<Series>) -> String {
+    let panel = Panel {
+        x_label: "time (s)".to_owned(),
+        y_label: "fraction of elements not inverted".to_owned(),
+        y_covers: vec![0.0, 1.0],
+        series,
+        ..Panel::default()
+    };
+    let subtitle = "mean over all starts, by law";
+    plot::panels_svg("Recovery from scrambled starts", subtitle, 1, &[panel])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_axis_of_a_fraction_covers_zero_and_one() {
+        let svg = page(vec![Series {
+            name: "stable neo-Hookean".to_owned(),
+            points: vec![(0.0, 0.45), (0.1, 0.5), (12.0, 0.55)],
+            ..Series::default()
+        }]);
+        assert_eq!(plot::collisions(&svg), [""; 0]);
+        assert!(svg.contains("\n0.0\n") && svg.contains("\n1.0\n"));
+    }
 }

@@ -212,7 +212,11 @@ fn print_gains(cells: &Cells) {
 }
 
 fn map(cells: &Cells) -> Map {
-    let panels = wall::panels(cells).into_iter().map(panel).collect();
+    page(wall::panels(cells))
+}
+
+fn page(panels: Vec<Panel>) -> Map {
+    let panels = panels.into_iter().map(panel).collect();
     Map {
         title: "A wall inside the tick: net energy at the port of the hand".to_owned(),
         subtitle:
@@ -252,10 +256,11 @@ fn panel(panel: Panel) -> MapPanel {
     };
     MapPanel {
         title: format!(
-            "{}, {} kHz{late}, b = {device_damping} N s/m",
+            "{}, {} kHz",
             device.replace('_', " "),
             f64::from(*rate) / 1e3
         ),
+        subtitle: format!("device: b = {device_damping} N s/m{late}"),
         cells: panel.cells.iter().map(cell).collect(),
         first: MapLine {
             line: panel.passive,
@@ -265,5 +270,39 @@ fn panel(panel: Panel) -> MapPanel {
             line: panel.stable,
             points: panel.stable_measured,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim::DeviceModel;
+
+    #[test]
+    fn the_titles_of_all_devices_fit() {
+        for count in 1..=6 {
+            let panels = DeviceModel::all().take(count).map(|(name, model)| Panel {
+                setting: Setting {
+                    device: name.to_owned(),
+                    rate: 4000,
+                    delay: 3,
+                    damping: 0.0,
+                    device_damping: model.damping,
+                    whole: false,
+                },
+                cells: vec![(
+                    [0.0, model.damping],
+                    [0.1 * model.damping, 1e6 * model.damping],
+                    1e-3,
+                )],
+                passive: vec![(0.0, 1e3)],
+                measured: Vec::new(),
+                stable: vec![(0.0, 1e4)],
+                stable_measured: Vec::new(),
+            });
+            let svg = plot::map_svg(&page(panels.collect()));
+            assert_eq!(plot::collisions(&svg), [""; 0]);
+            assert!(!svg.contains('…'), "a title is cut");
+        }
     }
 }

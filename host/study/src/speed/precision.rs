@@ -27,8 +27,10 @@ pub enum Varied {
 pub struct Setting {
     /// The name of the setting.
     pub name: String,
-    /// Processor time (s), of a step or of a simulated second.
+    /// Processor time (s), of a step or of a simulated second: the median over the repetitions.
     pub cpu: f64,
+    /// The shortest and the longest processor time of a repetition (s).
+    pub cpu_range: [f64; 2],
     /// Error of the force, as a fraction of the largest force.
     pub error: f64,
 }
@@ -54,6 +56,9 @@ pub(super) fn run(level: Level, mut progress: impl FnMut(f64)) -> Result<Vec<Cur
     curves.extend(time_steps(level)?);
     Ok(curves)
 }
+
+/// Repetitions of each setting of the solver, whose times differ by less than the noise of one. An odd number has a median.
+const REPETITIONS: usize = 5;
 
 fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
     let (n, steps) = match level {
@@ -88,19 +93,31 @@ fn solvers(level: Level) -> Result<Vec<Curve>, StudyError> {
     ]);
     let mut curves = Vec::new();
     for (name, methods) in families {
-        let mut settings = Vec::new();
         let Some((_, first)) = methods.first() else {
             continue;
         };
         let tight = scene.drive(first.tight())?;
-        for (setting, method) in methods {
-            let course = scene.drive(method)?;
-            settings.push(Setting {
-                name: setting,
-                cpu: course.median(),
-                error: course.error(&tight),
-            });
+        let mut settings: Vec<(String, f64, Vec<f64>)> = Vec::new();
+        // In turns, so that a slower processor for a while slows no setting down in all repetitions.
+        for repetition in 0..REPETITIONS {
+            for (k, (setting, method)) in methods.iter().enumerate() {
+                let course = scene.drive(*method)?;
+                if repetition == 0 {
+                    settings.push((setting.clone(), course.error(&tight), Vec::new()));
+                }
+                settings[k].2.push(course.median());
+            }
         }
+        let settings = settings.into_iter().map(|(name, error, mut times)| {
+            times.sort_by(f64::total_cmp);
+            Setting {
+                name,
+                cpu: times[REPETITIONS / 2],
+                cpu_range: [times[0], times[REPETITIONS - 1]],
+                error,
+            }
+        });
+        let settings = settings.collect();
         curves.push(Curve {
             varied: Varied::Solver,
             name,
@@ -133,6 +150,7 @@ fn meshes(level: Level) -> Result<Vec<Curve>, StudyError> {
             settings.push(Setting {
                 name: format!("{n}^3"),
                 cpu: course.median(),
+                cpu_range: [course.median(); 2],
                 error: (course.last().z.abs() / converged - 1.0).abs(),
             });
         }
@@ -178,9 +196,11 @@ fn time_steps(level: Level) -> Result<Vec<Curve>, StudyError> {
             let pairs = found.iter().zip(&expected);
             let most = pairs.map(|(a, b)| (a - b).norm()).fold(0.0, f64::max);
             let largest = expected.iter().map(Vec3::norm).fold(0.0, f64::max);
+            let time = course.median() * division as f64 / SAMPLE;
             settings.push(Setting {
                 name: format!("{} ms", 1e3 * SAMPLE / division as f64),
-                cpu: course.median() * division as f64 / SAMPLE,
+                cpu: time,
+                cpu_range: [time; 2],
                 error: most / largest,
             });
         }

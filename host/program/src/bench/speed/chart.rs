@@ -1,7 +1,7 @@
 //! Error against processor time, one chart for each quantity that is varied.
 
-use host::plot::{self, Marker, Series};
-use study::speed::{Speed, Varied};
+use host::plot::{self, Marker, Role, Series};
+use study::speed::{Curve, Varied};
 
 /// The names of the pictures.
 const NAMES: [&str; 3] = ["speed-solver", "speed-mesh", "speed-time-step"];
@@ -15,61 +15,105 @@ pub(super) fn writes(file: &str) -> bool {
 }
 
 /// The pictures with their names.
-pub(super) fn all(found: &Speed) -> [(&'static str, String); 3] {
+pub(super) fn all(curves: &[Curve]) -> [(&'static str, String); 3] {
     let step = "processor time of a step (ms)";
     [
         (
             NAMES[0],
             chart(
-                found,
+                curves,
                 Varied::Solver,
-                "Solver: force error under tremor",
+                "Solver, from coarse to fine: force error under tremor",
                 step,
             ),
         ),
         (
             NAMES[1],
             chart(
-                found,
+                curves,
                 Varied::Mesh,
-                "Mesh: force error of a pressed cube",
+                "Mesh, from coarse to fine: force error of a pressed cube",
                 step,
             ),
         ),
         (
             NAMES[2],
             chart(
-                found,
+                curves,
                 Varied::TimeStep,
-                "Time step: force error of a swung cube",
+                "Time step, from long to short: force error of a swung cube",
                 "processor time of a simulated second (ms)",
             ),
         ),
     ]
 }
 
-fn chart(found: &Speed, varied: Varied, title: &str, x_label: &str) -> String {
-    let curves = found
-        .precision
-        .iter()
-        .filter(|curve| curve.varied == varied);
+fn chart(curves: &[Curve], varied: Varied, title: &str, x_label: &str) -> String {
+    let curves = curves.iter().filter(|curve| curve.varied == varied);
     let drawn: Vec<_> = curves
-        .map(|curve| Series {
+        .enumerate()
+        .map(|(place, curve)| Series {
             name: curve.name.to_owned(),
             points: curve
                 .settings
                 .iter()
                 .map(|setting| (1e3 * setting.cpu, setting.error))
                 .collect(),
-            marker: Marker::Circle,
+            marker: Marker::by_place(place),
+            role: Role::Number(place),
+            spread: curve
+                .settings
+                .iter()
+                .map(|setting| setting.cpu_range.map(|time| 1e3 * time))
+                .collect(),
         })
         .collect();
     plot::line_chart_svg(
         title,
         x_label,
-        "error over the largest force",
+        "error of the force, relative to the largest",
         true,
         true,
         &drawn,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use study::speed::Setting;
+
+    #[test]
+    fn each_chart_shows_its_curves_with_their_spread_in_the_order_of_the_settings() {
+        // The finer setting takes less time, by the noise.
+        let settings = [(0.2e-3, 1e-2), (0.19e-3, 1e-5), (0.4e-3, 1e-8)];
+        let settings = settings.map(|(cpu, error)| Setting {
+            name: String::new(),
+            cpu,
+            cpu_range: [0.9 * cpu, 1.2 * cpu],
+            error,
+        });
+        let names = [
+            "assembled, to a tolerance",
+            "assembled, N iterations",
+            "frozen, to a tolerance",
+            "frozen, single precision, to a tolerance",
+            "frozen, single precision, N iterations",
+        ];
+        let curves: Vec<_> = [Varied::Solver, Varied::Mesh, Varied::TimeStep]
+            .into_iter()
+            .flat_map(|varied| names.map(|name| (varied, name)))
+            .map(|(varied, name)| Curve {
+                varied,
+                name,
+                settings: settings.to_vec(),
+            })
+            .collect();
+        for (file, svg) in all(&curves) {
+            assert_eq!(plot::collisions(&svg), [""; 0], "{file}");
+            assert!(names.iter().all(|name| svg.contains(name)), "{file}");
+        }
+        assert!(writes("speed-mesh.png") && writes("speed-mesh.svg"));
+        assert!(!writes("speed-mesh") && !writes("other.svg"));
+    }
 }

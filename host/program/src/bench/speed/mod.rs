@@ -85,7 +85,11 @@ pub(super) fn run(arguments: &SpeedArguments) -> Result<(), CommandError> {
     });
     // The charts show the part `precision` only.
     let drawn = arguments.plot.is_some() && !found.precision.is_empty();
-    for (name, svg) in drawn.then(|| chart::all(&found)).into_iter().flatten() {
+    for (name, svg) in drawn
+        .then(|| chart::all(&found.precision))
+        .into_iter()
+        .flatten()
+    {
         for ending in chart::ENDINGS {
             let file = format!("{name}.{ending}");
             let path = arguments.plot.as_ref().map(|folder| folder.join(file));
