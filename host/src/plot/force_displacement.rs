@@ -5,12 +5,13 @@
 //! solid while the displacement grows and dashed while it returns: the area between the two is the energy lost.
 
 use nalgebra::Vector3;
-use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
 use super::axis::Axis;
 use super::direction::{first_usable, main_direction};
-use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, Panel};
+use super::ink::Ink;
+use super::lines;
+use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker};
 use super::reduce::usable;
 
 const WIDTH: i32 = 720;
@@ -138,7 +139,7 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
     } else {
         ""
     };
-    page::title(area, title, subtitle)?;
+    let top = page::title(area, title, subtitle)?;
     // The axes name a direction that all curves have in common. Otherwise the legend names each direction.
     let common = curves.first().map(|first| &first.direction);
     let common = common.filter(|name| curves.iter().all(|curve| curve.direction == **name));
@@ -152,7 +153,6 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
         },
         key: Key::Line(page::series_color(i), marker(&drawn[i])),
     });
-    let top = 56;
     let top = top + page::legend(area, WIDTH, top, &entries.collect::<Vec<_>>())?;
     // Both axes include zero, which is no displacement or no force.
     let all = || drawn.iter().flatten();
@@ -178,18 +178,23 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
         page::nothing(&panel)?;
     }
     for (i, points) in drawn.iter().enumerate() {
-        let style = page::stroke(page::series_color(i), 1.5);
+        let color = page::series_color(i);
         for branch in &branches[i] {
-            draw_branch(
-                &mut panel,
-                &points[branch.from..=branch.to],
-                branch.loading,
-                style,
-            )?;
+            let path: Vec<_> = points[branch.from..=branch.to]
+                .iter()
+                .map(|point| panel.backend_coord(point))
+                .collect();
+            let dash: &[f64] = if branch.loading { &[] } else { &[7.0, 4.0] };
+            let ink = Ink {
+                color,
+                dash,
+                width: 1.5,
+            };
+            lines::line(area, &thinned(&path), ink)?;
         }
         for point in points {
             let (x, y) = panel.backend_coord(point);
-            marker(points).draw(area, x, y, page::series_color(i))?;
+            marker(points).draw(area, x, y, color)?;
         }
     }
     Ok(())
@@ -210,35 +215,18 @@ fn millimetres(curve: &LoadCurve) -> Vec<(f64, f64)> {
     points.filter(|(x, y)| usable(*x) && usable(*y)).collect()
 }
 
-/// Draws one branch of a curve: solid if it is loading, else dashed. Points that are less than half a pixel apart are
-/// drawn as one.
-fn draw_branch(
-    panel: &mut Panel,
-    points: &[(f64, f64)],
-    loading: bool,
-    style: ShapeStyle,
-) -> Drawn {
+/// The path without points that are less than half a pixel from the point before them.
+fn thinned(path: &[(i32, i32)]) -> Vec<(i32, i32)> {
     let apart = page::UNITS / 2;
-    let mut line: Vec<(f64, f64)> = Vec::new();
-    let mut last: Option<(i32, i32)> = None;
-    for (index, point) in points.iter().enumerate() {
-        let at = panel.backend_coord(point);
+    let mut kept: Vec<(i32, i32)> = Vec::new();
+    for (index, at) in path.iter().enumerate() {
         let near =
-            |last: (i32, i32)| (at.0 - last.0).abs() < apart && (at.1 - last.1).abs() < apart;
-        if index + 1 == points.len() || !last.is_some_and(near) {
-            line.push(*point);
-            last = Some(at);
+            |last: &(i32, i32)| (at.0 - last.0).abs() < apart && (at.1 - last.1).abs() < apart;
+        if index + 1 == path.len() || !kept.last().is_some_and(near) {
+            kept.push(*at);
         }
     }
-    if let [point] = line[..] {
-        panel.draw_series([Circle::new(point, 3 * page::UNITS, style.color.filled())])?;
-    } else if loading {
-        panel.draw_series([PathElement::new(line, style)])?;
-    } else {
-        let (dash, gap) = (7 * page::UNITS, 4 * page::UNITS);
-        panel.draw_series([DashedPathElement::new(line, dash, gap, style)])?;
-    }
-    Ok(())
+    kept
 }
 
 /// A part of a curve between two turns of the motion.
