@@ -40,7 +40,7 @@ impl StepTime {
     /// What a step takes and what the scene asks for, in words.
     pub fn in_words(&self) -> String {
         let [took, asked] = [self.took_ns, self.asked_ns].map(time);
-        format!("a step takes about {took}, the scene asks for one every {asked}")
+        format!("a step takes about {took}, and the scene asks for one every {asked}")
     }
 
     /// A warning for people, where a step takes too long: what will happen under `clock` (`None`: under either) in a run
@@ -251,7 +251,7 @@ mod tests {
         let real = slow.warning(&scene.scene, Some(Clock::Real), 6.0, 8);
         assert_eq!(
             real,
-            "a step takes about 260 ms, the scene asks for one every 10 ms: under the real clock the host leaves out \
+            "a step takes about 260 ms, and the scene asks for one every 10 ms: under the real clock the host leaves out \
              about 96 % of its steps, and the bodies move slower than the hands. Lower `host.step_rate` and \
              `host.publish_rate` to 3 Hz or less, or take a coarser mesh, or share the steps among cores \
              (`host.threads = 4`)"
