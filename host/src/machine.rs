@@ -166,7 +166,7 @@ impl Machine {
             parts.extend(fact.as_ref().map(|fact| format!("{name}{fact}")));
         }
         if !self.sleep_states.is_empty() {
-            parts.push(format!("sleep states {}", self.sleep_states.join(" ")));
+            parts.push(format!("sleep states {}", self.sleep_states.join(" / ")));
         }
         parts.join(", ")
     }
@@ -246,7 +246,7 @@ mod tests {
         assert_eq!(
             machine.surroundings(),
             "4 cores, Linux 6.1.0-18-rt-amd64 #1 SMP PREEMPT_RT, Debian GNU/Linux 12 (bookworm), clock tsc, governor \
-             performance, sleep states POLL (0 us) C6"
+             performance, sleep states POLL (0 us) / C6"
         );
         Ok(())
     }

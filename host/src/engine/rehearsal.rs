@@ -4,7 +4,7 @@
 use super::Engine;
 use super::build::{self, How};
 use super::pacer::Pacer;
-use super::stats::WallStopwatch;
+use super::stats::{StepTimes, WallStopwatch};
 use super::threads::{Threads, awake};
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
@@ -39,8 +39,7 @@ pub fn step_time(loaded: &LoadedScene) -> Result<f64, SceneError> {
     let mut engine = Engine::new(held).on(scene.host.threads);
     let mut pacer = Pacer::new(scene.host.step_rate, build::steps_per_publication(scene));
     let watch = WallStopwatch::start();
-    // The first step finds no memory in the caches, and hands that begin to move at once.
-    let mut first = 0.0;
+    let mut times = StepTimes::new(build::steps_per_publication(scene));
     loop {
         let due = pacer.due();
         record.tick += 1;
@@ -53,11 +52,10 @@ pub fn step_time(loaded: &LoadedScene) -> Result<f64, SceneError> {
         engine.follow(&record);
         threads.run(|| awake(|| engine.step(due, &watch, |_, _| {})));
         pacer.done(due.time_ns);
+        times.take(engine.stats());
         let (steps, time) = (engine.stats().steps, engine.stats().total_time());
-        if steps == 1 {
-            first = time;
-        } else if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {
-            return Ok((time - first) / (steps - 1) as f64);
+        if steps >= STEPS || (steps >= 3 && time >= ENOUGH) {
+            return Ok(times.typical());
         }
     }
 }

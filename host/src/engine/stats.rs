@@ -160,6 +160,49 @@ impl EngineStats {
     }
 }
 
+/// The times of steps, one by one, but for the first step, which finds no memory in the caches.
+#[derive(Clone, Debug)]
+pub struct StepTimes {
+    /// Steps from one publication to the next.
+    cycle: usize,
+    /// Total time at the last step (s); `None` before the first.
+    total: Option<f64>,
+    /// Time of each step (s).
+    steps: Vec<f64>,
+}
+
+impl StepTimes {
+    /// No times yet. Every `cycle`-th step publishes.
+    pub fn new(cycle: u64) -> Self {
+        Self {
+            cycle: usize::try_from(cycle).unwrap_or(usize::MAX).max(1),
+            total: None,
+            steps: Vec::new(),
+        }
+    }
+
+    /// Takes the time of the step that has just been made.
+    pub fn take(&mut self, stats: &EngineStats) {
+        let total = stats.total_time();
+        if let Some(before) = self.total.replace(total) {
+            self.steps.push(total - before);
+        }
+    }
+
+    /// The typical time of a step (s), with its share of a publication: the median over whole cycles of publications, so
+    /// that another program that held up a few steps does not count. The mean where there is no whole cycle; zero
+    /// before the second step.
+    pub fn typical(&self) -> f64 {
+        let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len().max(1) as f64;
+        let mut cycles: Vec<f64> = self.steps.chunks_exact(self.cycle).map(mean).collect();
+        cycles.sort_by(f64::total_cmp);
+        cycles
+            .get(cycles.len() / 2)
+            .copied()
+            .unwrap_or_else(|| mean(&self.steps))
+    }
+}
+
 impl Default for EngineStats {
     fn default() -> Self {
         Self::new()

@@ -104,6 +104,7 @@ fn devices(scene: &Scene, parts: &Parts) -> Vec<DeviceSummary> {
             peak_force: totals.peak_force,
             peak_time: totals.peak_time,
             work: totals.work,
+            motor_work: device.probe().map(|probe| probe.motor_work),
             port_work: device.probe().map(|probe| probe.on_hand),
             reach: totals.reach,
             limited_ticks: safety.limited,

@@ -190,8 +190,10 @@ pub struct DeviceSummary {
     /// Work done on the hand as the controller knows it (J): the sum of each tick's commanded force times the
     /// displacement of the proxy until the next tick.
     pub work: f64,
+    /// Work of the motors on mechanism and hand (J), integrated between ticks; `None` if the device is not simulated.
+    pub motor_work: Option<f64>,
     /// Work done on the hand at the port between hand and handle (J): the work of the motors, less the losses and the
-    /// kinetic energy of the mechanism, integrated between ticks. Only a simulated device knows it; `None` for others.
+    /// kinetic energy of the mechanism, integrated between ticks. `None` if the device is not simulated.
     pub port_work: Option<f64>,
     /// Largest distance from its first position (m).
     pub reach: f64,

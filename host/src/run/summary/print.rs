@@ -203,10 +203,10 @@ impl HeldBackSummary {
     fn print(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "  held back  {}: for {} in all between {:.3} and {:.3} s, by {:.2} N on average and at most {:.2} N of {:.2} \
+            "  held back  {}: for {:.3} s in all between {:.3} and {:.3} s, by {:.2} N on average and at most {:.2} N of {:.2} \
              N (at {:.3} s): {}",
             self.of,
-            Time(self.duration),
+            self.duration,
             self.from,
             self.to,
             self.mean,
