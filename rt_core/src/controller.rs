@@ -105,13 +105,38 @@ pub struct ControllerConfig {
 /// }
 /// assert!((force + 0.2).abs() < 1e-12);
 /// ```
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Controller {
     channels: heapless::Vec<Channel, MAX_DEVICES>,
     couplings: heapless::Vec<Coupling, MAX_BODIES>,
     /// Number of models for bodies that do not exist.
     stray_models: u64,
     tick: u64,
+}
+
+impl Clone for Controller {
+    fn clone(&self) -> Self {
+        let mut new = Self::new(&ControllerConfig::default());
+        new.clone_from(self);
+        new
+    }
+
+    /// Copies body by body: a second whole controller would be too much for the stack of some threads.
+    fn clone_from(&mut self, source: &Self) {
+        let Self {
+            channels,
+            couplings,
+            stray_models,
+            tick,
+        } = self;
+        channels.clone_from(&source.channels);
+        couplings.clear();
+        for coupling in &source.couplings {
+            // The lists have the same capacity.
+            let _ = couplings.push(coupling.clone());
+        }
+        (*stray_models, *tick) = (source.stray_models, source.tick);
+    }
 }
 
 /// A device's reading in one tick: its state, or why there is none.

@@ -196,6 +196,10 @@ pub enum ModelFault {
 
 impl LocalModel {
     /// A model without handles.
+    #[expect(
+        clippy::large_stack_arrays,
+        reason = "this crate has no heap; models are made before the first tick, and the caller chooses their place"
+    )]
     pub fn empty() -> Self {
         Self {
             sequence: 0,

@@ -388,14 +388,12 @@ fn supports(
 /// The field of the scene from which the handle `number` of the body comes.
 fn field_of_handle(loaded: &LoadedScene, index: usize, parts: &[Part], number: usize) -> String {
     let turned = |part: &Part| matches!(part, Part::Turned(handle) if *handle == number);
-    match parts.iter().position(turned) {
-        Some(support) => format!("body[{index}].support[{support}]"),
-        None => {
-            let tools = tools(&loaded.scene, &loaded.scene.bodies[index]);
-            let place = tools.get(number).map_or(number, |tool| tool.places[0]);
-            format!("body[{index}].handle[{place}]")
-        }
+    if let Some(support) = parts.iter().position(turned) {
+        return format!("body[{index}].support[{support}]");
     }
+    let tools = tools(&loaded.scene, &loaded.scene.bodies[index]);
+    let place = tools.get(number).map_or(number, |tool| tool.places[0]);
+    format!("body[{index}].handle[{place}]")
 }
 
 /// The error of a handle or a support at `field` that cannot clamp the border.

@@ -28,8 +28,10 @@ pub(super) fn build(
             .source
             .error(&field, e.to_string(), "a trajectory that a hand can follow")
     };
-    // Each hand has its own tremor and variation: the device's number makes the seed distinct.
-    let own = seed.wrapping_mul(4).wrapping_add(index as u64);
+    // Each hand has its own tremor and variation: the device's number makes the seed distinct. The hands beyond the
+    // fourth are told apart by the highest bits, so that the others keep their motions.
+    let (low, high) = (index as u64 % 4, index as u64 / 4);
+    let own = seed.wrapping_mul(4).wrapping_add(low) ^ (high << 62);
     let mut parts = Vec::new();
     if let Some(name) = spec.task {
         // Hands that move together use the run's seed alone.

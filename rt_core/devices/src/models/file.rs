@@ -154,6 +154,12 @@ impl DeviceFile {
         })
     }
 
+    /// The names of all fields of a device's file.
+    pub fn fields() -> impl Iterator<Item = String> {
+        let others = OTHERS.iter().map(|name| (*name).to_owned());
+        Self::numbers(true).chain(others)
+    }
+
     /// The names of the fields with numbers, including those of the rotation where `rotation` is true.
     pub fn numbers(rotation: bool) -> impl Iterator<Item = String> {
         let turning = TURNING.iter().filter(move |_| rotation);

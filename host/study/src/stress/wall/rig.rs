@@ -174,7 +174,7 @@ impl Rig {
         for _ in 0..WARM_UP {
             rig.tick(0.0);
         }
-        rig.ready = rig.controller.clone();
+        rig.ready.clone_from(&rig.controller);
         rig
     }
 

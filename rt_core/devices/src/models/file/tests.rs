@@ -180,6 +180,82 @@ fn each_mistake_is_reported_with_line_and_field() {
     }
 }
 
+/// The rows of the table of fields in the book: field, unit, range, default, meaning.
+fn rows_of_the_book() -> Vec<[&'static str; 5]> {
+    let book = include_str!("../../../../../docs/src/scenes.md");
+    let (_, part) = book.split_once("### Fields of a device file").unwrap();
+    let rows = part.lines().filter(|line| line.starts_with("| `"));
+    rows.map(|row| {
+        let cells: Vec<_> = row.trim_matches('|').split('|').map(str::trim).collect();
+        cells
+            .try_into()
+            .unwrap_or_else(|_| panic!("not five cells: {row}"))
+    })
+    .collect()
+}
+
+#[test]
+fn the_table_of_the_book_has_every_field_with_its_range_and_no_other() {
+    let rows = rows_of_the_book();
+    let named: Vec<_> = rows
+        .iter()
+        .map(|[field, ..]| field.trim_matches('`').to_owned())
+        .collect();
+    let mut fields: Vec<_> = DeviceFile::fields().collect();
+    let mut sorted = named.clone();
+    fields.sort();
+    sorted.sort();
+    assert_eq!(sorted, fields);
+
+    let is_number = |field: &String| DeviceFile::numbers(true).any(|number| number == *field);
+    for (field, [_, unit, range, default, meaning]) in named.iter().zip(&rows) {
+        assert!(!meaning.is_empty() && !default.is_empty(), "{field}");
+        assert_eq!(!unit.is_empty(), is_number(field), "{field}: unit");
+        // The file without the field tells whether there is a default, the file with a wrong value the range.
+        let (table, name) = field.split_once('.').unwrap_or(("", field));
+        let with = |value: Option<&str>| {
+            let mut section = "";
+            let mut lines: Vec<String> = Vec::new();
+            for line in BASE.lines() {
+                section = line
+                    .strip_prefix('[')
+                    .map_or(section, |rest| rest.trim_end_matches(']'));
+                let hit = section == table && line.split(" = ").next() == Some(name);
+                let line = if hit {
+                    value.map(|value| format!("{name} = {value}"))
+                } else {
+                    Some(line.to_owned())
+                };
+                lines.extend(line);
+            }
+            DeviceFile::parse(&lines.join("\n"))
+        };
+        if field == "axes" {
+            // The base has a rotation, which a device with axes cannot have.
+            let error = DeviceFile::parse(&format!("axes = true\n{BASE}")).unwrap_err();
+            assert!(
+                error.to_string().ends_with(&format!("allowed: {range}")),
+                "{error}"
+            );
+            continue;
+        }
+        if ["rotation", "estimated", "sources"].contains(&field.as_str()) {
+            continue;
+        }
+        assert_eq!(*default, "required", "{field}");
+        let missing = with(None).unwrap_err().to_string();
+        assert!(
+            missing.ends_with(&format!("missing field `{name}`")),
+            "{missing}"
+        );
+        let wrong = with(Some("true")).unwrap_err().to_string();
+        assert!(
+            wrong.ends_with(&format!("{field}: found true, allowed: {range}")),
+            "{wrong}"
+        );
+    }
+}
+
 proptest! {
     #[test]
     fn any_edited_file_is_read_or_refused_in_one_line(
