@@ -24,7 +24,7 @@ struct Group {
 #[serde(deny_unknown_fields)]
 struct Mistake {
     /// The mistake, in words.
-    mistake: String,
+    name: String,
     /// The shipped scene that the user changed, by its name in `host/scenes`; it becomes `scene.toml`.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     scene: String,
@@ -83,10 +83,10 @@ impl Mistake {
     /// The scene as the user changed it.
     fn changed_scene(&self) -> String {
         let mut scene = fs::read_to_string(scenes().join(&self.scene).with_extension("toml"))
-            .unwrap_or_else(|error| panic!("{}: {}: {error}", self.mistake, self.scene));
+            .unwrap_or_else(|error| panic!("{}: {}: {error}", self.name, self.scene));
         for [old, new] in &self.change {
             let found = scene.matches(old.as_str()).count();
-            assert_eq!(found, 1, "{}: {old:?} in {}", self.mistake, self.scene);
+            assert_eq!(found, 1, "{}: {old:?} in {}", self.name, self.scene);
             scene = scene.replace(old.as_str(), new);
         }
         scene + &self.append
@@ -135,9 +135,9 @@ fn check(group: &str) {
     let different: Vec<String> = (mistake.iter().zip(&now))
         .filter(|(expected, now)| expected != now)
         .map(|(expected, now)| {
-            let Mistake { mistake, run, .. } = expected;
+            let Mistake { name, run, .. } = expected;
             format!(
-                "{mistake}: {run}\nexpected {}: {}\nfound    {}: {}\n",
+                "{name}: {run}\nexpected {}: {}\nfound    {}: {}\n",
                 expected.code, expected.says, now.code, now.says
             )
         })
