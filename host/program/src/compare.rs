@@ -42,8 +42,8 @@ pub(super) struct CompareArguments {
     /// Leave out the reference run, which takes a physics step in every tick: for bodies whose steps are slow
     #[arg(long)]
     no_reference: bool,
-    /// Number of threads. Default: the number of cores
-    #[arg(long, value_name = "N")]
+    /// Number of threads. Default: all cores
+    #[arg(long, value_name = "N", value_parser = crate::stress::threads)]
     threads: Option<NonZero<usize>>,
     /// Write the measurements of all runs as JSON
     #[arg(long, value_name = "FILE")]

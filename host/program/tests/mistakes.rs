@@ -64,6 +64,13 @@ fn bytes(text: &str) -> Vec<u8> {
     bytes
 }
 
+/// Whether a line tells the progress: `palpate: 12 s: 3 % done`.
+fn is_progress(line: &str) -> bool {
+    let rest = line.strip_prefix("palpate: ").unwrap_or_default();
+    rest.split_once(" s: ")
+        .is_some_and(|(seconds, _)| seconds.parse::<u64>().is_ok())
+}
+
 /// A message of the program without blank ends, and without the number of a thread that panicked, which differs from
 /// run to run.
 fn without_thread(message: &str) -> String {
@@ -71,7 +78,7 @@ fn without_thread(message: &str) -> String {
         .trim()
         .lines()
         // A busy machine may be slow enough for a line of progress.
-        .filter(|line| !line.contains(" s left"))
+        .filter(|line| !is_progress(line))
         .map(|line| match (line.find(" ("), line.find(") panicked at")) {
             (Some(start), Some(end)) => format!("{}{}", &line[..start], &line[end + 1..]),
             _ => line.to_owned(),

@@ -14,7 +14,7 @@ pub(super) struct FaultsArguments {
     #[arg(value_name = "DEVICE")]
     devices: Vec<String>,
     /// Number of controllers. Default: 1000, of a hundred thousand ticks each; 10 with --quick
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
     #[command(flatten)]
     common: Common,

@@ -21,7 +21,7 @@ pub(super) struct HoldArguments {
     #[arg(conflicts_with_all = ["runs", "cell", "quick", "seed", "shard", "json", "plot"])]
     file: Option<PathBuf>,
     /// Number of cells: the fixed cases first, then random draws. Each cell is run under linear and capped
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
     /// Run one cell again and print its outcome: --plot draws the cell, --log writes every tick, --scene writes its
     /// scene file

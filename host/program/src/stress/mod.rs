@@ -51,10 +51,10 @@ struct Common {
     /// Run only shard I of N; cat merges the files of all shards
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
-    /// Number of threads. Default: the number of cores
-    #[arg(long, value_name = "N")]
+    /// Number of threads. Default: all cores
+    #[arg(long, value_name = "N", value_parser = threads)]
     threads: Option<NonZero<usize>>,
-    /// Append each cell as a line of JSON as soon as the cell is done. Cells that the file holds are not run again
+    /// Append each completed cell as a line of JSON. Completed cells are skipped
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
     /// Draw the result (SVG or PNG)
@@ -104,7 +104,19 @@ fn shard(text: &str) -> Result<Shard, String> {
     let parts = text.split_once('/');
     let numbers = parts.and_then(|(i, n)| i.parse().ok().zip(n.parse().ok()));
     let shard = numbers.and_then(|(index, count)| Shard::new(index, count));
-    shard.ok_or_else(|| format!("a shard is I/N with I from 1 to N, as in 3/8, not {text:?}"))
+    shard.ok_or_else(|| format!("found {text}, allowed: I/N with I from 1 to N, such as 3/8"))
+}
+
+/// Parses a number of threads.
+pub(crate) fn threads(text: &str) -> Result<NonZero<usize>, String> {
+    text.parse()
+        .map_err(|_| format!("found {text}, allowed: a whole number, 1 or above"))
+}
+
+/// Parses a number of cells.
+fn cells(text: &str) -> Result<u64, String> {
+    let number = text.parse().ok().filter(|&number| number > 0);
+    number.ok_or_else(|| format!("found {text}, allowed: a whole number, 1 or above"))
 }
 
 /// The progress of the cells, on a bar of a thousand parts.
@@ -166,7 +178,7 @@ mod tests {
     fn shards_are_read_and_bad_ones_refused() {
         assert_eq!(shard("2/3").ok(), Shard::new(2, 3));
         for bad in ["", "3", "0/3", "4/3", "1/0", "a/b", "1/3/5", "-1/3"] {
-            let expected = format!("a shard is I/N with I from 1 to N, as in 3/8, not {bad:?}");
+            let expected = format!("found {bad}, allowed: I/N with I from 1 to N, such as 3/8");
             assert_eq!(shard(bad), Err(expected));
         }
     }

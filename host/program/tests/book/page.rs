@@ -291,7 +291,7 @@ fn cargo(line: &str) -> Result<(), String> {
             let of = root().join(folder).join(kind).join(pair[1]);
             of.with_extension("rs").is_file() || of.join("main.rs").is_file()
         };
-        if !folders.iter().any(|folder| exists(folder)) {
+        if !folders.iter().any(exists) {
             return Err(format!("{line}: there is no {} {}", &pair[0][2..], pair[1]));
         }
     }

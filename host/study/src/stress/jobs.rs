@@ -133,8 +133,8 @@ pub enum JobError {
     },
     /// The file belongs to another study, version, seed or setting.
     #[error(
-        "{}, line {line}: the header differs from {other}; found {found}, expected {expected}: \
-         results of different settings do not mix, give another file",
+        "{}, line {line}: the results are not those of {other}: {differences}; results of different settings do not mix: \
+         give another file",
         path.display()
     )]
     Header {
@@ -144,10 +144,8 @@ pub enum JobError {
         line: usize,
         /// The place of the other header.
         other: String,
-        /// The header that was found.
-        found: String,
-        /// The header that was expected.
-        expected: String,
+        /// The fields that differ, with the values found and expected.
+        differences: String,
     },
     /// A line is neither a header nor a cell of the study.
     #[error(

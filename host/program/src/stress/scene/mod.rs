@@ -21,7 +21,7 @@ pub(super) struct SceneArguments {
     /// Scene file (TOML)
     scene: PathBuf,
     /// Number of random worlds. Each world is run under every scheme
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = super::cells)]
     runs: Option<u64>,
     /// Schemes to run. Default: all
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = scheme)]

@@ -2,11 +2,14 @@
 
 use super::{Cell, Header, JobError};
 use serde::de::DeserializeOwned;
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+
+/// Most characters of a value in a message.
+const MOST: usize = 80;
 
 /// A file to which results are appended. No other run can open the file at the same time.
 pub(super) struct Lines {
@@ -115,8 +118,42 @@ pub(super) struct Parsed {
     cells: Option<u64>,
 }
 
-fn line_of(header: &Header) -> String {
-    serde_json::to_string(header).unwrap_or_default()
+/// The fields of two headers that differ, with both values; long values are cut off.
+fn differences(found: &Header, expected: &Header) -> String {
+    let value = |header: &Header| serde_json::to_value(header).unwrap_or_default();
+    let cut = |value: &serde_json::Value| -> String {
+        let text = value.to_string();
+        let mut short: String = text.chars().take(MOST).collect();
+        if short.len() < text.len() {
+            short.push_str("...");
+        }
+        short
+    };
+    let mut differences = Vec::new();
+    let mut compare = |name: &str, found: &serde_json::Value, expected: &serde_json::Value| {
+        if found != expected {
+            differences.push(format!(
+                "{name}: found {}, expected {}",
+                cut(found),
+                cut(expected)
+            ));
+        }
+    };
+    let (found, expected) = (value(found), value(expected));
+    for name in ["study", "schema", "seed"] {
+        compare(name, &found[name], &expected[name]);
+    }
+    let (found, expected) = (&found["settings"], &expected["settings"]);
+    match (found.as_object(), expected.as_object()) {
+        (Some(fields), Some(others)) => {
+            let names: BTreeSet<&String> = fields.keys().chain(others.keys()).collect();
+            for name in names {
+                compare(&format!("settings.{name}"), &found[name], &expected[name]);
+            }
+        }
+        _ => compare("settings", found, expected),
+    }
+    differences.join("; ")
 }
 
 /// Puts the results in `text` of the cells of `header` into `done`.
@@ -154,10 +191,9 @@ pub(super) fn parse<R: DeserializeOwned>(
                     line: number,
                     other: first_header.map_or_else(
                         || "the requested study".to_owned(),
-                        |first| format!("that of line {first}"),
+                        |first| format!("line {first}"),
                     ),
-                    found: line_of(&found),
-                    expected: line_of(header),
+                    differences: differences(&found, header),
                 });
             }
             first_header.get_or_insert(number);

@@ -181,7 +181,9 @@ fn headers_that_differ_are_refused_and_nothing_is_run_or_written() {
     let refused = run(&header(), &options((1, 1), 1, &path), never, |_| {}).expect_err("refused");
     let said = refused.to_string();
     assert!(
-        said.contains("line 14") && said.contains("line 1;"),
+        said.contains(
+            "line 14: the results are not those of line 1: seed: found 8, expected 7; results"
+        ),
         "{said}"
     );
 }
