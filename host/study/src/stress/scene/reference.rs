@@ -161,7 +161,8 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         let specs = world.loaded.scene.devices.iter().zip(&world.loaded.models);
         for ((device, (spec, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             device.own.push(Wrench {
-                force: wrench.force * spec.motion_scale,
+                // The mechanism of a device of one or two degrees of freedom bears the rest.
+                force: model.freedom().part(&wrench.force) * spec.motion_scale,
                 // A device whose handle does not turn renders no moment.
                 moment: wrench.moment * f64::from(u8::from(model.rotation.is_some())),
             });

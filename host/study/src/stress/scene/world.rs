@@ -125,7 +125,8 @@ impl Kept {
             trace.moment.push(probe.held.moment);
             trace.position.push(probe.pose.position);
             trace.limited.push(state == SafetyState::Limited);
-            trace.body.push(wrench.force * *scale);
+            let rendered = device.capabilities().actuated.part(&wrench.force);
+            trace.body.push(rendered * *scale);
             on_hands += probe.on_hand;
         }
         self.trace.out.push(on_hands + weight - self.stored);
