@@ -118,6 +118,10 @@ pub(super) struct Parsed {
     cells: Option<u64>,
 }
 
+fn line_of(header: &Header) -> String {
+    serde_json::to_string(header).unwrap_or_default()
+}
+
 /// The fields of two headers that differ, with both values; long values are cut off.
 fn differences(found: &Header, expected: &Header) -> String {
     let value = |header: &Header| serde_json::to_value(header).unwrap_or_default();

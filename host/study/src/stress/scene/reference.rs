@@ -163,7 +163,8 @@ pub(in crate::stress) fn follow(world: &World, run: &mut Trace) -> Result<Bodies
         for ((device, (frame, model)), wrench) in run.devices.iter_mut().zip(specs).zip(wrenches) {
             let Wrench { force, moment } = frame.to_device(&wrench);
             device.own.push(Wrench {
-                force,
+                // The mechanism of a device of one or two degrees of freedom bears the rest.
+                force: model.freedom().part(&force),
                 // A device whose handle does not turn renders no moment.
                 moment: moment * f64::from(u8::from(model.rotation.is_some())),
             });

@@ -141,7 +141,8 @@ impl Kept {
             trace.moment.push(probe.held.moment);
             trace.position.push(probe.pose.position);
             trace.limited.push(state == SafetyState::Limited);
-            trace.body.push(frame.to_device(wrench).force);
+            let force = frame.to_device(wrench).force;
+            trace.body.push(device.capabilities().actuated.part(&force));
             on_hands += probe.on_hand;
         }
         self.trace.out.push(on_hands + weight - self.stored);
