@@ -119,7 +119,7 @@ enum CommandError {
         "--force-displacement: no support of the scene is displaced; give a [[body.support]] a `displacement`"
     )]
     NothingDisplaced,
-    #[error("a body was not solved to the end; the reason is above")]
+    #[error("the solve stopped before full load; the reason is above")]
     NotSolved,
     #[error(transparent)]
     Study(#[from] study::StudyError),

@@ -120,7 +120,7 @@ pub struct TickSummary {
     pub model_age: Vec<Distribution>,
     /// Locked memory (bytes).
     pub locked_bytes: u64,
-    /// Models that were refused: not finite, of wrong handles, outdated, or of a future time.
+    /// Models that were refused: not finite, of wrong handles, outdated, or timestamped in the future.
     pub refused_models: u64,
     /// Number of times that the newest model became too old.
     pub faded: u64,
@@ -158,7 +158,7 @@ pub struct HostSummary {
     pub solvers: Vec<String>,
     /// Measured time to assemble, a step. Measured times do not enter the state.
     pub assemble: Distribution,
-    /// Factors made beside the steps.
+    /// Background refactorizations: factors computed beside the steps.
     pub factors: u64,
     /// Measured time to solve, a step.
     pub solve: Distribution,

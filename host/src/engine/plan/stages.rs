@@ -131,7 +131,7 @@ fn damping(scene: &Scene) -> Stage {
 pub fn in_words(solver: SolverName, tolerance: f64) -> String {
     let on = |factor: &str| {
         format!(
-            "conjugate gradients on {factor} to {tolerance:e} of the forces, a new factor made beside the steps"
+            "conjugate gradients on {factor} to {tolerance:e} of the forces, refactorized in the background"
         )
     };
     match solver {

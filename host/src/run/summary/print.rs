@@ -84,8 +84,8 @@ impl RunSummary {
             Time(h.condense.p50),
             match h.factors {
                 0 => String::new(),
-                1 => "; 1 factor made beside".to_owned(),
-                n => format!("; {n} factors made beside"),
+                1 => "; 1 background refactorization".to_owned(),
+                n => format!("; {n} background refactorizations"),
             }
         )?;
         for solver in &h.solvers {
@@ -224,7 +224,7 @@ impl EnergySummary {
         let mj = |joules: f64| joules * 1e3;
         write!(
             f,
-            "  energy     {}: {:+.1} mJ put in by the hands",
+            "  energy     {}: {:+.1} mJ supplied by the hands",
             self.body,
             mj(self.supplied)
         )?;
@@ -240,7 +240,7 @@ impl EnergySummary {
         writeln!(f)?;
         write!(
             f,
-            "             at most {:.1} mJ out beyond that, with {:.1} of the devices' own losses credited",
+            "             peak net output {:.1} mJ, with {:.1} mJ of the devices' own losses credited",
             mj(self.most_out),
             mj(self.credited)
         )?;
