@@ -139,6 +139,7 @@ impl State {
 
     /// One line of a shell, which must end with an exit code.
     fn line(&mut self, line: &str, arguments_only: bool, code: i32) -> Result<(), String> {
+        let line = line.trim_start_matches("PALPATE_RENEW=1 ");
         let first = line.split_whitespace().next().unwrap_or("#");
         let is_study = line.starts_with("palpate bench") || line.starts_with("palpate stress");
         let is_study = is_study && !self.runs_studies;
