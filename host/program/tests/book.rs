@@ -165,11 +165,12 @@ fn the_six_jobs_give_what_they_say() {
     for device in hands["devices"].as_array().unwrap() {
         assert!(device["peak_force"].as_f64().unwrap() > 0.01, "{device}");
     }
-    // The hand follows its recording: 5 mm, less what the force and the filter take.
+    // The hand follows its recording: 5 mm, less what the block's force takes (the grip has 700 N/m, the block about as
+    // much).
     let recorded = columns(&work.join("recorded.csv"));
     let path = column(&recorded, "omega_position_z_m");
     let depth = path[0] - path.iter().fold(f64::MAX, |least, z| least.min(*z));
-    assert!(depth > 0.003 && depth < 0.006, "{depth} m");
+    assert!(depth > 0.002 && depth < 0.005, "{depth} m");
 }
 
 /// GitHub and mdBook read the same formulas: `$` and `$$` in pairs, without a backslash before punctuation, which one
