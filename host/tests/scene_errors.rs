@@ -339,25 +339,25 @@ fn text_that_is_not_toml_is_refused_with_its_line() {
         r#"
 name = "base"
   -> name = "base
-  x.toml:1: not valid TOML: invalid basic string, expected `"`
+  x.toml:1: not valid TOML: invalid basic string, expected `"`; found name = "base
 [host]
   -> [host
-  x.toml:8: not valid TOML: unclosed table, expected `]`
+  x.toml:8: not valid TOML: unclosed table, expected `]`; found [host
 [host]
   -> [loop]
-  x.toml:8: not valid TOML: duplicate key
+  x.toml:8: not valid TOML: duplicate key; found [loop]
 young = 1e6
   -> young
-  x.toml:17: not valid TOML: key with no value, expected `=`
+  x.toml:17: not valid TOML: key with no value, expected `=`; found young
 young = 1e6
   -> young = 1e6¶young = 2
-  x.toml:18: not valid TOML: duplicate key
+  x.toml:18: not valid TOML: duplicate key; found young = 2
 young = 1e6
   -> young = 1,5
-  x.toml:17: not valid TOML: unexpected key or value, expected newline, `#`
+  x.toml:17: not valid TOML: unexpected key or value, expected newline, `#`; found young = 1,5
 [[device]]¶name = "left"
   -> [device]¶name = "left"
-  x.toml:41: not valid TOML: duplicate key
+  x.toml:41: not valid TOML: duplicate key; found [[device]]
 "#,
     );
 }

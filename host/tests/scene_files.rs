@@ -37,6 +37,7 @@ fn every_shipped_scene_loads() -> Outcome {
         [
             "cloth",
             "cube",
+            "inclusion",
             "paddle",
             "pantograph",
             "press",

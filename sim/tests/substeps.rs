@@ -50,7 +50,9 @@ fn halving_the_substep_changes_results_by_less_than_a_hundredth() {
     for (device, model) in DeviceModel::all() {
         for (grip, arm) in Arm::GRIPS {
             for (seed, (name, kind)) in TaskKind::ALL.into_iter().enumerate() {
-                let task = Task::new(kind, Vec3::new(0.3, -0.2, -1.0));
+                // A device of one or two degrees of freedom has the task along its own axes.
+                let direction = model.freedom().part(&Vec3::new(0.3, -0.2, -1.0));
+                let task = Task::new(kind, direction);
                 let hand = Hand::new(task.trajectory(seed as u64).unwrap())
                     .with_arm(arm)
                     .with_wrist(Wrist::named(grip).unwrap())
@@ -74,8 +76,9 @@ fn halving_the_substep_changes_results_by_less_than_a_hundredth() {
                 }
                 // Rounding of up to 160,000 substeps.
                 assert!(a.residual().abs() < 1e-10 * turned_over, "{at}");
-                // Friction dissipated energy.
-                assert!(b.friction_loss > 1e-6, "{at}");
+                // Friction dissipated energy, unless a relaxed hand is too soft to move a paddle or a pantograph.
+                let holds = stroke < 1e-3 && model.axes.is_some() && grip == "relaxed";
+                assert!(b.friction_loss > 1e-6 || holds, "{at}");
             }
         }
     }

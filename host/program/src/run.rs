@@ -230,14 +230,14 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
-        .ticks(&ticks)
         .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
+        .ticks(&ticks)
         .file(
             "--histogram",
             arguments.histogram.as_ref(),
             Format::Distribution,
         )
-        .frames("--vtu", arguments.vtu.as_ref(), &loaded.scene.bodies)
         .file("--json", arguments.json.as_ref(), Format::Json)
         .check()?;
     let mut options = RunOptions {

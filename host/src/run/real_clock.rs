@@ -69,6 +69,8 @@ pub(super) fn run(
         ticks: Some(timing.ticks),
         ..config
     };
+    // Whoever shows the preparation with a thread ends this thread now: it may run on the tick's core.
+    progress(0);
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
     let thread = spawn(config, controller, devices, end, stop)?;
 

@@ -82,7 +82,8 @@ impl Source {
         let start = byte.min(self.text.len());
         let before = self.text.get(..start).unwrap_or_default();
         let first = before.rfind('\n').map_or(0, |end| end + 1);
-        self.quote(first..self.text.len().min(first + 4 * QUOTED))
+        let rest = self.text.get(first..).unwrap_or_default();
+        quoted(rest.lines().next().unwrap_or_default())
     }
 
     /// The text of the file within `span`: its first line, shortened if it is long.
