@@ -13,12 +13,14 @@ function chosen(row, columns,    cells, numbers, count, i, line) {
     return line
 }
 
-# Prints the table after the title.
-function table(title, columns, rows,    row, number, found) {
-    found = title == ""
+# Prints the table after the title. "A > B" is the first title B after the first title A.
+function table(title, columns, rows,    row, number, titles, count, found) {
+    count = title == "" ? 0 : split(title, titles, " > ")
     while ((getline row < output) > 0) {
-        if (!found && index(row, title)) { found = 1; continue }
-        if (!found) continue
+        if (found < count) {
+            if (index(row, titles[found + 1])) found++
+            continue
+        }
         if (row ~ /^\|/) {
             number++
             # The first two rows are the head.
@@ -26,7 +28,7 @@ function table(title, columns, rows,    row, number, found) {
         } else if (number > 0) break
     }
     close(output)
-    if (!number) { print "docs/renew: " output " has no table after: " title > "/dev/stderr"; failed = 1 }
+    if (!number || (rows != "" && number < 3)) { print "docs/renew: " output " has no table after: " title > "/dev/stderr"; failed = 1 }
 }
 
 # Prints the lines from the title to the next empty line.

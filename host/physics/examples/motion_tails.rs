@@ -15,6 +15,9 @@ use std::sync::mpsc::channel;
 use std::thread;
 use std::time::{Duration, Instant};
 
+/// Steps of a run.
+const STEPS: usize = 1500;
+
 /// One step.
 #[derive(Clone, Copy)]
 struct Taken {
@@ -130,14 +133,14 @@ fn press(warm: bool) -> Vec<Taken> {
         cube.warm();
     }
     let mut lent: Option<Box<Refresher<f64>>> = None;
-    (0..1500)
+    (0..STEPS)
         .map(|step| {
             let arrived = lent.take();
             let new_factor = arrived.is_some();
             if let Some(refresher) = arrived {
                 cube.stepper.give_back(refresher);
             }
-            let down = -0.01 * (step + 1) as f64 / 1500.0;
+            let down = -0.01 * (step + 1) as f64 / STEPS as f64;
             let taken = cube.step(step, Vec3::z() * down);
             if let Some(mut refresher) = cube.stepper.lend() {
                 thread::scope(|scope| scope.spawn(|| refresher.work().unwrap()).join()).unwrap();
@@ -154,33 +157,51 @@ fn press(warm: bool) -> Vec<Taken> {
         .collect()
 }
 
-fn print_slowest(warm: bool) {
-    let runs: [Vec<Taken>; 5] = core::array::from_fn(|_| press(warm));
-    let said = if warm { "warmed" } else { "not warmed" };
-    println!("pressed, {said} after a wait for a factor:");
-    for run in &runs {
-        let times = || run.iter().map(Taken::time);
-        let (median, high) = (quantile(times(), 0.5), quantile(times(), 0.999));
-        println!(
-            "  median {median:.0} us, 99.9 % {high:.0}: {:.2}",
-            high / median
-        );
-    }
-    let least = |step: usize| {
-        runs.iter()
-            .fold(f64::INFINITY, |least, run| least.min(run[step].time()))
+/// A cell of the table of tails: the two percentiles (us) and their ratio.
+fn tail(times: impl Iterator<Item = f64> + Clone) -> String {
+    let (median, high) = (quantile(times.clone(), 0.5), quantile(times, 0.999));
+    format!("{high:.0} / {median:.0} = {:.2}", high / median)
+}
+
+/// The least time of a step in several runs (us).
+fn least(runs: &[Vec<Taken>], step: usize) -> f64 {
+    let times = runs.iter().map(|run| run[step].time());
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// The tails of a fixed loop, which the machine causes, and those of a pressed cube.
+fn print_tails() {
+    println!("Distribution of the time of a step: 99.9th percentile / median (us)\n");
+    println!("| | run 1 | run 2 | run 3 | run 4 | run 5 | least time of each step |");
+    println!("|{}", "---|".repeat(7));
+    let row = |name: &str, cells: [String; 5], least: &str| {
+        println!("| {name} | {} | {least} |", cells.join(" | "));
     };
-    let (median, high) = (
-        quantile((0..1500).map(least), 0.5),
-        quantile((0..1500).map(least), 0.999),
-    );
-    println!(
-        "  least time of each step: median {median:.0} us, 99.9 % {high:.0}: {:.2}",
-        high / median
-    );
-    println!("  slowest steps by their least time, in the run in which they took it:");
-    let mut steps: Vec<usize> = (0..1500).collect();
-    steps.sort_by(|&a, &b| least(b).total_cmp(&least(a)));
+    let loops = core::array::from_fn(|_| tail(fixed_loop().into_iter()));
+    row("a fixed loop over 4 MiB", loops, "");
+    let mut slowest = Vec::new();
+    for (name, warm) in [
+        ("pressed cube; caches cold after a wait for a factor", false),
+        ("pressed cube; caches warm", true),
+    ] {
+        let runs: [Vec<Taken>; 5] = core::array::from_fn(|_| press(warm));
+        let cells = runs.each_ref().map(|run| tail(run.iter().map(Taken::time)));
+        let of_least = tail((0..STEPS).map(|step| least(&runs, step)));
+        row(name, cells, &of_least);
+        slowest.push((name, runs));
+    }
+    for (name, runs) in &slowest {
+        print_slowest(name, runs);
+    }
+}
+
+/// The ten slowest steps by their least time, with the stages of the run in which they took that time.
+fn print_slowest(name: &str, runs: &[Vec<Taken>; 5]) {
+    println!("\nSlowest steps, {name}\n");
+    println!("| step | us | predict | constrain | solve | finish | iterations | new factor |");
+    println!("|{}", "---|".repeat(8));
+    let mut steps: Vec<usize> = (0..STEPS).collect();
+    steps.sort_by(|&a, &b| least(runs, b).total_cmp(&least(runs, a)));
     for &step in &steps[..10] {
         let run = runs
             .iter()
@@ -188,48 +209,40 @@ fn print_slowest(warm: bool) {
         let taken = run.unwrap()[step];
         let [predict, constrain, solve, finish] = taken.stages;
         println!(
-            "    {:4}: {:.0} us = predict {predict:.0} + constrain {constrain:.0} + solve {solve:.0} + finish \
-             {finish:.0}; {} iterations{}",
+            "| {} | {:.0} | {predict:.0} | {constrain:.0} | {solve:.0} | {finish:.0} | {} | {} |",
             taken.step,
             taken.time(),
             taken.iterations,
-            if taken.new_factor { ", new factor" } else { "" }
+            if taken.new_factor { "yes" } else { "" }
         );
     }
 }
 
-/// A fixed loop over 4 MiB, about as long as a step: the part of the tails that the machine causes.
-fn print_machine() {
+/// Times (us) of a fixed loop over 4 MiB, about as long as a step: the part of the tails that the machine causes.
+fn fixed_loop() -> Vec<f64> {
     let mut numbers = vec![1.0_f64; 4 << 17];
-    println!("a fixed loop over 4 MiB, 1500 times:");
-    for _ in 0..5 {
-        let mut times = Vec::new();
-        for _ in 0..1500 {
-            let start = Instant::now();
-            for _ in 0..2 {
-                for number in black_box(&mut numbers) {
-                    *number = *number * 0.5 + 0.5;
-                }
+    let mut times = Vec::new();
+    for _ in 0..STEPS {
+        let start = Instant::now();
+        for _ in 0..2 {
+            for number in black_box(&mut numbers) {
+                *number = *number * 0.5 + 0.5;
             }
-            times.push(start.elapsed().as_secs_f64() * 1e6);
         }
-        let of = |fraction| quantile(times.iter().copied(), fraction);
-        println!(
-            "  median {:.0} us, 99.9 % {:.0}: {:.2}",
-            of(0.5),
-            of(0.999),
-            of(0.999) / of(0.5)
-        );
+        times.push(start.elapsed().as_secs_f64() * 1e6);
     }
+    times
 }
 
 /// Steps after pauses in which this thread only spins.
 fn print_pauses() {
-    println!("a step of one iteration after a pause:");
+    println!("\nSteps of one iteration after a pause\n");
+    println!("| pause (us) | time of the step, median (us) | steps |");
+    println!("|{}", "---|".repeat(3));
     for pause_us in [0, 100, 300, 1000, 3000, 10_000] {
         let mut cube = Cube::new(0.01);
         let mut after = Vec::new();
-        for step in 0..1500 {
+        for step in 0..STEPS {
             let paused = step > 50 && step % 10 == 0;
             if paused {
                 let start = Instant::now();
@@ -243,7 +256,7 @@ fn print_pauses() {
             }
         }
         println!(
-            "  {pause_us:5} us: {:.0} us ({} steps)",
+            "| {pause_us} | {:.0} | {} |",
             quantile(after.iter().map(Taken::time), 0.5),
             after.len()
         );
@@ -294,20 +307,15 @@ fn print_new_factors(read_ahead: bool) {
     }
     drop(to);
     worker.join().unwrap();
-    let said = if read_ahead { "read ahead" } else { "not read" };
-    println!("steps of one iteration, one each millisecond, factors {said}:");
     for new_factor in [false, true] {
         let of = || {
             let steps = all.iter();
             steps.filter(move |taken| taken.iterations == 1 && taken.new_factor == new_factor)
         };
         println!(
-            "  {}: median {:.0} us, of which solve {:.0}; 90 % {:.0} ({} steps)",
-            if new_factor {
-                "new factor"
-            } else {
-                "old factor"
-            },
+            "| {} | {} | {:.0} | {:.0} | {:.0} | {} |",
+            if read_ahead { "read ahead" } else { "not read" },
+            if new_factor { "new" } else { "old" },
             quantile(of().map(Taken::time), 0.5),
             quantile(of().map(|taken| taken.stages[2]), 0.5),
             quantile(of().map(Taken::time), 0.9),
@@ -317,12 +325,12 @@ fn print_new_factors(read_ahead: bool) {
 }
 
 fn main() {
-    print_machine();
+    print_tails();
     print_pauses();
+    println!("\nSteps of one iteration, one each millisecond\n");
+    println!("| next factor | factor of the step | median us | of which solve | 90 % us | steps |");
+    println!("|{}", "---|".repeat(6));
     for read_ahead in [false, true] {
         print_new_factors(read_ahead);
-    }
-    for warm in [false, true] {
-        print_slowest(warm);
     }
 }

@@ -108,19 +108,24 @@ impl Setting {
         self.steps[self.steps.len() / 2]
     }
 
-    fn print(&mut self) {
+    /// Prints a row of the table. `alone` is the median of the steps on one thread (s).
+    fn print(&mut self, alone: Option<f64>) {
         let cell = |times: &mut Vec<f64>| {
             times.sort_by(f64::total_cmp);
             let at = |fraction: usize| 1e6 * times[times.len() * fraction / 100];
-            format!("{:7.0} {:7.0}", at(5), at(50))
+            format!("{:.0} / {:.0}", at(5), at(50))
         };
         let mean = self.iterations as f64 / self.steps.len() as f64;
         let parts = self.parts.each_mut().map(cell);
+        let steps = cell(&mut self.steps);
+        let speed_up = alone.map_or(String::new(), |alone| {
+            format!("{:.2}", alone / self.median())
+        });
         println!(
-            "{:7} {mean:5.2} {}   {}",
+            "| {} | {} | {mean:.2} | {steps} | {} | {speed_up} |",
+            self.body.element_count(),
             self.threads,
-            cell(&mut self.steps),
-            parts.join("   ")
+            parts.join(" | ")
         );
     }
 }
@@ -168,12 +173,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     if threads.is_empty() {
         threads = vec![1, 2];
     }
+    println!("Steps on several threads: 5th percentile / median (us)\n");
+    println!(
+        "| tetrahedra | threads | iterations | step | linearize | product | precondition | speed-up of the step |"
+    );
+    println!("|{}", "---|".repeat(8));
     for cells in [15, 20] {
         let body = cube(cells)?;
-        println!("{} tetrahedra; 5 % and median, us", body.element_count());
-        println!(
-            "threads  iter            step         linearize           product      precondition"
-        );
         let settings = threads.iter().map(|&count| Setting::new(count, &body));
         let mut settings = settings.collect::<Result<Vec<_>, _>>()?;
         let mut copies = [Setting::new(1, &body)?, Setting::new(1, &body)?];
@@ -183,14 +189,24 @@ fn main() -> Result<(), Box<dyn Error>> {
             }
             side_by_side(&mut copies)?;
         }
-        settings.iter_mut().for_each(Setting::print);
+        for setting in &mut settings {
+            setting.steps.sort_by(f64::total_cmp);
+        }
         let alone = settings.iter().find(|setting| setting.threads == 1);
+        let alone = alone.map(Setting::median);
+        for setting in &mut settings {
+            setting.print(alone);
+        }
         for copy in &mut copies {
             copy.steps.sort_by(f64::total_cmp);
         }
         if let Some(alone) = alone {
-            let [one, other] = copies.each_ref().map(|copy| alone.median() / copy.median());
-            println!("two copies side by side: {:.2}", one + other);
+            let [one, other] = copies.each_ref().map(|copy| alone / copy.median());
+            println!(
+                "| {} | two copies side by side | | | | | | {:.2} |",
+                body.element_count(),
+                one + other
+            );
         }
     }
     Ok(())

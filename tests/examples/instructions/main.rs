@@ -177,12 +177,14 @@ fn print_table(counts: &[(Case, Count)]) {
     println!();
 }
 
-/// Prints counts and times of the passages, one line each.
+/// Prints counts and times of the passages, one row each.
 fn print_passages(counts: &[(Passage, Count)]) {
     println!("A model through the rings, by number of handles: the same.\n");
+    println!("| passage | instructions (+ copies), ns |");
+    println!("|---|---|");
     for (passage, count) in counts {
         println!(
-            "{}: {} (+{}), {}",
+            "| {} | {} (+{}), {} |",
             passage.name(),
             count.instructions,
             count.copies,
