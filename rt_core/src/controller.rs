@@ -15,6 +15,7 @@ use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
+use alloc::boxed::Box;
 use core::ops::DerefMut;
 
 /// Configuration of one device.
@@ -108,7 +109,10 @@ pub struct ControllerConfig {
 #[derive(Debug)]
 pub struct Controller {
     channels: heapless::Vec<Channel, MAX_DEVICES>,
-    couplings: heapless::Vec<Coupling, MAX_BODIES>,
+    /// On the heap, because a coupling takes 124 kB: a scene pays for the bodies that it has, and a thread with a small
+    /// stack can make a controller. [`Controller::new`] allocates; a tick never does.
+    #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
+    couplings: heapless::Vec<Box<Coupling>, MAX_BODIES>,
     /// Number of models for bodies that do not exist.
     stray_models: u64,
     tick: u64,
@@ -116,12 +120,15 @@ pub struct Controller {
 
 impl Clone for Controller {
     fn clone(&self) -> Self {
-        let mut new = Self::new(&ControllerConfig::default());
-        new.clone_from(self);
-        new
+        Self {
+            channels: self.channels.clone(),
+            couplings: self.couplings.clone(),
+            stray_models: self.stray_models,
+            tick: self.tick,
+        }
     }
 
-    /// Copies body by body: a second whole controller would be too much for the stack of some threads.
+    /// Copies the couplings in place: a study resets a controller many times.
     fn clone_from(&mut self, source: &Self) {
         let Self {
             channels,
@@ -130,10 +137,17 @@ impl Clone for Controller {
             tick,
         } = self;
         channels.clone_from(&source.channels);
-        couplings.clear();
-        for coupling in &source.couplings {
+        couplings.truncate(source.couplings.len());
+        let (same, more) = source
+            .couplings
+            .split_at_checked(couplings.len())
+            .unwrap_or_default();
+        for (to, from) in couplings.iter_mut().zip(same) {
+            to.clone_from(from);
+        }
+        for from in more {
             // The lists have the same capacity.
-            let _ = couplings.push(coupling.clone());
+            let _ = couplings.push(from.clone());
         }
         (*stray_models, *tick) = (source.stray_models, source.tick);
     }
@@ -143,9 +157,9 @@ impl Clone for Controller {
 pub type Reading = Result<DeviceState, DeviceError>;
 
 impl Controller {
-    /// A controller at rest, before its first model. It takes half a megabyte, so keep it on the heap.
+    /// A controller at rest, before its first model. It takes 125 kB of the heap for each body.
+    #[expect(clippy::disallowed_types, reason = "allocated before the first tick")]
     pub fn new(config: &ControllerConfig) -> Self {
-        // Built in place: a second copy would be too much for the stack of some threads.
         let mut new = Self {
             channels: heapless::Vec::new(),
             couplings: heapless::Vec::new(),
@@ -157,7 +171,7 @@ impl Controller {
             let _ = new.channels.push(Channel::new(device.frame, device.safety));
         }
         for body in &config.bodies {
-            let _ = new.couplings.push(Coupling::new(*body));
+            let _ = new.couplings.push(Box::new(Coupling::new(*body)));
         }
         new
     }
@@ -334,7 +348,7 @@ impl Controller {
 
     /// The counts of each body's coupling so far.
     pub fn coupling_counters(&self) -> impl Iterator<Item = CouplingCounters> {
-        self.couplings.iter().map(Coupling::counters)
+        self.couplings.iter().map(|coupling| coupling.counters())
     }
 
     /// The counts of each device's last stage so far.
@@ -358,7 +372,7 @@ impl Controller {
 
     /// The force that the cap and the age of the model held back from each body's hands so far.
     pub fn held_back_by_bodies(&self) -> impl Iterator<Item = HeldBackByBody> {
-        self.couplings.iter().map(Coupling::held_back)
+        self.couplings.iter().map(|coupling| coupling.held_back())
     }
 
     /// Number of models that came for a body that does not exist.

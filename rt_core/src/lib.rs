@@ -44,6 +44,8 @@
     )
 )]
 
+extern crate alloc;
+
 mod channel;
 pub mod clutch;
 pub mod controller;
@@ -76,8 +78,8 @@ pub use scheme::Scheme;
 pub const MAX_DEVICES: usize = 8;
 /// Largest number of handles on one connected body.
 pub const MAX_HANDLES: usize = 8;
-/// Largest number of connected bodies that the tick renders at the same time.
-pub const MAX_BODIES: usize = 4;
+/// Largest number of connected bodies that the tick renders at the same time: one for each device.
+pub const MAX_BODIES: usize = 8;
 
 /// Increments a counter. The counter saturates at its largest value.
 fn count_one(counter: &mut u64) {

@@ -30,7 +30,7 @@ pub type AnyDevice = Box<dyn Device + Send>;
 /// assert_eq!(host.newest().expect("a record").time_ns, 2_000_000);
 /// ```
 pub struct TickLoop {
-    /// The controller, on the heap: it takes half a megabyte.
+    /// The controller.
     pub controller: Box<Controller>,
     /// The devices, in the controller's order.
     pub devices: Vec<AnyDevice>,

@@ -56,8 +56,14 @@ impl RunSummary {
             writeln!(f, "  tick took  {}", Times(duration))?;
         }
         // A body that nobody holds publishes no model.
-        for age in t.model_age.iter().filter(|age| age.count > 0) {
-            writeln!(f, "  model age  {}", Times(age))?;
+        let ages = t.model_age.iter().zip(&self.energy);
+        for (age, body) in ages.filter(|(age, _)| age.count > 0) {
+            // One body needs no name.
+            let of = match t.model_age.len() {
+                1 => String::new(),
+                _ => format!("{}: ", body.body),
+            };
+            writeln!(f, "  model age  {of}{}", Times(age))?;
         }
         Ok(())
     }
