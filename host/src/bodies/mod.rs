@@ -44,7 +44,7 @@ pub enum Kind {
 }
 
 /// One body of a scene, at rest.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Built {
     /// The kind of the body.
     pub kind: Kind,

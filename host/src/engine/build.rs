@@ -6,7 +6,7 @@ use super::path::HandlePath;
 use super::plan::{BodyPlan, in_words};
 use super::recipe::Recipe;
 use super::virtual_coupling::VirtualCoupling;
-use crate::bodies;
+use crate::bodies::{self, Built};
 use crate::scene::spec::Scene;
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
@@ -22,15 +22,39 @@ pub struct How {
     pub real: bool,
 }
 
-/// Builds every body of a scene, at rest.
+/// Builds every body of a scene, at rest, with its solver.
 ///
 /// # Errors
 /// [`SceneError`], naming the file, line and field that cannot be built.
 pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneError> {
+    with_solvers(loaded, how, settled(loaded)?)
+}
+
+/// Builds every body of a scene and lets it settle, which takes the longest time of a large body's preparation.
+///
+/// # Errors
+/// As [`bodies`].
+pub fn settled(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
     check(loaded)?;
+    let each = (0..loaded.scene.bodies.len()).map(|index| {
+        Stage::Building.begin();
+        bodies::build_settled(loaded, index)
+    });
+    each.collect()
+}
+
+/// Gives each settled body of a scene its solver and the paths of its handles.
+///
+/// # Errors
+/// As [`bodies`].
+pub fn with_solvers(
+    loaded: &LoadedScene,
+    how: How,
+    settled: Vec<Built>,
+) -> Result<Vec<HostBody>, SceneError> {
     let borne = Borne::new(loaded)?;
-    (0..loaded.scene.bodies.len())
-        .map(|index| body(loaded, index, how, borne.clone()))
+    let each = settled.into_iter().enumerate();
+    each.map(|(index, built)| body(loaded, index, how, built, borne.clone()))
         .collect()
 }
 
@@ -74,12 +98,11 @@ fn body(
     loaded: &LoadedScene,
     index: usize,
     how: How,
+    built: Built,
     borne: Borne,
 ) -> Result<HostBody, SceneError> {
     let scene = &loaded.scene;
     let spec = &scene.bodies[index];
-    Stage::Building.begin();
-    let built = bodies::build_settled(loaded, index)?;
     let plan = BodyPlan::new(loaded, index, &built);
     let recipe = Recipe::new(scene, &plan, how);
     Stage::Factorizing.begin();

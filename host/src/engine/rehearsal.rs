@@ -6,6 +6,7 @@ use super::build::{self, How};
 use super::pacer::Pacer;
 use super::stats::{StepTimes, WallStopwatch};
 use super::threads::{Threads, awake};
+use crate::bodies::Built;
 use crate::scene::{LoadedScene, SceneError};
 use crate::stage::Stage;
 use rt_core::{MAX_DEVICES, TickRecord, Vec3};
@@ -22,8 +23,16 @@ const SPEED: f64 = 0.01;
 /// # Errors
 /// As [`build::bodies`].
 pub fn step_time(loaded: &LoadedScene) -> Result<f64, SceneError> {
+    step_time_of(loaded, build::settled(loaded)?)
+}
+
+/// As [`step_time`], with the bodies of the scene, which are settled.
+///
+/// # Errors
+/// As [`build::bodies`].
+pub fn step_time_of(loaded: &LoadedScene, settled: Vec<Built>) -> Result<f64, SceneError> {
     let scene = &loaded.scene;
-    let held = build::bodies(loaded, How::default())?;
+    let held = build::with_solvers(loaded, How::default(), settled)?;
     Stage::Timing.begin();
     let mut record = TickRecord::empty();
     for body in &held {

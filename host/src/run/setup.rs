@@ -2,11 +2,12 @@
 
 use super::devices;
 use super::frames::FrameTap;
-use super::slow_host::SlowWatch;
+use super::slow_host::{SlowWatch, StepTime};
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
 use crate::engine::pacer::Pacer;
+use crate::engine::rehearsal::step_time_of;
 use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
 use crate::scene::spec::{self, Scene, SchemeName};
@@ -53,7 +54,7 @@ pub struct Setup {
     pub frames: Option<FrameTap>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
-    /// Judges the first steps: whether they take longer than the scene allows.
+    /// Judges whether a step takes longer than the scene allows.
     pub slow: SlowWatch,
     /// The times of the run.
     pub timing: Timing,
@@ -100,7 +101,15 @@ pub(crate) fn setup_with(
     how: How,
 ) -> Result<Setup, SceneError> {
     let scene = &loaded.scene;
-    let held = build::bodies(loaded, how)?;
+    let settled = build::settled(loaded)?;
+    // Under the real clock, a warning must come before hands hold the devices.
+    let slow = if how.real {
+        let took = step_time_of(loaded, settled.clone())?;
+        SlowWatch::rehearsed(scene, StepTime::new(scene, took))
+    } else {
+        SlowWatch::new(scene)
+    };
+    let held = build::with_solvers(loaded, how, settled)?;
     let devices = devices::open(loaded, seed, how.real)?;
     let config = controller(loaded, &devices)?;
     let (end, host, log) = link(&LinkConfig {
@@ -118,7 +127,7 @@ pub(crate) fn setup_with(
         faults: Faults::default(),
         frames: None,
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
-        slow: SlowWatch::new(scene),
+        slow,
         timing: Timing {
             period_ns: (1e9 * period).round() as u64,
             ticks: (duration * scene.realtime.rate).round().max(1.0) as u64,

@@ -1,8 +1,9 @@
 //! Finds out early whether a step takes longer than the scene allows, and says what to do.
 //!
-//! The first steps of a run tell it ([`SlowWatch`]): the run looks at the times that the engine measures anyway, so
-//! nothing waits for the answer and nothing in the state depends on it. `palpate plan` times some steps of its own
-//! (`engine::rehearsal`).
+//! Under the real clock the answer must come before hands hold the devices: a rehearsal times some steps of a copy of
+//! the bodies (`engine::rehearsal`), and so does `palpate plan`. Under virtual time the first steps of the run give the
+//! answer: the run looks at the times that the engine measures in any case, so nothing waits for the answer. Nothing in
+//! the state depends on it ([`SlowWatch`]).
 
 use super::Clock;
 use crate::engine::build::steps_per_publication;
@@ -124,7 +125,7 @@ pub(super) fn skipped(
     })
 }
 
-/// Judges the first steps of a run.
+/// Judges whether a step of a run takes too long, by a rehearsal or by the first steps of the run.
 #[derive(Clone, Debug)]
 pub struct SlowWatch {
     asked: f64,
@@ -145,6 +146,18 @@ impl SlowWatch {
             judged: false,
             found: Arc::default(),
         }
+    }
+
+    /// A watch that knows the time of a step from a rehearsal.
+    pub(super) fn rehearsed(scene: &Scene, time: StepTime) -> Self {
+        let watch = Self {
+            judged: true,
+            ..Self::new(scene)
+        };
+        if time.is_too_slow() {
+            let _ = watch.found.set(time);
+        }
+        watch
     }
 
     /// Where the time of a step will be found, if a step takes too long. Another thread may look there.
