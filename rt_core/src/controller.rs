@@ -275,7 +275,7 @@ impl Controller {
                 let frame = &channel.frame;
                 let here = forces.by_body.iter_mut().take(bodies);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
-                    wrench.force = frame.borne_by(axes, &wrench.force);
+                    wrench.force = frame.rendered_along(axes, &wrench.force);
                 }
             }
             let mut asked = channel.frame.to_device(wrench);
