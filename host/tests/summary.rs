@@ -94,6 +94,28 @@ fn a_run_whose_forces_all_pass_holds_nothing_back() -> Result<(), Box<dyn Error>
     Ok(())
 }
 
+/// The controller knows the work on the hand by its commands and by the counts of the encoder. The simulation integrates
+/// it between ticks.
+#[test]
+fn the_work_is_that_on_the_hand_whatever_the_scale_of_motions() -> Result<(), Box<dyn Error>> {
+    let scene = with(&[("motion_scale = 1.0", "motion_scale = 0.5")])?;
+    let scales = scene.scene.devices.iter().map(|device| device.motion_scale);
+    assert_eq!(scales.collect::<Vec<_>>(), [0.5, 1.0]);
+    let (summary, _) = logged(&scene, Clock::Virtual, 2.0, &[])?;
+    for device in &summary.devices {
+        let integrated = device.motor_work.ok_or("a simulated device")?;
+        assert!(integrated.abs() > 1e-3, "{integrated}");
+        // A force that is held over a tick is late by half a tick.
+        assert!(
+            (device.work / integrated - 1.0).abs() < 0.05,
+            "{}: {} {integrated}",
+            device.name,
+            device.work
+        );
+    }
+    Ok(())
+}
+
 #[test]
 fn the_energy_line_adds_up() -> Result<(), Box<dyn Error>> {
     let (summary, log) = logged(&with(&[])?, Clock::Virtual, 2.0, &[])?;
