@@ -262,7 +262,7 @@ fn run(
     let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
     prepared.faults = Faults::new(faults.to_vec());
     let ticks = prepared.timing.ticks;
-    let mut recorder = Recorder::new(scene, &prepared);
+    let mut recorder = Recorder::new(&prepared);
     let mut shown = 0;
     let running = virtual_clock::run_seen(
         prepared,
