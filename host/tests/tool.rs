@@ -154,6 +154,10 @@ fn a_tool_on_two_bodies_feels_both_and_their_accounts_add_up_to_its_work() {
         assert_eq!(2.0 * share.damping, port.damping);
         assert_eq!(2.0 * share.friction, port.friction);
         assert_eq!(2.0 * share.most_damping, port.most_damping);
+        // Before the first models, both bodies damp the hand by the safe hold.
+        let hold = whole.bodies[0].hold_damping[0];
+        assert_eq!(2.0 * body.hold_damping[0], hold);
+        assert!(hold > 0.0);
     }
 }
 

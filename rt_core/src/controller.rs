@@ -72,7 +72,7 @@ pub struct ControllerConfig {
 ///     age_limit: 0.1,
 ///     decay: 0.1,
 ///     recovery: 0.1,
-///     hold_damping: 1.0,
+///     hold_damping: [1.0; MAX_DEVICES],
 ///     passivity: PassivityConfig::new(period),
 /// };
 /// config.devices.push(device).unwrap();

@@ -16,7 +16,9 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
-use rt_core::{Capabilities, Controller, ControllerConfig, PassivityConfig, Port, Scheme};
+use rt_core::{
+    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Scheme,
+};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
 use sim::DeviceModel;
@@ -166,8 +168,14 @@ pub(super) fn controller(
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }
+    // The couplings of the bodies that a device holds damp it together as the scene says.
+    let mut hold_damping = [0.0; MAX_DEVICES];
+    for (damping, held) in hold_damping.iter_mut().zip(held) {
+        *damping = scene.realtime.hold_damping / held.max(1) as f64;
+    }
     for _ in &scene.bodies {
-        let _ = config.bodies.push(coupling(scene, period, &passivity));
+        let coupling = coupling(scene, period, &passivity, hold_damping);
+        let _ = config.bodies.push(coupling);
     }
     Ok(config)
 }
@@ -187,7 +195,12 @@ pub fn scheme(scene: &Scene) -> Scheme {
     }
 }
 
-fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> CouplingConfig {
+fn coupling(
+    scene: &Scene,
+    period: f64,
+    passivity: &PassivityConfig,
+    hold_damping: [f64; MAX_DEVICES],
+) -> CouplingConfig {
     CouplingConfig {
         scheme: scheme(scene),
         period,
@@ -195,7 +208,7 @@ fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> Coupling
         age_limit: scene.realtime.age_limit(),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
-        hold_damping: scene.realtime.hold_damping,
+        hold_damping,
         passivity: *passivity,
     }
 }

@@ -243,7 +243,7 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
         age_limit: 0.1,
         decay: 0.3,
         recovery: 0.2,
-        hold_damping: 2.0,
+        hold_damping: [2.0; MAX_DEVICES],
         passivity,
     });
     config
