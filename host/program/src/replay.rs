@@ -45,14 +45,16 @@ pub(super) fn run(
     };
     let declared = declared.ticks(ticks);
     let _held = declared.file("--json", json, Format::Json).check()?;
-    let mut observers = ticks.observe(&loaded.scene, Observers::new())?;
     let bar = progress_bar();
-    let report = replay_watched(&log, &loaded, &mut observers, |fraction| {
+    let begin = || ticks.observe(&loaded.scene, Observers::new());
+    let done = replay_watched(&log, &loaded, begin, |fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });
     bar.finish_and_clear();
-    let report = report.map_err(|e| refused(e.into()))?;
-    let observed = observers.finish();
+    let (report, observed) = done.map_err(|error| match error {
+        ReplayError::File(error) => CommandError::File(error),
+        error => refused(error.into()),
+    })?;
     out!("{report}");
     if let Some(path) = json {
         write_json(path, &report)?;
