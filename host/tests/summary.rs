@@ -21,7 +21,8 @@ fn with(changes: &[(&str, &str)]) -> Result<LoadedScene, Box<dyn Error>> {
 }
 
 /// Runs a scene for `duration` seconds with faults of the host, and reads its log.
-// A controller takes 280 KB. A frame of its own keeps its copies out of the frame of a test.
+// A controller takes half a megabyte and passes over the stack when it is made. A frame of its own keeps it out of the
+// frame of a test.
 #[inline(never)]
 fn logged(
     scene: &LoadedScene,
@@ -171,8 +172,7 @@ fn the_counts_of_a_host_that_panics_are_those_before_the_panic() -> Result<(), B
 #[test]
 fn under_the_real_clock_the_counts_before_a_panic_are_kept_too() -> Result<(), Box<dyn Error>> {
     let panic = [(FaultKind::Panic, 1.0, 0.0)];
-    // Without all optimizations, moves of the controller (280 KB) fill the stack of a test. The stack of a program is
-    // this large.
+    // Without all optimizations, moves of the controller fill the stack of a test. The stack of a program is this large.
     let scene = with(&[])?;
     let (summary, log) = std::thread::scope(|scope| {
         let real = || logged(&scene, Clock::Real, 1.5, &panic).map_err(|e| e.to_string());

@@ -163,7 +163,7 @@ pub(super) fn controller(
         };
         let capabilities = device.capabilities();
         let safety = safety(&scene.devices[index], &capabilities, scene, period);
-        let whole = port(&loaded.models[index], &safety, &frame, period);
+        let whole = port(&loaded.models[index], safety.max_slew, &frame, period);
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
@@ -213,8 +213,9 @@ fn coupling(
     }
 }
 
-/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it.
-fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period: f64) -> Port {
+/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it. The
+/// force of the device changes by `max_slew` (N/s) at most.
+pub fn port(model: &DeviceModel, max_slew: f64, frame: &DeviceFrame, period: f64) -> Port {
     let scale = frame.motion_scale;
     // The delay of the velocity estimate that the device's driver makes.
     let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
@@ -230,7 +231,7 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period:
         }),
         force_scale: frame.force_scale,
         count: model.position_step * scale,
-        max_slew: safety.max_slew / (scale * frame.force_scale),
+        max_slew: max_slew / (scale * frame.force_scale),
     }
 }
 
