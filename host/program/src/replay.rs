@@ -1,6 +1,7 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::outputs::{Declared, Format};
+use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
 use host::log::{Log, LogError};
@@ -56,9 +57,8 @@ pub(super) fn run(
         error => refused(error.into()),
     })?;
     out!("{report}");
-    if let Some(path) = json {
-        write_json(path, &report)?;
-    }
+    let mut written = Written::default();
+    written.write(json, |path| write_json(path, &report));
     for failure in &observed.failures {
         errln!("{failure}");
     }
@@ -70,14 +70,13 @@ pub(super) fn run(
             outln!("  {output:<10} {}", path.display());
         }
     }
-    if !observed.failures.is_empty() {
-        return Err(CommandError::Incomplete);
-    }
-    if report.is_exact() {
+    written.end_with(if !observed.failures.is_empty() {
+        Err(CommandError::Incomplete)
+    } else if report.is_exact() {
         Ok(())
     } else {
         Err(CommandError::Different)
-    }
+    })
 }
 
 fn read(path: &Path) -> Result<Log, ReplayFileError> {
