@@ -246,7 +246,9 @@ impl Coupling {
         self.note_held_back(now_ns, trust, &wrenches);
         for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
             let device = usize::from(handle.device);
-            let moving = devices.get(device).zip(self.config.hold_damping.get(device));
+            let moving = devices
+                .get(device)
+                .zip(self.config.hold_damping.get(device));
             let hold = moving.map_or(Vec3::zeros(), |((_, twist), damping)| {
                 twist.linear * (-damping * (1.0 - trust))
             });

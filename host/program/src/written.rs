@@ -73,7 +73,10 @@ mod tests {
         };
         let end = failed().end_with(Err(CommandError::Incomplete));
         assert!(matches!(end, Err(CommandError::Incomplete)));
-        assert!(matches!(failed().end_with(Ok(())), Err(CommandError::File(_))));
+        assert!(matches!(
+            failed().end_with(Ok(())),
+            Err(CommandError::File(_))
+        ));
         let all_well = Written::default().end_with(Err(CommandError::Incomplete));
         assert!(matches!(all_well, Err(CommandError::Incomplete)));
     }

@@ -129,7 +129,10 @@ mod tests {
         let histogram = histogram();
         // The name of a body may hold a comma.
         let text = table(&[("model age of a, b".to_owned(), &histogram)]);
-        assert!(text.contains("\n\"model age of a, b\",0.050000000,1,100,0.000000e0\n"), "{text}");
+        assert!(
+            text.contains("\n\"model age of a, b\",0.050000000,1,100,0.000000e0\n"),
+            "{text}"
+        );
         let text = table(&[("lateness".to_owned(), &histogram)]);
         let rows: Vec<Vec<&str>> = text.lines().map(|row| row.split(',').collect()).collect();
         assert_eq!(rows[0].len(), 5);

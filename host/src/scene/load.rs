@@ -132,7 +132,11 @@ impl Scene {
     ///
     /// As [`Scene::parse`]. The tests show that the built-in scene has no error.
     pub fn embedded_default() -> Result<LoadedScene, SceneError> {
-        load(Source::new(DEFAULT_NAME, DEFAULT), Path::new(""), read_bytes)
+        load(
+            Source::new(DEFAULT_NAME, DEFAULT),
+            Path::new(""),
+            read_bytes,
+        )
     }
 }
 

@@ -24,7 +24,9 @@ pub enum StudyError {
         step_rate: f64,
     },
     /// A comparison would measure nothing, because its runs end before the measurements begin.
-    #[error("--from: found {found}, allowed: a number below the duration of the runs, which is {duration} (s)")]
+    #[error(
+        "--from: found {found}, allowed: a number below the duration of the runs, which is {duration} (s)"
+    )]
     MeasuredFrom {
         /// The time that was asked for (s).
         found: f64,

@@ -147,9 +147,7 @@ impl Bodies {
 
 /// The largest eigenvalue of the translational block of `handle` in a condensed matrix.
 pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
-    translational(matrix, handle)
-        .symmetric_eigenvalues()
-        .max()
+    translational(matrix, handle).symmetric_eigenvalues().max()
 }
 
 /// The translational block of `handle` in a condensed matrix.
