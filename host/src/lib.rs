@@ -20,4 +20,4 @@ pub mod run;
 pub mod scene;
 pub mod solve;
 pub mod stage;
-mod table;
+pub mod table;

@@ -4,6 +4,7 @@
 //! digits and underscores and begins with a letter, so that every one of these programs takes it as it is; its end is the
 //! unit: `left_force_x_N`. What does not exist is `NaN`. A number has the digits that give the same `f64` again.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
@@ -40,6 +41,15 @@ impl Columns {
     /// The line with the names.
     pub(crate) fn header(&self) -> String {
         self.names.join(",") + "\n"
+    }
+}
+
+/// A field of text, in quotes where it must be (RFC 4180).
+pub fn quoted(field: &str) -> Cow<'_, str> {
+    if field.contains([',', '"', '\n', '\r']) {
+        Cow::Owned(format!("\"{}\"", field.replace('"', "\"\"")))
+    } else {
+        Cow::Borrowed(field)
     }
 }
 
@@ -126,6 +136,12 @@ mod tests {
             columns.header(),
             "time_s,left_hand_trust,left_hand_trust_2,n2_trust,H_nde_force_x_N,H_nde_force_y_N,H_nde_force_z_N\n"
         );
+    }
+
+    #[test]
+    fn text_is_one_field_whatever_it_contains() {
+        assert_eq!(quoted("model age of sheet"), "model age of sheet");
+        assert_eq!(quoted("left, \"my\" hand"), "\"left, \"\"my\"\" hand\"");
     }
 
     #[test]

@@ -154,6 +154,26 @@ fn the_frames_end_with_the_host() -> Outcome {
     Ok(())
 }
 
+/// A frame that cannot be written ends the frames. The summary says why, and gives no other reason.
+#[test]
+fn a_frame_that_cannot_be_written_is_a_failure() -> Outcome {
+    let loaded = Scene::embedded_default()?;
+    let folder = tempfile::tempdir()?;
+    let out = folder.path().join("out");
+    // No file can replace this folder.
+    fs::create_dir_all(out.join("sheet_0003.vtu"))?;
+    let summary = run(&loaded, &options(&out, 50.0), |_| ())?;
+    assert_eq!(summary.tick.count, 500);
+    let [failure] = &summary.failures[..] else {
+        return Err(format!("{:?}", summary.failures).into());
+    };
+    assert!(failure.contains("sheet_0003.vtu"), "{failure}");
+    assert_eq!(summary.degradations, [""; 0]);
+    assert_eq!(summary.unwritten, [out.join("frames.pvd")]);
+    assert_eq!(list(&out)?.len(), 3, "those before");
+    Ok(())
+}
+
 /// Under the real clock no frame is lost without a word: what is listed and what is reported are all frames.
 #[test]
 fn the_real_clock_counts_what_is_missing() -> Outcome {

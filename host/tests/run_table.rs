@@ -2,7 +2,7 @@
 
 use host::log::Log;
 use host::run::observer::{Observed, Observer, Observers};
-use host::run::replay::replay_watched;
+use host::run::replay::{ReplayError, replay_watched};
 use host::run::{Clock, RunOptions, TickOutputs, run, run_watched};
 use host::scene::Scene;
 use rt_core::Telemetry;
@@ -118,11 +118,11 @@ fn a_second_run_and_a_replay_give_the_same_bytes() -> Outcome {
         let summary = run(&loaded, &options, |_| ())?;
         assert!(summary.failures.is_empty(), "{:?}", summary.failures);
     }
-    let log = Log::parse(&fs::read(at("first.mcap"))?)?;
-    let mut observers = outputs("replay").observe(&loaded.scene, Observers::new())?;
-    let report = replay_watched(&log, &loaded, &mut observers, |_| ())?;
+    let mut log = Log::parse(&fs::read(at("first.mcap"))?)?;
+    let begin = || outputs("replay").observe(&loaded.scene, Observers::new());
+    let (report, observed) = replay_watched(&log, &loaded, begin, |_| ())?;
     assert!(report.is_exact());
-    assert!(observers.finish().failures.is_empty());
+    assert!(observed.failures.is_empty());
     for ending in ["csv", "svg"] {
         let first = fs::read(at(&format!("first.{ending}")))?;
         for other in ["second", "replay"] {
@@ -130,6 +130,11 @@ fn a_second_run_and_a_replay_give_the_same_bytes() -> Outcome {
             assert!(first == other, "{ending}");
         }
     }
+    // A log that cannot be replayed leaves the files of another replay as they are.
+    log.rows.remove(7);
+    let refused = replay_watched(&log, &loaded, begin, |_| ());
+    assert!(matches!(refused, Err(ReplayError::MissingTick { .. })));
+    assert!(fs::read(at("replay.csv"))? == fs::read(at("first.csv"))?);
     Ok(())
 }
 

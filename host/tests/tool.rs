@@ -3,9 +3,11 @@
 use host::bodies::{self, mount, tools};
 use host::run::{setup, virtual_clock};
 use host::scene::{LoadedScene, Scene};
+use host::solve::solve;
 use rt_core::{LocalModel, Telemetry, Vec3};
 use runner::link::LogRecord;
 use std::collections::BTreeMap;
+use std::convert::Infallible;
 
 const BLOCK: &str = "damping = { mass = 0.2, stiffness = 0.02 }\n\
      mesh.box = { size = [0.1, 0.06, 0.04], cells = [5, 3, 2] }\n";
@@ -33,6 +35,17 @@ fn handle(name: &str, place: &str) -> String {
     format!("[[body.handle]]\nname = '{name}'\n{place}\ndevice = 'd'\n")
 }
 
+/// A place on the top of the block between these two x (m).
+fn prong(name: &str, low: f64, high: f64) -> String {
+    let place = format!("box = [[{low}, -1.0, 0.019], [{high}, 1.0, 1.0]]");
+    handle(name, &place)
+}
+
+/// Two places of one tool. The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
+fn fork() -> String {
+    prong("left prong", -0.05, -0.02) + &prong("right prong", 0.02, 0.05)
+}
+
 fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize, LocalModel)>) {
     let built = setup::setup(loaded, duration, 1).unwrap();
     let (mut ticks, mut models) = (Vec::new(), Vec::new());
@@ -46,15 +59,7 @@ fn observed(loaded: &LoadedScene, duration: f64) -> (Vec<Telemetry>, Vec<(usize,
 
 #[test]
 fn two_places_move_as_one_handle_of_their_vertices() {
-    let edge = |name: &str, low: f64, high: f64| {
-        handle(
-            name,
-            &format!("box = [[{low}, -1.0, 0.019], [{high}, 1.0, 1.0]]"),
-        )
-    };
-    // The columns of vertices lie at x = -0.05, -0.03, ..., 0.05.
-    let fork = edge("left prong", -0.05, -0.02) + &edge("right prong", 0.02, 0.05);
-    let fork = pressed("omega3", &(block("b", "") + &fork));
+    let fork = pressed("omega3", &(block("b", "") + &fork()));
     let spec = &fork.scene.bodies[0];
     let found = tools(&fork.scene, spec);
     assert_eq!(
@@ -76,9 +81,43 @@ fn two_places_move_as_one_handle_of_their_vertices() {
         let (_, models) = observed(loaded, 0.1);
         models.last().unwrap().1.stiffness[0][0][(2, 2)]
     };
-    let prong = pressed("omega3", &(block("b", "") + &edge("prong", -0.05, -0.02)));
-    let ratio = stiffness(&fork) / stiffness(&prong);
+    let half = pressed("omega3", &(block("b", "") + &prong("prong", -0.05, -0.02)));
+    let ratio = stiffness(&fork) / stiffness(&half);
     assert!((1.8..2.2).contains(&ratio), "{ratio}");
+}
+
+/// A tool of two places is one reaction. The columns and the curves of the supports behind it are those of the supports.
+#[test]
+fn a_solve_has_one_reaction_for_a_tool() {
+    let body = block("b", "").replace(
+        "group = 'bottom'",
+        "group = 'bottom'\ndisplacement = [0.0, 0.0, 0.002]",
+    );
+    let loaded = pressed("omega3", &(body + &fork()));
+    let solution = solve(&loaded, false, |_| {}, |_| Ok::<(), Infallible>(())).unwrap();
+    assert_eq!(solution.failures, [""; 0]);
+    let named = solution.bodies[0].reactions.iter().map(|one| &*one.name);
+    let named: Vec<_> = named.collect();
+    assert_eq!(named, ["left prong + right prong", "table"]);
+    let csv = solution.csv();
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    assert!(rows.iter().all(|row| row.len() == rows[0].len()), "{csv}");
+    let last = |column: &str| -> f64 {
+        let place = rows[0].iter().position(|name| *name == column);
+        let place = place.unwrap_or_else(|| panic!("{column} in {:?}", rows[0]));
+        rows.last().unwrap()[place].parse().unwrap()
+    };
+    assert_eq!(last("b_table_displacement_z_m"), 0.002);
+    assert_eq!(last("b_left_prong___right_prong_displacement_z_m"), 0.0);
+    // The bottom lifts the block against the tool.
+    assert!(last("b_table_force_z_N") > 1.0);
+    let curves = solution.load_curves();
+    let [curve] = &curves[..] else {
+        panic!("{curves:?}");
+    };
+    assert_eq!(curve.name, "table");
+    let (moved, force) = *curve.points.last().unwrap();
+    assert_eq!((moved, force), (0.002, last("b_table_force_z_N")));
 }
 
 #[test]
@@ -115,6 +154,10 @@ fn a_tool_on_two_bodies_feels_both_and_their_accounts_add_up_to_its_work() {
         assert_eq!(2.0 * share.damping, port.damping);
         assert_eq!(2.0 * share.friction, port.friction);
         assert_eq!(2.0 * share.most_damping, port.most_damping);
+        // Before the first models, both bodies damp the hand by the safe hold.
+        let hold = whole.bodies[0].hold_damping[0];
+        assert_eq!(2.0 * body.hold_damping[0], hold);
+        assert!(hold > 0.0);
     }
 }
 

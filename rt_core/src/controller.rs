@@ -73,7 +73,7 @@ pub struct ControllerConfig {
 ///     age_limit: 0.1,
 ///     decay: 0.1,
 ///     recovery: 0.1,
-///     hold_damping: 1.0,
+///     hold_damping: [1.0; MAX_DEVICES],
 ///     passivity: PassivityConfig::new(period),
 /// };
 /// config.devices.push(device).unwrap();
@@ -289,7 +289,7 @@ impl Controller {
                 let frame = &channel.frame;
                 let here = forces.by_body.iter_mut().take(bodies);
                 for wrench in here.filter_map(|by_device| by_device.get_mut(device)) {
-                    wrench.force = frame.borne_by(axes, &wrench.force);
+                    wrench.force = frame.rendered_along(axes, &wrench.force);
                 }
             }
             let mut asked = channel.frame.to_device(wrench);

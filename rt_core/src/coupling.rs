@@ -39,8 +39,8 @@ pub struct CouplingConfig {
     pub decay: f64,
     /// Time in which the force comes back (s).
     pub recovery: f64,
-    /// Damping of the safe hold (N s/m).
-    pub hold_damping: f64,
+    /// Damping of the safe hold, by device (N s/m). A device feels the sum over the bodies that it holds.
+    pub hold_damping: [f64; MAX_DEVICES],
     /// Configuration of the energy account.
     pub passivity: PassivityConfig,
 }
@@ -90,7 +90,7 @@ pub struct CouplingCounters {
 ///     age_limit: 1.0,
 ///     decay: 0.1,
 ///     recovery: 0.01,
-///     hold_damping: 1.0,
+///     hold_damping: [1.0; MAX_DEVICES],
 ///     passivity: PassivityConfig::new(period),
 /// });
 ///
@@ -245,10 +245,13 @@ impl Coupling {
         let trust = smooth_step(self.trust);
         self.note_held_back(now_ns, trust, &wrenches);
         for (wrench, handle) in wrenches.iter_mut().zip(self.to.handles()) {
-            let velocity = devices
-                .get(usize::from(handle.device))
-                .map_or(Vec3::zeros(), |(_, t)| t.linear);
-            let hold = velocity * (-self.config.hold_damping * (1.0 - trust));
+            let device = usize::from(handle.device);
+            let moving = devices
+                .get(device)
+                .zip(self.config.hold_damping.get(device));
+            let hold = moving.map_or(Vec3::zeros(), |((_, twist), damping)| {
+                twist.linear * (-damping * (1.0 - trust))
+            });
             *wrench = wrench.scaled(trust);
             wrench.force += hold;
         }

@@ -103,7 +103,7 @@ impl DeviceFrame {
 
     /// The part of a force (world axes) that a device of one or two degrees of freedom renders: its part along the axes
     /// of the device.
-    pub fn borne_by(&self, axes: Axes, force: &Vec3) -> Vec3 {
+    pub fn rendered_along(&self, axes: Axes, force: &Vec3) -> Vec3 {
         self.rotation * axes.part(&(self.rotation.inverse() * force))
     }
 

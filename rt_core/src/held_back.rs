@@ -12,6 +12,11 @@ pub const LEAST_FRACTION: f64 = 0.01;
 /// Smallest force that counts as held back (N). A hand cannot notice a smaller one.
 pub const LEAST_FORCE: f64 = 0.02;
 
+/// Whether a hand can notice that `held` of a `whole` force (N) does not reach it.
+pub fn is_noticeable(held: f64, whole: f64) -> bool {
+    held > LEAST_FORCE.max(LEAST_FRACTION * whole)
+}
+
 /// The force that one cause held back.
 ///
 /// ```
@@ -47,7 +52,7 @@ impl HeldBack {
     pub fn note(&mut self, now_ns: u64, whole: f64, passed: f64) {
         let held = whole - passed;
         // False for a number that is not finite: such a wrench is a fault with a count of its own.
-        let counts = whole.is_finite() && held > LEAST_FORCE.max(LEAST_FRACTION * whole);
+        let counts = whole.is_finite() && is_noticeable(held, whole);
         if !counts {
             return;
         }

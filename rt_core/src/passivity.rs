@@ -25,6 +25,7 @@ pub(crate) use hand::Motion;
 
 use crate::MAX_DEVICES;
 use crate::geometry::{Pose, Vec3, Vec6, Wrench};
+use crate::held_back::is_noticeable;
 use crate::limits::{LARGEST_ANGULAR_RATE, LARGEST_SPEED};
 
 /// Largest number of ticks by which a device renders a wrench late.
@@ -139,6 +140,13 @@ pub struct Withheld {
     pub force: f64,
     /// Spring force of the local model at that handle, without the weight (N).
     pub of: f64,
+}
+
+impl Withheld {
+    /// Whether a hand can notice what is withheld.
+    pub fn is_noticeable(&self) -> bool {
+        is_noticeable(self.force, self.of)
+    }
 }
 
 impl EnergyAccount {

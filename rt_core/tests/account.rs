@@ -38,7 +38,7 @@ fn config(scheme: Scheme, port: Port, delay: usize) -> CouplingConfig {
         age_limit: 1e3,
         decay: 0.1,
         recovery: PERIOD,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity,
     }
 }

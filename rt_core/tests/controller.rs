@@ -45,7 +45,7 @@ fn controller(scheme: Scheme) -> Controller {
         age_limit: 1e3,
         decay: 0.1,
         recovery: PERIOD,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: PassivityConfig::new(PERIOD),
     });
     let mut controller = Controller::new(&config);

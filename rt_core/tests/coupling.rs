@@ -22,7 +22,7 @@ fn config(scheme: Scheme) -> CouplingConfig {
         age_limit: 0.05,
         decay: 0.2,
         recovery: 0.1,
-        hold_damping: 2.0,
+        hold_damping: [2.0; MAX_DEVICES],
         passivity: PassivityConfig::new(1e-3),
     }
 }

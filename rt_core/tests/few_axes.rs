@@ -43,7 +43,7 @@ fn controller(free: [bool; 3], turn: Vec3, max_force: f64, max_slew: f64) -> Con
         age_limit: 1e3,
         decay: 0.1,
         recovery: 0.01,
-        hold_damping: 1.0,
+        hold_damping: [1.0; MAX_DEVICES],
         passivity: PassivityConfig::new(PERIOD),
     });
     Controller::new(&config)

@@ -46,7 +46,7 @@ fn controller(change: impl Fn(&mut SafetyConfig)) -> Controller {
             age_limit: AGE_LIMIT,
             decay: FADE,
             recovery: FADE,
-            hold_damping: 1.0,
+            hold_damping: [1.0; MAX_DEVICES],
             passivity: PassivityConfig::new(PERIOD),
         })
         .expect("there is room");

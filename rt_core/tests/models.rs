@@ -25,7 +25,7 @@ fn coupling(scheme: Scheme) -> Coupling {
         age_limit: 0.05,
         decay: 0.1,
         recovery: PERIOD,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: PassivityConfig::new(PERIOD),
     })
 }

@@ -8,7 +8,8 @@ use proptest::prelude::*;
 use rt_core::coupling::{Coupling, CouplingConfig};
 use rt_core::local_model::{PackedModel, PublishedModel};
 use rt_core::{
-    HandleReference, LocalModel, MAX_HANDLES, Mat6, PassivityConfig, Scheme, Vec3, Wrench,
+    HandleReference, LocalModel, MAX_DEVICES, MAX_HANDLES, Mat6, PassivityConfig, Scheme, Vec3,
+    Wrench,
 };
 
 /// Numbers that are hard to keep, among any others: zeros of both signs, infinities, and NaN with and without payload.
@@ -121,7 +122,7 @@ fn coupling() -> Coupling {
         age_limit: 0.05,
         decay: 0.1,
         recovery: period,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: PassivityConfig::new(period),
     })
 }

@@ -85,7 +85,7 @@ fn coupling_config(scheme: Scheme, passivity: &PassivityConfig) -> CouplingConfi
         age_limit: 1e3,
         decay: 0.1,
         recovery: PERIOD,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: *passivity,
     }
 }

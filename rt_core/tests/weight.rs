@@ -18,7 +18,7 @@ fn coupling() -> Coupling {
         age_limit: 0.05,
         decay: 0.02,
         recovery: 0.02,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: PassivityConfig::new(1e-3),
     })
 }

@@ -102,7 +102,7 @@ pub fn law(scheme: Scheme, handles: usize, limits: Limits) -> Box<Controller> {
         age_limit: AGE_LIMIT_NS as f64 * 1e-9,
         decay: 0.3,
         recovery: 0.2,
-        hold_damping: 2.0,
+        hold_damping: [2.0; MAX_DEVICES],
         passivity,
     });
     Box::new(Controller::new(&config))

@@ -141,7 +141,11 @@ impl CommandError {
             | Self::NeedsVirtualClock
             | Self::NothingDisplaced
             | Self::Run(host::run::RunError::Scene(_) | host::run::RunError::FrameRate(_))
-            | Self::Study(study::StudyError::Scene(_) | study::StudyError::PublishRate { .. })
+            | Self::Study(
+                study::StudyError::Scene(_)
+                | study::StudyError::PublishRate { .. }
+                | study::StudyError::MeasuredFrom { .. },
+            )
             | Self::MeshFormat(_)
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)

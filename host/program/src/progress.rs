@@ -57,7 +57,7 @@ impl ProgressBar {
         });
         let theirs = Arc::clone(&shared);
         let thread = std::thread::Builder::new().name("palpate-progress".into());
-        // Without a thread, the callers of `set_position` draw.
+        // Without a thread, only `draw_here` draws.
         let thread = thread.spawn(move || theirs.keep_drawing()).ok();
         Self {
             shared,

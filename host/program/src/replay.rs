@@ -1,6 +1,7 @@
 //! `palpate run --replay`: runs the ticks of a log again and compares them bit for bit.
 
 use super::outputs::{Declared, Format};
+use super::written::Written;
 use super::{CommandError, load, progress_bar};
 use host::atomic_file::write_json;
 use host::log::{Log, LogError};
@@ -45,18 +46,19 @@ pub(super) fn run(
     };
     let declared = declared.ticks(ticks);
     let _held = declared.file("--json", json, Format::Json).check()?;
-    let mut observers = ticks.observe(&loaded.scene, Observers::new())?;
     let bar = progress_bar();
-    let report = replay_watched(&log, &loaded, &mut observers, |fraction| {
+    let begin = || ticks.observe(&loaded.scene, Observers::new());
+    let done = replay_watched(&log, &loaded, begin, |fraction| {
         bar.set_position((1000.0 * fraction) as u64);
     });
     bar.finish_and_clear();
-    let report = report.map_err(|e| refused(e.into()))?;
-    let observed = observers.finish();
+    let (report, observed) = done.map_err(|error| match error {
+        ReplayError::File(error) => CommandError::File(error),
+        error => refused(error.into()),
+    })?;
     out!("{report}");
-    if let Some(path) = json {
-        write_json(path, &report)?;
-    }
+    let mut written = Written::default();
+    written.write(json, |path| write_json(path, &report));
     for failure in &observed.failures {
         errln!("{failure}");
     }
@@ -68,14 +70,13 @@ pub(super) fn run(
             outln!("  {output:<10} {}", path.display());
         }
     }
-    if !observed.failures.is_empty() {
-        return Err(CommandError::Incomplete);
-    }
-    if report.is_exact() {
+    written.end_with(if !observed.failures.is_empty() {
+        Err(CommandError::Incomplete)
+    } else if report.is_exact() {
         Ok(())
     } else {
         Err(CommandError::Different)
-    }
+    })
 }
 
 fn read(path: &Path) -> Result<Log, ReplayFileError> {

@@ -44,4 +44,40 @@ impl Written {
         }
         last.map_or(Ok(()), Err)
     }
+
+    /// Reports the failures of a command whose work has this `outcome`.
+    ///
+    /// # Errors
+    /// The outcome, if it is an error: the failures have been printed then. Otherwise the last failure.
+    pub(super) fn end_with(self, outcome: Result<(), CommandError>) -> Result<(), CommandError> {
+        let written = self.end();
+        if let (Err(_), Err(failure)) = (&outcome, &written) {
+            errln!("{failure}");
+        }
+        outcome.and(written)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host::atomic_file::write_atomically;
+
+    #[test]
+    fn a_failed_command_keeps_its_error_and_a_failed_file_is_one() {
+        let failed = || {
+            let mut written = Written::default();
+            let path = PathBuf::from("no such folder/x.svg");
+            assert!(!written.write(Some(&path), |path| write_atomically(path, b"x")));
+            written
+        };
+        let end = failed().end_with(Err(CommandError::Incomplete));
+        assert!(matches!(end, Err(CommandError::Incomplete)));
+        assert!(matches!(
+            failed().end_with(Ok(())),
+            Err(CommandError::File(_))
+        ));
+        let all_well = Written::default().end_with(Err(CommandError::Incomplete));
+        assert!(matches!(all_well, Err(CommandError::Incomplete)));
+    }
 }

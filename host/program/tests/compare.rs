@@ -133,6 +133,10 @@ fn what_cannot_be_compared_is_refused_before_the_work() {
             "--publish-rates: found 1000.0",
         ),
         (
+            "compare scene.toml --from 0.6",
+            "--from: found 0.6, allowed: a number below the duration of the runs, which is 0.6 (s)",
+        ),
+        (
             "compare scene.toml --csv scene.toml",
             "--csv scene.toml: would overwrite the scene",
         ),

@@ -12,10 +12,11 @@ mod source;
 
 use page::{Output, page, unit};
 use source::Source;
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// The files that the program writes, in the page's order.
-const OUTPUTS: [Output; 13] = [
+const OUTPUTS: [Output; 15] = [
     Output {
         title: "`palpate run --json`",
         schema: "palpate.run/4",
@@ -39,6 +40,12 @@ const OUTPUTS: [Output; 13] = [
         schema: "palpate.plan/2",
         about: "The stages of a host step.",
         root: "palpate::plan::PlanJson",
+    },
+    Output {
+        title: "`palpate compare --json`",
+        schema: "palpate.compare/1",
+        about: "A scene under several force schemes.",
+        root: "study::compare::Comparison",
     },
     Output {
         title: "`palpate bench accuracy --json`",
@@ -94,6 +101,12 @@ const OUTPUTS: [Output; 13] = [
         about: "A line for each cell.",
         root: "study::stress::scene::CellResult",
     },
+    Output {
+        title: "`palpate stress seeds --json`",
+        schema: "palpate.seeds/1",
+        about: "A study over several seeds. The file is not JSON Lines.",
+        root: "study::stress::seeds::Seeds",
+    },
 ];
 
 /// The crates whose types are written, by name and folder.
@@ -114,6 +127,12 @@ const RENEW: &str = "PALPATE_RENEW=1 cargo test --release -p palpate --test json
 fn the_page_on_json_is_up_to_date_and_every_number_has_a_unit() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let source = Source::read(&root, &CRATES);
+    let named: BTreeSet<_> = OUTPUTS.iter().map(|output| output.schema).collect();
+    let missing: Vec<_> = source.schemas().difference(&named).copied().collect();
+    assert!(
+        missing.is_empty(),
+        "the page lacks the outputs of these schemas: add them to tests/json_page.rs: {missing:?}"
+    );
     let page = page(&source, &OUTPUTS);
     assert!(
         page.without_unit.is_empty(),

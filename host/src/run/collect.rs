@@ -7,6 +7,7 @@ use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
+use crate::scene::Scene;
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
@@ -19,8 +20,8 @@ pub(super) struct DeviceTotals {
     pub peak_force: f64,
     /// Time of the largest force (s).
     pub peak_time: f64,
-    /// Work that the device did on the hand (J): the sum of each tick's force times the displacement until the next
-    /// tick.
+    /// Work that the device did on the hand (J): the sum of each tick's force times the displacement of the device until
+    /// the next tick.
     pub work: f64,
     /// Largest distance from the first position (m).
     pub reach: f64,
@@ -51,6 +52,8 @@ pub(super) struct Sample {
 pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
+    /// Metres of the scene per metre of each device.
+    scales: Vec<f64>,
     totals: Vec<DeviceTotals>,
     /// Position and force at the last tick, and the first position, by device.
     last: Vec<Option<(Vec3, Vec3, Vec3)>>,
@@ -65,13 +68,14 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    /// A collector for devices and bodies of these names. `keep_samples` keeps the samples of a plot.
-    pub(super) fn new(
-        device_names: Vec<String>,
-        body_names: Vec<String>,
-        keep_samples: bool,
-    ) -> Self {
+    /// A collector for the devices and bodies of `scene`. `keep_samples` keeps the samples of a plot.
+    pub(super) fn new(scene: &Scene, keep_samples: bool) -> Self {
+        let devices = scene.devices.iter();
+        let device_names: Vec<_> = devices.clone().map(|device| device.name.clone()).collect();
+        let bodies = scene.bodies.iter();
+        let body_names: Vec<_> = bodies.map(|body| body.name.clone()).collect();
         Self {
+            scales: devices.map(|device| device.motion_scale).collect(),
             totals: vec![DeviceTotals::default(); device_names.len()],
             last: vec![None; device_names.len()],
             open: vec![None; device_names.len() + body_names.len()],
@@ -92,9 +96,10 @@ impl Collector {
         self.end = time;
         let devices = telemetry
             .devices()
+            .zip(&self.scales)
             .zip(&mut self.totals)
             .zip(&mut self.last);
-        for ((device, totals), last) in devices {
+        for (((device, scale), totals), last) in devices {
             let (position, force) = (device.pose.position, device.wrench.force);
             if force.norm() > totals.peak_force {
                 totals.peak_force = force.norm();
@@ -102,7 +107,8 @@ impl Collector {
             }
             let start = last.map_or(position, |(_, _, start)| start);
             if let Some((before, held, _)) = *last {
-                totals.work += held.dot(&(position - before));
+                // The force acts on the hand, and the proxy moves by `scale` times the displacement of the hand.
+                totals.work += held.dot(&(position - before)) / scale;
             }
             totals.reach = totals.reach.max((position - start).norm());
             *last = Some((position, force, start));

@@ -1,10 +1,11 @@
 //! The table of a run as an observer: a row for each tick, written as the run goes.
 //!
-//! Rows are written whole: what is in the file when the process is killed is a table up to its last row. A table that can no longer be written (a full disk) ends early; the
-//! run and its summary continue without it.
+//! Rows are written whole: what is in the file when the process is killed is a table up to its last row. A table that can
+//! no longer be written (a full disk) ends early; the run and its summary continue without it.
 
 use super::observer::{Observed, Observer};
 use crate::atomic_file::{AtomicFileError, Stream, stream};
+use crate::log::energy_sums;
 use crate::scene::Scene;
 use crate::table::{Columns, Line};
 use rt_core::Telemetry;
@@ -15,8 +16,6 @@ use runner::link::LogRecord;
 use std::fs::{OpenOptions, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
-
-use crate::log::energy_sums;
 
 /// Length of the data that may be lost when the process is killed (s).
 const FLUSH_PERIOD: f64 = 0.5;

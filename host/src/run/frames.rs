@@ -227,6 +227,8 @@ impl FrameWriter {
                     let what = format!("the frames ended early: {failure}");
                     parts.failures.push(what);
                     parts.unwritten.push(self.list.clone());
+                    // The other frames are missing for this reason, not for want of time.
+                    return;
                 }
                 frames
             }

@@ -7,6 +7,7 @@ use super::parts::Parts;
 use crate::atomic_file::{AtomicFileError, write_atomically};
 use crate::plot::{Series, line_chart_svg, write_picture};
 use crate::scene::Scene;
+use crate::table::quoted;
 use runner::latency::LatencyHistogram;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -56,6 +57,7 @@ fn steps(histogram: &LatencyHistogram) -> Vec<(u64, u64)> {
 fn table(all: &[(String, &LatencyHistogram)]) -> String {
     let mut text = String::from("quantity,up_to_s,count,count_up_to,fraction_above\n");
     for (name, histogram) in all {
+        let name = quoted(name);
         let all = histogram.count();
         let mut before = 0;
         for (edge, up_to) in steps(histogram) {
@@ -125,6 +127,12 @@ mod tests {
     #[test]
     fn the_table_counts_every_value_once() {
         let histogram = histogram();
+        // The name of a body may hold a comma.
+        let text = table(&[("model age of a, b".to_owned(), &histogram)]);
+        assert!(
+            text.contains("\n\"model age of a, b\",0.050000000,1,100,0.000000e0\n"),
+            "{text}"
+        );
         let text = table(&[("lateness".to_owned(), &histogram)]);
         let rows: Vec<Vec<&str>> = text.lines().map(|row| row.split(',').collect()).collect();
         assert_eq!(rows[0].len(), 5);

@@ -22,6 +22,8 @@ pub(super) struct LoadCurveObserver {
 /// One device: where its proxy was, and the force of the hand on the body.
 struct Samples {
     name: String,
+    /// Metres of the scene per metre of the device.
+    scale: f64,
     position: Vec<[f64; 3]>,
     force: Vec<[f64; 3]>,
 }
@@ -31,6 +33,7 @@ impl LoadCurveObserver {
     pub(super) fn new(path: &Path, scene: &Scene) -> Self {
         let devices = scene.devices.iter().map(|device| Samples {
             name: device.name.clone(),
+            scale: device.motion_scale,
             position: Vec::new(),
             force: Vec::new(),
         });
@@ -66,8 +69,9 @@ impl Observer for LoadCurveObserver {
         if self.taken.is_multiple_of(self.every) {
             for (device, samples) in telemetry.devices().zip(&mut self.devices) {
                 samples.position.push(device.pose.position.into());
-                // The wrench of the telemetry acts on the hand.
-                samples.force.push((-device.wrench.force).into());
+                // The wrench of the telemetry acts on the hand, which feels `scale` times the force of the body.
+                let force = -device.wrench.force / samples.scale;
+                samples.force.push(force.into());
             }
         }
         self.taken += 1;
@@ -93,6 +97,22 @@ impl Observer for LoadCurveObserver {
 mod tests {
     use super::*;
     use rt_core::Telemetry;
+
+    /// A hand whose motions are doubled in the scene feels twice the force of the body.
+    #[test]
+    fn the_force_is_that_on_the_body_whatever_the_scale_of_motions() {
+        let mut loaded = Scene::embedded_default().expect("the built-in scene");
+        loaded.scene.devices[1].motion_scale = 2.0;
+        let mut observer = LoadCurveObserver::new(Path::new("x.svg"), &loaded.scene);
+        let mut telemetry = Telemetry::empty();
+        telemetry.device_count = 2;
+        for device in &mut telemetry.devices {
+            device.wrench.force.x = -6.0;
+        }
+        observer.take(LogRecord::Tick(&telemetry));
+        let forces = observer.devices.iter().map(|device| device.force[0][0]);
+        assert_eq!(forces.collect::<Vec<_>>(), [6.0, 3.0]);
+    }
 
     /// However long a run is, the samples stay bounded and evenly spaced from its start to its end.
     #[test]

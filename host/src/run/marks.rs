@@ -56,9 +56,11 @@ impl Marks {
                 HostState::Held => Some((Cause::Held, time)),
             }
         });
-        let capped = telemetry
-            .bodies()
-            .map(|body| super::withheld::acts(body.withheld).then_some((Cause::Capped, time)));
+        let capped = telemetry.bodies().map(|body| {
+            body.withheld
+                .is_noticeable()
+                .then_some((Cause::Capped, time))
+        });
         let names = self.device_names.iter();
         let names = names.chain(&self.body_names).chain(&self.body_names);
         for ((now, open), name) in device

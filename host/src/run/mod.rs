@@ -286,12 +286,7 @@ fn observers(
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
-    let names = |names: &mut dyn Iterator<Item = &String>| names.cloned().collect::<Vec<_>>();
-    let collector = Collector::new(
-        names(&mut scene.devices.iter().map(|d| &d.name)),
-        names(&mut scene.bodies.iter().map(|b| &b.name)),
-        options.plot.is_some(),
-    );
+    let collector = Collector::new(scene, options.plot.is_some());
     let observers = options.ticks.observe(scene, others.with(collector))?;
     let Some(file) = log else {
         return Ok(observers);

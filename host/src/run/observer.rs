@@ -46,14 +46,14 @@ impl Observers {
     }
 
     /// Gives every observer a record.
-    pub fn take(&mut self, record: LogRecord<'_>) {
+    pub(super) fn take(&mut self, record: LogRecord<'_>) {
         for observer in &mut self.0 {
             observer.take(record);
         }
     }
 
     /// Ends all observers and returns their results.
-    pub fn finish(self) -> Observed {
+    pub(super) fn finish(self) -> Observed {
         let mut observed = Observed::default();
         for observer in self.0 {
             observer.finish(&mut observed);

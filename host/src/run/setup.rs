@@ -17,7 +17,9 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::velocity::{VelocityEstimator, most_damping};
-use rt_core::{Capabilities, Controller, ControllerConfig, PassivityConfig, Port, Scheme};
+use rt_core::{
+    Capabilities, Controller, ControllerConfig, MAX_DEVICES, PassivityConfig, Port, Scheme,
+};
 use runner::link::{HostEnd, LinkConfig, LogEnd, link};
 use runner::{AnyDevice, TickLoop};
 use sim::DeviceModel;
@@ -170,13 +172,19 @@ pub(super) fn controller(
         };
         let capabilities = device.capabilities();
         let safety = safety(&scene.devices[index], &capabilities, scene, period);
-        let whole = port(&loaded.models[index], &safety, &frame, period);
+        let whole = port(&loaded.models[index], safety.max_slew, &frame, period);
         passivity.ports[index] = share(&whole, held[index]);
         // The consistency of the scene was checked before: there are no more devices than the loop serves.
         let _ = config.devices.push(DeviceConfig { frame, safety });
     }
+    // The couplings of the bodies that a device holds damp it together as the scene says.
+    let mut hold_damping = [0.0; MAX_DEVICES];
+    for (damping, held) in hold_damping.iter_mut().zip(held) {
+        *damping = scene.realtime.hold_damping / held.max(1) as f64;
+    }
     for _ in &scene.bodies {
-        let _ = config.bodies.push(coupling(scene, period, &passivity));
+        let coupling = coupling(scene, period, &passivity, hold_damping);
+        let _ = config.bodies.push(coupling);
     }
     Ok(config)
 }
@@ -196,7 +204,12 @@ pub fn scheme(scene: &Scene) -> Scheme {
     }
 }
 
-fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> CouplingConfig {
+fn coupling(
+    scene: &Scene,
+    period: f64,
+    passivity: &PassivityConfig,
+    hold_damping: [f64; MAX_DEVICES],
+) -> CouplingConfig {
     CouplingConfig {
         scheme: scheme(scene),
         period,
@@ -204,13 +217,14 @@ fn coupling(scene: &Scene, period: f64, passivity: &PassivityConfig) -> Coupling
         age_limit: scene.realtime.age_limit(),
         decay: scene.realtime.decay,
         recovery: scene.realtime.recovery,
-        hold_damping: scene.realtime.hold_damping,
+        hold_damping,
         passivity: *passivity,
     }
 }
 
-/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it.
-fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period: f64) -> Port {
+/// The port of a device, in the units of the scene. The account of energy takes the device's dissipation from it. The
+/// force of the device changes by `max_slew` (N/s) at most.
+pub fn port(model: &DeviceModel, max_slew: f64, frame: &DeviceFrame, period: f64) -> Port {
     let scale = frame.motion_scale;
     // The delay of the velocity estimate that the device's driver makes.
     let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
@@ -226,7 +240,7 @@ fn port(model: &DeviceModel, safety: &SafetyConfig, frame: &DeviceFrame, period:
         }),
         force_scale: frame.force_scale,
         count: model.position_step * scale,
-        max_slew: safety.max_slew / (scale * frame.force_scale),
+        max_slew: max_slew / (scale * frame.force_scale),
     }
 }
 

@@ -78,8 +78,8 @@ impl StepTime {
     /// What to do where a step takes too long.
     fn advice(&self, scene: &Scene, cores: usize) -> String {
         let rate = two_digits_down(0.8e9 / self.took_ns.max(1) as f64);
-        let more = if scene.host.threads < cores {
-            let threads = cores.min(4);
+        let threads = cores.min(4);
+        let more = if scene.host.threads < threads {
             format!(", or share the steps among cores (`host.threads = {threads}`)")
         } else {
             String::new()
@@ -95,8 +95,8 @@ pub fn cores() -> usize {
     Cores::of_this_machine().online.len()
 }
 
-/// What to say of a run under the real clock whose host left out `skipped` steps and did `done`; `None` if it left out
-/// none.
+/// What to say of a run under the real clock whose host left out `skipped` steps and did those of `stats`; `None` if it
+/// left out none.
 pub(super) fn skipped(
     scene: &Scene,
     stats: &EngineStats,
@@ -273,6 +273,11 @@ mod tests {
         let virtual_time = slow.warning(&scene.scene, Some(Clock::Virtual), 6.0, 1);
         assert!(virtual_time.contains("in virtual time a run of 6 s takes 2.6 min or more"));
         assert!(!virtual_time.contains("host.threads"));
+        // No advice of what the scene has already.
+        let mut shared = scene.scene.clone();
+        shared.host.threads = 4;
+        let told = slow.warning(&shared, None, 6.0, 8);
+        assert!(!told.contains("host.threads"), "{told}");
     }
 
     #[test]

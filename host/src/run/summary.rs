@@ -188,7 +188,7 @@ pub struct DeviceSummary {
     /// Time of the largest force (s).
     pub peak_time: f64,
     /// Work done on the hand as the controller knows it (J): the sum of each tick's commanded force times the
-    /// displacement of the proxy until the next tick.
+    /// displacement of the device until the next tick.
     pub work: f64,
     /// Work of the motors on mechanism and hand (J), integrated between ticks; `None` if the device is not simulated.
     pub motor_work: Option<f64>,

@@ -3,19 +3,10 @@
 
 use rt_core::Withheld;
 
-/// Smallest fraction of the body's force that counts as withheld. Smaller ones lie within the accuracy of the hold.
-const FRACTION: f64 = 0.01;
-/// Smallest force that counts as withheld (N). A hand cannot notice a smaller one.
-const FORCE: f64 = 0.02;
 /// Duration above which a stretch is reported (s).
 const LASTING: f64 = 0.5;
 /// Longest gap within a stretch (s). A cap that acts in most ticks feels like a cap that acts in all.
 const GAP: f64 = 0.1;
-
-/// Whether a hand could notice what is withheld.
-pub(super) fn acts(withheld: Withheld) -> bool {
-    withheld.force > FORCE.max(FRACTION * withheld.of)
-}
 
 /// A stretch of time in which force was withheld.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +40,7 @@ pub(super) struct Watch {
 impl Watch {
     /// Takes the force withheld at `time` (s). Returns a stretch that has ended, if it lasted long enough.
     pub(super) fn take(&mut self, time: f64, withheld: Withheld) -> Option<Stretch> {
-        let acts = acts(withheld);
+        let acts = withheld.is_noticeable();
         match &mut self.open {
             Some(open) if acts && time - open.to <= GAP => {
                 open.to = time;

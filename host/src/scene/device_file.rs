@@ -31,10 +31,7 @@ impl NamedDevice {
                 name: (*name).to_owned(),
                 model: DeviceModel::named(name)?,
                 path: None,
-                source: Source {
-                    name: (*name).to_owned(),
-                    text: (*text).to_owned(),
-                },
+                source: Source::new(*name, *text),
                 warnings: Vec::new(),
             })
         })

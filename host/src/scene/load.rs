@@ -90,10 +90,7 @@ impl Scene {
     /// assert!(error.to_string().starts_with("my.toml:1: name: found 7"));
     /// ```
     pub fn parse(text: &str, name: &str) -> Result<Self, SceneError> {
-        parse(&Source {
-            name: name.to_owned(),
-            text: text.to_owned(),
-        })
+        parse(&Source::new(name, text))
     }
 
     /// Reads a scene file and the files that the scene names. Their paths are relative to the folder of the scene
@@ -109,7 +106,7 @@ impl Scene {
             Err(source) => return Err(SceneError::Read { file: name, source }),
         };
         let folder = path.parent().unwrap_or(Path::new(""));
-        load(Source { name, text }, folder, read_bytes)
+        load(Source::new(name, text), folder, read_bytes)
     }
 
     /// Reads a scene from its text and from the contents of the files that the scene names, as a log keeps them.
@@ -123,11 +120,7 @@ impl Scene {
         text: &str,
         files: &BTreeMap<String, Vec<u8>>,
     ) -> Result<LoadedScene, SceneError> {
-        let source = Source {
-            name: name.to_owned(),
-            text: text.to_owned(),
-        };
-        load(source, Path::new(""), |path| {
+        load(Source::new(name, text), Path::new(""), |path| {
             let file = path.to_str().and_then(|name| files.get(name)).cloned();
             file.ok_or_else(|| io::ErrorKind::NotFound.into())
         })
@@ -140,10 +133,7 @@ impl Scene {
     /// As [`Scene::parse`]. The tests show that the built-in scene has no error.
     pub fn embedded_default() -> Result<LoadedScene, SceneError> {
         load(
-            Source {
-                name: DEFAULT_NAME.to_owned(),
-                text: DEFAULT.to_owned(),
-            },
+            Source::new(DEFAULT_NAME, DEFAULT),
             Path::new(""),
             read_bytes,
         )
@@ -292,7 +282,7 @@ pub(super) fn read_device(
 ) -> Result<(DeviceFile, Source, Vec<Warning>), SceneError> {
     match DeviceFile::parse(&text) {
         Ok(file) => {
-            let source = Source { name, text };
+            let source = Source::new(name, text);
             let warnings = plausible::check_device_file(&source, &file.model)?;
             Ok((file, source, warnings))
         }

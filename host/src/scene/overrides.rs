@@ -4,7 +4,7 @@
 //! run holds the edited text, so that a replay of the log needs no overrides. Comments and order of the text stay.
 
 use super::load::load;
-use super::{LoadedScene, SceneError, Source};
+use super::{LoadedScene, SceneError};
 use std::io;
 use std::path::Path;
 use toml_edit::{DocumentMut, Item, Table, Value};
@@ -62,7 +62,8 @@ impl LoadedScene {
     /// The scene with `overrides`. The files that the scene names are not read again.
     ///
     /// # Errors
-    /// [`SceneError`] where the scene with the overrides is refused. The lines are those of the original text.
+    /// [`SceneError`] where the scene with the overrides is refused. The lines are those of the original text, here and
+    /// in errors and warnings that are found later.
     ///
     /// ```
     /// use host::scene::{Override, Scene};
@@ -79,10 +80,7 @@ impl LoadedScene {
         for one in overrides {
             one.write(&mut document);
         }
-        let source = Source {
-            name: self.source.name.clone(),
-            text: document.to_string(),
-        };
+        let source = self.source.edited(document.to_string());
         let folder = Path::new(&self.source.name).parent();
         let folder = folder.unwrap_or(Path::new(""));
         let kept = |path: &Path| {
@@ -92,6 +90,7 @@ impl LoadedScene {
                 .ok_or_else(|| io::ErrorKind::NotFound.into())
         };
         load(source, folder, kept).map_err(|mut error| {
+            // A field of a wrong type is found by its place in the edited text.
             if let Some(place) = error.place_mut() {
                 place.line = self.source.place(&place.field).line;
             }
@@ -166,5 +165,25 @@ material = { young = 1e3, poisson = 0.3, density = 1000 }
             schemes.starts_with("a.toml:2: loop.scheme: found \"held\", allowed: "),
             "{schemes}"
         );
+    }
+
+    /// What only the mesh tells is found after the scene was read.
+    #[test]
+    fn an_error_that_is_found_later_names_the_line_of_the_original_text() {
+        let support = "[[body.support]]\nname = \"s\"\ngroup = \"nowhere\"\n";
+        let scene = load(&format!(
+            "name = \"a\"\n[loop]\nblend = 0.4\n{BODY}{support}"
+        ));
+        let one = [Override::number("loop", "rate", 500.0)];
+        let two = [Override::word("loop", "scheme", "hold")];
+        let once = scene.overridden(&one).expect("a scene");
+        let twice = once.overridden(&two).expect("a scene");
+        let said = |scene: &LoadedScene| {
+            let error = crate::bodies::build(scene, 0).expect_err("no such group");
+            error.to_string()
+        };
+        assert!(said(&scene).starts_with("a.toml:10: "), "{}", said(&scene));
+        assert_eq!(said(&once), said(&scene));
+        assert_eq!(said(&twice), said(&scene));
     }
 }

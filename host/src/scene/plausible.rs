@@ -644,10 +644,7 @@ mod tests {
 
     #[test]
     fn every_built_in_device_is_usual() {
-        let source = Source {
-            name: "built in".to_owned(),
-            text: String::new(),
-        };
+        let source = Source::new("built in", "");
         for (name, model) in DeviceModel::all() {
             assert_eq!(check_device_file(&source, &model).unwrap(), [], "{name}");
         }

@@ -14,11 +14,32 @@ const LONGEST: usize = 400;
 pub struct Source {
     /// The name of the file, as the user gave it.
     pub name: String,
-    /// The content of the file.
+    /// The content of the file, with the overrides of the run.
     pub text: String,
+    /// The content of the file itself, where there are overrides. Messages name its lines.
+    file: Option<String>,
 }
 
 impl Source {
+    /// The text of a file.
+    pub(crate) fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
+        Self {
+            name: name.into(),
+            text: text.into(),
+            file: None,
+        }
+    }
+
+    /// The same file with `text` in place of its content. Messages still name the lines of the file.
+    pub(super) fn edited(&self, text: String) -> Self {
+        let file = self.file.as_ref().unwrap_or(&self.text);
+        Self {
+            name: self.name.clone(),
+            text,
+            file: Some(file.clone()),
+        }
+    }
+
     /// An error about a field, such as `body[0].material.young`, that is found after the scene was read.
     pub fn error(
         &self,
@@ -45,7 +66,8 @@ impl Source {
     /// The place of a field: its line, or the line of the innermost table that should hold it.
     pub fn place(&self, field: &str) -> Place {
         // The text is parsed again. This is cheap, and the types of the scene need no positions.
-        let (root, _) = DeTable::parse_recoverable(&self.text);
+        let text = self.file.as_ref().unwrap_or(&self.text);
+        let (root, _) = DeTable::parse_recoverable(text);
         let mut span = root.span();
         let root = DeValue::Table(root.into_inner());
         let mut value = &root;
@@ -64,12 +86,16 @@ impl Source {
             }
             value = next.get_ref();
         }
-        self.place_at(field, span.start)
+        self.place_in(text, field, span.start)
     }
 
-    /// The place of a field that begins at a byte.
+    /// The place of a field that begins at a byte of the text.
     pub(super) fn place_at(&self, field: &str, byte: usize) -> Place {
-        let before = &self.text.as_bytes()[..byte.min(self.text.len())];
+        self.place_in(&self.text, field, byte)
+    }
+
+    fn place_in(&self, text: &str, field: &str, byte: usize) -> Place {
+        let before = &text.as_bytes()[..byte.min(text.len())];
         Place {
             file: self.name.clone(),
             line: before.split(|&b| b == b'\n').count(),

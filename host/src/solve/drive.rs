@@ -298,20 +298,21 @@ impl<'a> Drive<'a> {
         Ok(())
     }
 
-    /// The displacement of the part that gives each reaction, at the end of the ramp (m): zero for handles, and along the
-    /// axes that a support leaves free.
+    /// The displacement of the part that gives each reaction, at the end of the ramp (m): zero for handles, along the
+    /// axes that a support leaves free, and for a support all of whose vertices are held by handles.
     fn driven(&self) -> Vec<[f64; 3]> {
-        let handles = self.spec.handles.iter().map(|_| [0.0; 3]);
-        let supports = self.spec.supports.iter().map(|support| {
+        let tools = self.tools.iter().map(|_| [0.0; 3]);
+        let supports = self.spec.supports.iter().zip(&self.built.carriers);
+        let supports = supports.map(|(support, carrier)| {
             let mut displacement = support.displacement;
             for (along, held) in displacement.iter_mut().zip(support.axes) {
-                if !held {
+                if !held || *carrier == Carrier::Nothing {
                     *along = 0.0;
                 }
             }
             displacement
         });
-        handles.chain(supports).collect()
+        tools.chain(supports).collect()
     }
 
     fn reactions(&self) -> Vec<Reaction> {

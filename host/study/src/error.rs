@@ -23,6 +23,16 @@ pub enum StudyError {
         /// Physics steps of the host a second (Hz).
         step_rate: f64,
     },
+    /// A comparison would measure nothing, because its runs end before the measurements begin.
+    #[error(
+        "--from: found {found}, allowed: a number below the duration of the runs, which is {duration} (s)"
+    )]
+    MeasuredFrom {
+        /// The time that was asked for (s).
+        found: f64,
+        /// Length of the runs (s).
+        duration: f64,
+    },
     /// A sheet cannot be generated.
     #[error(transparent)]
     Sheet(#[from] SheetError),

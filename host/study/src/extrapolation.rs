@@ -194,7 +194,7 @@ fn config(scheme: Scheme, blend: f64) -> CouplingConfig {
         age_limit: 1.0,
         decay: 0.1,
         recovery: 0.1,
-        hold_damping: 0.0,
+        hold_damping: [0.0; MAX_DEVICES],
         passivity: PassivityConfig::new(1e-3),
     }
 }

@@ -66,7 +66,8 @@ pub(crate) fn model_ring(slots: usize, handles: usize) -> (ModelWriter, ModelRea
     )
 }
 
-/// A ring for `slots` models of up to `most_handles` handles, in which every slot was written once, and the memory that the ring occupies.
+/// A ring for `slots` models of up to `most_handles` handles, in which every slot was written once, and the memory that
+/// the ring occupies.
 pub(crate) fn prefaulted_model_ring(
     slots: usize,
     most_handles: usize,

@@ -28,9 +28,9 @@ impl Parts {
         }
     }
 
-    /// Mixes two sets of parts of `handles` handles: `1 - fraction` of this one and `fraction` of `other`. The mixed energy is no less than
-    /// the energy of the mixed model, for `w^T K^-1 w` is jointly convex in `w` and `K` (S. Boyd and L. Vandenberghe,
-    /// "Convex optimization", 2004, example 3.4).
+    /// Mixes two sets of parts of `handles` handles: `1 - fraction` of this one and `fraction` of `other`. The mixed
+    /// energy is no less than the energy of the mixed model, for `w^T K^-1 w` is jointly convex in `w` and `K` (S. Boyd
+    /// and L. Vandenberghe, "Convex optimization", 2004, example 3.4).
     pub(crate) fn mix(&mut self, other: &Self, fraction: f64, handles: usize) {
         for (mine, theirs) in self.elastic.iter_mut().zip(&other.elastic).take(handles) {
             *mine = *mine * (1.0 - fraction) + theirs * fraction;

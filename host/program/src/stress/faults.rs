@@ -33,15 +33,15 @@ pub(super) fn run(arguments: &FaultsArguments) -> Result<(), CommandError> {
     let cells = jobs::run(&header, &common.options(), work, |at| shown.show(at));
     let Cells { cells, unwritten } = shown.end(cells)?;
     print(&cells);
-    let written = Written::default().and(unwritten).end();
     let failed = cells.values().filter(|cell| !cell.passed()).count();
-    if failed > 0 {
-        return Err(CommandError::Stressed {
+    let outcome = match failed {
+        0 => Ok(()),
+        _ => Err(CommandError::Stressed {
             failed,
             of: cells.len(),
-        });
-    }
-    written
+        }),
+    };
+    Written::default().and(unwritten).end_with(outcome)
 }
 
 fn print(cells: &BTreeMap<u64, Outcome>) {

@@ -83,8 +83,7 @@ pub(super) fn run(arguments: &HoldArguments) -> Result<(), CommandError> {
     written.write(common.plot.as_ref(), |path| {
         write_picture(path, &picture::holds(&cells))
     });
-    let written = written.and(unwritten).end();
-    finish(&cells).and(written)
+    written.and(unwritten).end_with(finish(&cells))
 }
 
 /// Lists the cases and the worst of the cells in which `capped` fails. Fails if there is such a cell.

@@ -1,6 +1,6 @@
 //! The types of the workspace's sources, and what a name means in a module.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 use syn::{Attribute, Expr, Fields, Item, Lit, Meta, Type, UseTree};
@@ -166,6 +166,18 @@ impl Source {
     pub(super) fn has_string(&self, text: &str) -> bool {
         let quoted = format!("{text:?}");
         self.texts.iter().any(|source| source.contains(&quoted))
+    }
+
+    /// The schemas that the sources name, such as `palpate.run/4`.
+    pub(super) fn schemas(&self) -> BTreeSet<&str> {
+        let words = self.texts.iter().flat_map(|text| text.split('"'));
+        let schemas = words.filter(|word| {
+            let parts = word.strip_prefix("palpate.").unwrap_or_default();
+            parts.split_once('/').is_some_and(|(name, number)| {
+                name.bytes().all(|byte| byte.is_ascii_lowercase()) && number.parse::<u32>().is_ok()
+            })
+        });
+        schemas.collect()
     }
 
     /// The type that `path` means in `module`.

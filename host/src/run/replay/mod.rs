@@ -10,8 +10,9 @@ mod compare;
 
 pub use compare::{Difference, Field, Part, Value};
 
-use super::observer::Observers;
+use super::observer::{Observed, Observers};
 use super::{devices, setup};
+use crate::atomic_file::AtomicFileError;
 use crate::log::{Log, LoggedReading, ModelRow, TickRow};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use rt_core::Controller;
@@ -30,6 +31,9 @@ pub enum ReplayError {
     /// Its scene cannot be built.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// A file that the replay writes cannot be begun.
+    #[error(transparent)]
+    File(#[from] AtomicFileError),
     /// The log holds no ticks.
     #[error("the log holds no ticks: there is nothing to replay")]
     Empty,
@@ -107,19 +111,21 @@ pub fn replay(
     loaded: &LoadedScene,
     progress: impl FnMut(f64),
 ) -> Result<ReplayReport, ReplayError> {
-    replay_watched(log, loaded, &mut Observers::new(), progress)
+    let done = replay_watched(log, loaded, || Ok(Observers::new()), progress);
+    done.map(|(report, _)| report)
 }
 
-/// As `replay`. `observers` are given the telemetry of every replayed tick.
+/// As `replay`. The observers that `begin` makes are given the telemetry of every replayed tick. Nothing is begun for a
+/// log that cannot be replayed.
 ///
 /// # Errors
-/// As [`replay`].
+/// As [`replay`]; also the error of `begin`.
 pub fn replay_watched(
     log: &Log,
     loaded: &LoadedScene,
-    observers: &mut Observers,
+    begin: impl FnOnce() -> Result<Observers, AtomicFileError>,
     mut progress: impl FnMut(f64),
-) -> Result<ReplayReport, ReplayError> {
+) -> Result<(ReplayReport, Observed), ReplayError> {
     let scene = &loaded.scene;
     let models = check(log)?;
     let readings = (0..scene.devices.len()).map(|index| {
@@ -145,6 +151,7 @@ pub fn replay_watched(
         differing: 0,
         first: None,
     };
+    let mut observers = begin()?;
     let mut in_use = Vec::new();
     for (row, number) in log.rows.iter().zip(0_u64..) {
         for (body, sequence) in taken(row, &mut in_use) {
@@ -166,7 +173,7 @@ pub fn replay_watched(
             progress(number as f64 / report.ticks as f64);
         }
     }
-    Ok(report)
+    Ok((report, observers.finish()))
 }
 
 /// Checks that the log holds every tick and every model that a tick used. Returns the models by body and number.

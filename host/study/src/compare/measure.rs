@@ -3,13 +3,10 @@
 use super::record::{BodyRecord, DeviceRecord, Record};
 use crate::stress::scene::measure::{LEAST_FORCE, band_rms};
 use physics::Vec3;
-use rt_core::Withheld;
 use serde::Serialize;
 
 /// Length of the windows in which ripple is measured (s). A window begins every half length.
 const WINDOW: f64 = 0.5;
-/// Smallest force that counts as withheld (N), and smallest fraction of the body's force: a hand notices neither.
-const LEAST_WITHHELD: (f64, f64) = (0.02, 0.01);
 /// Longest gap within a hold-back (s). A cap that acts in most ticks feels like a cap that acts in all.
 const GAP: f64 = 0.1;
 
@@ -158,7 +155,7 @@ impl BodyMeasures {
             .withheld
             .iter()
             .enumerate()
-            .filter(|(_, w)| is_noticeable(w))
+            .filter(|(_, withheld)| withheld.is_noticeable())
         {
             held += 1;
             let from = open
@@ -176,11 +173,6 @@ impl BodyMeasures {
             model_age: body.model_age,
         }
     }
-}
-
-fn is_noticeable(withheld: &Withheld) -> bool {
-    let (force, fraction) = LEAST_WITHHELD;
-    withheld.force > force.max(fraction * withheld.of)
 }
 
 /// The largest of `values`, one each tick, and its time (s).
@@ -215,6 +207,7 @@ fn worst_ripple(force: &[Vec3], period: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rt_core::Withheld;
 
     fn within(from: f64, to: f64, time: f64) -> bool {
         (from..to).contains(&time)

@@ -123,7 +123,8 @@ enum Done {
 /// Runs `loaded` under each scheme and each publication rate. `progress` receives the fraction done, from any thread.
 ///
 /// # Errors
-/// [`StudyError`] if the scene cannot be built, or if the host of the scene cannot publish at one of the rates.
+/// [`StudyError`] if the scene cannot be built, if the host of the scene cannot publish at one of the rates, or if the
+/// measurements would begin after the runs.
 pub fn compare(
     loaded: &LoadedScene,
     settings: &Settings,
@@ -132,6 +133,10 @@ pub fn compare(
     let mut loaded = loaded.clone();
     loaded.scene.seed = settings.seed.unwrap_or(loaded.scene.seed);
     loaded.scene.duration = settings.duration.unwrap_or(loaded.scene.duration);
+    let duration = loaded.scene.duration;
+    if let Some(found) = settings.from.filter(|from| *from >= duration) {
+        return Err(StudyError::MeasuredFrom { found, duration });
+    }
     let runs = runs(&loaded, settings)?;
     // The scene of each run; none for the reference, which takes longest and is first.
     let mut jobs: Vec<Option<&LoadedScene>> = runs.iter().map(|(_, run)| Some(run)).collect();
@@ -262,7 +267,7 @@ fn run(
     let mut prepared = setup::setup(loaded, scene.duration, scene.seed)?;
     prepared.faults = Faults::new(faults.to_vec());
     let ticks = prepared.timing.ticks;
-    let mut recorder = Recorder::new(scene, &prepared);
+    let mut recorder = Recorder::new(&prepared);
     let mut shown = 0;
     let running = virtual_clock::run_seen(
         prepared,

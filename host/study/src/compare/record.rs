@@ -1,12 +1,11 @@
 //! The record of a run, tick by tick.
 
 use crate::stress::scene::measure::{Trace, main_direction};
-use crate::stress::scene::world::{exerted, probe};
+use crate::stress::scene::world::probe;
 use host::engine::Engine;
 use host::engine::body::HostBody;
 use host::run::setup::Setup;
-use host::scene::spec::Scene;
-use physics::Vec3;
+use physics::{Body, Vec3};
 use rt_core::coupling::HostState;
 use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Withheld};
@@ -73,10 +72,13 @@ impl Record {
     }
 }
 
+/// The physics of the bodies.
+fn all(bodies: &[HostBody]) -> impl Iterator<Item = &Body> {
+    bodies.iter().map(HostBody::body)
+}
+
 /// Records a run.
 pub(super) struct Recorder {
-    /// For each body and handle, the device that holds it.
-    held: Vec<Vec<usize>>,
     /// Energy stored before the first tick, with the potential of gravity (J).
     stored: f64,
     /// The potential of the weight of the bodies (J); that of the last tick before a panic of the host.
@@ -85,20 +87,15 @@ pub(super) struct Recorder {
 }
 
 impl Recorder {
-    pub(super) fn new(scene: &Scene, prepared: &Setup) -> Self {
-        let held = scene.bodies.iter().map(|body| {
-            let handles = body.handles.iter();
-            handles.map(|handle| scene.device_of(handle)).collect()
-        });
-        let bodies = prepared.engine.bodies().iter().map(HostBody::body);
+    pub(super) fn new(prepared: &Setup) -> Self {
+        let bodies = prepared.engine.bodies();
         Self {
-            held: held.collect(),
-            stored: bodies.map(physics::Body::total_energy).sum(),
+            stored: all(bodies).map(Body::total_energy).sum(),
             weight: 0.0,
             record: Record {
                 period: prepared.timing.period_ns as f64 * 1e-9,
-                devices: vec![DeviceRecord::default(); scene.devices.len()],
-                bodies: vec![BodyRecord::default(); scene.bodies.len()],
+                devices: vec![DeviceRecord::default(); prepared.tick.devices.len()],
+                bodies: vec![BodyRecord::default(); bodies.len()],
                 out: Vec::new(),
             },
         }
@@ -107,8 +104,7 @@ impl Recorder {
     /// Takes a tick.
     pub(super) fn take(&mut self, tick: &TickLoop, telemetry: &Telemetry, engine: Option<&Engine>) {
         if let Some(engine) = engine {
-            let bodies = engine.bodies().iter().map(HostBody::body);
-            self.weight = exerted(bodies, &self.held).1;
+            self.weight = all(engine.bodies()).map(Body::load_potential).sum();
         }
         let mut on_hands = 0.0;
         let devices = self.record.devices.iter_mut().zip(&tick.devices);

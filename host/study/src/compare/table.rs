@@ -1,6 +1,7 @@
 //! The forces and positions of all runs as one table (CSV).
 
 use super::{Comparison, Record};
+use host::table::quoted;
 use std::fmt::Write;
 
 /// The ticks of all runs, one line for each tick: the time (s), then force (N) and position (m) of each device under each
@@ -51,13 +52,4 @@ pub fn csv(found: &Comparison) -> String {
         }
     }
     text + "\n"
-}
-
-/// A field of a table, in quotes where it must be (RFC 4180).
-fn quoted(field: &str) -> String {
-    if field.contains([',', '"', '\n', '\r']) {
-        format!("\"{}\"", field.replace('"', "\"\""))
-    } else {
-        field.to_owned()
-    }
 }

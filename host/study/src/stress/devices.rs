@@ -58,6 +58,9 @@ impl StudyDevice {
             m.position_step,
             m.max_force,
         ];
+        if let Some(axes) = m.axes {
+            numbers.extend(axes.free().map(|free| f64::from(u8::from(free))));
+        }
         if let Some(turning) = &m.rotation {
             numbers.extend([
                 turning.inertia,
@@ -77,4 +80,24 @@ pub(super) fn settings(devices: &[StudyDevice]) -> serde_json::Value {
         .iter()
         .map(|device| (device.name.clone(), device.numbers().into()));
     serde_json::Value::Object(each.collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rt_core::Axes;
+
+    /// Results of two devices must not mix where one number differs on which a result can depend.
+    #[test]
+    fn devices_along_different_axes_have_different_numbers() {
+        let [x, y] = [[true, false, false], [false, true, false]].map(Axes::new);
+        let numbers = [None, x, y].map(|axes| {
+            let mut device = StudyDevice::built_in().remove(0);
+            device.model.axes = axes;
+            device.numbers()
+        });
+        for (index, one) in numbers.iter().enumerate() {
+            assert!(!numbers[..index].contains(one), "{one:?}");
+        }
+    }
 }

@@ -38,15 +38,16 @@ pub struct Spread {
     pub of: String,
     /// Its name, with its unit.
     pub quantity: String,
-    /// Its value for each seed; none where the cells do not give it.
+    /// Its value for each seed, in the unit of the quantity; none where the cells do not give it.
     pub values: Vec<Option<f64>>,
-    /// Mean of the values; none without values.
+    /// Mean of the values, in the unit of the quantity; none without values.
     pub mean: Option<f64>,
-    /// Standard deviation of the values (of a sample: divided by their number less one); none below two values.
+    /// Standard deviation of the values, in the unit of the quantity (of a sample: divided by their number less one); none
+    /// below two values.
     pub deviation: Option<f64>,
-    /// Smallest value.
+    /// Smallest value, in the unit of the quantity.
     pub least: Option<f64>,
-    /// Largest value.
+    /// Largest value, in the unit of the quantity.
     pub most: Option<f64>,
 }
 

@@ -9,7 +9,7 @@ use rt_core::coupling::CouplingConfig;
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::SafetyConfig;
 use rt_core::{
-    Controller, ControllerConfig, DeviceState, Freedom, HandleReference, LocalModel,
+    Controller, ControllerConfig, DeviceState, Freedom, HandleReference, LocalModel, MAX_DEVICES,
     PassivityConfig, Scheme, Vec3, Wrench,
 };
 use runner::AnyDevice;
@@ -121,7 +121,7 @@ pub(crate) fn controller(devices: usize) -> Controller {
         age_limit: 1000.0,
         decay: 0.1,
         recovery: 0.01,
-        hold_damping: 1.0,
+        hold_damping: [1.0; MAX_DEVICES],
         passivity: PassivityConfig::new(1e-3),
     };
     assert!(config.bodies.push(body).is_ok());

@@ -139,17 +139,17 @@ pub(super) fn run(arguments: &SceneArguments) -> Result<(), CommandError> {
     written.write(common.plot.as_ref(), |path| {
         write_picture(path, &picture::distributions(&name, &cells))
     });
-    let written = written.and(unwritten).end();
     let mut failed = cells
         .iter()
         .filter_map(|(n, c)| Some((n, c.failed.as_ref()?)));
-    match failed.next() {
+    let outcome = match failed.next() {
         Some((number, why)) => {
             errln!("cell {number}: {why}");
-            written.and(Err(CommandError::Incomplete))
+            Err(CommandError::Incomplete)
         }
-        None => written,
-    }
+        None => Ok(()),
+    };
+    written.and(unwritten).end_with(outcome)
 }
 
 /// Runs one world under one scheme and prints its outcome.

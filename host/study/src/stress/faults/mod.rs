@@ -10,13 +10,13 @@ use super::chance::Chance;
 use super::devices::{self, StudyDevice};
 use super::jobs::Header;
 use host::log::energy_sums;
+use host::run::setup::port;
 use input::{Clock, Encoder, Hands};
 use models::Models;
 use rt_core::controller::{DeviceConfig, Reading};
 use rt_core::coupling::{CouplingConfig, HostState};
 use rt_core::device_frame::DeviceFrame;
 use rt_core::safety::{SafetyConfig, SafetyState};
-use rt_core::velocity::{VelocityEstimator, most_damping};
 use rt_core::{
     Controller, ControllerConfig, EnergyAccount, Freedom, MAX_DEVICES, PassivityConfig, Port,
     Scheme, Telemetry, Vec3, Wrench,
@@ -210,7 +210,8 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
     }; MAX_DEVICES];
     let capabilities = model.map(DeviceModel::capabilities);
     if let Some(model) = model {
-        passivity.ports = [port(model, period, max_slew); MAX_DEVICES];
+        let port = port(model, max_slew, &DeviceFrame::at(Vec3::zeros()), period);
+        passivity.ports = [port; MAX_DEVICES];
     }
     for _ in 0..devices {
         // The loop serves at least so many devices.
@@ -243,29 +244,10 @@ fn config(chance: Chance, scheme: Scheme, model: Option<&DeviceModel>) -> Contro
         age_limit: 0.1,
         decay: 0.3,
         recovery: 0.2,
-        hold_damping: 2.0,
+        hold_damping: [2.0; MAX_DEVICES],
         passivity,
     });
     config
-}
-
-/// The port of a device, as a run of a scene configures it.
-fn port(model: &DeviceModel, period: f64, max_slew: f64) -> Port {
-    let delay = VelocityEstimator::for_encoder(period, model.position_step).delay();
-    let turning = model.rotation;
-    Port {
-        damping: model.damping,
-        friction: model.friction,
-        turning_damping: turning.map_or(0.0, |rotation| rotation.damping),
-        turning_friction: turning.map_or(0.0, |rotation| rotation.friction),
-        most_damping: most_damping(model.mass, period, delay),
-        most_turning_damping: turning.map_or(f64::INFINITY, |rotation| {
-            most_damping(rotation.inertia, period, delay)
-        }),
-        force_scale: 1.0,
-        count: model.position_step,
-        max_slew,
-    }
 }
 
 /// Checks the commands and the telemetry of one tick.

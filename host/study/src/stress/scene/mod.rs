@@ -203,7 +203,7 @@ impl Study {
 }
 
 /// Stiffness between all devices of a scene at rest, three rows and columns for each device, in the axes, metres and
-/// newtons of the devices (N/m).
+/// newtons of the devices (N/m). It is zero along the axes along which a device does not move.
 fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
     let scene = &loaded.scene;
     let mut all = Square::zeros(3 * scene.devices.len());
@@ -223,11 +223,43 @@ fn stiffness(loaded: &LoadedScene) -> Result<Square, StudyError> {
                 let scale = scale(row) * scale(column);
                 let block = Matrix3::from_fn(|r, c| condensed.stiffness[(6 * i + r, 6 * j + c)]);
                 let block = turns[row].matrix().transpose() * block * turns[column].matrix();
+                let moves = |device: usize, axis: usize| {
+                    let axes = loaded.models[device].axes;
+                    axes.is_none_or(|axes| axes.free()[axis])
+                };
                 for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
-                    all[(3 * row + r, 3 * column + c)] += scale * block[(r, c)];
+                    if moves(row, r) && moves(column, c) {
+                        all[(3 * row + r, 3 * column + c)] += scale * block[(r, c)];
+                    }
                 }
             }
         }
     }
     Ok(all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host::scene::Scene;
+
+    const PADDLE: &str = include_str!("../../../../scenes/paddle.toml");
+
+    #[test]
+    fn a_paddle_meets_no_stiffness_across_its_axis() {
+        let loaded = Scene::load_texts("paddle.toml", PADDLE, &BTreeMap::new());
+        let loaded = loaded.expect("the scene is sound");
+        let found = stiffness(&loaded).expect("it condenses");
+        // The paddle's x is the scene's -z.
+        let condenser = bodies::condense::<StudyError>(&loaded, 0, SLOW).expect("it condenses");
+        let along = condenser.condensed().stiffness[(2, 2)];
+        for (r, c) in (0..9).map(|k| (k / 3, k % 3)) {
+            let expected = if (r, c) == (0, 0) { along } else { 0.0 };
+            // Rounding of a turn.
+            assert!((found[(r, c)] - expected).abs() < 1e-9 * along, "{r} {c}");
+        }
+        let study = Study::new(loaded, 1).expect("it is sound");
+        let spring = study.loaded.scene.realtime.thesis_stiffness;
+        assert!((spring / along - 1.0).abs() < 1e-9, "{spring} {along}");
+    }
 }

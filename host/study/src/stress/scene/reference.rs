@@ -16,7 +16,7 @@ use host::run::timeline::{Host, Timeline};
 use host::scene::LoadedScene;
 use nalgebra::Matrix3;
 use physics::linear::dense::Square;
-use physics::{Body, BodyMap, Condenser, HandlePose, Stepper, StepperOptions};
+use physics::{Body, BodyMap, Condenser, HandlePose, Stepper, StepperOptions, Vec3};
 use rt_core::clutch::Clutch;
 use rt_core::safety::Limiter;
 use rt_core::{DeviceState, MAX_DEVICES, Wrench};
@@ -110,25 +110,34 @@ impl Host for Copy<'_> {
 }
 
 impl Bodies {
-    /// The largest stiffness and damping that each device meets in the present state of the bodies of `world`, in a
-    /// model for the period `period` (s), in N/m and N s/m at the device.
+    /// The largest stiffness and damping that each device meets along its axes in the present state of the bodies of
+    /// `world`, in a model for the period `period` (s), in N/m and N s/m at the device.
     pub(in crate::stress) fn stiffest(
         &mut self,
         world: &World,
         period: f64,
     ) -> Result<Vec<[f64; 2]>, StudyError> {
         let held = world.held();
-        let devices = &world.loaded.scene.devices;
-        let mut most = vec![[0.0; 2]; devices.len()];
+        let frames = world.frames()?;
+        let models = &world.loaded.models;
+        let mut most = vec![[0.0; 2]; frames.len()];
         for ((body, _), held) in self.0.iter_mut().zip(&held) {
             body.assemble();
             let mut condenser = Condenser::new(body)?;
             let condensed = condenser.condense(body, period)?;
             for (handle, device) in held.iter().enumerate() {
-                let scale = devices[*device].motion_scale;
+                let (frame, axes) = (&frames[*device], models[*device].axes);
+                let scale = frame.motion_scale;
                 let found = [&condensed.stiffness, &condensed.damping];
                 for (most, matrix) in most[*device].iter_mut().zip(found) {
-                    *most += scale * scale * largest(matrix, handle);
+                    let mut block = translational(matrix, handle);
+                    if let Some(axes) = axes {
+                        // The mechanism bears the rest.
+                        let turn = frame.rotation.to_rotation_matrix();
+                        let part = Matrix3::from_diagonal(&axes.part(&Vec3::repeat(1.0)));
+                        block = part * turn.matrix().transpose() * block * turn.matrix() * part;
+                    }
+                    *most += scale * scale * block.symmetric_eigenvalues().max();
                 }
             }
         }
@@ -138,8 +147,12 @@ impl Bodies {
 
 /// The largest eigenvalue of the translational block of `handle` in a condensed matrix.
 pub(in crate::stress) fn largest(matrix: &Square, handle: usize) -> f64 {
-    let block = Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)]);
-    block.symmetric_eigenvalues().max()
+    translational(matrix, handle).symmetric_eigenvalues().max()
+}
+
+/// The translational block of `handle` in a condensed matrix.
+fn translational(matrix: &Square, handle: usize) -> Matrix3<f64> {
+    Matrix3::from_fn(|r, c| matrix[(6 * handle + r, 6 * handle + c)])
 }
 
 /// Moves the bodies along the path of `run`, and stores the wrenches that they exert. Returns the bodies at the end of
@@ -220,4 +233,37 @@ pub(crate) fn run(world: &World) -> Result<Trace, StudyError> {
         Ok(())
     })?;
     Ok(kept.finish(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::draw::Draw;
+    use super::*;
+    use host::scene::Scene;
+    use std::collections::BTreeMap;
+
+    const PADDLE: &str = include_str!("../../../../scenes/paddle.toml");
+
+    #[test]
+    fn a_paddle_meets_the_stiffness_along_its_axis_alone() {
+        // The paddle rubs the block, which resists a press more.
+        let text = PADDLE.replace("degrees = 90", "degrees = 180");
+        let loaded = Scene::load_texts("paddle.toml", &text, &BTreeMap::new());
+        let loaded = loaded.expect("the scene is sound");
+        let period = 0.01;
+        let condenser = bodies::condense::<StudyError>(&loaded, 0, period).expect("it condenses");
+        let stiffness = &condenser.condensed().stiffness;
+        let world = World {
+            draw: Draw::untroubled(1.0 / period, 0.0),
+            soft: None,
+            loaded: loaded.clone(),
+        };
+        let axis = world.frames().expect("it is mounted")[0].rotation * Vec3::x();
+        let along = axis.dot(&(translational(stiffness, 0) * axis));
+        let mut bodies = Bodies::new(&loaded).expect("it is sound");
+        let found = bodies.stiffest(&world, period).expect("it condenses")[0][0];
+        // The body has settled under its weight, by little.
+        assert!((found / along - 1.0).abs() < 0.1, "{found} {along}");
+        assert!(largest(stiffness, 0) > 1.2 * along, "both are alike");
+    }
 }

@@ -165,7 +165,7 @@ impl Kept {
 
 /// The wrenches that `bodies` exert on the devices that `held` names for their handles (axes of the scene), and the
 /// potential of their weight (J).
-pub(crate) fn exerted<'a>(
+pub(super) fn exerted<'a>(
     bodies: impl Iterator<Item = &'a Body>,
     held: &[Vec<usize>],
 ) -> ([Wrench; MAX_DEVICES], f64) {

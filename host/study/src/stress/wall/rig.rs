@@ -108,7 +108,7 @@ impl Wall {
             age_limit: 1e6,
             decay: 0.1,
             recovery: period,
-            hold_damping: 0.0,
+            hold_damping: [0.0; MAX_DEVICES],
             passivity,
         });
         config
