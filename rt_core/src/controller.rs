@@ -15,6 +15,10 @@ use crate::passivity::EnergyAccount;
 use crate::record::Telemetry;
 use crate::safety::{SafetyConfig, SafetyCounters, Trip};
 use crate::{MAX_BODIES, MAX_DEVICES, count_one};
+#[expect(
+    clippy::disallowed_types,
+    reason = "the couplings are allocated before the first tick"
+)]
 use alloc::boxed::Box;
 use core::ops::DerefMut;
 
