@@ -44,7 +44,8 @@ pub enum MeshFileError {
     },
     /// The file should have a flat pattern, but its format has no texture coordinates.
     #[error(
-        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh as .obj with texture coordinates"
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh as \
+         .obj with texture coordinates"
     )]
     NoTexture,
     /// The file has a syntax error.

@@ -98,7 +98,10 @@ pub enum BodyError {
         fraction: f64,
     },
     /// The number of materials is neither one nor the number of elements.
-    #[error("{found} materials are given; expected one material for all elements, or one for each of the {elements} elements")]
+    #[error(
+        "{found} materials are given; expected one material for all elements, or one for each of the \
+         {elements} elements"
+    )]
     MaterialCount {
         /// The number of materials given.
         found: usize,
