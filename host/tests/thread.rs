@@ -156,7 +156,10 @@ fn parameters_that_a_thread_does_not_have_are_refused() {
     ] {
         let sheet = "sheet = { length = 0.2, width = 0.1, cells = [2, 2] }";
         let error = refused(sheet, material);
-        assert!(error.contains("no such field, because the mesh is a sheet"), "{error}");
+        assert!(
+            error.contains("no such field, because the mesh is a sheet"),
+            "{error}"
+        );
     }
 }
 

@@ -45,7 +45,9 @@ pub enum SimError {
         found: f64,
     },
     /// The arm has a number that is negative or not finite.
-    #[error("the arm's mass, damping and stiffness must be finite and at least zero, not {found:?}")]
+    #[error(
+        "the arm's mass, damping and stiffness must be finite and at least zero, not {found:?}"
+    )]
     Arm {
         /// The arm.
         found: Arm,

@@ -251,7 +251,9 @@ fn wrong_solids_are_refused_with_their_line() {
         (
             "1 50 20 30 40",
             "1 20 20 30 40",
-            format!("line {second}: cell 1: vertex 1 is named twice; all vertices of a cell must differ"),
+            format!(
+                "line {second}: cell 1: vertex 1 is named twice; all vertices of a cell must differ"
+            ),
         ),
         (
             "1 50 20 30 40",

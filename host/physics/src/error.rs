@@ -69,7 +69,9 @@ pub enum BodyError {
         count: usize,
     },
     /// A vertex belongs to no element, so that it has no mass.
-    #[error("vertex {vertex} belongs to no element and so has no mass; remove this vertex from the mesh")]
+    #[error(
+        "vertex {vertex} belongs to no element and so has no mass; remove this vertex from the mesh"
+    )]
     Unreferenced {
         /// The vertex.
         vertex: usize,
@@ -147,7 +149,9 @@ pub enum BodyError {
         second: usize,
     },
     /// A support has no vertex, no axis, or a vertex that does not exist.
-    #[error("support {support}: {found}; give the support at least one vertex of the mesh and one axis")]
+    #[error(
+        "support {support}: {found}; give the support at least one vertex of the mesh and one axis"
+    )]
     Support {
         /// The support.
         support: usize,
@@ -167,7 +171,9 @@ pub enum BodyError {
         support: usize,
     },
     /// A handle or a support cannot clamp the border of the body.
-    #[error("{part} {number} cannot clamp the border of the body: {found}; make this border hinged")]
+    #[error(
+        "{part} {number} cannot clamp the border of the body: {found}; make this border hinged"
+    )]
     Clamp {
         /// `handle` or `support`.
         part: &'static str,
@@ -183,7 +189,9 @@ pub enum BodyError {
         handle: usize,
     },
     /// A map leads from a vertex, handle or support that the old body does not have.
-    #[error("the {part} leads from number {found}, but the old body has {count} of them, counted from 0")]
+    #[error(
+        "the {part} leads from number {found}, but the old body has {count} of them, counted from 0"
+    )]
     Map {
         /// The part of the map.
         part: &'static str,

@@ -293,11 +293,9 @@ fn held_once(
         return Ok(());
     }
     let (of, others) = (vertices.len(), held.len());
-    let found = format!(
-        "{shared} vertices in both {this} ({of} vertices) and {other} ({others} vertices)"
-    );
-    let allowed =
-        "vertices that only one of the two holds: make the group or the box of one of the two smaller";
+    let found =
+        format!("{shared} vertices in both {this} ({of} vertices) and {other} ({others} vertices)");
+    let allowed = "vertices that only one of the two holds: make the group or the box of one of the two smaller";
     Err(loaded.source.error(field, found, allowed))
 }
 

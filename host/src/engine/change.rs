@@ -73,7 +73,9 @@ pub enum ChangeError {
         count: usize,
     },
     /// An earlier change of the same body has not landed.
-    #[error("an earlier change of the body has not landed yet; request this change again after that")]
+    #[error(
+        "an earlier change of the body has not landed yet; request this change again after that"
+    )]
     UnderWay,
     /// A device that does not exist is to hold a handle.
     #[error("device {device} cannot hold a handle: devices are 0 to {}", MAX_DEVICES - 1)]

@@ -37,7 +37,9 @@ fn by_memory(bytes: usize) -> Choice {
     if bytes > LARGEST_FACTOR {
         Choice {
             solver: SolverName::Incomplete,
-            why: format!("a complete factor would take {found:.0} MB, and `auto` allows {most:.0} MB"),
+            why: format!(
+                "a complete factor would take {found:.0} MB, and `auto` allows {most:.0} MB"
+            ),
         }
     } else {
         Choice {
@@ -55,7 +57,10 @@ mod tests {
     fn memory_decides_the_solver_and_is_reported() {
         let fits = by_memory(LARGEST_FACTOR);
         assert_eq!(fits.solver, SolverName::Frozen);
-        assert_eq!(fits.why, "the factor takes 1073.7 MB, and `auto` allows 1074 MB");
+        assert_eq!(
+            fits.why,
+            "the factor takes 1073.7 MB, and `auto` allows 1074 MB"
+        );
         let large = by_memory(1_500_000_000);
         assert_eq!(large.solver, SolverName::Incomplete);
         assert_eq!(

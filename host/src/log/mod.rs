@@ -74,7 +74,9 @@ pub enum LogError {
         log: String,
     },
     /// The file could not be written.
-    #[error("cannot write the log {log}: {source} (the ticks that were flushed before are in the log)")]
+    #[error(
+        "cannot write the log {log}: {source} (the ticks that were flushed before are in the log)"
+    )]
     Write {
         /// The log, as messages name it.
         log: String,

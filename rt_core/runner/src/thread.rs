@@ -131,7 +131,9 @@ fn lines(degradations: &[Degradation]) -> String {
 
 /// A panic inside the tick. Zero force was commanded on every device before the thread ended.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the tick panicked after {ticks} ticks, and every device was commanded zero force: {message}")]
+#[error(
+    "the tick panicked after {ticks} ticks, and every device was commanded zero force: {message}"
+)]
 pub struct TickPanic {
     /// The message of the panic.
     pub message: String,

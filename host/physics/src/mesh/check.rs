@@ -147,7 +147,9 @@ pub enum MeshError {
         count: usize,
     },
     /// Two groups of the same kind have one name.
-    #[error("group {name:?}: two groups of the same kind have this name; each group needs its own name")]
+    #[error(
+        "group {name:?}: two groups of the same kind have this name; each group needs its own name"
+    )]
     GroupName {
         /// The name.
         name: String,

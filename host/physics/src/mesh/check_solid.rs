@@ -26,7 +26,9 @@ pub enum SolidError {
     #[error("the mesh has no tetrahedra; at least one is needed")]
     Empty,
     /// A cell names a vertex that does not exist.
-    #[error("cell {cell}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0")]
+    #[error(
+        "cell {cell}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0"
+    )]
     Index {
         /// The cell.
         cell: u32,

@@ -21,7 +21,9 @@ pub enum ThreadError {
     #[error("the mesh has no lines; at least one is needed")]
     Empty,
     /// A line names a vertex that does not exist.
-    #[error("line {line}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0")]
+    #[error(
+        "line {line}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0"
+    )]
     Index {
         /// The line.
         line: u32,

@@ -73,7 +73,9 @@ pub enum PlateError {
         found: f64,
     },
     /// The hole reaches the border.
-    #[error("plate: its hole has a radius of {found:?} m, and the radius must be below {limit:?} m")]
+    #[error(
+        "plate: its hole has a radius of {found:?} m, and the radius must be below {limit:?} m"
+    )]
     Hole {
         /// The radius (m).
         found: f64,
@@ -91,7 +93,9 @@ pub enum PlateError {
         least: u32,
     },
     /// The growth is zero, negative or not a number.
-    #[error("plate: its cells grow by the factor {found:?}, which must be positive and finite; 1 makes uniform cells")]
+    #[error(
+        "plate: its cells grow by the factor {found:?}, which must be positive and finite; 1 makes uniform cells"
+    )]
     Growth {
         /// The growth.
         found: f64,

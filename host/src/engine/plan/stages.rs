@@ -58,7 +58,8 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
         Stage::either(
             "sleep",
             !assembles,
-            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s".into(),
+            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s"
+                .into(),
             "only frozen solvers let bodies sleep",
         ),
         Stage::new("stress", false, "no tear threshold"),

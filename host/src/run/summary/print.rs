@@ -174,7 +174,11 @@ impl DeviceSummary {
             write!(f, ", no reading in {} ticks", self.missed_reads)?;
         }
         if self.not_a_number_ticks > 0 {
-            write!(f, ", force not a number in {} ticks", self.not_a_number_ticks)?;
+            write!(
+                f,
+                ", force not a number in {} ticks",
+                self.not_a_number_ticks
+            )?;
         }
         for (count, what) in [
             (self.too_fast, "too fast"),
@@ -185,7 +189,11 @@ impl DeviceSummary {
             }
         }
         if self.slewed_ticks > 0 {
-            write!(f, ", force at its slew limit in {} ticks", self.slewed_ticks)?;
+            write!(
+                f,
+                ", force at its slew limit in {} ticks",
+                self.slewed_ticks
+            )?;
         }
         writeln!(f)?;
         if let Some(trip) = &self.first_trip {
