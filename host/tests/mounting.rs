@@ -110,8 +110,8 @@ fn a_handle_outside_of_the_workspace_is_refused_or_warned_of() {
         (
             "mounting.origin = [0, 0, 0.25]",
             "m.toml:18: device[0].mounting.origin: found 0.2 m from the handle at rest to the origin of the device, usual: \
-             up to 0.075 m; set device.mounting.origin such that the handle lies in the workspace of its device, or leave \
-             it out",
+             up to 0.075 m; set device.mounting.origin such that the handle lies in the workspace of its device, or omit \
+             the field",
         ),
         (
             "mounting.origin = [0, 0, 0.25]\nworkspace = [[-0.1, -0.1, -0.3], [0.1, 0.1, 0.1]]",

@@ -214,7 +214,7 @@ fn devices_and_hands_out_of_range_are_named_with_the_likely_cause() {
         (
             "model = \"mine.toml\"",
             "model = \"mine.toml\"\nmotion_scale = 1000",
-            "x.toml:17: device[0].motion_scale: found 1000, usual: 0.01 to 100; it is metres in the scene per metre of \
+            "x.toml:17: device[0].motion_scale: found 1000, usual: 0.01 to 100; the scale is metres in the scene per metre of \
              the device",
         ),
     ]);
