@@ -372,7 +372,7 @@ fn what_cannot_be_changed_is_refused_and_the_body_continues() {
     let told = stats.first_fault.clone().unwrap();
     assert_eq!(
         told,
-        "body 0: change: there is no handle 5: the body has 2, counted from 0"
+        "body 0: change: handle 5 does not exist: the body has 2 handles, counted from 0"
     );
     steps(&mut undisturbed, LANDING);
     assert_eq!(rig.published, undisturbed.published);

@@ -70,7 +70,7 @@ fn a_record_that_reaches_beyond_its_chunk_is_an_error() -> io::Result<()> {
     let error = read_log(&input.bytes).expect_err("the file is damaged");
     let text = error.to_string();
     assert!(
-        text.starts_with("not an MCAP file, or a damaged one"),
+        text.starts_with("this file is not an MCAP file, or is damaged"),
         "{text}"
     );
     Ok(())

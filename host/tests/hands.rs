@@ -94,8 +94,8 @@ fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
         .ok_or("no error")?;
     assert_eq!(
         error.to_string(),
-        "hands.toml:11: device[0].hand.speed: found a reach of 0.01 m at 5 m/s takes less than 0.05 s, \
-         faster than a hand: lower the speed, allowed: a trajectory that a hand can follow"
+        "hands.toml:11: device[0].hand.speed: a reach of 0.01 m at 5 m/s takes less than 0.05 s, and no \
+         hand is so fast: lower the speed"
     );
     let nowhere = "task = \"tap\", direction = [0, 0, 0]";
     let error = controls(&scene("falcon", "", nowhere)?, 1)
@@ -103,8 +103,8 @@ fn a_task_that_no_hand_can_follow_is_refused_with_its_line() -> Outcome {
         .ok_or("no error")?;
     assert_eq!(
         error.to_string(),
-        "hands.toml:16: device[1].hand.direction: found a task's direction must be finite and not zero: \
-         [0.0, 0.0, 0.0], allowed: a trajectory that a hand can follow"
+        "hands.toml:16: device[1].hand.direction: a task's direction must be finite and not zero, not \
+         [0.0, 0.0, 0.0]"
     );
     Ok(())
 }
@@ -146,12 +146,12 @@ fn a_driver_and_its_settings_are_refused_with_their_line() -> Outcome {
         (
             "",
             "x.toml:8: device[0].hand: found none, allowed: the hand that holds this simulated device \
-             (`hand = {}` will do)",
+             (`hand = {}` suffices)",
         ),
         (
             "driver = \"hid\"\nhand = {}",
-            "x.toml:12: device[0].hand: found the driver \"hid\", allowed: nothing here: a hand is for \
-             simulated devices",
+            "x.toml:12: device[0].hand: found the driver \"hid\", allowed: no such field: only a simulated \
+             device has a hand",
         ),
         (
             "driver = \"hdi\"",

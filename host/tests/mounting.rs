@@ -110,8 +110,8 @@ fn a_handle_outside_of_the_workspace_is_refused_or_warned_of() {
         (
             "mounting.origin = [0, 0, 0.25]",
             "m.toml:18: device[0].mounting.origin: found 0.2 m from the handle at rest to the origin of the device, usual: \
-             up to 0.075 m; set device.mounting.origin such that the handle lies in the workspace of its device, or leave \
-             it out",
+             up to 0.075 m; set device.mounting.origin such that the handle lies in the workspace of its device, or omit \
+             the field",
         ),
         (
             "mounting.origin = [0, 0, 0.25]\nworkspace = [[-0.1, -0.1, -0.3], [0.1, 0.1, 0.1]]",
@@ -126,7 +126,7 @@ fn a_handle_outside_of_the_workspace_is_refused_or_warned_of() {
         (
             "workspace = [[0.1, -0.1, -0.1], [-0.1, 0.1, 0.1]]",
             "error m.toml:18: device[0].workspace: found x from 0.1 to -0.1, allowed: the lowest corner first, then the \
-             highest",
+             highest corner",
         ),
         (
             "mounting.rotation = { axis = [0, 0, 0], degrees = 90 }",
@@ -138,11 +138,11 @@ fn a_handle_outside_of_the_workspace_is_refused_or_warned_of() {
         ),
         (
             "mounting.origin = [0, 0, 250]",
-            "m.toml:18: device[0].mounting.origin: found 250 m, usual: up to 10 m; is it in millimetres? positions are in \
+            "m.toml:18: device[0].mounting.origin: found 250 m, usual: up to 10 m; is the value in millimetres? positions are in \
              metres\n\
              m.toml:18: device[0].mounting.origin: found 249.95 m from the handle at rest to the origin of the device, \
              usual: up to 0.075 m; set device.mounting.origin such that the handle lies in the workspace of its device, \
-             or leave it out",
+             or omit the field",
         ),
     ];
     for (device, expected) in cases {

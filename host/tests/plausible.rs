@@ -133,8 +133,8 @@ fn bodies_out_of_range_are_named_with_the_likely_cause() {
         (
             "mesh = { file = \"organ.obj\" }",
             "mesh.sheet = { length = 100, width = 60, cells = [2, 2] }",
-            "error x.toml:6: body[0].mesh: found 100 m along the longest side of the mesh, allowed: 1e-6 to 20 m; is it \
-             in millimetres? lengths are in metres: 1 mm is 0.001",
+            "error x.toml:6: body[0].mesh: found 100 m along the longest side of the mesh, allowed: 1e-6 to 20 m; is the \
+             value in millimetres? lengths are in metres: 1 mm is 0.001",
         ),
         (
             "young = 2e4",
@@ -158,31 +158,31 @@ fn bodies_out_of_range_are_named_with_the_likely_cause() {
         (
             "density = 1000",
             "density = 1.06",
-            "x.toml:7: body[0].material.density: found 1.06 kg/m3, usual: 5 to 25000 kg/m3; is it in g/cm3? 1 g/cm3 is \
+            "x.toml:7: body[0].material.density: found 1.06 kg/m3, usual: 5 to 25000 kg/m3; is the value in g/cm3? 1 g/cm3 is \
              1000 kg/m3",
         ),
         (
             "thickness = 0.002",
             "thickness = 2",
-            "x.toml:7: body[0].material.thickness: found 2 m, usual: 1e-6 to 0.05 m; is it in millimetres? 1 mm is 0.001 \
+            "x.toml:7: body[0].material.thickness: found 2 m, usual: 1e-6 to 0.05 m; is the value in millimetres? 1 mm is 0.001 \
              m",
         ),
         (
             "-9.81]",
             "-9810]",
-            "error x.toml:2: gravity: found 9810 m/s2, allowed: up to 1000 m/s2; is it in mm/s2? gravity on earth is \
+            "error x.toml:2: gravity: found 9810 m/s2, allowed: up to 1000 m/s2; is the value in mm/s2? gravity on earth is \
              9.81 m/s2",
         ),
         (
             "[[body.handle]]",
             "position = [0, 0, -2500]\n[[body.handle]]",
-            "error x.toml:9: body[0].position: found 2500 m, allowed: up to 1000 m; is it in millimetres? positions are in \
+            "error x.toml:9: body[0].position: found 2500 m, allowed: up to 1000 m; is the value in millimetres? positions are in \
              metres",
         ),
         (
             "[[body.handle]]",
             "[[body.region]]\nbox = [[-1, -1, -1], [1, 1, 1]]\ndensity = 1e7\n[[body.handle]]",
-            "error x.toml:11: body[0].region[0].density: found 1e7 kg/m3, allowed: 0.001 to 1e6 kg/m3; is it in g/m3? \
+            "error x.toml:11: body[0].region[0].density: found 1e7 kg/m3, allowed: 0.001 to 1e6 kg/m3; is the value in g/m3? \
              water has 1000 kg/m3, lead 11300 kg/m3",
         ),
     ]);
@@ -194,27 +194,27 @@ fn devices_and_hands_out_of_range_are_named_with_the_likely_cause() {
         (
             "direction = [0, 0, -1] }",
             "direction = [0, 0, -1], depth = 10 }",
-            "error x.toml:17: device[0].hand.depth: found 10 m from the start of the hand, allowed: up to 2 m; is it in \
+            "error x.toml:17: device[0].hand.depth: found 10 m from the start of the hand, allowed: up to 2 m; is the value in \
              millimetres? motions of hands are in metres of the device",
         ),
         (
             "direction = [0, 0, -1] }",
             "direction = [0, 0, -1], depth = 0.4 }",
-            "x.toml:17: device[0].hand.depth: found 0.4 m from the start of the hand, usual: up to 0.075 m; is it in \
+            "x.toml:17: device[0].hand.depth: found 0.4 m from the start of the hand, usual: up to 0.075 m; is the value in \
              millimetres? motions of hands are in metres of the device",
         ),
         (
             "direction = [0, 0, -1] }",
             "direction = [0, 0, -1], waypoints = [[0, 0, 0, 0], [1, 0.3, 0.4, 0]], mass = 300 }",
-            "x.toml:17: device[0].hand.mass: found 300 kg, usual: 0.01 to 10 kg; is it in grams? the grips have 0.1 to 2 \
+            "x.toml:17: device[0].hand.mass: found 300 kg, usual: 0.01 to 10 kg; is the value in grams? the grips have 0.1 to 2 \
              kg\n\
-             x.toml:17: device[0].hand.waypoints[1]: found 0.5 m from the start of the hand, usual: up to 0.075 m; is it \
-             in millimetres? motions of hands are in metres of the device",
+             x.toml:17: device[0].hand.waypoints[1]: found 0.5 m from the start of the hand, usual: up to 0.075 m; is the \
+             value in millimetres? motions of hands are in metres of the device",
         ),
         (
             "model = \"mine.toml\"",
             "model = \"mine.toml\"\nmotion_scale = 1000",
-            "x.toml:17: device[0].motion_scale: found 1000, usual: 0.01 to 100; it is metres in the scene per metre of \
+            "x.toml:17: device[0].motion_scale: found 1000, usual: 0.01 to 100; the scale is metres in the scene per metre of \
              the device",
         ),
     ]);
@@ -229,12 +229,12 @@ fn devices_and_hands_out_of_range_are_named_with_the_likely_cause() {
     };
     assert_eq!(
         file("position_step = 0.055e-3", "position_step = 0.01"),
-        "error mine.toml:7: position_step: found 0.01 m, allowed: 1e-12 to 0.005 m; is it in millimetres? haptic devices \
+        "error mine.toml:7: position_step: found 0.01 m, allowed: 1e-12 to 0.005 m; is the value in millimetres? haptic devices \
          count 1e-6 to 1e-4 m"
     );
     assert_eq!(
         file("mass = 0.045 ", "mass = 45 "),
-        "mine.toml:4: mass: found 45 kg, usual: 0.005 to 20 kg; is it in grams? the handle of a haptic device moves with \
+        "mine.toml:4: mass: found 45 kg, usual: 0.005 to 20 kg; is the value in grams? the handle of a haptic device moves with \
          0.01 to 2 kg"
     );
 }
@@ -249,12 +249,12 @@ fn a_recording_in_millimetres_is_refused_or_warned_of() {
         (
             "time,x,y,z\n0,0,0,0\n1.25,12,0,-5\n2,0,0,0\n",
             "error x.toml:17: device[0].hand.recording: found 13 m from the start of the hand, at time 1.25 s, allowed: \
-             up to 2 m; is it in millimetres? motions of hands are in metres of the device",
+             up to 2 m; is the value in millimetres? motions of hands are in metres of the device",
         ),
         (
             "time,x,y,z\n0,0,0,0\n1.25,0.404,0,0\n2,0,0,0\n",
             "x.toml:17: device[0].hand.recording: found 0.404 m from the start of the hand, at time 1.25 s, usual: up to \
-             0.075 m; is it in millimetres? motions of hands are in metres of the device",
+             0.075 m; is the value in millimetres? motions of hands are in metres of the device",
         ),
         ("time,x,y,z\n0,0,0,0\n1.25,0.012,0,-0.005\n2,0,0,0\n", ""),
     ];
@@ -282,15 +282,16 @@ fn parts_that_share_vertices_are_named_with_their_number() {
         "[[body.handle]]\nname = 'finger'\nbox = [[-1, -1, 0.04], [1, 1, 1]]\ndevice = 'b'\n";
     assert_eq!(
         judged(&block(&format!("{thumb}{finger}")), &[]),
-        "error x.toml:13: body[0].handle[1]: found 5 of the 25 vertices of handle \"finger\" among the 25 of handle \
-         \"thumb\", too, allowed: vertices that nothing else holds: make the group or the box of one of the two smaller"
+        "error x.toml:13: body[0].handle[1]: found 5 vertices in both handle \"finger\" (25 vertices) and handle \
+         \"thumb\" (25 vertices), allowed: vertices that only one of the two holds: make the group or the box of one of \
+         the two smaller"
     );
     // A handle on a support takes its vertices from the support.
     assert_eq!(
         judged(&block(thumb), &[]),
-        "x.toml:9: body[0].handle[0]: found 5 of the 25 vertices of handle \"thumb\" in support \"table\", too, usual: \
-         none; the hand moves them and the support does not hold them: make the group or the box of one of the two \
-         smaller"
+        "x.toml:9: body[0].handle[0]: found 5 vertices in both handle \"thumb\" (25 vertices) and support \
+         \"table\", usual: no shared vertices; the hand moves these vertices, and the support does not hold them: make \
+         the group or the box of one of the two smaller"
     );
     assert_eq!(judged(&block(finger), &[]), "");
     // A support that slides may be a plane of symmetry: a handle may extend to it.
@@ -301,9 +302,9 @@ fn parts_that_share_vertices_are_named_with_their_number() {
     let turned = judged(&block(&format!("{wrench}{thumb}")), &[]);
     assert_eq!(
         turned,
-        "error x.toml:9: body[0].support[1]: found 5 of the 25 vertices of support \"wrench\", which turns, among the 25 \
-         of handle \"thumb\", too, allowed: vertices that nothing else holds: make the group or the box of one of the two \
-         smaller"
+        "error x.toml:9: body[0].support[1]: found 5 vertices in both support \"wrench\", which turns, (25 vertices) and \
+         handle \"thumb\" (25 vertices), allowed: vertices that only one of the two holds: make the group or the box of \
+         one of the two smaller"
     );
 }
 
@@ -319,9 +320,9 @@ fn bodies_in_each_other_are_named_and_placed_ones_are_not() {
                  material = { young = 1e4, poisson = 0.4, density = 1000 }";
     let sheet = "mesh.sheet = { length = 0.1, width = 0.1, cells = [2, 2] }\n\
                  material = { young = 1e6, poisson = 0.4, thickness = 0.001, density = 1000 }";
-    let warning = "x.toml:9: body[1]: found body \"second\" in the space of body \"block\": the boxes around them overlap, \
-                   usual: bodies beside each other; bodies do not feel each other, so they pass through each other: set \
-                   body[1].position";
+    let warning = "x.toml:9: body[1]: found body \"second\" in the space of body \"block\": the boxes around the two \
+                   bodies overlap, usual: bodies beside each other; no force acts between two bodies, so the two pass \
+                   through each other: set body[1].position";
     for (position, mesh, expected) in [
         ("[0, 0, 0]", solid, warning),
         ("[0.09, 0.09, 0.09]", solid, warning),
@@ -359,7 +360,7 @@ fn a_run_that_missed_most_of_its_readings_has_failed() {
     assert_eq!(
         summary.failures,
         [format!(
-            "device \"hand\" gave no usable reading in {missed} of 400 ticks: it was silent, or it moved as no hand can; \
+            "device \"hand\" gave no usable reading in {missed} of 400 ticks: the device was silent, or moved as no hand can; \
              are the motions of its hand in metres?"
         )]
     );
@@ -388,7 +389,7 @@ fn values_of_the_mesh_are_judged_as_those_of_the_scene() {
     assert_eq!(judged("2e4 3e4"), "");
     assert_eq!(
         judged("20 2e4"),
-        "x.toml:7: body[0].material.fields.young: found 20 Pa in element 0 of the mesh, usual: 1000 to 1e10 Pa; is it in \
+        "x.toml:7: body[0].material.fields.young: found 20 Pa in element 0 of the mesh, usual: 1000 to 1e10 Pa; is the value in \
          kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa"
     );
     assert_eq!(

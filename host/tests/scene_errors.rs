@@ -175,7 +175,7 @@ frequency = 2
   x.toml:23: body[0].region[0].box[1][1]: found inf, allowed: a finite number
 hand = {}
   -> hand.mass = 1e999
-  x.toml:39: device[0].hand.mass: found 1e999, allowed: a number that is not so large
+  x.toml:39: device[0].hand.mass: found 1e999, allowed: a number below 1.8e308
 hand = {}
   -> hand.mass = -99999999999999999999
   x.toml:39: device[0].hand.mass: found -99999999999999999999, allowed: a number above 0
@@ -325,7 +325,7 @@ name = "base"
   x.toml:16: body[0].metal: unknown field, allowed: `name`, `mesh`, `position`, `rotation`, `material`, `region`, `damping`, `bending`, `handle`, `support`, `load`
 hand = {}
   ->
-  x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` will do)
+  x.toml:36: device[0].hand: found none, allowed: the hand that holds this simulated device (`hand = {}` suffices)
 hand = {}
   -> hand.weight = 2
   x.toml:39: device[0].hand.weight: unknown field, allowed: `grip`, `mass`, `stiffness`, `damping`, `tremor`, `task`, `direction`, `depth`, `speed`, `pause`, `width`, `frequency`, `variation`, `waypoints`, `sines`, `recording`
@@ -398,13 +398,13 @@ device = "right"
   x.toml:34: body[0].handle[1].device: found "rihgt", allowed: "left", "right"
 group = "right"
   ->
-  x.toml:31: body[0].handle[1]: found neither `group` nor `box`, allowed: exactly one of them
+  x.toml:31: body[0].handle[1]: found neither `group` nor `box`, allowed: exactly one of the two
 group = "right"
   -> group = ""
   x.toml:33: body[0].handle[1].group: found "", allowed: a name of 1 to 64 characters
 group = "right"
   -> group = "right"¶box = [[0,0,0],[1,1,1]]
-  x.toml:31: body[0].handle[1]: found both `group` and `box`, allowed: exactly one of them
+  x.toml:31: body[0].handle[1]: found both `group` and `box`, allowed: exactly one of the two
 device = "right"
   -> device = "right"¶border = "welded"
   x.toml:35: body[0].handle[1].border: found "welded", allowed: `hinged` or `clamped`
@@ -413,10 +413,10 @@ device = "right"
   x.toml:38: body[0].support[0].axes: found some axes, and a clamped border, allowed: all axes for a support that clamps the border
 box = [[0, 0, 0], [1, 1, 1]]
   ->
-  x.toml:22: body[0].region[0]: found neither `group` nor `box`, allowed: exactly one of them
+  x.toml:22: body[0].region[0]: found neither `group` nor `box`, allowed: exactly one of the two
 [1, 1, 1]]
   -> [1, -1, 1]]
-  x.toml:23: body[0].region[0].box: found y from 0.0 to -1.0, allowed: the lowest corner first, then the highest
+  x.toml:23: body[0].region[0].box: found y from 0.0 to -1.0, allowed: the lowest corner first, then the highest corner
 [1.5, 0.01
   -> [0.5, 0.01
   x.toml:48: device[1].hand.waypoints[1]: found time 0.5, allowed: a time after 0.5
@@ -434,13 +434,13 @@ hand = {}
   x.toml:39: device[0].hand.task: found a task without a `direction`, allowed: a task with a `direction`
 hand = {}
   -> hand = { task = "tap", direction = [0, 0, -1], width = 0.01 }
-  x.toml:39: device[0].hand.width: found 0.01, allowed: nothing here: the task tap has no width
+  x.toml:39: device[0].hand.width: found 0.01, allowed: no such field: the task tap has no width
 hand = {}
   -> hand = { task = "shake", direction = [0, 0, -1], speed = 0.1 }
-  x.toml:39: device[0].hand.speed: found 0.1, allowed: nothing here: the task shake has no speed
+  x.toml:39: device[0].hand.speed: found 0.1, allowed: no such field: the task shake has no speed
 hand = {}
   -> hand = { direction = [0, 0, -1] }
-  x.toml:39: device[0].hand.direction: found [0.0, 0.0, -1.0], allowed: nothing here without a `task`
+  x.toml:39: device[0].hand.direction: found [0.0, 0.0, -1.0], allowed: no such field without a `task`
 hand = {}
   -> hand = { task = "pat", direction = [0, 0, -1] }
   x.toml:39: device[0].hand.task: found "pat", allowed: `tap`, `press_and_hold`, `rub`, `pull_apart`, `move_together`, `shake`
@@ -449,7 +449,7 @@ hand = {}
   x.toml:39: device[0].hand.recording: found "", allowed: the name of a file
 [[device]]¶name = "right"¶model = "touch"¶
   -> [[device]]¶name = "c"¶model = "touch"¶hand = {}¶[[device]]¶name = "d"¶model = "touch"¶hand = {}¶[[device]]¶name = "e"¶model = "touch"¶hand = {}¶[[device]]¶name = "f"¶model = "touch"¶hand = {}¶[[device]]¶name = "g"¶model = "touch"¶hand = {}¶[[device]]¶name = "h"¶model = "touch"¶hand = {}¶[[device]]¶name = "i"¶model = "touch"¶hand = {}¶[[device]]¶name = "right"¶model = "touch"¶
-  x.toml:36: device: found 9, allowed: up to 8 of them
+  x.toml:36: device: found 9 entries, allowed: up to 8 entries
 "#,
     );
 }

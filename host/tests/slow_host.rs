@@ -47,7 +47,7 @@ fn a_run_whose_steps_are_too_slow_says_so() -> Result<(), Box<dyn Error>> {
         })?;
         let warning = summary.warnings.last().ok_or("a warning")?;
         assert!(
-            warning.contains("the scene asks for one every 1.0 ms")
+            warning.contains("the scene needs a step every 1.0 ms")
                 && warning.contains("Lower `host.step_rate`"),
             "{warning}"
         );

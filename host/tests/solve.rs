@@ -431,14 +431,14 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
     let cases = [
         (
             base.replace("density = 1", "density = 1, thickness = 1"),
-            "x.toml:6: body[0].material.thickness: found a thickness, allowed: none: the mesh is a solid",
+            "x.toml:6: body[0].material.thickness: found a thickness, allowed: no such field, because the mesh is a solid",
         ),
         (
             base.replace(
                 "density = 1",
                 "density = 1, weave = { young_weft = 1, shear = 1 }",
             ),
-            "x.toml:6: body[0].material.weave: found a weave, allowed: none: the mesh is a solid",
+            "x.toml:6: body[0].material.weave: found a weave, allowed: no such field, because the mesh is a solid",
         ),
         (
             base.replace("mesh", "bending = 1\nmesh"),
@@ -477,7 +477,7 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
         ),
         (
             format!("{base}{}", clamp("group = \"left\"")),
-            "x.toml:10: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\" here",
+            "x.toml:10: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\"",
         ),
         (
             format!(
@@ -485,11 +485,11 @@ material = { young = 1e3, poisson = 0.3, density = 1 }
                 sheet.replace("mesh", "bending = 0\nmesh"),
                 clamp("group = \"left\"\nrotation = [0, 0, 0]")
             ),
-            "x.toml:12: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\" here",
+            "x.toml:12: body[0].support[0].border: found \"clamped\", but the body has no stiffness against bending, allowed: \"hinged\"",
         ),
         (
             format!("{sheet}{}", clamp("box = [[-1, -1, -1], [0, 0, 1]]")),
-            "x.toml:10: body[0].support[0].border: found \"clamped\", but it holds no edge of the sheet's border, allowed: \"hinged\" here",
+            "x.toml:10: body[0].support[0].border: found \"clamped\", but its vertices contain no edge of the sheet's border, allowed: \"hinged\"",
         ),
     ];
     for (text, expected) in cases {

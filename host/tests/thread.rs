@@ -129,11 +129,11 @@ fn parameters_that_a_thread_does_not_have_are_refused() {
         ),
         (
             "area = 1e-6, thickness = 1e-3",
-            "none: the mesh is a thread",
+            "no such field, because the mesh is a thread",
         ),
         (
             "area = 1e-6, weave = { young_weft = 1, shear = 1 }",
-            "none: the mesh is a thread",
+            "no such field, because the mesh is a thread",
         ),
         (
             "area = 1e-6, law = \"linear\"",
@@ -141,7 +141,7 @@ fn parameters_that_a_thread_does_not_have_are_refused() {
         ),
         (
             "area = 1e-6, fields = { thickness = \"t\" }",
-            "none: the mesh is a thread",
+            "no such field, because the mesh is a thread",
         ),
     ] {
         let error = refused(GENERATED, material);
@@ -156,7 +156,10 @@ fn parameters_that_a_thread_does_not_have_are_refused() {
     ] {
         let sheet = "sheet = { length = 0.2, width = 0.1, cells = [2, 2] }";
         let error = refused(sheet, material);
-        assert!(error.contains("none: the mesh is a sheet"), "{error}");
+        assert!(
+            error.contains("no such field, because the mesh is a sheet"),
+            "{error}"
+        );
     }
 }
 

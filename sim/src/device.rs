@@ -45,14 +45,16 @@ pub enum SimError {
         found: f64,
     },
     /// The arm has a number that is negative or not finite.
-    #[error("the arm's mass, damping and stiffness must be finite and at least zero: {found:?}")]
+    #[error(
+        "the arm's mass, damping and stiffness must be finite and at least zero, not {found:?}"
+    )]
     Arm {
         /// The arm.
         found: Arm,
     },
     /// The wrist has a number that is negative or not finite.
     #[error(
-        "the wrist's inertia, damping and stiffness must be finite and at least zero: {found:?}"
+        "the wrist's inertia, damping and stiffness must be finite and at least zero, not {found:?}"
     )]
     Wrist {
         /// The wrist.

@@ -51,7 +51,7 @@ impl Driver for Simulated {
             Ok(device) => Ok(Box::new(device)),
             Err(error) => Err(OpenError::Refused {
                 source: Box::new(error),
-                allowed: "a sound device",
+                allowed: "a valid device model",
             }),
         }
     }

@@ -115,7 +115,7 @@ pub struct Task {
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum TaskError {
     /// The direction is zero or not finite.
-    #[error("a task's direction must be finite and not zero: {found:?}")]
+    #[error("a task's direction must be finite and not zero, not {found:?}")]
     Direction {
         /// The direction that was given.
         found: [f64; 3],
@@ -132,7 +132,7 @@ pub enum TaskError {
     },
     /// The reach is faster than any hand.
     #[error(
-        "a reach of {distance} m at {speed} m/s takes less than {SHORTEST_REACH} s, faster than a hand: \
+        "a reach of {distance} m at {speed} m/s takes less than {SHORTEST_REACH} s, and no hand is so fast: \
          lower the speed"
     )]
     TooFast {

@@ -149,7 +149,7 @@ fn a_panicking_host_under_virtual_time() {
     assert_eq!(summary.tick.count, 3000);
     assert_eq!(summary.failures.len(), 1);
     assert!(
-        names(&summary, "the host panicked, and the tick went on"),
+        names(&summary, "the host panicked, and the tick continued"),
         "{summary}"
     );
 }

@@ -36,7 +36,7 @@ pub(crate) enum Wanted {
 pub enum MeshFileError {
     /// Neither the name nor the beginning of the file identifies a format.
     #[error(
-        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and {found}"
+        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and {found}"
     )]
     Format {
         /// The beginning of the file.
@@ -44,7 +44,8 @@ pub enum MeshFileError {
     },
     /// The file should have a flat pattern, but its format has no texture coordinates.
     #[error(
-        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh with them as .obj"
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh as \
+         .obj with texture coordinates"
     )]
     NoTexture,
     /// The file has a syntax error.

@@ -186,7 +186,7 @@ impl Reader {
             let count = 3 + rest.split_whitespace().count();
             return Err(MeshFileError::syntax(
                 Place::Line(fields.line),
-                "a triangle (export with triangulated faces)",
+                "a triangle (export the mesh with triangulated faces)",
                 format!("a face of {count} vertices"),
             ));
         }

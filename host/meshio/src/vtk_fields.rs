@@ -56,7 +56,7 @@ pub(crate) fn check_name<'a>(
     }
     if names.any(|other| other == name) {
         let expected = format!("cell data {} once", quoted(name));
-        return Err(MeshFileError::syntax(place, expected, "it again"));
+        return Err(MeshFileError::syntax(place, expected, "a second one"));
     }
     Ok(())
 }

@@ -146,7 +146,7 @@ fn wrong_data_is_refused_with_its_line() {
         (
             "7 2",
             "900 2",
-            "line 36: expected element 900 in the field \"a\" once, found it again, first in line 35",
+            "line 36: expected element 900 in the field \"a\" once, found a second one; the first is in line 35",
         ),
         (
             "7 2",
@@ -193,11 +193,11 @@ fn wrong_data_is_refused_with_its_line() {
     }
     assert_eq!(
         error(&format!("{SHEET}{good}{good}")),
-        "line 40: expected the field \"a\" once, found it again, first in line 26"
+        "line 40: expected the field \"a\" once, found a second one; the first is in line 26"
     );
     assert_eq!(
         error(&format!("{}{good}", SHEET.replace("7 1 3 4", "3 1 3 4"))),
-        "line 22: expected element tag 3 once, found it again, first in line 19"
+        "line 22: expected element tag 3 once, found a second one; the first is in line 19"
     );
     // Without a field, tags of elements do not matter.
     assert_eq!(fields(&SHEET.replace("7 1 3 4", "3 1 3 4")), []);

@@ -61,12 +61,12 @@ fn the_format_follows_from_the_name_or_else_from_the_beginning() -> Outcome {
     }
     assert_eq!(
         error("mesh.stl", b"solid x\n"),
-        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and a \
+        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and a \
          file that begins with \"solid x\\n\""
     );
     assert_eq!(
         error("mesh", b""),
-        "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and an \
+        "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and an \
          empty file"
     );
     Ok(())
@@ -180,15 +180,15 @@ fn wrong_flat_patterns_are_refused_with_their_line() {
         (
             "f 3/3 1/4 4/8",
             "f 3/3 1/3 4/8",
-            "line 19: triangle 4: it has no area in the flat pattern, its height is 0.000e0 of its longest edge; at \
+            "line 19: triangle 4 has no area in the flat pattern: its height is 0.000e0 of its longest edge; at \
              least 1e-6 is needed"
                 .to_owned(),
         ),
         (
             "vt 100 200 7",
             "vt 100 -200",
-            "line 16: triangle 1: it is mirrored in the flat pattern, where it lies on triangle 0; unfold it, or, if a \
-             seam joins the two, move their pieces apart in the pattern"
+            "line 16: triangle 1 is mirrored in the flat pattern and lies on triangle 0; unfold the pattern there, \
+             or, if a seam joins the two triangles, move their pieces apart in the pattern"
                 .to_owned(),
         ),
     ] {
@@ -196,7 +196,7 @@ fn wrong_flat_patterns_are_refused_with_their_line() {
     }
     assert_eq!(
         refused("x.vtk", "# vtk DataFile Version 3.0\n"),
-        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh with them as .obj"
+        "a flat pattern is read from texture coordinates, which only OBJ files have; export the mesh as .obj with texture coordinates"
     );
 }
 
@@ -208,7 +208,7 @@ fn wrong_obj_files_are_refused_with_their_line() {
     let cases = [
         (
             String::new(),
-            "line 1: the mesh has no triangles, at least 1 is needed",
+            "line 1: the mesh has no triangles; at least one is needed",
         ),
         (
             with("f 1 2 NaN"),
@@ -240,7 +240,7 @@ fn wrong_obj_files_are_refused_with_their_line() {
         ),
         (
             with("v 1 1 0\nf 1 2 3 4"),
-            "line 5: expected a triangle (export with triangulated faces), found a face of 4 vertices",
+            "line 5: expected a triangle (export the mesh with triangulated faces), found a face of 4 vertices",
         ),
         (
             "v 0 0 nan".to_owned(),
@@ -256,27 +256,27 @@ fn wrong_obj_files_are_refused_with_their_line() {
         ),
         (
             "v 0 0 0\nv 2e9 0 0\nv 0 1 0\nf 1 2 3".to_owned(),
-            "line 2: vertex 1: x is 2000000000.0 m, it must be finite and within ±1e9 m",
+            "line 2: vertex 1: x is 2000000000.0 m; coordinates must be finite and within ±1e9 m",
         ),
         (
             with("f 1 2 2"),
-            "line 4: triangle 0: vertex 1 is named twice, all three must differ",
+            "line 4: triangle 0: vertex 1 is named twice; the three vertices must differ",
         ),
         (
             "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3".to_owned(),
-            "line 4: triangle 0: it is flat, its height is 0.000e0 of its longest edge; at least 1e-6 is needed",
+            "line 4: triangle 0 is flat: its height is 0.000e0 of its longest edge; at least 1e-6 is needed",
         ),
         (
             with("v 0 0 1\nv 0 0 -1\nv 1 1 1\nf 1 2 3\nf 1 2 4\nf 1 2 5"),
-            "line 9: edge 0-1: triangles 0, 1 and 2 meet there, at most 2 may",
+            "line 9: edge 0-1: triangles 0, 1 and 2 meet there; at most two triangles may share an edge",
         ),
         (
             with("f 1 2 3\nf 2 3 1"),
-            "line 5: triangle 1: it has the same three vertices as triangle 0",
+            "line 5: triangle 1 has the same three vertices as triangle 0",
         ),
         (
             with("v 7 7 7\nv 0 0 1\nv -0 -0 0\nf 1 2 3\nf 5 6 2"),
-            "line 6: vertices 0 and 4 lie at one place, where the mesh would silently come apart; merge them (a slit needs a gap)",
+            "line 6: vertices 0 and 4 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
         ),
         (
             "vertex 1 2 3".to_owned(),
@@ -385,7 +385,7 @@ fn wrong_legacy_files_are_refused_with_their_line() {
         ),
         (
             format!("{HEAD}{POINTS}POLYGONS 2 8\n3 0 1 2\n3 0 1 0\n"),
-            "line 10: triangle 1: vertex 0 is named twice, all three must differ",
+            "line 10: triangle 1: vertex 0 is named twice; the three vertices must differ",
         ),
         (
             format!("{HEAD}{POINTS}TRIANGLE_STRIPS 1 4\n3 0 1 2\n"),
@@ -450,7 +450,7 @@ fn wrong_xml_files_are_refused_with_their_line() -> Outcome {
         (
             "0 2 3<",
             "0 2 0<",
-            "line 11: triangle 1: vertex 0 is named twice, all three must differ",
+            "line 11: triangle 1: vertex 0 is named twice; the three vertices must differ",
         ),
         (
             "3 6<",

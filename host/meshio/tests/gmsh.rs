@@ -123,7 +123,7 @@ fn other_versions_are_named_with_the_command_that_converts_them() {
         assert_eq!(
             fault(2, header),
             format!(
-                "line 2: found MSH {found}, only 4.1 ASCII is read; convert the file with \
+                "line 2: expected MSH 4.1 ASCII, found MSH {found}; convert the file with \
                  `gmsh in.msh -save -o out.msh -format msh41`"
             )
         );

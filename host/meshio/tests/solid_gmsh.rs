@@ -251,7 +251,9 @@ fn wrong_solids_are_refused_with_their_line() {
         (
             "1 50 20 30 40",
             "1 20 20 30 40",
-            format!("line {second}: cell 1: vertex 1 is named twice, all must differ"),
+            format!(
+                "line {second}: cell 1: vertex 1 is named twice; all vertices of a cell must differ"
+            ),
         ),
         (
             "1 50 20 30 40",
@@ -269,14 +271,14 @@ fn wrong_solids_are_refused_with_their_line() {
             "1 50 20 30 40",
             "1 10 20 30 40",
             format!(
-                "line {second}: cell 1: it overlaps cell 0, both lie on one side of the face 0-1-2"
+                "line {second}: cell 1 overlaps cell 0: both cells lie on one side of the face 0-1-2"
             ),
         ),
         (
             "\n1 1 1\n",
             "\n1 1 -1\n",
             format!(
-                "line {second}: cell 1: it is flat, six times its volume is 0.000e0 of its longest edge \
+                "line {second}: cell 1 is flat: six times its volume is 0.000e0 of its longest edge \
                  cubed; more than 1e-9 is needed"
             ),
         ),
@@ -284,7 +286,7 @@ fn wrong_solids_are_refused_with_their_line() {
             "\n1 1 1\n",
             "\n1 1 2e9\n",
             format!(
-                "line {node}: vertex 4: z is 2000000000.0 m, it must be finite and within ±1e9 m"
+                "line {node}: vertex 4: z is 2000000000.0 m; coordinates must be finite and within ±1e9 m"
             ),
         ),
         (
@@ -326,8 +328,8 @@ fn wrong_solids_are_refused_with_their_line() {
     assert_eq!(
         error("x.msh", &apart),
         format!(
-            "line {node}: vertices 1 and 2 lie at one place, where the mesh would silently come apart; merge \
-             them (a slit needs a gap)"
+            "line {node}: vertices 1 and 2 lie at one place, where the mesh is not connected; merge the \
+             two vertices (a slit needs a gap)"
         )
     );
 }

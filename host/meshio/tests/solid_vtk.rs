@@ -172,8 +172,8 @@ fn wrong_grids_are_refused_with_their_place() {
     both(
         &grid,
         [
-            "line 152: expected cell data \"E\" once, found it again",
-            "line 17: expected cell data \"E\" once, found it again",
+            "line 152: expected cell data \"E\" once, found a second one",
+            "line 17: expected cell data \"E\" once, found a second one",
         ],
     );
     let found = error("x.vtu", vtu(&with_data(1, vec![1.0; 10]), ascii));

@@ -28,7 +28,7 @@ pub enum BodyError {
     /// A triangle has no area at rest.
     #[error(
         "triangle {triangle} has no area at rest ({area:e} m^2 for edges of {edge:e} m); \
-         remove it or move its vertices apart"
+         remove this triangle or move its vertices apart"
     )]
     Degenerate {
         /// The triangle.
@@ -43,7 +43,7 @@ pub enum BodyError {
     Pattern(#[from] PatternError),
     /// A line has no length at rest, or so little that its stiffness is infinite.
     #[error(
-        "line {line} has no length at rest ({length:e} m); remove it or move its vertices apart"
+        "line {line} has no length at rest ({length:e} m); remove this line or move its vertices apart"
     )]
     NoLength {
         /// The line.
@@ -53,15 +53,15 @@ pub enum BodyError {
     },
     /// A cell is flat or inverted at rest.
     #[error(
-        "cell {cell} is flat or turned inside out at rest; remove it, move its vertices apart, or \
-         exchange two of them"
+        "cell {cell} is flat or inverted at rest; remove this cell, move its vertices apart, or \
+         exchange two of its vertices"
     )]
     FlatCell {
         /// The cell.
         cell: usize,
     },
     /// There is no such handle.
-    #[error("there is no handle {handle}: the body has {count}, counted from 0")]
+    #[error("handle {handle} does not exist: the body has {count} handles, counted from 0")]
     NoHandle {
         /// The number of the requested handle.
         handle: usize,
@@ -69,7 +69,9 @@ pub enum BodyError {
         count: usize,
     },
     /// A vertex belongs to no element, so that it has no mass.
-    #[error("vertex {vertex} belongs to no element and so has no mass; remove it from the mesh")]
+    #[error(
+        "vertex {vertex} belongs to no element and so has no mass; remove this vertex from the mesh"
+    )]
     Unreferenced {
         /// The vertex.
         vertex: usize,
@@ -88,7 +90,7 @@ pub enum BodyError {
     },
     /// The warp of a woven material has no direction in the plane of a triangle.
     #[error(
-        "the warp of triangle {triangle} is normal to it: {fraction:e} of its length lies in the triangle's \
+        "the warp of triangle {triangle} is normal to the triangle: {fraction:e} of its length lies in the triangle's \
          plane; give a direction along the cloth"
     )]
     Warp {
@@ -98,7 +100,10 @@ pub enum BodyError {
         fraction: f64,
     },
     /// The number of materials is neither one nor the number of elements.
-    #[error("{found} materials given; expected one for all or one for each of {elements} elements")]
+    #[error(
+        "{found} materials are given; expected one material for all elements, or one for each of the \
+         {elements} elements"
+    )]
     MaterialCount {
         /// The number of materials given.
         found: usize,
@@ -116,7 +121,7 @@ pub enum BodyError {
         expected: &'static str,
     },
     /// A handle holds no vertex.
-    #[error("handle {handle} holds no vertices; give it at least one")]
+    #[error("handle {handle} holds no vertices; give the handle at least one vertex")]
     EmptyHandle {
         /// The handle.
         handle: usize,
@@ -144,7 +149,9 @@ pub enum BodyError {
         second: usize,
     },
     /// A support has no vertex, no axis, or a vertex that does not exist.
-    #[error("support {support}: {found}; give it at least one vertex of the mesh and one axis")]
+    #[error(
+        "support {support}: {found}; give the support at least one vertex of the mesh and one axis"
+    )]
     Support {
         /// The support.
         support: usize,
@@ -153,7 +160,7 @@ pub enum BodyError {
     },
     /// A vertex belongs to a handle and to a support.
     #[error(
-        "vertex {vertex} is held by handle {handle} and guided by support {support}; choose one"
+        "vertex {vertex} is held by handle {handle} and guided by support {support}; choose one of the two"
     )]
     HeldAndGuided {
         /// The vertex.
@@ -164,7 +171,9 @@ pub enum BodyError {
         support: usize,
     },
     /// A handle or a support cannot clamp the border of the body.
-    #[error("{part} {number} cannot clamp the border of the body: {found}; make its border hinged")]
+    #[error(
+        "{part} {number} cannot clamp the border of the body: {found}; make this border hinged"
+    )]
     Clamp {
         /// `handle` or `support`.
         part: &'static str,
@@ -180,7 +189,9 @@ pub enum BodyError {
         handle: usize,
     },
     /// A map leads from a vertex, handle or support that the old body does not have.
-    #[error("the {part} leads from number {found}, but the old body has {count}, counted from 0")]
+    #[error(
+        "the {part} leads from number {found}, but the old body has {count} of them, counted from 0"
+    )]
     Map {
         /// The part of the map.
         part: &'static str,
@@ -244,7 +255,7 @@ pub enum StepError {
         found: f64,
     },
     /// The number of target poses differs from the number of handles.
-    #[error("{found} target poses given for {expected} handles")]
+    #[error("{found} target poses are given for {expected} handles")]
     Targets {
         /// The number of target poses given.
         found: usize,
@@ -261,7 +272,7 @@ pub enum StepError {
     #[error(transparent)]
     Forces(BodyError),
     /// The calls of a step were not made in their order, or the topology epoch of the body changed between two calls.
-    #[error("`{call}` was called on a step for which `{first}` has yet to be called")]
+    #[error("`{call}` was called on a step before `{first}` was called")]
     Stage {
         /// The call that was made.
         call: &'static str,
@@ -283,9 +294,9 @@ pub enum StepError {
     },
     /// Newton's method did not reach its tolerance, even with the smallest step.
     #[error(
-        "no balance was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
+        "no balance of forces was found: a residual of {residual:e} N among forces of {reference:e} N is left after \
          {iterations} iterations of the smallest step; the last state is kept. Is the body held, and can \
-         what is asked of it be reached?"
+         the body reach the prescribed displacements?"
     )]
     NotConverged {
         /// Iterations of the last attempt.
@@ -297,8 +308,8 @@ pub enum StepError {
     },
     /// Rounding leaves so much of the motion undetermined that it is not solved.
     #[error(
-        "too few digits: the body moves by {moved:e} m, of which rounding leaves {open:e} m open, for its coordinates \
-         go up to {place:e} m and numbers of that size are {:.1e} m apart; the last state is kept. {}",
+        "too few digits: the body moves by {moved:e} m, of which rounding leaves {open:e} m undetermined, because its \
+         coordinates go up to {place:e} m, and numbers of that size are {:.1e} m apart; the last state is kept. {}",
         place * f64::EPSILON,
         rounding_advice(*place, *size)
     )]
@@ -314,8 +325,8 @@ pub enum StepError {
     },
     /// Even with the smallest step, every balance that was found inverts further elements.
     #[error(
-        "{count} elements would be turned inside out by the smallest step; the last state is kept. Take \
-         a law that bears it (stable neo-Hookean), or ask for less"
+        "{count} elements would be inverted by the smallest step; the last state is kept. Use a law that allows \
+         inverted elements (stable neo-Hookean), or prescribe smaller displacements and loads"
     )]
     Inverted {
         /// Inverted elements after the last attempt.
@@ -331,7 +342,7 @@ fn rounding_advice(place: f64, size: f64) -> &'static str {
     if place > 10.0 * size {
         "Move the body nearer to the origin"
     } else {
-        "Ask for larger loads or displacements: the body is too stiff for these"
+        "Prescribe larger loads or displacements: the body is too stiff for these"
     }
 }
 

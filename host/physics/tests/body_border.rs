@@ -487,12 +487,12 @@ fn a_clamp_without_a_meaning_is_refused() {
     let material = Material { ..rubber(0.3) };
     let flat = Body::sheet(&mesh, &[material], tight(), std::slice::from_ref(&spec));
     let text = "handle 0 cannot clamp the border of the body: the body has no stiffness against bending; \
-                make its border hinged";
+                make this border hinged";
     assert_eq!(refuse(flat), text);
     let inner = |x: &Vec3| x.x > 0.03 && x.x < 0.07 && x.y > 0.005 && x.y < 0.025;
     let specs = [spec, clamped(&mesh, Freedom::Rigid, inner)];
     let found = Body::sheet(&mesh, &[material], bending(), &specs);
-    let text = "handle 1 cannot clamp the border of the body: it holds no edge of the sheet's border; make its \
+    let text = "handle 1 cannot clamp the border of the body: its vertices contain no edge of the sheet's border; make this \
                 border hinged";
     assert_eq!(refuse(found), text);
 

@@ -173,7 +173,8 @@ fn a_map_that_leads_nowhere_is_refused_and_nothing_has_changed() {
     let mut map = BodyMap::identity(&body);
     map.vertices[3] = 55;
     let refused = other.continue_from(&body, &map).unwrap_err();
-    let text = "the map of vertices leads from number 55, but the old body has 55, counted from 0";
+    let text =
+        "the map of vertices leads from number 55, but the old body has 55 of them, counted from 0";
     assert_eq!(refused.to_string(), text);
     let mut map = BodyMap::identity(&body);
     map.handles.pop();

@@ -93,7 +93,7 @@ fn triangles_must_name_three_existing_vertices() {
     );
     assert_eq!(
         error.to_string(),
-        "triangle 1: there is no vertex 4, the mesh has 4, counted from 0"
+        "triangle 1: vertex 4 does not exist; the mesh has 4 vertices, counted from 0"
     );
     for (corners, vertex) in [([2, 2, 3], 2), ([3, 0, 3], 3), ([0, 3, 3], 3)] {
         let error = changed(|_, triangles| triangles[1] = corners).unwrap_err();
@@ -183,7 +183,7 @@ fn at_most_two_triangles_may_meet_at_an_edge() {
     );
     assert_eq!(
         error.to_string(),
-        "edge 0-2: triangles 0, 1 and 2 meet there, at most 2 may"
+        "edge 0-2: triangles 0, 1 and 2 meet there; at most two triangles may share an edge"
     );
 }
 

@@ -86,15 +86,15 @@ fn the_checks_of_sheets_hold_for_solids() {
     for (fields, expected) in [
         (
             vec![field("a", &[1.0])],
-            "field \"a\": it has 1 values, 2 are needed",
+            "field \"a\" has 1 values; 2 values are needed",
         ),
         (
             vec![field("a", &[1.0, f64::NAN])],
-            "field \"a\": value number 1 is NaN, it must be finite",
+            "field \"a\": value number 1 is NaN; every value must be finite",
         ),
         (
             vec![field("a", &[1.0; 2]), field("a", &[2.0; 2])],
-            "field \"a\": the name is used by two fields, each needs its own",
+            "field \"a\": two fields have this name; each field needs its own name",
         ),
     ] {
         mesh.cell_fields = fields;
@@ -110,7 +110,7 @@ fn cells_must_name_different_vertices_that_exist() {
     );
     assert_eq!(
         linear(|_, cells| cells[1][3] = 5).unwrap_err().to_string(),
-        "cell 1: there is no vertex 5, the mesh has 5, counted from 0"
+        "cell 1: vertex 5 does not exist; the mesh has 5 vertices, counted from 0"
     );
     assert_eq!(
         linear(|_, cells| cells[1][3] = 1).unwrap_err(),
@@ -135,8 +135,8 @@ fn cells_must_have_a_positive_volume_at_any_scale() {
         linear(|_, cells| cells[0].swap(1, 2))
             .unwrap_err()
             .to_string(),
-        "cell 0: its volume is -1.667e-1 m^3, it must be positive; exchange two corners, and the midsides \
-         with them"
+        "cell 0: its volume is -1.667e-1 m^3 and must be positive; exchange two corners, and the midsides \
+         with these corners"
     );
     for scale in [1e-6, 1.0, 1e6] {
         let squashed = |height: f64| {
@@ -251,7 +251,7 @@ fn two_cells_may_not_lie_on_one_side_of_a_face() {
     });
     assert_eq!(
         third.unwrap_err().to_string(),
-        "cell 2: it overlaps cell 1, both lie on one side of the face 1-2-3"
+        "cell 2 overlaps cell 1: both cells lie on one side of the face 1-2-3"
     );
 }
 
@@ -272,8 +272,8 @@ fn an_edge_has_one_middle_and_a_middle_one_edge() {
     });
     assert_eq!(
         error.unwrap_err().to_string(),
-        "cell 1: the edge 1-2 has its middle at vertex 14, in cell 0 at vertex 6, where the mesh would come \
-         apart"
+        "cell 1: the edge 1-2 has its middle at vertex 14, but at vertex 6 in cell 0, so the mesh is not \
+         connected there"
     );
     // Two separate cells, one just beside the other, have one vertex as the middle of both edges 0-1.
     let mut pair = two();
@@ -299,7 +299,7 @@ fn an_edge_has_one_middle_and_a_middle_one_edge() {
     cells[1][4] = kept;
     assert_eq!(
         pair.validate().unwrap_err().to_string(),
-        "cell 1: vertex 4 is the middle of the edge 10-11, and of another in cell 0"
+        "cell 1: vertex 4 is the middle of the edge 10-11, and of another edge in cell 0"
     );
     // A corner of a third cell is the middle of an edge.
     let mut mesh = two().quadratic();

@@ -124,7 +124,7 @@ pub(super) fn run(arguments: &CompareArguments) -> Result<(), CommandError> {
 /// Prints one row for each run, and one for the reference. Each number is that of the worst device or body.
 fn print(found: &Comparison) {
     outln!(
-        "{}: {} runs of {} s in virtual time, seed {}; ticks at {} Hz, steps of the host at {} Hz, {:.1} ms late",
+        "{}: {} runs of {} s in virtual time, seed {}; ticks at {} Hz, steps of the host at {} Hz, latency {:.1} ms",
         found.scene,
         found.runs.len(),
         found.duration,
@@ -134,7 +134,7 @@ fn print(found: &Comparison) {
         1e3 * found.latency
     );
     outln!(
-        "  force errors and ripple from {:.3} s on",
+        "  force errors and ripple are measured from {:.3} s on",
         found.measured_from
     );
     for fault in &found.faults {
@@ -224,7 +224,7 @@ fn picture(found: &Comparison) -> String {
     }
     let title = format!("{}: force schemes", found.scene);
     let subtitle = format!(
-        "virtual time, seed {}; the host is {:.1} ms late; forces along the main direction of each device",
+        "virtual time, seed {}; latency {:.1} ms; forces along the main direction of each device",
         found.seed,
         1e3 * found.latency
     );

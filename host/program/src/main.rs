@@ -15,6 +15,7 @@ mod fault;
 mod mesh;
 mod outputs;
 mod overrides;
+mod panics;
 mod plan;
 mod progress;
 mod replay;
@@ -30,10 +31,10 @@ use progress::ProgressBar;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// A hard-realtime controller for haptic devices that touch deformable things.
+/// A hard-realtime controller for haptic devices that touch deformable bodies.
 ///
-/// Without a command, runs the built-in scene: two hands, each on a simulated device, stretch a rubber
-/// sheet; the host runs finite elements, and the tick returns forces at 1 kHz.
+/// Without a command, runs the built-in scene and prints a summary: two hands, each on a simulated device, stretch a
+/// rubber sheet; the host runs finite elements, and the tick returns forces at 1 kHz.
 #[derive(Debug, Parser)]
 #[command(name = "palpate", version, after_help = EXAMPLES)]
 struct Arguments {
@@ -51,8 +52,8 @@ Examples:
   palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
   palpate compare my_scene.toml                compare the force schemes on your own scene
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
-  palpate bench speed --quick                  measure run time against error, beside other programs
-  palpate stress wall --quick                  find the stiffest wall of each device, beside theory";
+  palpate bench speed --quick                  measure run time against error, and compare with other programs
+  palpate stress wall --quick                  find the stiffest wall of each device, and compare with theory";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -68,7 +69,7 @@ enum Command {
     Mesh(mesh::MeshArguments),
     /// Measure accuracy, speed and stability, and print the tables that the book quotes
     Bench(bench::BenchArguments),
-    /// Take devices, schemes and scenes to their limits before a person touches them
+    /// Test devices, schemes and scenes at their limits, before a person touches a device
     Stress(stress::StressArguments),
 }
 
@@ -82,7 +83,7 @@ enum CommandError {
     #[error("with {given}: {source}")]
     Override { given: String, source: SceneError },
     #[error(
-        "--latency is of the virtual clock: found --clock real, where the machine decides the latency"
+        "--latency applies to virtual time only: found --clock real, under which the machine decides the latency"
     )]
     NeedsVirtualClock,
     #[error(transparent)]
@@ -101,13 +102,13 @@ enum CommandError {
     #[error("{}; shut down cleanly", if *.0 == 2 { "interrupted" } else { "terminated" })]
     Signal(u8),
     #[error(
-        "{0} needs a thread for the tick, which a run in virtual time does not have: found --clock virtual, \
-         allowed --clock real"
+        "{0} applies to the thread of the tick, and a run in virtual time has no such thread: found --clock virtual, \
+         allowed: --clock real"
     )]
     NeedsRealClock(&'static str),
     #[error("--core: {0}")]
     Core(#[from] runner::cores::NoSuchCore),
-    #[error("cannot handle signals: {0}")]
+    #[error("cannot install the handlers of SIGINT and SIGTERM: {0}")]
     Signals(std::io::Error),
     #[error(transparent)]
     Solve(physics::CondenseError),
@@ -129,7 +130,7 @@ enum CommandError {
     Seeds(#[from] study::stress::seeds::SeedsError),
     #[error("{failed} of {of} cells fail")]
     Stressed { failed: usize, of: usize },
-    #[error("{failed} of the suite's cases fail; they are listed above")]
+    #[error("{failed} cases of the suite fail; the lines \"FAIL\" above name these cases")]
     Unstable { failed: usize },
 }
 
@@ -158,6 +159,7 @@ impl CommandError {
 }
 
 fn main() -> ExitCode {
+    panics::report_in_one_line();
     let code = match Arguments::try_parse() {
         Ok(arguments) => execute(arguments.command),
         Err(message) => {
@@ -206,7 +208,7 @@ fn load(path: Option<&Path>) -> Result<LoadedScene, SceneError> {
 /// A scene file as an argument.
 #[derive(Clone, Debug, Default, clap::Args)]
 struct SceneArgument {
-    /// Scene file (TOML); without one, the built-in scene
+    /// Scene file (TOML). Default: the built-in scene
     scene: Option<PathBuf>,
 }
 

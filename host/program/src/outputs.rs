@@ -138,7 +138,7 @@ pub(super) enum OutputError {
     },
     /// Another program writes to the file.
     #[error(
-        "{flag} {}: another program is writing to it; give each program a file of its own",
+        "{flag} {}: another program is writing to this path; give each program a file of its own",
         path.display()
     )]
     Busy { flag: &'static str, path: PathBuf },
@@ -153,7 +153,7 @@ pub(super) enum OutputError {
     #[error("{flag} {}: this is a folder; give a file", path.display())]
     Folder { flag: &'static str, path: PathBuf },
     /// A file where a folder is needed.
-    #[error("{flag} {}: this is no folder; give a folder, which may be new", path.display())]
+    #[error("{flag} {}: this is not a folder; give a folder, which may be new", path.display())]
     NoFolder { flag: &'static str, path: PathBuf },
     /// The folder of the file does not exist.
     #[error("{flag} {}: the folder {} does not exist; create it first", path.display(), folder.display())]
@@ -169,7 +169,7 @@ pub(super) enum OutputError {
     )]
     Pipe { flag: &'static str, path: PathBuf },
     /// The system refuses to write there.
-    #[error("{flag} {}: cannot write there: {source}", path.display())]
+    #[error("{flag} {}: cannot write to this path: {source}", path.display())]
     System {
         flag: &'static str,
         path: PathBuf,

@@ -20,7 +20,7 @@ pub(super) struct PlanArguments {
     /// Write the plan as JSON as well
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Do not time a step: a large mesh takes a while to settle and to factorize
+    /// Do not time a step, which takes long for a large mesh
     #[arg(long)]
     no_timing: bool,
 }

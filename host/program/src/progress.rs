@@ -97,7 +97,7 @@ impl ProgressBar {
         };
         *lock(&self.shared.over) = true;
         self.shared.changed.notify_all();
-        // A panic of that thread has been printed, and matters to nobody else.
+        // The panic hook has reported a panic of that thread, which has no other consequence.
         let _ = thread.join();
     }
 }

@@ -32,7 +32,7 @@ Examples:
 pub(super) struct RunArguments {
     #[command(flatten)]
     scene: SceneArgument,
-    /// Clock of the run: virtual time is exact and repeatable, real time is that of the machine
+    /// Clock of the run: virtual time is bit-for-bit reproducible, real time is that of the machine
     #[arg(long, value_enum, default_value_t = ClockName::Virtual)]
     clock: ClockName,
     /// Duration of the run in seconds. Default: the duration of the scene

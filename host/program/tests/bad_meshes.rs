@@ -103,22 +103,22 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
         (
             "flat.obj",
             obj("v 2 0 0\nf 1 2 4"),
-            "line 5: triangle 0: it is flat, its height is 0.000e0 of its longest edge; at least 1e-6 is needed",
+            "line 5: triangle 0 is flat: its height is 0.000e0 of its longest edge; at least 1e-6 is needed",
         ),
         (
             "crowded.obj",
             obj("v 0 0 1\nv 0 0 -1\nf 1 2 3\nf 1 2 4\nf 1 2 5"),
-            "line 8: edge 0-1: triangles 0, 1 and 2 meet there, at most 2 may",
+            "line 8: edge 0-1: triangles 0, 1 and 2 meet there; at most two triangles may share an edge",
         ),
         (
             "twins.obj",
             obj("v 0 0 0\nv 1 1 1\nf 1 2 3\nf 4 5 2"),
-            "line 4: vertices 0 and 3 lie at one place, where the mesh would silently come apart; merge them (a slit needs a gap)",
+            "line 4: vertices 0 and 3 lie at one place, where the mesh is not connected; merge the two vertices (a slit needs a gap)",
         ),
         (
             "empty.obj",
             Vec::new(),
-            "line 1: the mesh has no triangles, at least 1 is needed",
+            "line 1: the mesh has no triangles; at least one is needed",
         ),
         (
             "latin.obj",
@@ -172,7 +172,7 @@ fn a_bad_mesh_is_refused_in_one_line_before_anything_is_written() -> Outcome {
         (
             "unknown.stl",
             b"solid".to_vec(),
-            "expected a mesh in a file called .obj, .vtk, .vtu, .vtp or .msh, found another name and a file that begins with \"solid\"",
+            "expected a mesh file whose name ends in .obj, .vtk, .vtu, .vtp or .msh, found another name and a file that begins with \"solid\"",
         ),
     ];
     let mut wrong = Vec::new();

@@ -71,18 +71,13 @@ fn is_progress(line: &str) -> bool {
         .is_some_and(|(seconds, _)| seconds.parse::<u64>().is_ok())
 }
 
-/// A message of the program without blank ends, and without the number of a thread that panicked, which differs from
-/// run to run.
-fn without_thread(message: &str) -> String {
+/// A message of the program without blank ends, and without lines of progress.
+fn without_progress(message: &str) -> String {
     let lines = message
         .trim()
         .lines()
         // A busy machine may be slow enough for a line of progress.
-        .filter(|line| !is_progress(line))
-        .map(|line| match (line.find(" ("), line.find(") panicked at")) {
-            (Some(start), Some(end)) => format!("{}{}", &line[..start], &line[end + 1..]),
-            _ => line.to_owned(),
-        });
+        .filter(|line| !is_progress(line));
     lines.collect::<Vec<_>>().join("\n")
 }
 
@@ -123,7 +118,7 @@ impl Mistake {
             .unwrap();
         Self {
             code: output.status.code().unwrap_or(-1),
-            says: without_thread(&String::from_utf8_lossy(&output.stderr)),
+            says: without_progress(&String::from_utf8_lossy(&output.stderr)),
             ..self.clone()
         }
     }

@@ -167,7 +167,7 @@ run --log no/x.mcap
 --log no/x.mcap: the folder no does not exist; create it first
 bench speed --quick --plot scene.toml
 2
---plot scene.toml: this is no folder; give a folder, which may be new
+--plot scene.toml: this is not a folder; give a folder, which may be new
 run --log pipe
 2
 --log pipe: this is a pipe; the command needs a file, as it does not write from beginning to end
@@ -205,7 +205,7 @@ fn a_folder_in_which_nothing_can_be_written_is_refused_before_the_work() -> Outc
     for argument in ["--json", "--log", "--plot"] {
         let output = palpate(folder.path(), &format!("run {argument} /proc/self/new")).output()?;
         let expected = format!(
-            "palpate: {argument} /proc/self/new: cannot write there: No such file or directory (os error 2)"
+            "palpate: {argument} /proc/self/new: cannot write to this path: No such file or directory (os error 2)"
         );
         assert_eq!(end(&output), (Some(1), expected));
         assert!(output.stdout.is_empty());
@@ -297,8 +297,8 @@ fn two_studies_with_one_file_of_results_are_told_to_merge() -> Outcome {
     let held = File::create(&path)?;
     held.try_lock()?;
     let output = palpate(folder.path(), "stress faults --quick --json cells.jsonl").output()?;
-    let expected = "palpate: cells.jsonl: another run is writing to it; give each shard a file of its own, and merge \
-                    them with cat";
+    let expected = "palpate: cells.jsonl: another run is writing to this file; give each shard a file of its own, and merge \
+                    the files with cat";
     assert_eq!(end(&output), (Some(1), expected.to_owned()));
     assert_eq!(fs::read(&path)?, b"");
     Ok(())
@@ -307,17 +307,17 @@ fn two_studies_with_one_file_of_results_are_told_to_merge() -> Outcome {
 /// Cases of two lines, beside a run that writes `run.mcap` and `run.json`: the arguments, the message.
 const BUSY: &str = r"
 run --duration 0.01 --log run.mcap
---log run.mcap: another program is writing to it; give each program a file of its own
+--log run.mcap: another program is writing to this path; give each program a file of its own
 run --duration 0.01 --log alias.mcap
---log alias.mcap: another program is writing to it; give each program a file of its own
+--log alias.mcap: another program is writing to this path; give each program a file of its own
 run --duration 0.01 --log run.json --plot x.svg
 --log run.json: found the ending of another format, allowed: .mcap
 plan --json alias
---json alias: another program is writing to it; give each program a file of its own
+--json alias: another program is writing to this path; give each program a file of its own
 plan --json run.json
---json run.json: another program is writing to it; give each program a file of its own
+--json run.json: another program is writing to this path; give each program a file of its own
 stress faults --quick --json run.json
---json run.json: another program is writing to it; give each program a file of its own
+--json run.json: another program is writing to this path; give each program a file of its own
 ";
 
 #[test]

@@ -96,7 +96,7 @@ fn a_value_that_the_scene_may_not_have_is_refused() -> Outcome {
         ),
         (
             "--clock real --latency 0.1",
-            "--latency is of the virtual clock: found --clock real, where the machine decides the latency",
+            "--latency applies to virtual time only: found --clock real, under which the machine decides the latency",
         ),
     ] {
         let run = palpate(folder.path(), &format!("run a.toml {flags}"))?;

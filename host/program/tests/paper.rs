@@ -86,7 +86,7 @@ fn a_plan_tells_the_time_of_a_step() {
     let printed = text(&output.stdout);
     assert!(
         printed.contains("  time       on this machine, a step takes about ")
-            && printed.contains("the scene asks for one every 4.0 ms"),
+            && printed.contains("the scene needs a step every 4.0 ms"),
         "{printed}"
     );
     let time = json(&folder.path().join("plan.json"))["step_time"].as_f64();

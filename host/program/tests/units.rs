@@ -70,7 +70,7 @@ fn what_no_scene_can_mean_ends_every_command_with_exit_code_2() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene("1e6", "").replace("length = 0.1", "length = 100");
     let expected = "palpate: scene.toml:6: body[0].mesh: found 100 m along the longest side of the mesh, allowed: 1e-6 \
-                    to 20 m; is it in millimetres? lengths are in metres: 1 mm is 0.001\n";
+                    to 20 m; is the value in millimetres? lengths are in metres: 1 mm is 0.001\n";
     for arguments in [
         &["run", "scene.toml"][..],
         &["plan", "scene.toml"],

@@ -131,9 +131,9 @@ pub(super) fn bends(weave: WeaveFields) -> bool {
 /// What is allowed where a body of this kind has no such thing.
 fn none(kind: Kind) -> &'static str {
     match kind {
-        Kind::Sheet | Kind::Woven => "none: the mesh is a sheet",
-        Kind::Solid => "none: the mesh is a solid",
-        Kind::Thread => "none: the mesh is a thread",
+        Kind::Sheet | Kind::Woven => "no such field, because the mesh is a sheet",
+        Kind::Solid => "no such field, because the mesh is a solid",
+        Kind::Thread => "no such field, because the mesh is a thread",
     }
 }
 

@@ -294,9 +294,8 @@ fn held_once(
     }
     let (of, others) = (vertices.len(), held.len());
     let found =
-        format!("{shared} of the {of} vertices of {this} among the {others} of {other}, too");
-    let allowed =
-        "vertices that nothing else holds: make the group or the box of one of the two smaller";
+        format!("{shared} vertices in both {this} ({of} vertices) and {other} ({others} vertices)");
+    let allowed = "vertices that only one of the two holds: make the group or the box of one of the two smaller";
     Err(loaded.source.error(field, found, allowed))
 }
 
@@ -399,7 +398,7 @@ fn field_of_handle(loaded: &LoadedScene, index: usize, parts: &[Part], number: u
 /// The error of a handle or a support at `field` that cannot clamp the border.
 fn unclamped(loaded: &LoadedScene, field: &str, found: &str) -> SceneError {
     let found = format!("\"clamped\", but {found}");
-    let allowed = "\"hinged\" here";
+    let allowed = "\"hinged\"";
     loaded
         .source
         .error(&format!("{field}.border"), found, allowed)

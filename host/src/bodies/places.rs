@@ -98,7 +98,7 @@ fn select<P: Iterator<Item = Vec3>>(
         let corner = |p: Vec3| format!("[{:.4}, {:.4}, {:.4}]", p.x, p.y, p.z);
         let allowed = around.map_or("a mesh with elements".to_owned(), |(low, high)| {
             let around = format!("[{}, {}] m", corner(low), corner(high));
-            format!("a box that contains at least one; all lie in {around}")
+            format!("a box that contains at least one {member}; each {member} lies in {around}")
         });
         return Err(loaded.source.error(&field, found, allowed));
     }

@@ -62,14 +62,14 @@ fn held_twice(loaded: &LoadedScene, index: usize, mesh: &Mesh) -> Vec<Warning> {
                 warnings.push(Warning {
                     place: loaded.source.place(&field),
                     found: format!(
-                        "{shared} of the {} vertices of handle {:?} in support {:?}, too",
-                        held.len(),
+                        "{shared} vertices in both handle {:?} ({} vertices) and support {:?}",
                         handle.name,
+                        held.len(),
                         support.name
                     ),
-                    usual: "none".to_owned(),
-                    advice: "the hand moves them and the support does not hold them: make the group or the box of one \
-                             of the two smaller"
+                    usual: "no shared vertices".to_owned(),
+                    advice: "the hand moves these vertices, and the support does not hold them: make the group or the \
+                             box of one of the two smaller"
                         .to_owned(),
                 });
             }
@@ -106,12 +106,12 @@ fn through_each_other(loaded: &LoadedScene, first: usize, second: usize) -> Warn
     Warning {
         place: loaded.source.place(&format!("body[{second}]")),
         found: format!(
-            "body {:?} in the space of body {:?}: the boxes around them overlap",
+            "body {:?} in the space of body {:?}: the boxes around the two bodies overlap",
             bodies[second].name, bodies[first].name
         ),
         usual: "bodies beside each other".to_owned(),
         advice: format!(
-            "bodies do not feel each other, so they pass through each other: set body[{second}].position"
+            "no force acts between two bodies, so the two pass through each other: set body[{second}].position"
         ),
     }
 }

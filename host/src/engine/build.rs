@@ -66,8 +66,8 @@ pub fn with_solvers(
 pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
     let scene = &loaded.scene;
     if scene.devices.is_empty() {
-        let allowed = format!("1 to {MAX_DEVICES} of them in a run (`palpate solve` needs none)");
-        return Err(loaded.source.error("device", "none", allowed));
+        let allowed = format!("1 to {MAX_DEVICES} devices (`palpate solve` needs no device)");
+        return Err(loaded.source.error("device", "no device", allowed));
     }
     for (index, body) in scene.bodies.iter().enumerate() {
         for (number, support) in body.supports.iter().enumerate() {
@@ -75,7 +75,7 @@ pub fn check(loaded: &LoadedScene) -> Result<(), SceneError> {
             let moved = support.displacement != [0.0; 3];
             if moved || support.rotation.is_some() {
                 let allowed = "a support at rest: only `palpate solve` moves supports";
-                return Err(loaded.source.error(&field, "one that moves", allowed));
+                return Err(loaded.source.error(&field, "a support that moves", allowed));
             }
         }
     }

@@ -65,7 +65,7 @@ pub enum Edit {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ChangeError {
     /// There is no such body.
-    #[error("there is no body {body}: the engine has {count}, counted from 0")]
+    #[error("body {body} does not exist: the engine has {count} bodies, counted from 0")]
     NoBody {
         /// The number of the requested body.
         body: usize,
@@ -73,7 +73,9 @@ pub enum ChangeError {
         count: usize,
     },
     /// An earlier change of the same body has not landed.
-    #[error("an earlier change of the body is under way; ask again when it has landed")]
+    #[error(
+        "an earlier change of the body has not landed yet; request this change again after that"
+    )]
     UnderWay,
     /// A device that does not exist is to hold a handle.
     #[error("device {device} cannot hold a handle: devices are 0 to {}", MAX_DEVICES - 1)]
@@ -90,7 +92,7 @@ pub enum ChangeError {
         device: u8,
     },
     /// The body would have more handles than a local model.
-    #[error("the body would have {found} handles; it may have {MAX_HANDLES}")]
+    #[error("the body would have {found} handles; at most {MAX_HANDLES} are allowed")]
     TooManyHandles {
         /// The number of handles after the change.
         found: usize,

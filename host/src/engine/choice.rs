@@ -37,12 +37,14 @@ fn by_memory(bytes: usize) -> Choice {
     if bytes > LARGEST_FACTOR {
         Choice {
             solver: SolverName::Incomplete,
-            why: format!("a complete factor would take {found:.0} MB, `auto` allows {most:.0}"),
+            why: format!(
+                "a complete factor would take {found:.0} MB, and `auto` allows {most:.0} MB"
+            ),
         }
     } else {
         Choice {
             solver: SolverName::Frozen,
-            why: format!("the factor takes {found:.1} MB, `auto` allows {most:.0}"),
+            why: format!("the factor takes {found:.1} MB, and `auto` allows {most:.0} MB"),
         }
     }
 }
@@ -55,12 +57,15 @@ mod tests {
     fn memory_decides_the_solver_and_is_reported() {
         let fits = by_memory(LARGEST_FACTOR);
         assert_eq!(fits.solver, SolverName::Frozen);
-        assert_eq!(fits.why, "the factor takes 1073.7 MB, `auto` allows 1074");
+        assert_eq!(
+            fits.why,
+            "the factor takes 1073.7 MB, and `auto` allows 1074 MB"
+        );
         let large = by_memory(1_500_000_000);
         assert_eq!(large.solver, SolverName::Incomplete);
         assert_eq!(
             large.why,
-            "a complete factor would take 1500 MB, `auto` allows 1074"
+            "a complete factor would take 1500 MB, and `auto` allows 1074 MB"
         );
     }
 }

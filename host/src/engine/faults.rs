@@ -40,7 +40,7 @@ impl HostFault {
         match self.kind {
             FaultKind::Stall => "the host stalls",
             FaultKind::Panic => "the host panics",
-            FaultKind::NotANumber => "the host publishes what is not a number",
+            FaultKind::NotANumber => "the host publishes numbers that are not finite",
             FaultKind::Topology => "the host publishes models for other handles",
         }
     }

@@ -117,7 +117,7 @@ mod tests {
         let first = LogFile::open(&path).expect("a file");
         let second = LogFile::open(&path).err().expect("one writer");
         let expected = format!(
-            "cannot write the log {}: another program is writing to it; give each run a log of its own",
+            "cannot write the log {}: another program is writing to this log; give each run a log of its own",
             path.display()
         );
         assert_eq!(second.to_string(), expected);

@@ -67,14 +67,16 @@ pub enum LogError {
     },
     /// Another program writes to the file.
     #[error(
-        "cannot write the log {log}: another program is writing to it; give each run a log of its own"
+        "cannot write the log {log}: another program is writing to this log; give each run a log of its own"
     )]
     Busy {
         /// The log, as messages name it.
         log: String,
     },
     /// The file could not be written.
-    #[error("cannot write the log {log}: {source} (the ticks flushed before are kept)")]
+    #[error(
+        "cannot write the log {log}: {source} (the ticks that were flushed before are in the log)"
+    )]
     Write {
         /// The log, as messages name it.
         log: String,
@@ -82,11 +84,11 @@ pub enum LogError {
         source: io::Error,
     },
     /// The bytes are no MCAP file, or the file is damaged before its end.
-    #[error("not an MCAP file, or a damaged one: {0}")]
+    #[error("this file is not an MCAP file, or is damaged: {0}")]
     Damaged(McapError),
     /// The file is a sound MCAP file but has no channel of ticks.
     #[error(
-        "no channel of {} in this file: it is not a log of palpate",
+        "this file has no channel of {} and so is not a log of palpate",
         tick::SCHEMA_NAME
     )]
     NoTicks,

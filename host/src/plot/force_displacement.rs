@@ -135,7 +135,7 @@ fn draw(area: &Area, title: &str, curves: &[LoadCurve]) -> Drawn {
     let branches: Vec<Vec<Branch>> = drawn.iter().map(|points| branches(points)).collect();
     let returns = branches.iter().flatten().any(|branch| !branch.loading);
     let subtitle = if returns {
-        "solid: displacement grows; dashed: it returns"
+        "solid: displacement grows; dashed: displacement falls"
     } else {
         ""
     };

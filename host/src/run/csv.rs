@@ -147,7 +147,7 @@ fn open(path: &Path) -> io::Result<Box<dyn Write + Send>> {
         Err(TryLockError::WouldBlock) => {
             return Err(io::Error::new(
                 io::ErrorKind::ResourceBusy,
-                "another program is writing to it; give each run a table of its own",
+                "another program is writing to this table; give each run a table of its own",
             ));
         }
         // Some file systems have no locks.

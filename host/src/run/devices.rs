@@ -83,17 +83,19 @@ fn request(loaded: &LoadedScene, index: usize) -> Request<'_> {
 
 /// A driver's error, with the place in the scene that the error concerns.
 fn located(loaded: &LoadedScene, index: usize, error: OpenError) -> SceneError {
-    let (field, found, allowed) = match error {
-        OpenError::UnknownDriver { found, known } => (".driver".into(), found, known),
+    let at = |field: &str| format!("device[{index}]{field}");
+    match error {
+        OpenError::UnknownDriver { found, known } => {
+            loaded.source.error(&at(".driver"), found, known)
+        }
         OpenError::Setting {
             field,
             found,
             allowed,
-        } => (format!(".settings.{field}"), found, allowed),
-        OpenError::Refused { source, allowed } => {
-            (String::new(), source.to_string(), allowed.to_owned())
+        } => {
+            let field = at(&format!(".settings.{field}"));
+            loaded.source.error(&field, found, allowed)
         }
-    };
-    let field = format!("device[{index}]{field}");
-    loaded.source.error(&field, found, allowed)
+        OpenError::Refused { source, .. } => loaded.source.problem(&at(""), source.to_string()),
+    }
 }

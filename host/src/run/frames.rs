@@ -10,7 +10,7 @@ use super::parts::Parts;
 use crate::atomic_file::AtomicFileError;
 use crate::bodies::{self, Built};
 use crate::engine::body::HostBody;
-use crate::run::message;
+use crate::run::panics;
 use crate::scene::{LoadedScene, Scene};
 use crate::solve::frames::FrameFolder;
 use crate::solve::{Frame, snapshot};
@@ -233,7 +233,8 @@ impl FrameWriter {
                 frames
             }
             Err(panic) => {
-                let what = format!("the thread of the frames panicked: {}", message(&*panic));
+                let panic = panics::text(&*panic);
+                let what = format!("the thread of the frames panicked: {panic}");
                 parts.failures.push(what);
                 return;
             }

@@ -24,9 +24,7 @@ pub(super) fn build(
     };
     let refuse = |part: &str, e: &dyn Display| {
         let field = format!("device[{index}].hand.{part}");
-        loaded
-            .source
-            .error(&field, e.to_string(), "a trajectory that a hand can follow")
+        loaded.source.problem(&field, e.to_string())
     };
     // Each hand has its own tremor and variation: the device's number makes the seed distinct. The hands beyond the
     // fourth are told apart by the highest bits, so that the others keep their motions.

@@ -21,10 +21,10 @@ pub(super) fn summaries(
         }
     };
     for (body, found) in scene.bodies.iter().zip(by_bodies) {
-        let why = "the cap lets a body give back no more energy than the hands have put in";
+        let why = "the cap lets a body give back no more energy than the hands have supplied";
         push(&body.name, "cap", &found.capped, why.to_owned());
         let why = format!(
-            "its model was older than {} s (`age_limit`), or had just been",
+            "its model was older than {} s (`age_limit`), or its force was returning after that",
             scene.realtime.age_limit()
         );
         push(&body.name, "old model", &found.aged, why);

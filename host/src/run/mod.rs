@@ -12,6 +12,7 @@ mod load_curve;
 mod log_observer;
 mod marks;
 pub mod observer;
+pub mod panics;
 mod parts;
 mod real_clock;
 pub mod replay;
@@ -41,7 +42,6 @@ use runner::thread::{RunnerConfig, SpawnError, Stop, TickPanic};
 use runner::{CoreChoice, Cores, Reserved};
 use setup::Setup;
 use slow_host::StepTime;
-use std::any::Any;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -137,7 +137,7 @@ pub enum RunError {
     #[error(transparent)]
     Tick(#[from] TickPanic),
     /// No thread for the host or the log.
-    #[error("the system gave no thread: {0}")]
+    #[error("the system gave no thread for the host or the log: {0}")]
     Thread(std::io::Error),
 }
 
@@ -373,15 +373,7 @@ fn instructions(code: FactorCode) -> String {
     path
 }
 
-fn host_panicked(message: &str) -> String {
-    format!("the host panicked, and the tick went on without it: {message}")
-}
-
-/// The message of a panic.
-pub fn message(panic: &(dyn Any + Send)) -> &str {
-    panic
-        .downcast_ref::<&str>()
-        .copied()
-        .or_else(|| panic.downcast_ref::<String>().map(String::as_str))
-        .unwrap_or("no message")
+/// The failure of a run whose host panicked; `panic` is the text of the panic.
+fn host_panicked(panic: &str) -> String {
+    format!("the host panicked, and the tick continued without the host: {panic}")
 }

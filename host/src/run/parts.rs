@@ -53,7 +53,7 @@ impl Parts {
             && let Some(fault) = &engine.stats().first_fault
         {
             let count = engine.stats().faults;
-            let failure = format!("{count} host steps failed; the first: {fault}");
+            let failure = format!("{count} host steps failed; the first failure: {fault}");
             self.failures.push(failure);
         }
         let ticks = self.tick.ticks;
@@ -64,7 +64,7 @@ impl Parts {
             if 2 * missed > ticks {
                 let name = &device.name;
                 self.failures.push(format!(
-                    "device {name:?} gave no usable reading in {missed} of {ticks} ticks: it was silent, or it moved \
+                    "device {name:?} gave no usable reading in {missed} of {ticks} ticks: the device was silent, or moved \
                      as no hand can; are the motions of its hand in metres?"
                 ));
             }
@@ -82,8 +82,8 @@ impl Parts {
         let models = host.map_or(0, |host| host.end.refused_copies());
         (ticks + models > 0).then(|| {
             format!(
-                "{ticks} ticks and {models} models found the log's ring full and are not in it: it \
-                 cannot be replayed, unless all that is missing is models that no tick used"
+                "the log lacks {ticks} ticks and {models} models, because its ring was full; a log that lacks a tick, \
+                 or a model that a tick used, cannot be replayed"
             )
         })
     }

@@ -8,14 +8,13 @@ use super::frames::FrameTap;
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::slow_host::SlowWatch;
-use super::{RunError, host_panicked, message};
+use super::{RunError, host_panicked, panics};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -86,11 +85,8 @@ pub(super) fn run(
             frames,
         };
         // The counts before a panic belong to the summary.
-        let ended = catch_unwind(AssertUnwindSafe(|| {
-            threads.run(|| running.steps(&host_over));
-        }));
-        let panicked = ended.err().map(|panic| message(&*panic).to_owned());
-        (running.into_side(), panicked)
+        let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
+        (running.into_side(), ended.err())
     })?;
     let log_over = Arc::clone(&over);
     let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
@@ -105,13 +101,14 @@ pub(super) fn run(
     let observers = match log.join() {
         Ok(observers) => Some(observers),
         Err(panic) => {
-            failures.push(format!("the log's thread panicked: {}", message(&*panic)));
+            let panic = panics::text(&*panic);
+            failures.push(format!("the thread of the log panicked: {panic}"));
             None
         }
     };
     let (host, panicked) = match host.join() {
         Ok((side, panicked)) => (Some(side), panicked),
-        Err(panic) => (None, Some(message(&*panic).to_owned())),
+        Err(panic) => (None, Some(panics::text(&*panic))),
     };
     failures.extend(panicked.as_deref().map(host_panicked));
     Ok(RealRun {

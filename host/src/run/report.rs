@@ -138,7 +138,7 @@ fn events(options: &RunOptions, parts: &Parts) -> Vec<EventSummary> {
     let injected = options.faults.iter().map(|fault| EventSummary {
         from: fault.at,
         to: fault.at + fault.duration,
-        description: format!("on purpose: {}", fault.name()),
+        description: format!("fault on purpose: {}", fault.name()),
     });
     let met = parts.collected.spans.iter().map(|span| EventSummary {
         from: span.from,
@@ -219,8 +219,8 @@ fn refusals(scene: &Scene, couplings: &[CouplingCounters]) -> Vec<String> {
         [
             (c.not_finite, "a number is not finite"),
             (c.wrong_handles, "wrong handles"),
-            (c.outdated, "not newer than the one in use"),
-            (c.to_come, "of a time that had not come"),
+            (c.outdated, "not newer than the model in use"),
+            (c.to_come, "timestamped in the future"),
         ]
         .map(|(count, why)| (&body.name, count, why))
     });

@@ -42,7 +42,7 @@ impl StepTime {
     /// What a step takes and what the scene asks for, in words.
     pub fn in_words(&self) -> String {
         let [took, asked] = [self.took_ns, self.asked_ns].map(time);
-        format!("a step takes about {took}, and the scene asks for one every {asked}")
+        format!("a step takes about {took}, and the scene needs a step every {asked}")
     }
 
     /// A warning for people, where a step takes too long: what will happen under `clock` (`None`: under either) in a run
@@ -85,7 +85,7 @@ impl StepTime {
             String::new()
         };
         format!(
-            "Lower `host.step_rate` and `host.publish_rate` to {rate} Hz or less, or take a coarser mesh{more}"
+            "Lower `host.step_rate` and `host.publish_rate` to {rate} Hz or less, or use a coarser mesh{more}"
         )
     }
 }
@@ -112,14 +112,14 @@ pub(super) fn skipped(
     let head = format!("the host left out {skipped} of {all} steps ({percent:.1} %)");
     Some(if time.is_too_slow() {
         format!(
-            "{head}: {}; the bodies moved slower than the hands, on models that were older than planned. {}",
+            "{head}: {}; the bodies moved slower than the hands, and the models were older than planned. {}",
             time.in_words(),
             time.advice(scene, cores)
         )
     } else {
         format!(
-            "{head}, although {}: something else kept it waiting (a fault on purpose, another program, a single long \
-             step)",
+            "{head}, although {}: the host waited for another reason (a fault on purpose, another program, a single \
+             long step)",
             time.in_words()
         )
     })
@@ -265,9 +265,9 @@ mod tests {
         let real = slow.warning(&scene.scene, Some(Clock::Real), 6.0, 8);
         assert_eq!(
             real,
-            "a step takes about 260 ms, and the scene asks for one every 10 ms: under the real clock the host leaves out \
+            "a step takes about 260 ms, and the scene needs a step every 10 ms: under the real clock the host leaves out \
              about 96 % of its steps, and the bodies move slower than the hands. Lower `host.step_rate` and \
-             `host.publish_rate` to 3 Hz or less, or take a coarser mesh, or share the steps among cores \
+             `host.publish_rate` to 3 Hz or less, or use a coarser mesh, or share the steps among cores \
              (`host.threads = 4`)"
         );
         let virtual_time = slow.warning(&scene.scene, Some(Clock::Virtual), 6.0, 1);

@@ -7,7 +7,7 @@
 
 use super::frames::FrameTap;
 use super::late::LateLink;
-use super::message;
+use super::panics;
 use super::setup::{HostSide, Running, Setup};
 use super::slow_host::SlowWatch;
 use super::timeline::{Host, Timeline};
@@ -20,7 +20,6 @@ use rt_core::Telemetry;
 use runner::TickLoop;
 use runner::link::LogRecord;
 use std::convert::Infallible;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 /// Longest time on the wall between two reports of progress, unless a single step takes longer.
@@ -164,7 +163,7 @@ impl Host for Paced {
 /// Its counts are kept for the summary.
 struct CatchPanic<H> {
     host: H,
-    /// The message of the panic, after a panic.
+    /// The text of the panic, after a panic.
     panicked: Option<String>,
 }
 
@@ -189,8 +188,8 @@ impl<H: Host> Host for CatchPanic<H> {
 
     fn step(&mut self) -> Result<(), H::Error> {
         let host = &mut self.host;
-        catch_unwind(AssertUnwindSafe(|| host.step())).unwrap_or_else(|panic| {
-            self.panicked = Some(message(&*panic).to_owned());
+        panics::caught(|| host.step()).unwrap_or_else(|panic| {
+            self.panicked = Some(panic);
             Ok(())
         })
     }

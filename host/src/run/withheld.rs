@@ -25,8 +25,8 @@ impl Stretch {
         let Withheld { force, of } = self.most;
         let percent = 100.0 * force / of;
         format!(
-            "the cap holds back up to {force:.2} N of the body's {of:.2} N ({percent:.0} %): its models claim more \
-             energy than the hands have put in"
+            "the cap holds back up to {force:.2} N of the body's {of:.2} N ({percent:.0} %): its models store more \
+             energy than the hands have supplied"
         )
     }
 }

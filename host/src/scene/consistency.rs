@@ -83,8 +83,8 @@ fn count(field: &str, found: usize, most: usize) -> Check {
     require(
         (1..=most).contains(&found),
         field,
-        found.to_string(),
-        format!("1 to {most} of them"),
+        format!("{found} entries"),
+        format!("1 to {most} entries"),
     )
 }
 
@@ -92,8 +92,8 @@ fn at_most(field: &str, found: usize, most: usize) -> Check {
     require(
         found <= most,
         field,
-        found.to_string(),
-        format!("up to {most} of them"),
+        format!("{found} entries"),
+        format!("up to {most} entries"),
     )
 }
 
@@ -234,7 +234,7 @@ fn check_loads(at: &str, body: &Body) -> Check {
             (Some(_), Some(_)) => "both `force` and `traction`",
             _ => continue,
         };
-        require(false, &at, found, "exactly one of them")?;
+        require(false, &at, found, "exactly one of the two")?;
     }
     Ok(())
 }
@@ -249,7 +249,7 @@ fn check_mounting(at: &str, device: &Device) -> Check {
 
 /// Checks the selection of a part of a mesh: by group or by box, not both.
 fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) -> Check {
-    let allowed = "exactly one of them";
+    let allowed = "exactly one of the two";
     match (group, in_box) {
         (None, None) => require(false, at, "neither `group` nor `box`", allowed),
         (Some(_), Some(_)) => require(false, at, "both `group` and `box`", allowed),
@@ -262,7 +262,7 @@ fn check_where(at: &str, group: Option<&String>, in_box: Option<[[f64; 3]; 2]>) 
 fn check_box(field: &str, [low, high]: [[f64; 3]; 2]) -> Check {
     for (axis, (low, high)) in ["x", "y", "z"].iter().zip(low.into_iter().zip(high)) {
         let found = format!("{axis} from {low:?} to {high:?}");
-        let allowed = "the lowest corner first, then the highest";
+        let allowed = "the lowest corner first, then the highest corner";
         require(low <= high, field, found, allowed)?;
     }
     Ok(())
@@ -331,10 +331,10 @@ fn check_driver(at: &str, device: &Device) -> Check {
 fn check_held(at: &str, device: &Device) -> Check {
     let simulated = device.driver == SIMULATED;
     let Some(hand) = &device.hand else {
-        let allowed = "the hand that holds this simulated device (`hand = {}` will do)";
+        let allowed = "the hand that holds this simulated device (`hand = {}` suffices)";
         return require(!simulated, &format!("{at}.hand"), "none", allowed);
     };
-    let none = |what: &str| format!("nothing here: {what} is for simulated devices");
+    let none = |what: &str| format!("no such field: only a simulated device has {what}");
     let driver = format!("the driver {:?}", device.driver);
     let field = |name: &str| format!("{at}.{name}");
     require(simulated, &field("hand"), driver.as_str(), none("a hand"))?;
@@ -382,8 +382,8 @@ fn check_task(at: &str, hand: &Hand) -> Check {
     ] {
         let Some(found) = given else { continue };
         let allowed = match kind {
-            None => "nothing here without a `task`".to_owned(),
-            Some(kind) => format!("nothing here: the task {} has no {name}", kind.name()),
+            None => "no such field without a `task`".to_owned(),
+            Some(kind) => format!("no such field: the task {} has no {name}", kind.name()),
         };
         require(
             used && kind.is_some(),

@@ -192,7 +192,7 @@ impl SceneError {
             return Self::Unknown { place, allowed };
         }
         let allowed = if before.ends_with("overflowed") {
-            "a number that is not so large".to_owned()
+            "a number below 1.8e308".to_owned()
         } else if before.starts_with("invalid ") || before.starts_with("unknown variant ") {
             allowed
         } else {

@@ -317,7 +317,7 @@ fn text_of(bytes: Vec<u8>) -> io::Result<String> {
         let place = error.utf8_error().valid_up_to();
         let bytes = error.as_bytes();
         let problem = if bytes.starts_with(b"\x89MCAP") {
-            "this is a log, not a text; `palpate run --replay FILE` runs its ticks again".to_owned()
+            "this file is a log and not a text; `palpate run --replay FILE` runs the ticks of a log again".to_owned()
         } else if bytes.starts_with(&[0xFF, 0xFE]) || bytes.starts_with(&[0xFE, 0xFF]) {
             "the text is in UTF-16; save it as UTF-8".to_owned()
         } else {

@@ -147,7 +147,7 @@ pub(crate) const EXTENT_OF_FILE: Quantity = Quantity {
 /// The longest side of a built-in mesh.
 pub(crate) const EXTENT: Quantity = Quantity {
     small: "lengths are in metres: 1 mm is 0.001",
-    large: "is it in millimetres? lengths are in metres: 1 mm is 0.001",
+    large: "is the value in millimetres? lengths are in metres: 1 mm is 0.001",
     ..EXTENT_OF_FILE
 };
 const POSITION: Quantity = Quantity {
@@ -155,12 +155,12 @@ const POSITION: Quantity = Quantity {
     usual: [0.0, 10.0],
     allowed: [0.0, 1e3],
     small: "",
-    large: "is it in millimetres? positions are in metres",
+    large: "is the value in millimetres? positions are in metres",
 };
 const DISPLACEMENT: Quantity = Quantity {
     usual: [0.0, 1.0],
     allowed: [0.0, 20.0],
-    large: "is it in millimetres? displacements are in metres",
+    large: "is the value in millimetres? displacements are in metres",
     ..POSITION
 };
 const GRAVITY: Quantity = Quantity {
@@ -168,24 +168,24 @@ const GRAVITY: Quantity = Quantity {
     usual: [0.0, 30.0],
     allowed: [0.0, 1e3],
     small: "",
-    large: "is it in mm/s2? gravity on earth is 9.81 m/s2",
+    large: "is the value in mm/s2? gravity on earth is 9.81 m/s2",
 };
 const YOUNG_OF_SOLID: Quantity = Quantity {
     unit: "Pa",
     usual: [100.0, 1e9],
     allowed: [1e-3, 1e13],
-    small: "is it in kPa or MPa? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
+    small: "is the value in kPa or MPa? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
     large: "is the exponent right? tissue has 1e3 to 1e6 Pa, rubber 1e6 to 1e8 Pa",
 };
 const YOUNG_OF_SHEET: Quantity = Quantity {
     usual: [1e3, 1e10],
-    small: "is it in kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa",
+    small: "is the value in kPa, MPa or N/m? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa",
     large: "is the exponent right? rubber has 1e6 to 1e8 Pa, cloth 1e5 to 1e9 Pa, paper 3e9 Pa",
     ..YOUNG_OF_SOLID
 };
 const YOUNG_OF_THREAD: Quantity = Quantity {
     usual: [1e3, 3e11],
-    small: "is it in kPa, MPa or GPa? rubber has 1e6 to 1e8 Pa, nylon 3e9 Pa, steel 2e11 Pa",
+    small: "is the value in kPa, MPa or GPa? rubber has 1e6 to 1e8 Pa, nylon 3e9 Pa, steel 2e11 Pa",
     large: "is the exponent right? nylon has 3e9 Pa, steel 2e11 Pa",
     ..YOUNG_OF_SOLID
 };
@@ -193,43 +193,43 @@ const DENSITY: Quantity = Quantity {
     unit: "kg/m3",
     usual: [5.0, 2.5e4],
     allowed: [1e-3, 1e6],
-    small: "is it in g/cm3? 1 g/cm3 is 1000 kg/m3",
-    large: "is it in g/m3? water has 1000 kg/m3, lead 11300 kg/m3",
+    small: "is the value in g/cm3? 1 g/cm3 is 1000 kg/m3",
+    large: "is the value in g/m3? water has 1000 kg/m3, lead 11300 kg/m3",
 };
 const THICKNESS: Quantity = Quantity {
     unit: "m",
     usual: [1e-6, 0.05],
     allowed: [1e-9, 10.0],
     small: "1 mm is 0.001 m",
-    large: "is it in millimetres? 1 mm is 0.001 m",
+    large: "is the value in millimetres? 1 mm is 0.001 m",
 };
 const AREA: Quantity = Quantity {
     unit: "m2",
     usual: [1e-12, 1e-2],
     allowed: [1e-18, 100.0],
     small: "1 mm2 is 1e-6 m2",
-    large: "is it in mm2? 1 mm2 is 1e-6 m2",
+    large: "is the value in mm2? 1 mm2 is 1e-6 m2",
 };
 const MOTION_SCALE: Quantity = Quantity {
     unit: "",
     usual: [0.01, 100.0],
     allowed: [1e-6, 1e6],
-    small: "it is metres in the scene per metre of the device",
-    large: "it is metres in the scene per metre of the device",
+    small: "the scale is metres in the scene per metre of the device",
+    large: "the scale is metres in the scene per metre of the device",
 };
 const MAX_SPEED: Quantity = Quantity {
     unit: "m/s",
     usual: [0.01, 20.0],
     allowed: [0.0, f64::INFINITY],
     small: "a hand that explores moves at 0.1 to 0.5 m/s",
-    large: "is it in mm/s? a hand moves at up to 5 m/s",
+    large: "is the value in mm/s? a hand moves at up to 5 m/s",
 };
 const MAX_REACH: Quantity = Quantity {
     unit: "m",
     usual: [1e-3, 3.0],
     allowed: [0.0, f64::INFINITY],
-    small: "the force fades beyond it, so the device would feel next to nothing",
-    large: "is it in millimetres? it is in metres",
+    small: "the force fades beyond this reach, so the hand would feel almost no force",
+    large: "is the value in millimetres? reaches are in metres",
 };
 /// The distance of a hand's aim from its start. The usual range ends at the workspace of the device.
 const REACH: Quantity = Quantity {
@@ -237,7 +237,7 @@ const REACH: Quantity = Quantity {
     usual: [0.0, 2.0],
     allowed: [0.0, 2.0],
     small: "",
-    large: "is it in millimetres? motions of hands are in metres of the device",
+    large: "is the value in millimetres? motions of hands are in metres of the device",
 };
 /// The distance of a handle at rest from the origin of its device. The usual range ends at the workspace of the device.
 pub(crate) const START: Quantity = Quantity {
@@ -245,14 +245,14 @@ pub(crate) const START: Quantity = Quantity {
     usual: [0.0, 2.0],
     allowed: [0.0, f64::INFINITY],
     small: "",
-    large: "set device.mounting.origin such that the handle lies in the workspace of its device, or leave it out",
+    large: "set device.mounting.origin such that the handle lies in the workspace of its device, or omit the field",
 };
 const ARM_MASS: Quantity = Quantity {
     unit: "kg",
     usual: [0.01, 10.0],
     allowed: [1e-6, 1e3],
     small: "the relaxed grip has 0.1 kg",
-    large: "is it in grams? the grips have 0.1 to 2 kg",
+    large: "is the value in grams? the grips have 0.1 to 2 kg",
 };
 const ARM_STIFFNESS: Quantity = Quantity {
     unit: "N/m",
@@ -273,14 +273,14 @@ const TREMOR: Quantity = Quantity {
     usual: [0.0, 5e-3],
     allowed: [0.0, 0.5],
     small: "",
-    large: "is it in millimetres? a steady hand has 1e-4 m",
+    large: "is the value in millimetres? a steady hand has 1e-4 m",
 };
 const TASK_SPEED: Quantity = Quantity {
     unit: "m/s",
     usual: [1e-4, 5.0],
     allowed: [0.0, f64::INFINITY],
     small: "a hand that explores moves at 0.05 to 0.5 m/s",
-    large: "is it in mm/s? a hand that explores moves at 0.05 to 0.5 m/s",
+    large: "is the value in mm/s? a hand that explores moves at 0.05 to 0.5 m/s",
 };
 /// A number of a device file: its name, its value in a model, and its ranges.
 type DeviceNumber = (&'static str, fn(&DeviceModel) -> f64, Quantity);
@@ -295,7 +295,7 @@ const DEVICE: [DeviceNumber; 7] = [
             usual: [1e-8, 1e-3],
             allowed: [1e-12, 5e-3],
             small: "haptic devices count 1e-6 to 1e-4 m",
-            large: "is it in millimetres? haptic devices count 1e-6 to 1e-4 m",
+            large: "is the value in millimetres? haptic devices count 1e-6 to 1e-4 m",
         },
     ),
     (
@@ -306,7 +306,7 @@ const DEVICE: [DeviceNumber; 7] = [
             usual: [5e-3, 20.0],
             allowed: [1e-6, 1e3],
             small: "the handle of a haptic device moves with 0.01 to 2 kg",
-            large: "is it in grams? the handle of a haptic device moves with 0.01 to 2 kg",
+            large: "is the value in grams? the handle of a haptic device moves with 0.01 to 2 kg",
         },
     ),
     (
@@ -350,7 +350,7 @@ const DEVICE: [DeviceNumber; 7] = [
             usual: [5e-3, 2.0],
             allowed: [1e-4, 20.0],
             small: "haptic devices move by 0.02 to 0.5 m",
-            large: "is it in millimetres? haptic devices move by 0.02 to 0.5 m",
+            large: "is the value in millimetres? haptic devices move by 0.02 to 0.5 m",
         },
     ),
     (
@@ -360,7 +360,7 @@ const DEVICE: [DeviceNumber; 7] = [
             unit: "N/m",
             usual: [10.0, 1e5],
             allowed: [1e-3, 1e6],
-            small: "is it in N/mm? 1 N/mm is 1000 N/m",
+            small: "is the value in N/mm? 1 N/mm is 1000 N/m",
             large: "drivers recommend 300 to 20000 N/m",
         },
     ),

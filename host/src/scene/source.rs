@@ -54,6 +54,14 @@ impl Source {
         }
     }
 
+    /// An error about a field whose fault is a sentence, and not a value.
+    pub(crate) fn problem(&self, field: &str, problem: impl Into<String>) -> SceneError {
+        SceneError::Malformed {
+            place: self.place(field),
+            problem: problem.into(),
+        }
+    }
+
     /// An error about a field that a table such as `body[0].material` needs and lacks, where only the rest of the scene
     /// tells that the table needs the field.
     pub(crate) fn missing(&self, table: &str, name: &str) -> SceneError {

@@ -234,7 +234,7 @@ fn find(api: &HidApi, selector: &HidSelector) -> Result<CString, HidError> {
         [(path, _)] => Ok((*path).clone()),
         [] if alike.is_empty() => Err(HidError::NotFound {
             selector: selector.clone(),
-            found: "nor any other of its kind".into(),
+            found: "and no other device of its kind".into(),
         }),
         [] => Err(HidError::NotFound {
             selector: selector.clone(),

@@ -71,7 +71,7 @@ pub enum OpenError {
         allowed: String,
     },
     /// The driver cannot open such a device.
-    #[error("found {source}, allowed: {allowed}")]
+    #[error("{source}; allowed: {allowed}")]
     Refused {
         /// The cause.
         source: Box<dyn Error + Send + Sync>,

@@ -215,8 +215,8 @@ impl TickEnd {
 /// The error for a model that could not be published. The tick continues with the previous model; so should the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "the local model of body {body} was not published: its ring holds {capacity} models and none is \
-     free (a ring of 0 does not exist; otherwise the tick has taken none for a whole stall)"
+    "the local model of body {body} was not published: its ring has places for {capacity} models, and all of them are \
+     taken (a ring without places does not exist)"
 )]
 pub struct RingFull {
     /// Index of the body.

@@ -73,7 +73,7 @@ fn not_pinned(reason: String) -> Degradation {
         reason,
         cost: "the tick may share or change its core, which at times costs tens of microseconds",
         remedy:
-            "give the process two cores or more, or isolate one, and name one that exists (--core)"
+            "give the process two cores or more, or isolate a core; with --core, name a core that exists"
                 .into(),
     }
 }
@@ -117,9 +117,9 @@ pub fn realtime(priority: u8) -> Result<u8, Degradation> {
     Err(Degradation {
         missing: format!("the tick has no realtime priority (SCHED_FIFO {priority})"),
         reason,
-        cost: "any busy program may delay it by milliseconds",
+        cost: "any busy program may delay the tick by milliseconds",
         remedy: format!(
-            "allow it with `rtprio {priority}` in /etc/security/limits.d, LimitRTPRIO={priority} in the \
+            "allow this priority with `rtprio {priority}` in /etc/security/limits.d, LimitRTPRIO={priority} in the \
              service, or CAP_SYS_NICE"
         ),
     })

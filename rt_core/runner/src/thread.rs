@@ -111,10 +111,10 @@ pub enum SpawnError {
         found: usize,
     },
     /// The system gave no thread.
-    #[error("the system gave no thread to tick in: {0}")]
+    #[error("the system gave no thread for the tick: {0}")]
     Thread(#[from] std::io::Error),
     /// The thread ended before its first tick.
-    #[error("the thread ended while it was being set up")]
+    #[error("the thread of the tick ended before its first tick")]
     Setup,
     /// The system did not grant everything that the configuration requires.
     #[error("the system did not grant what the tick requires:{}", lines(.0))]
@@ -131,7 +131,9 @@ fn lines(degradations: &[Degradation]) -> String {
 
 /// A panic inside the tick. Zero force was commanded on every device before the thread ended.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the loop panicked after {ticks} ticks: {message}")]
+#[error(
+    "the tick panicked after {ticks} ticks, and every device was commanded zero force: {message}"
+)]
 pub struct TickPanic {
     /// The message of the panic.
     pub message: String,

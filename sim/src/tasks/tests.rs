@@ -97,7 +97,7 @@ fn senseless_numbers_are_refused_and_named() {
                 direction: Vec3::zeros(),
                 ..tap
             },
-            "a task's direction must be finite and not zero: [0.0, 0.0, 0.0]",
+            "a task's direction must be finite and not zero, not [0.0, 0.0, 0.0]",
         ),
         (
             Task {
@@ -126,7 +126,7 @@ fn senseless_numbers_are_refused_and_named() {
                 variation: 0.0,
                 ..tap
             },
-            "a reach of 0.01 m at 2 m/s takes less than 0.05 s, faster than a hand: lower the speed",
+            "a reach of 0.01 m at 2 m/s takes less than 0.05 s, and no hand is so fast: lower the speed",
         ),
     ] {
         assert_eq!(error(task), expected);

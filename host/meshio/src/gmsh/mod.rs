@@ -57,7 +57,7 @@ pub enum GmshError {
     },
     /// The file is in another version of the format, or binary.
     #[error(
-        "line {line}: found MSH {found}, only 4.1 ASCII is read; convert the file with \
+        "line {line}: expected MSH 4.1 ASCII, found MSH {found}; convert the file with \
          `gmsh in.msh -save -o out.msh -format msh41`"
     )]
     Version {
@@ -105,7 +105,7 @@ pub enum GmshError {
         first_name: &'static str,
     },
     /// A section, a field or a tag that may occur only once occurs again.
-    #[error("line {line}: expected {item} once, found it again, first in line {first}")]
+    #[error("line {line}: expected {item} once, found a second one; the first is in line {first}")]
     Repeated {
         /// The line of the repetition.
         line: usize,

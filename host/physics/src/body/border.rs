@@ -78,7 +78,7 @@ pub(super) fn clamps(
         .filter(|side| side.ends.iter().all(|&end| holds(end)))
         .peekable();
     if held.peek().is_none() {
-        return Err("it holds no edge of the sheet's border");
+        return Err("its vertices contain no edge of the sheet's border");
     }
     let free = held.filter(|side| !holds(side.across));
     Ok(free

@@ -28,10 +28,10 @@ pub const MAX_COUNT: usize = u32::MAX as usize;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum MeshError {
     /// There is no triangle.
-    #[error("the mesh has no triangles, at least 1 is needed")]
+    #[error("the mesh has no triangles; at least one is needed")]
     Empty,
     /// There are more vertices or triangles than can be numbered.
-    #[error("the mesh has {found} {entities}, at most {MAX_COUNT} are allowed")]
+    #[error("the mesh has {found} {entities}; at most {MAX_COUNT} are allowed")]
     TooMany {
         /// "vertices", "triangles" or "cells".
         entities: &'static str,
@@ -40,7 +40,7 @@ pub enum MeshError {
     },
     /// A coordinate is not a number, infinite or far too large.
     #[error(
-        "vertex {vertex}: {axis} is {found:?} m, it must be finite and within ±{MAX_COORDINATE:e} m"
+        "vertex {vertex}: {axis} is {found:?} m; coordinates must be finite and within ±{MAX_COORDINATE:e} m"
     )]
     Coordinate {
         /// The vertex.
@@ -52,7 +52,7 @@ pub enum MeshError {
     },
     /// A triangle names a vertex that does not exist.
     #[error(
-        "triangle {triangle}: there is no vertex {found}, the mesh has {vertices}, counted from 0"
+        "triangle {triangle}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0"
     )]
     Index {
         /// The triangle.
@@ -63,7 +63,7 @@ pub enum MeshError {
         vertices: usize,
     },
     /// A triangle names a vertex more than once.
-    #[error("triangle {triangle}: vertex {vertex} is named twice, all three must differ")]
+    #[error("triangle {triangle}: vertex {vertex} is named twice; the three vertices must differ")]
     RepeatedVertex {
         /// The triangle.
         triangle: u32,
@@ -72,7 +72,7 @@ pub enum MeshError {
     },
     /// A triangle has no area, relative to its own size.
     #[error(
-        "triangle {triangle}: it is flat, its height is {found:.3e} of its longest edge; \
+        "triangle {triangle} is flat: its height is {found:.3e} of its longest edge; \
          at least {MIN_HEIGHT_RATIO:e} is needed"
     )]
     Flat {
@@ -96,7 +96,7 @@ pub enum MeshError {
     },
     /// More than two triangles meet at an edge.
     #[error(
-        "edge {a}-{b}: triangles {0}, {1} and {2} meet there, at most 2 may",
+        "edge {a}-{b}: triangles {0}, {1} and {2} meet there; at most two triangles may share an edge",
         triangles[0], triangles[1], triangles[2]
     )]
     CrowdedEdge {
@@ -108,7 +108,7 @@ pub enum MeshError {
         triangles: [u32; 3],
     },
     /// Two triangles have the same three vertices.
-    #[error("triangle {triangle}: it has the same three vertices as triangle {first}")]
+    #[error("triangle {triangle} has the same three vertices as triangle {first}")]
     Duplicate {
         /// The later triangle.
         triangle: u32,
@@ -116,15 +116,15 @@ pub enum MeshError {
         first: u32,
     },
     /// A vertex belongs to no triangle.
-    #[error("vertex {vertex}: it belongs to no triangle, every vertex must")]
+    #[error("vertex {vertex} belongs to no triangle; remove this vertex")]
     Unused {
         /// The vertex.
         vertex: u32,
     },
     /// Two vertices have the same position.
     #[error(
-        "vertices {first} and {vertex} lie at one place, where the mesh would silently come apart; \
-         merge them (a slit needs a gap)"
+        "vertices {first} and {vertex} lie at one place, where the mesh is not connected; merge the two vertices \
+         (a slit needs a gap)"
     )]
     Coincident {
         /// The later vertex.
@@ -147,13 +147,15 @@ pub enum MeshError {
         count: usize,
     },
     /// Two groups of the same kind have one name.
-    #[error("group {name:?}: the name is used by two groups of the same kind, each needs its own")]
+    #[error(
+        "group {name:?}: two groups of the same kind have this name; each group needs its own name"
+    )]
     GroupName {
         /// The name.
         name: String,
     },
     /// A field has more or fewer values than there are triangles or cells.
-    #[error("field {name:?}: it has {found} values, {count} are needed")]
+    #[error("field {name:?} has {found} values; {count} values are needed")]
     FieldLength {
         /// The field's name.
         name: String,
@@ -163,7 +165,7 @@ pub enum MeshError {
         count: usize,
     },
     /// A value of a field is not a number, or infinite.
-    #[error("field {name:?}: value number {position} is {found:?}, it must be finite")]
+    #[error("field {name:?}: value number {position} is {found:?}; every value must be finite")]
     FieldValue {
         /// The field's name.
         name: String,
@@ -173,7 +175,7 @@ pub enum MeshError {
         found: f64,
     },
     /// Two fields have one name.
-    #[error("field {name:?}: the name is used by two fields, each needs its own")]
+    #[error("field {name:?}: two fields have this name; each field needs its own name")]
     FieldName {
         /// The name.
         name: String,

@@ -23,10 +23,12 @@ pub enum SolidError {
     #[error(transparent)]
     Common(#[from] MeshError),
     /// There is no cell.
-    #[error("the mesh has no tetrahedra, at least 1 is needed")]
+    #[error("the mesh has no tetrahedra; at least one is needed")]
     Empty,
     /// A cell names a vertex that does not exist.
-    #[error("cell {cell}: there is no vertex {found}, the mesh has {vertices}, counted from 0")]
+    #[error(
+        "cell {cell}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0"
+    )]
     Index {
         /// The cell.
         cell: u32,
@@ -36,7 +38,7 @@ pub enum SolidError {
         vertices: usize,
     },
     /// A cell names a vertex more than once.
-    #[error("cell {cell}: vertex {vertex} is named twice, all must differ")]
+    #[error("cell {cell}: vertex {vertex} is named twice; all vertices of a cell must differ")]
     RepeatedVertex {
         /// The cell.
         cell: u32,
@@ -45,7 +47,7 @@ pub enum SolidError {
     },
     /// A cell has no volume, relative to its own size.
     #[error(
-        "cell {cell}: it is flat, six times its volume is {found:.3e} of its longest edge cubed; \
+        "cell {cell} is flat: six times its volume is {found:.3e} of its longest edge cubed; \
          more than {MIN_VOLUME_RATIO:e} is needed"
     )]
     Flat {
@@ -56,8 +58,8 @@ pub enum SolidError {
     },
     /// A cell's corners are in the wrong order. (The readers of mesh files correct the order.)
     #[error(
-        "cell {cell}: its volume is {found:.3e} m^3, it must be positive; exchange two corners, and the \
-         midsides with them"
+        "cell {cell}: its volume is {found:.3e} m^3 and must be positive; exchange two corners, and the \
+         midsides with these corners"
     )]
     Inverted {
         /// The cell.
@@ -80,8 +82,8 @@ pub enum SolidError {
     },
     /// A cell folds because its midside vertices are far from the middles of its edges or in the wrong order.
     #[error(
-        "cell {cell}: its midsides fold it, the least determinant of its Jacobian is {found:.3e} of what \
-         straight edges give; are they in VTK's order?"
+        "cell {cell}: its midsides fold the cell; the least determinant of its Jacobian is {found:.3e} of the value \
+         for straight edges; are the midsides in VTK's order?"
     )]
     Folded {
         /// The cell.
@@ -91,7 +93,7 @@ pub enum SolidError {
     },
     /// Two cells lie on the same side of a face, or have the same corners.
     #[error(
-        "cell {cell}: it overlaps cell {first}, both lie on one side of the face {0}-{1}-{2}",
+        "cell {cell} overlaps cell {first}: both cells lie on one side of the face {0}-{1}-{2}",
         face[0], face[1], face[2]
     )]
     Overlap {
@@ -104,8 +106,8 @@ pub enum SolidError {
     },
     /// Two cells have different vertices at the middle of the edge between them.
     #[error(
-        "cell {cell}: the edge {0}-{1} has its middle at vertex {2}, in cell {first} at vertex {3}, where \
-         the mesh would come apart",
+        "cell {cell}: the edge {0}-{1} has its middle at vertex {2}, but at vertex {3} in cell {first}, so the \
+         mesh is not connected there",
         ends[0], ends[1], middles[1], middles[0]
     )]
     TwoMiddles {
@@ -120,7 +122,7 @@ pub enum SolidError {
     },
     /// A vertex is the middle of two edges.
     #[error(
-        "cell {cell}: vertex {vertex} is the middle of the edge {0}-{1}, and of another in cell {first}",
+        "cell {cell}: vertex {vertex} is the middle of the edge {0}-{1}, and of another edge in cell {first}",
         ends[0], ends[1]
     )]
     SharedMiddle {
@@ -146,7 +148,7 @@ pub enum SolidError {
         corner_of: u32,
     },
     /// A vertex belongs to no cell.
-    #[error("vertex {vertex}: it belongs to no cell, every vertex must")]
+    #[error("vertex {vertex} belongs to no cell; remove this vertex")]
     Unused {
         /// The vertex.
         vertex: u32,

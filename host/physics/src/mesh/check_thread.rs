@@ -18,10 +18,12 @@ pub enum ThreadError {
     #[error(transparent)]
     Common(#[from] MeshError),
     /// There is no line.
-    #[error("the mesh has no lines, at least 1 is needed")]
+    #[error("the mesh has no lines; at least one is needed")]
     Empty,
     /// A line names a vertex that does not exist.
-    #[error("line {line}: there is no vertex {found}, the mesh has {vertices}, counted from 0")]
+    #[error(
+        "line {line}: vertex {found} does not exist; the mesh has {vertices} vertices, counted from 0"
+    )]
     Index {
         /// The line.
         line: u32,
@@ -31,7 +33,7 @@ pub enum ThreadError {
         vertices: usize,
     },
     /// A line names a vertex twice.
-    #[error("line {line}: vertex {vertex} is named twice, its ends must differ")]
+    #[error("line {line}: vertex {vertex} is named twice; the two ends must differ")]
     RepeatedVertex {
         /// The line.
         line: u32,
@@ -40,7 +42,7 @@ pub enum ThreadError {
     },
     /// A line has no length, or is too short to be resolved by the coordinates of its mesh.
     #[error(
-        "line {line}: it is {found:.3e} m long; in a mesh of this extent more than {least:.3e} m is needed"
+        "line {line} is {found:.3e} m long; in a mesh of this extent more than {least:.3e} m is needed"
     )]
     Short {
         /// The line.
@@ -51,7 +53,7 @@ pub enum ThreadError {
         least: f64,
     },
     /// Two lines have the same ends.
-    #[error("line {line}: it has the same ends as line {first}")]
+    #[error("line {line} has the same ends as line {first}")]
     Duplicate {
         /// The later line.
         line: u32,
@@ -59,7 +61,7 @@ pub enum ThreadError {
         first: u32,
     },
     /// A vertex belongs to no line.
-    #[error("vertex {vertex}: it belongs to no line, every vertex must")]
+    #[error("vertex {vertex} belongs to no line; remove this vertex")]
     Unused {
         /// The vertex.
         vertex: u32,

@@ -49,7 +49,8 @@ pub struct FlatPattern {
 pub enum PatternError {
     /// The number of triangles of the pattern is not that of the mesh.
     #[error(
-        "the flat pattern has {found} triangles, the mesh {triangles}; every triangle needs one"
+        "the flat pattern has {found} triangles, and the mesh has {triangles}; every triangle of the mesh needs a triangle \
+         of the pattern"
     )]
     Count {
         /// The number of triangles of the pattern.
@@ -59,7 +60,7 @@ pub enum PatternError {
     },
     /// A coordinate is not a number, infinite or far too large.
     #[error(
-        "triangle {triangle}: a coordinate of its flat pattern is {found:?} m, it must be finite and within \
+        "triangle {triangle}: a coordinate of its flat pattern is {found:?} m; coordinates must be finite and within \
          ±{MAX_COORDINATE:e} m"
     )]
     Coordinate {
@@ -70,7 +71,7 @@ pub enum PatternError {
     },
     /// A triangle has no area in the pattern, relative to its own size.
     #[error(
-        "triangle {triangle}: it has no area in the flat pattern, its height is {found:.3e} of its longest edge; \
+        "triangle {triangle} has no area in the flat pattern: its height is {found:.3e} of its longest edge; \
          at least {MIN_HEIGHT_RATIO:e} is needed"
     )]
     Flat {
@@ -81,8 +82,8 @@ pub enum PatternError {
     },
     /// A triangle lies on its neighbour in the pattern.
     #[error(
-        "triangle {triangle}: it is mirrored in the flat pattern, where it lies on triangle {neighbour}; unfold it, or, \
-         if a seam joins the two, move their pieces apart in the pattern"
+        "triangle {triangle} is mirrored in the flat pattern and lies on triangle {neighbour}; unfold the pattern there, \
+         or, if a seam joins the two triangles, move their pieces apart in the pattern"
     )]
     Mirrored {
         /// The later triangle.

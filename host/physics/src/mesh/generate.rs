@@ -23,7 +23,7 @@ pub enum Pattern {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SheetError {
     /// A size is zero, negative or not a number.
-    #[error("sheet: its {dimension} is {found:?} m, it must be positive and finite")]
+    #[error("sheet: its {dimension} is {found:?} m, and must be positive and finite")]
     Size {
         /// "length" or "width".
         dimension: &'static str,
@@ -31,14 +31,14 @@ pub enum SheetError {
         found: f64,
     },
     /// There are no cells along one side.
-    #[error("sheet: it has 0 cells along its {along}, at least 1 is needed")]
+    #[error("sheet: it has 0 cells along its {along}; at least one is needed")]
     NoCells {
         /// "length" or "width".
         along: &'static str,
     },
     /// There would be too many vertices.
     #[error(
-        "sheet: {nx} x {ny} cells make {vertices} vertices, at most {MAX_VERTICES} are allowed"
+        "sheet: {nx} x {ny} cells make {vertices} vertices; at most {MAX_VERTICES} are allowed"
     )]
     TooMany {
         /// Cells along the length.

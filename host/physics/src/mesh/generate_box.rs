@@ -9,7 +9,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum BoxError {
     /// A size is zero, negative or not a number.
-    #[error("box: its size along {axis} is {found:?} m, it must be positive and finite")]
+    #[error("box: its size along {axis} is {found:?} m, and must be positive and finite")]
     Size {
         /// "x", "y" or "z".
         axis: &'static str,
@@ -17,13 +17,13 @@ pub enum BoxError {
         found: f64,
     },
     /// There are no cells along one axis.
-    #[error("box: it has 0 cells along {axis}, at least 1 is needed")]
+    #[error("box: it has 0 cells along {axis}; at least one is needed")]
     NoCells {
         /// "x", "y" or "z".
         axis: &'static str,
     },
     /// There would be too many vertices.
-    #[error("box: {cells:?} cells make {vertices} vertices, at most {MAX_VERTICES} are allowed")]
+    #[error("box: {cells:?} cells make {vertices} vertices; at most {MAX_VERTICES} are allowed")]
     TooMany {
         /// Cells along each axis.
         cells: [u32; 3],

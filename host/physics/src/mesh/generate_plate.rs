@@ -65,7 +65,7 @@ pub struct HoledPlate {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlateError {
     /// A size is zero, negative or not a number.
-    #[error("plate: its {dimension} is {found:?} m, it must be positive and finite")]
+    #[error("plate: its {dimension} is {found:?} m, and must be positive and finite")]
     Size {
         /// "width", "height" or "radius".
         dimension: &'static str,
@@ -73,7 +73,9 @@ pub enum PlateError {
         found: f64,
     },
     /// The hole reaches the border.
-    #[error("plate: its hole has a radius of {found:?} m, less than {limit:?} m fits into it")]
+    #[error(
+        "plate: its hole has a radius of {found:?} m, and the radius must be below {limit:?} m"
+    )]
     Hole {
         /// The radius (m).
         found: f64,
@@ -81,7 +83,7 @@ pub enum PlateError {
         limit: f64,
     },
     /// There are too few cells around the hole or from the hole to the border.
-    #[error("plate: it has {found} cells {along}, at least {least} are needed")]
+    #[error("plate: it has {found} cells {along}; at least {least} are needed")]
     Cells {
         /// "around a quarter of its hole" or "outward".
         along: &'static str,
@@ -91,7 +93,9 @@ pub enum PlateError {
         least: u32,
     },
     /// The growth is zero, negative or not a number.
-    #[error("plate: its cells grow by {found:?}, it must be positive and finite; 1 is uniform")]
+    #[error(
+        "plate: its cells grow by the factor {found:?}, which must be positive and finite; 1 makes uniform cells"
+    )]
     Growth {
         /// The growth.
         found: f64,

@@ -10,17 +10,17 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum StraightError {
     /// The length is zero, negative or not a number.
-    #[error("thread: its length is {found:?} m, it must be positive and finite")]
+    #[error("thread: its length is {found:?} m, and must be positive and finite")]
     Length {
         /// The length (m).
         found: f64,
     },
     /// There are no segments.
-    #[error("thread: it has 0 segments, at least 1 is needed")]
+    #[error("thread: it has 0 segments; at least one is needed")]
     NoSegments,
     /// There would be too many vertices.
     #[error(
-        "thread: {segments} segments make {vertices} vertices, at most {MAX_VERTICES} are allowed"
+        "thread: {segments} segments make {vertices} vertices; at most {MAX_VERTICES} are allowed"
     )]
     TooMany {
         /// The segments.

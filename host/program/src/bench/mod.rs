@@ -22,7 +22,7 @@ enum Benchmark {
     Accuracy(accuracy::AccuracyArguments),
     /// Measure the force error of each scheme against the publication rate of the host
     Extrapolation(extrapolation::ExtrapolationArguments),
-    /// Measure the processor time of a step against the error of its force, on every path, beside other programs
+    /// Measure the processor time of a step against the error of its force, on every path, and compare other programs
     Speed(speed::SpeedArguments),
     /// Stress every law, element and scheme. Fails if a number is not finite or a step creates energy
     Stability(stability::StabilityArguments),

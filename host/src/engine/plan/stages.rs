@@ -58,7 +58,8 @@ pub fn stages(scene: &Scene, bodies: &[BodyPlan]) -> Vec<Stage> {
         Stage::either(
             "sleep",
             !assembles,
-            "a body that nothing has moved faster than 0.1 um/s for 20 steps is left alone".into(),
+            "a body is not stepped after 20 steps in which no vertex moved faster than 0.1 um/s"
+                .into(),
             "only frozen solvers let bodies sleep",
         ),
         Stage::new("stress", false, "no tear threshold"),
@@ -177,7 +178,7 @@ fn condense(scene: &Scene, bodies: &[BodyPlan], assembles: bool) -> Stage {
         if assembles {
             ""
         } else {
-            "; shapes are kept up with the frozen factor"
+            "; the shapes are updated with the frozen factor"
         }
     );
     let needed = bodies.iter().any(|body| body.condenses);
@@ -207,7 +208,7 @@ fn publish(scene: &Scene, bodies: &[BodyPlan]) -> Stage {
     let through = if links.is_empty() {
         String::new()
     } else {
-        format!(", felt through {} to a proxy", links.join(", "))
+        format!(", coupled to a proxy by {}", links.join(", "))
     };
     let rate = scene.host.publish_rate;
     let why = format!("one local model a body at {rate} Hz{through}");

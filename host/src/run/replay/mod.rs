@@ -35,12 +35,12 @@ pub enum ReplayError {
     #[error(transparent)]
     File(#[from] AtomicFileError),
     /// The log holds no ticks.
-    #[error("the log holds no ticks: there is nothing to replay")]
+    #[error("the log has no ticks, so a replay is not possible")]
     Empty,
     /// The log lacks a tick.
     #[error(
-        "tick {expected} is not in the log, which goes on with tick {found}: its record found the \
-         log's ring full, and without its readings the run cannot be replayed"
+        "the log lacks tick {expected} and continues with tick {found}: the log's ring was full, and a run whose \
+         readings are not all in the log cannot be replayed"
     )]
     MissingTick {
         /// The tick that is missing.
@@ -50,8 +50,8 @@ pub enum ReplayError {
     },
     /// The log lacks a model.
     #[error(
-        "tick {tick} uses model {sequence} of body {body}, which is not in the log: it found the \
-         log's ring full, and without it the run cannot be replayed"
+        "the log lacks model {sequence} of body {body}, which tick {tick} uses: the log's ring was full, and a run \
+         whose models are not all in the log cannot be replayed"
     )]
     MissingModel {
         /// The first tick that uses the model.
@@ -236,7 +236,7 @@ impl fmt::Display for ReplayReport {
         if !self.complete {
             writeln!(
                 f,
-                "  note       the log has no end (its writer was killed): what is there was replayed"
+                "  note       the log has no end, because its writer was killed; the replay covers the ticks of the log"
             )?;
         }
         match &self.first {

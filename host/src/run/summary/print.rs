@@ -42,7 +42,7 @@ impl RunSummary {
             t.count, t.rate, t.missed_deadlines, t.longest_miss
         )?;
         if t.stopped {
-            writeln!(f, "  stopped    before its end, because it was asked to")?;
+            writeln!(f, "  stopped    a signal ended the run before its end")?;
         }
         if let Some(place) = &t.place {
             let locked = t.locked_bytes as f64 / f64::from(1 << 20);
@@ -107,7 +107,8 @@ impl RunSummary {
         if h.clipped > 0 {
             writeln!(
                 f,
-                "  !          {} publications were clipped to semidefinite, by up to {:.1e} of the largest eigenvalue",
+                "  !          {} local models were clipped to positive semidefinite, by up to {:.1e} of the largest \
+                 eigenvalue",
                 h.clipped, h.worst_clip
             )?;
         }
@@ -173,13 +174,17 @@ impl DeviceSummary {
         }
         write!(f, ", reach {:.1} mm", self.reach * 1e3)?;
         if self.limited_ticks > 0 {
-            write!(f, ", limited in {} ticks", self.limited_ticks)?;
+            write!(f, ", force limited in {} ticks", self.limited_ticks)?;
         }
         if self.missed_reads > 0 {
-            write!(f, ", {} reads missed", self.missed_reads)?;
+            write!(f, ", no reading in {} ticks", self.missed_reads)?;
         }
         if self.not_a_number_ticks > 0 {
-            write!(f, ", not a number in {} ticks", self.not_a_number_ticks)?;
+            write!(
+                f,
+                ", force not a number in {} ticks",
+                self.not_a_number_ticks
+            )?;
         }
         for (count, what) in [
             (self.too_fast, "too fast"),
@@ -190,14 +195,18 @@ impl DeviceSummary {
             }
         }
         if self.slewed_ticks > 0 {
-            write!(f, ", slewed in {} ticks", self.slewed_ticks)?;
+            write!(
+                f,
+                ", force at its slew limit in {} ticks",
+                self.slewed_ticks
+            )?;
         }
         writeln!(f)?;
         if let Some(trip) = &self.first_trip {
             let (found, limit, unit) = (trip.found, trip.limit, trip.unit);
             writeln!(
                 f,
-                "             first at {:.3} s: {}, {found:.3} {unit} over {limit} {unit}",
+                "             first trip at {:.3} s: {}, {found:.3} {unit} over the limit of {limit} {unit}",
                 trip.time, trip.event
             )?;
         }

@@ -285,7 +285,7 @@ fn run(
         failures.push(format!("the host panicked: {message}"));
     }
     if let Some(fault) = &running.host.engine.stats().first_fault {
-        failures.push(format!("host steps failed; the first: {fault}"));
+        failures.push(format!("host steps failed; the first failure: {fault}"));
     }
     Ok((recorder.finish(&running.tick), failures))
 }

@@ -124,7 +124,7 @@ pub enum JobError {
     },
     /// Another run writes to the file.
     #[error(
-        "{}: another run is writing to it; give each shard a file of its own, and merge them with cat",
+        "{}: another run is writing to this file; give each shard a file of its own, and merge the files with cat",
         path.display()
     )]
     Busy {
@@ -133,8 +133,8 @@ pub enum JobError {
     },
     /// The file belongs to another study, version, seed or setting.
     #[error(
-        "{}, line {line}: the results are not those of {other}: {differences}; results of different settings do not mix: \
-         give another file",
+        "{}, line {line}: the results are not those of {other}: {differences}; results of different settings cannot share \
+         a file: give another file",
         path.display()
     )]
     Header {
@@ -149,8 +149,8 @@ pub enum JobError {
     },
     /// A line is neither a header nor a cell of the study.
     #[error(
-        "{}, line {line}: {reason}; if a shard was cut off before files were merged, run it again and \
-         merge again, else remove the line",
+        "{}, line {line}: {reason}; if a shard was cut off before its file was merged, run this shard \
+         again and merge again, else remove the line",
         path.display()
     )]
     Line {
@@ -162,7 +162,7 @@ pub enum JobError {
         reason: String,
     },
     /// A result that JSON cannot hold.
-    #[error("cell {cell}: its result cannot be written: {reason}")]
+    #[error("the result of cell {cell} cannot be written: {reason}")]
     Result {
         /// The cell.
         cell: u64,

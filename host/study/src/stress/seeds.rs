@@ -59,7 +59,7 @@ pub enum SeedsError {
     Jobs(#[from] JobError),
     /// Two files are not of the same study.
     #[error(
-        "{}: {field} differs from that of {}; give files of one study with the same settings, which differ in their seeds",
+        "{}: {field} differs from that of {}; give files of one study that differ in their seeds only",
         path.display(), other.display()
     )]
     Differs {
@@ -72,7 +72,7 @@ pub enum SeedsError {
     },
     /// Two files have the same seed.
     #[error(
-        "{}: found seed {seed}, which is that of {}, too; merge the files of the shards of a seed with cat",
+        "{}: found seed {seed}, which {} has, too; merge the files of the shards of one seed with cat",
         path.display(), other.display()
     )]
     Twice {
@@ -394,7 +394,7 @@ mod tests {
             "{said}"
         );
         let said = refused(file(folder.path(), 1, 4, 0, 9));
-        assert!(said.contains("found seed 1, which is that of"), "{said}");
+        assert!(said.contains("found seed 1, which "), "{said}");
         let text = folder.path().join("notes.txt");
         std::fs::write(&text, "no results\n").expect("written");
         let said = refused(text);

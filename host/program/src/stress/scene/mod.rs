@@ -171,7 +171,7 @@ fn show_cell(arguments: &SceneArguments, study: &Study, cell: u64) -> Result<(),
         written.write(arguments.common.plot.as_ref(), |path| {
             let title = format!("Cell {cell} under \"{scheme}\"");
             let subtitle = format!(
-                "{:.0} Hz, {:.0} ms late, {:.0} % of models lost; trouble: {}",
+                "{:.0} Hz, latency {:.0} ms, {:.0} % of models lost; trouble: {}",
                 draw.rate,
                 1e3 * draw.latency,
                 100.0 * draw.models_lost,

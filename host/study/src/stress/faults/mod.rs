@@ -10,6 +10,7 @@ use super::chance::Chance;
 use super::devices::{self, StudyDevice};
 use super::jobs::Header;
 use host::log::energy_sums;
+use host::run::panics;
 use host::run::setup::port;
 use input::{Clock, Encoder, Hands};
 use models::Models;
@@ -24,7 +25,6 @@ use rt_core::{
 use serde::{Deserialize, Serialize};
 use sim::DeviceModel;
 use std::collections::BTreeMap;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 mod input;
 mod models;
@@ -96,10 +96,8 @@ pub fn run(seed: u64, cell: u64, devices: &[StudyDevice]) -> Outcome {
     // In turn, so that every range of cells contains the same fraction of each device.
     let device = devices.get(cell as usize % devices.len().max(1));
     let mut outcome = Outcome::default();
-    let run = AssertUnwindSafe(|| go_through(chance, device, &mut outcome));
-    if let Err(panic) = catch_unwind(run) {
-        outcome.panic = Some(host::run::message(&*panic).to_owned());
-    }
+    let run = panics::caught(|| go_through(chance, device, &mut outcome));
+    outcome.panic = run.err();
     outcome
 }
 

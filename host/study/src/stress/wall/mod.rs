@@ -181,8 +181,7 @@ pub fn check(device: &NamedDevice) -> Result<(), SceneError> {
     if device.model.damping > 0.0 {
         return Ok(());
     }
-    let allowed =
-        "above 0 for a study of walls: without damping no wall is passive, whatever its stiffness";
+    let allowed = "above 0 for a study of walls: on a device without damping, no wall is passive";
     Err(device.source.error("damping", "0", allowed))
 }
 
