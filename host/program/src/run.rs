@@ -95,7 +95,7 @@ pub(super) struct RunArguments {
     /// Real clock: refuse to start without the realtime privileges, and end the run at the first system call that
     /// the tick may not make; or only one of the two
     #[arg(long, value_name = "WHAT", value_enum, num_args = 0..=1, require_equals = true,
-          default_missing_value = "all")]
+          default_missing_value = "all", conflicts_with = "replay")]
     strict: Option<Strict>,
     /// Real clock: the core that this program reserves for the tick, preferably an isolated one. Default: the first
     /// isolated core, or without one the last core that this program may use

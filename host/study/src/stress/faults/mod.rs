@@ -83,7 +83,7 @@ pub fn header(seed: u64, cells: u64, devices: &[StudyDevice]) -> Header {
     }
     Header {
         study: "faults".to_owned(),
-        schema: 1,
+        schema: 2,
         seed,
         cells,
         settings,
