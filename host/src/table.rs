@@ -10,14 +10,14 @@ use std::fmt::Write as _;
 
 /// The columns of a table: their names, each of which occurs once.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Columns {
+pub struct Columns {
     names: Vec<String>,
     taken: BTreeSet<String>,
 }
 
 impl Columns {
     /// Adds a column for the `quantity` of the device, body or support `of`.
-    pub(crate) fn add(&mut self, of: &str, quantity: &str) {
+    pub fn add(&mut self, of: &str, quantity: &str) {
         let name = match of {
             "" => quantity.to_owned(),
             _ => format!("{}_{quantity}", plain(of)),
@@ -32,14 +32,14 @@ impl Columns {
     }
 
     /// Adds a column for each component of a vector, such as `force_x_N`.
-    pub(crate) fn vector(&mut self, of: &str, quantity: &str, unit: &str) {
+    pub fn vector(&mut self, of: &str, quantity: &str, unit: &str) {
         for axis in ["x", "y", "z"] {
             self.add(of, &format!("{quantity}_{axis}_{unit}"));
         }
     }
 
     /// The line with the names.
-    pub(crate) fn header(&self) -> String {
+    pub fn header(&self) -> String {
         self.names.join(",") + "\n"
     }
 }
@@ -67,13 +67,13 @@ fn plain(name: &str) -> String {
 
 /// A line of a table in the making.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Line {
+pub struct Line {
     text: String,
 }
 
 impl Line {
     /// Begins the line anew.
-    pub(crate) fn clear(&mut self) {
+    pub fn clear(&mut self) {
         self.text.clear();
     }
 
@@ -85,36 +85,36 @@ impl Line {
     }
 
     /// Adds a number.
-    pub(crate) fn number(&mut self, value: f64) {
+    pub fn number(&mut self, value: f64) {
         // The form of `Debug` has an exponent where a plain number would be long. Writing to a string cannot fail.
         let _ = write!(self.next(), "{value:?}");
     }
 
     /// Adds numbers.
-    pub(crate) fn numbers(&mut self, values: impl IntoIterator<Item = f64>) {
+    pub fn numbers(&mut self, values: impl IntoIterator<Item = f64>) {
         for value in values {
             self.number(value);
         }
     }
 
     /// Adds a whole number.
-    pub(crate) fn whole(&mut self, value: u64) {
+    pub fn whole(&mut self, value: u64) {
         let _ = write!(self.next(), "{value}");
     }
 
     /// Adds 1 for yes and 0 for no.
-    pub(crate) fn flag(&mut self, value: bool) {
+    pub fn flag(&mut self, value: bool) {
         self.whole(u64::from(value));
     }
 
     /// Adds a time of nanoseconds, in seconds.
-    pub(crate) fn seconds(&mut self, ns: u64) {
+    pub fn seconds(&mut self, ns: u64) {
         // A quotient is rounded once, so that 3 ms is 0.003.
         self.number(ns as f64 / 1e9);
     }
 
     /// The line, with its end.
-    pub(crate) fn end(&mut self) -> &str {
+    pub fn end(&mut self) -> &str {
         self.text.push('\n');
         &self.text
     }

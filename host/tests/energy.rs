@@ -129,7 +129,12 @@ fn every_trip_is_counted_and_reported_with_its_cause() -> Result<(), Box<dyn Err
         assert_eq!(trip.limit, limit);
     }
     let text = found.to_string();
-    for part in ["too fast", "out of reach", "slewed", "first at"] {
+    for part in [
+        "too fast",
+        "out of reach",
+        "at its slew limit",
+        "first trip at",
+    ] {
         assert!(text.contains(part), "{part} is not in\n{text}");
     }
     assert!(

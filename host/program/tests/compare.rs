@@ -43,6 +43,21 @@ fn schemes_are_compared_with_the_reference_and_the_files_are_the_same_each_time(
     assert_eq!(text(again.stdout), printed);
     assert!(files() == first, "a run in one thread wrote other files");
 
+    // The columns of the table have names that every program takes, and each line has a number in each.
+    let table = String::from_utf8_lossy(&first[2]);
+    let columns = table.lines().next().map_or("", |line| line).split(',');
+    let names: Vec<_> = columns.collect();
+    assert_eq!(names[0], "time_s");
+    assert!(names.contains(&"reference_touch_force_x_N"), "{names:?}");
+    assert!(
+        names.contains(&"capped_250_Hz_touch_position_z_m"),
+        "{names:?}"
+    );
+    for line in table.lines().skip(1) {
+        let values = line.split(',').map(str::parse::<f64>);
+        assert_eq!(values.filter(Result::is_ok).count(), names.len(), "{line}");
+    }
+
     // Rates in the given order, and schemes in that of the tables.
     let rows: Vec<_> = printed
         .lines()

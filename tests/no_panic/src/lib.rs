@@ -1,9 +1,11 @@
 //! The tick's entries with nothing around them: no standard library, no unwinding, opaque devices.
 //!
 //! What these functions can reach is linked, everything else is dropped. A panic that the compiler could
-//! not rule out is left in the object as a call of the handler below, and so of [`law_can_panic`].
+//! not rule out is left in the object as a call of the handler below, and so of [`law_can_panic`]. In the same way an
+//! allocation is left as a call of [`law_can_allocate`].
 #![no_std]
 
+use core::alloc::{GlobalAlloc, Layout};
 use core::panic::PanicInfo;
 use rt_core::local_model::PackedModel;
 use rt_core::velocity::VelocityEstimator;
@@ -15,6 +17,8 @@ use rt_core::{
 unsafe extern "Rust" {
     /// Defined nowhere: it stays undefined in the object exactly if a panic is reachable.
     safe fn law_can_panic() -> !;
+    /// Defined nowhere: it stays undefined in the object exactly if an allocation is reachable.
+    safe fn law_can_allocate(bytes: usize) -> *mut u8;
     /// Stands for a driver's read.
     safe fn device_read(device: &mut Port, now_ns: u64) -> Result<DeviceState, DeviceError>;
     /// Stands for a driver's write.
@@ -29,6 +33,22 @@ unsafe extern "Rust" {
 fn panic(_: &PanicInfo<'_>) -> ! {
     law_can_panic()
 }
+
+/// The memory of the heap, which the tick must not use. A controller allocates only when it is made.
+struct Heap;
+
+// SAFETY: the object is never run, because [`law_can_allocate`] has no definition.
+unsafe impl GlobalAlloc for Heap {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        law_can_allocate(layout.size())
+    }
+    unsafe fn dealloc(&self, _: *mut u8, _: Layout) {
+        law_can_allocate(0);
+    }
+}
+
+#[global_allocator]
+static HEAP: Heap = Heap;
 
 /// A device of which the compiler knows nothing.
 pub struct Port {
@@ -73,6 +93,7 @@ pub fn law_cycle(
     #[cfg(feature = "planted")]
     {
         telemetry.tick = u64::from(telemetry.devices[refused as usize].buttons);
+        *law = law.clone();
     }
     refused
 }

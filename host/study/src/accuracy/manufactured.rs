@@ -18,7 +18,7 @@ const DIRECTION: Vec3 = Vec3::new(1e-3, -0.5e-3, 0.7e-3);
 const POISSON: f64 = 0.3;
 
 pub(super) fn run(level: Level) -> Result<Vec<Series>, StudyError> {
-    let source = "the chosen displacement; the value is the error over the volume, as a share";
+    let source = "the chosen displacement; the value is the error over the volume, as a fraction";
     let title = |elements: &str| format!("manufactured displacement, {elements} tetrahedra: error");
     let mut linear = Series::new("manufactured_linear", title("linear"), "1", None, source);
     for &n in level.take(&[4, 8, 16, 24, 32], 3) {

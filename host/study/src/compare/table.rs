@@ -1,11 +1,11 @@
 //! The forces and positions of all runs as one table (CSV).
 
 use super::{Comparison, Record};
-use host::table::quoted;
-use std::fmt::Write;
+use host::table::{Columns, Line};
 
 /// The ticks of all runs, one line for each tick: the time (s), then force (N) and position (m) of each device under each
-/// scheme and in the reference, in the axes of the device. Names of columns are such as `capped 250 Hz left force x`.
+/// scheme and in the reference, in the axes of the device. Columns have names such as `capped_250_Hz_left_force_x_N`, as
+/// in the table of a run.
 pub fn csv(found: &Comparison) -> String {
     let mut records: Vec<(String, &Record)> = Vec::new();
     let reference = found.reference_record.as_ref();
@@ -15,7 +15,7 @@ pub fn csv(found: &Comparison) -> String {
         records.push((name, &run.record));
     }
     let Some((_, first)) = records.first() else {
-        return "time\n".to_owned();
+        return "time_s\n".to_owned();
     };
     let names = found
         .runs
@@ -29,27 +29,28 @@ pub fn csv(found: &Comparison) -> String {
             .map(|device| device.name.clone())
             .collect()
     });
-    let mut text = String::from("time");
+    let mut columns = Columns::default();
+    columns.add("", "time_s");
     for (record, _) in &records {
         for device in &names {
-            for column in ["force", "position"] {
-                for axis in ["x", "y", "z"] {
-                    text.push(',');
-                    text.push_str(&quoted(&format!("{record} {device} {column} {axis}")));
-                }
-            }
+            let of = format!("{record} {device}");
+            columns.vector(&of, "force", "N");
+            columns.vector(&of, "position", "m");
         }
     }
+    let mut text = columns.header();
+    let mut line = Line::default();
     for tick in 0..first.out.len() {
-        let _ = write!(text, "\n{:.6}", tick as f64 * first.period);
+        line.clear();
+        line.seconds((1e9 * tick as f64 * first.period).round() as u64);
         for (_, record) in &records {
             for device in &record.devices {
-                let values = [device.force.get(tick), device.position.get(tick)];
-                for value in values.map(|value| value.copied().unwrap_or_default()) {
-                    let _ = write!(text, ",{:.6},{:.6},{:.6}", value.x, value.y, value.z);
+                for value in [device.force.get(tick), device.position.get(tick)] {
+                    line.numbers(value.copied().unwrap_or_default().iter().copied());
                 }
             }
         }
+        text.push_str(line.end());
     }
-    text + "\n"
+    text
 }

@@ -23,7 +23,7 @@ pub(super) fn fall(level: Level) -> Plan {
     Plan {
         name: "free fall",
         stress: "free bodies fall while they vibrate; nothing holds them",
-        figure: "error of the momentum, as a share of m g t and the kick's",
+        figure: "error of the momentum, as a fraction of m g t and of the kick",
         unit: "",
         jobs,
     }
@@ -76,7 +76,7 @@ pub(super) fn pendulum(level: Level) -> Plan {
     Plan {
         name: "hung by one vertex",
         stress: "held by one vertex, let go under gravity, undamped",
-        figure: "energy above the start's, as a share of m g L",
+        figure: "energy gained, as a fraction of m g L",
         unit: "",
         jobs,
     }

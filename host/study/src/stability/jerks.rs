@@ -26,7 +26,7 @@ pub(super) fn plan(level: Level) -> Plan {
     Plan {
         name: "jerked handles",
         stress: "held at both ends, one end jerked by 10 body lengths within a step, and back in the next or not",
-        figure: "energy above what there was when the hand came to rest, as a share of what it has put in",
+        figure: "energy gained after the hand came to rest, as a fraction of the work of the hand",
         unit: "",
         jobs,
     }

@@ -5,7 +5,7 @@ use super::trial::{Method, ROUNDING, Trial};
 use super::{Job, Outcome, Plan};
 use crate::{Level, StudyError};
 
-pub(super) const EXCESS: &str = "energy above the start's, as a share";
+pub(super) const EXCESS: &str = "energy gained, as a fraction of the initial energy";
 
 /// A kick of a hundredth of the speed of sound: strains of a few hundredths.
 pub(super) fn light(level: Level) -> Plan {

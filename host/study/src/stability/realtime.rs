@@ -35,7 +35,7 @@ pub(super) fn plan(level: Level) -> Plan {
         name: "realtime step",
         stress: "free bodies kicked at 0.01 and 1 of their speed of sound, stepped with one linearization; E 1 Pa \
                  to 1 GPa and contrasts of 1e6, nu 0 to 0.499, h 0.1 to 100 ms",
-        figure: "energy above the start's, as a share",
+        figure: "energy gained, as a fraction of the initial energy",
         unit: "",
         jobs,
     }

@@ -66,7 +66,7 @@ pub(super) fn inverted(level: Level) -> Plan {
     Plan {
         name: "inverted starts",
         stress: "solids that start mirrored, free or held at one end; h 20 ms, damped, 12 s",
-        figure: "share of the cells still inside out",
+        figure: "fraction of elements still inverted",
         unit: "",
         jobs: solids(level, &starts),
     }
@@ -79,7 +79,7 @@ pub(super) fn scrambled(level: Level) -> Plan {
     Plan {
         name: "scrambled starts",
         stress: "solids whose vertices start anywhere in their box, free or held at one end; h 20 ms, damped, 12 s",
-        figure: "share of the cells still inside out",
+        figure: "fraction of elements still inverted",
         unit: "",
         jobs: solids(level, &starts),
     }
@@ -201,7 +201,7 @@ pub(super) fn crumpled(level: Level) -> Plan {
     Plan {
         name: "crumpled sheets",
         stress: "sheets whose vertices start anywhere in a box, free or held at one end; h 20 ms, damped, 12 s",
-        figure: "energy above the start's, as a share",
+        figure: "energy gained, as a fraction of the initial energy",
         unit: "",
         jobs,
     }
