@@ -5,11 +5,12 @@
 //! further out, by the deflection of the arm under the force of the body and the friction of the device. All lengths and
 //! forces are in the axes of the devices.
 
-use super::draw::{ARRIVED, BEGIN, Draw, Task};
+use super::draw::{ARRIVED, BEGIN, Draw, Task as Drawn};
 use crate::stress::chance::Chance;
 use host::scene::LoadedScene;
 use physics::Vec3;
 use physics::linear::dense::Square;
+use sim::Task;
 
 /// The body's force is at most this fraction of the largest force of a device.
 const MOST_FORCE: f64 = 0.7;
@@ -35,7 +36,13 @@ pub(super) fn reaches(loaded: &LoadedScene) -> Vec<Vec3> {
             let samples = recorded.into_iter().flatten();
             let samples = samples.map(|(_, place)| Vec3::from(*place) - first);
             let sines = hand.sines.iter().map(|sine| Vec3::from(sine.amplitude));
+            let task = hand.task.map(|name| {
+                let usual = Task::new(name.kind(), Vec3::from(hand.direction.unwrap_or_default()));
+                let along = usual.direction.try_normalize(1e-9).unwrap_or_default();
+                along * hand.depth.unwrap_or(usual.depth)
+            });
             let all = rows.map(|row| row - start).chain(samples).chain(sines);
+            let all = all.chain(task);
             all.fold(Vec3::zeros(), |far: Vec3, place| {
                 if place.norm_squared() > far.norm_squared() {
                     place
@@ -87,12 +94,12 @@ fn path(draw: &Draw, width: f64) -> Path {
     // The first reach takes 0.9 to 0.3 s.
     let there = BEGIN + 0.9 - 0.6 * haste;
     match draw.task {
-        Task::Press => {
+        Drawn::Press => {
             path.to(there, depth, 0.0);
             path.to(0.5 * (there + ARRIVED), 0.5 * depth, 0.0);
             path.to(ARRIVED, depth, 0.0);
         }
-        Task::Tap => {
+        Drawn::Tap => {
             let taps = 2 + (4.0 * haste) as u32;
             let each = (ARRIVED - BEGIN) / (f64::from(taps) + 0.5);
             for tap in 0..taps {
@@ -102,13 +109,13 @@ fn path(draw: &Draw, width: f64) -> Path {
             }
             path.to(ARRIVED, depth, 0.0);
         }
-        Task::Rub => {
+        Drawn::Rub => {
             path.to(there, depth, 0.0);
             path.swing(1 + (2.0 * haste) as u32, ARRIVED, |side| {
                 (depth, side * width)
             });
         }
-        Task::Shake => {
+        Drawn::Shake => {
             path.to(there, depth, 0.0);
             // 2 to 5 Hz.
             let times = ((2.0 + 3.0 * haste) * (ARRIVED - there)) as u32;
@@ -116,7 +123,7 @@ fn path(draw: &Draw, width: f64) -> Path {
                 (depth * (1.0 + 0.3 * side), 0.0)
             });
         }
-        Task::Carry => {
+        Drawn::Carry => {
             path.to(there, depth, 0.0);
             path.to(0.5 * (there + ARRIVED), depth, -width);
             path.to(ARRIVED, depth, width);
@@ -179,7 +186,7 @@ pub(super) fn give(
         let beyond = along * (held / grip.stiffness).min(FURTHEST);
         // In a rub every other hand moves in the opposite direction; when carrying, all hands move in the same
         // direction.
-        let side = if draw.task == Task::Rub && index % 2 == 1 {
+        let side = if draw.task == Drawn::Rub && index % 2 == 1 {
             -1.0
         } else {
             1.0
@@ -193,6 +200,7 @@ pub(super) fn give(
         hand.damping = Some(grip.damping);
         hand.stiffness = Some(grip.stiffness);
         hand.tremor = 0.0;
+        hand.task = None;
         hand.sines.clear();
         hand.recording = None;
         let rows = path(draw, width).rows.into_iter();
@@ -214,4 +222,28 @@ fn across(chance: Chance, reach: Vec3) -> Vec3 {
     let along = reach.try_normalize(1e-9).unwrap_or_default();
     let across = any - along * any.dot(&along);
     across.try_normalize(1e-6).unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use host::scene::Scene;
+
+    #[test]
+    fn a_hand_with_a_task_reaches_as_deep_and_gives_up_its_task() {
+        let text = include_str!("../../../../scenes/paddle.toml");
+        let mut loaded =
+            Scene::load_texts("paddle.toml", text, &std::collections::BTreeMap::new()).unwrap();
+        let reaches = reaches(&loaded);
+        assert_eq!(reaches, [Vec3::new(0.015, 0.0, 0.0)]);
+        let draw = Draw::new(1, 0, 1);
+        let chance = Chance::new(1, 0).of("task");
+        let stiffness = Square::zeros(3);
+        give(&mut loaded, &draw, chance, &reaches, &stiffness, &[0.0]);
+        let hand = loaded.scene.devices[0].hand.as_ref().unwrap();
+        assert!(hand.task.is_none() && hand.waypoints.len() > 2);
+        // The hand holds at the end, as far along the reach as the world says.
+        let [_, x, ..] = hand.waypoints[hand.waypoints.len() - 1];
+        assert!((x - 0.015 * draw.depth).abs() < 1e-12, "{x} {draw:?}");
+    }
 }
