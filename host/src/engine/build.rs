@@ -33,7 +33,7 @@ pub fn bodies(loaded: &LoadedScene, how: How) -> Result<Vec<HostBody>, SceneErro
 /// Builds every body of a scene and lets it settle, which takes the longest time of a large body's preparation.
 ///
 /// # Errors
-/// As [`bodies`].
+/// As [`bodies()`].
 pub fn settled(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
     check(loaded)?;
     let each = (0..loaded.scene.bodies.len()).map(|index| {
@@ -46,7 +46,7 @@ pub fn settled(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
 /// Gives each settled body of a scene its solver and the paths of its handles.
 ///
 /// # Errors
-/// As [`bodies`].
+/// As [`bodies()`].
 pub fn with_solvers(
     loaded: &LoadedScene,
     how: How,
