@@ -143,10 +143,16 @@ fn go_through(chance: Chance, device: Option<&StudyDevice>, outcome: &mut Outcom
         ("models refused: not finite", counters.not_finite),
         ("models refused: wrong handles", counters.wrong_handles),
         ("models refused: outdated", counters.outdated),
-        ("models refused: of a time to come", counters.to_come),
+        (
+            "models refused: timestamped in the future",
+            counters.to_come,
+        ),
         ("models used", counters.accepted),
         ("forces faded: model too old", counters.faded),
-        ("sound stretches that ended in debt of energy", in_debt),
+        (
+            "undisturbed stretches that ended in debt of energy",
+            in_debt,
+        ),
     ] {
         *outcome.met.entry(name.to_owned()).or_default() += count;
     }
