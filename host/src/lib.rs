@@ -7,12 +7,14 @@
 //! - [`engine`]: the work of the host loop. It joins physics and tick.
 //! - [`run`]: runs a scene from beginning to end, under virtual or real time.
 //! - [`solve`]: solves a scene without devices for equilibrium or motion.
+//! - [`live`]: a run as viewers see it.
 //! - [`log`], [`plot`]: the record and the picture of a run.
 #![forbid(unsafe_code)]
 
 pub mod atomic_file;
 pub mod bodies;
 pub mod engine;
+pub mod live;
 pub mod log;
 pub mod machine;
 pub mod plot;

@@ -3,7 +3,7 @@
 mod print;
 
 use crate::machine::Machine;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
 /// Version of the JSON that `--json` writes. A change of a field's meaning changes this version.
@@ -13,7 +13,7 @@ pub const SCHEMA: &str = "palpate.run/4";
 const ENOUGH_FOR_P99_99: u64 = 10_000;
 
 /// A distribution of times (s).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Distribution {
     /// Number of values.
     pub count: u64,

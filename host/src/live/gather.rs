@@ -1,0 +1,1 @@
+//! Folds ticks into frames.

@@ -1,0 +1,22 @@
+//! A run as others see it while it goes on: frames, and the messages that carry the frames to viewers.
+//!
+//! A **frame** ([`Frame`]) is the state of a run at one moment: the hands, the states of bodies and host, the deformed
+//! vertices, and the least and the greatest value of each curve over the ticks since the frame before, so that no spike
+//! is lost. The same type describes a moment of a log that is played back. [`message`] is the encoding, which is the
+//! same from the run to the viewer, over a Unix socket, and from the viewer to a page in a browser, over a WebSocket.
+
+pub mod frame;
+pub mod gather;
+pub mod message;
+pub mod observer;
+pub mod range;
+pub mod slot;
+pub mod socket;
+pub mod surface;
+
+pub use frame::{
+    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
+    Hello, HostState, Playback, Source, Surface, Totals, Vertices,
+};
+pub use message::{Message, MessageError};
+pub use range::Range;

@@ -1,0 +1,1 @@
+//! The observer of a run that makes frames for viewers.

@@ -1,0 +1,1 @@
+//! The surface of a body: what a person sees of its mesh.

@@ -1,0 +1,23 @@
+//! The viewer: a process of its own that shows a run or a log, in a terminal, in a browser, or to other programs.
+//!
+//! ```text
+//!   a run, over its Unix socket  \                / terminal
+//!                                  Feed: messages   web: a page in a browser
+//!   a log, played back           /                \ foxglove: other people's viewers
+//! ```
+//!
+//! A **feed** ([`feed::Feed`]) gives the messages of [`host::live`], and takes the commands of the person who looks. A
+//! feed from a run ([`live`]) sends nothing to the run: its commands act on the viewer alone.
+#![forbid(unsafe_code)]
+
+pub mod feed;
+pub mod foxglove;
+pub mod history;
+pub mod live;
+pub mod moment;
+pub mod playback;
+pub mod stress;
+#[doc(hidden)]
+pub mod synthetic;
+pub mod terminal;
+pub mod web;

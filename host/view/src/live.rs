@@ -1,0 +1,1 @@
+//! A feed from a run, over its Unix socket.

@@ -1,0 +1,1 @@
+//! A moment as a picture (SVG, PNG) and as a table (CSV).

@@ -1,0 +1,1 @@
+//! Stresses at the vertices of a frame, computed in the viewer from the scene.

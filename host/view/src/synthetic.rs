@@ -1,0 +1,259 @@
+//! A feed that computes a waving sheet in two hands, for tests of the displays.
+
+use crate::feed::{Command, Feed, FeedError};
+use host::live::frame::{FoldedBody, FoldedHand, PROTOCOL};
+use host::live::{
+    Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
+    Hello, HostState, Message, Range, Surface, Totals, Vertices,
+};
+use host::run::summary::Distribution;
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+/// Vertices along an edge of the sheet.
+const EDGE: u32 = 21;
+/// Side of the sheet (m).
+const SIDE: f64 = 0.1;
+/// Ticks a frame.
+const TICKS: u64 = 16;
+
+/// A waving sheet. Every call of `next` gives the next message at once, up to the number of frames, and then an end.
+pub struct Synthetic {
+    waiting: VecDeque<Message>,
+    sent: Vec<Message>,
+    number: u64,
+    frames: u64,
+}
+
+impl Synthetic {
+    /// A feed of `frames` frames of 16 ms each.
+    pub fn new(frames: u64) -> Self {
+        Self {
+            waiting: VecDeque::from([
+                Message::Hello(Box::new(hello())),
+                Message::Surface(surface()),
+            ]),
+            sent: Vec::new(),
+            number: 0,
+            frames,
+        }
+    }
+}
+
+impl Feed for Synthetic {
+    fn next(&mut self, _wait: Duration) -> Result<Option<Message>, FeedError> {
+        if let Some(message) = self.waiting.pop_front() {
+            self.sent.push(message.clone());
+            return Ok(Some(message));
+        }
+        self.number += 1;
+        if self.number > self.frames {
+            return Ok(Some(Message::End(String::new())));
+        }
+        let message = Message::Frame(Box::new(frame(self.number - 1)));
+        self.sent.truncate(2);
+        self.sent.push(message.clone());
+        Ok(Some(message))
+    }
+
+    fn command(&mut self, _command: &Command) {}
+
+    fn present(&self) -> Vec<Message> {
+        self.sent.clone()
+    }
+}
+
+fn hello() -> Hello {
+    let device = |name: &str| DeviceInfo {
+        name: name.into(),
+        model: "falcon".into(),
+        max_force: 8.9,
+        age_limit: 0.1,
+    };
+    let handle = |device, x| HandleInfo {
+        device,
+        origin: [x, 0.0, 0.0],
+    };
+    Hello {
+        protocol: PROTOCOL.into(),
+        run: 1,
+        scene: "synthetic".into(),
+        clock: "real".into(),
+        scheme: "capped".into(),
+        tick_rate: 1000.0,
+        step_rate: 250.0,
+        publish_rate: 125.0,
+        duration: 60.0,
+        devices: vec![device("left"), device("right")],
+        bodies: vec![BodyInfo {
+            name: "sheet".into(),
+            kind: "sheet".into(),
+            vertices: EDGE * EDGE,
+            elements: 2 * (EDGE - 1) * (EDGE - 1),
+            handles: vec![handle(0, -SIDE / 2.0), handle(1, SIDE / 2.0)],
+        }],
+        ..Hello::default()
+    }
+}
+
+fn grid() -> impl Iterator<Item = (f64, f64)> {
+    let along = |i: u32| SIDE * (f64::from(i) / f64::from(EDGE - 1) - 0.5);
+    (0..EDGE * EDGE).map(move |v| (along(v % EDGE), along(v / EDGE)))
+}
+
+fn surface() -> Surface {
+    let cells = (0..(EDGE - 1) * (EDGE - 1)).map(|c| (c % (EDGE - 1)) + EDGE * (c / (EDGE - 1)));
+    let triangles: Vec<u32> = cells
+        .flat_map(|v| [v, v + 1, v + EDGE, v + 1, v + EDGE + 1, v + EDGE])
+        .collect();
+    Surface {
+        vertices: EDGE * EDGE,
+        triangle_count: triangles.len() as u32 / 3,
+        rest: grid()
+            .flat_map(|(x, y)| [x as f32, y as f32, 0.0])
+            .collect(),
+        triangles,
+        ..Surface::default()
+    }
+}
+
+fn frame(number: u64) -> Frame {
+    let time = number as f64 * 0.016;
+    let (first, last) = (number * TICKS, number * TICKS + TICKS - 1);
+    let pull = 0.01 * (1.0 - (2.0 * time).cos());
+    let wave = |x: f64, y: f64| 0.01 * (60.0 * x + 6.0 * time).sin() * (30.0 * y).cos();
+    let stretch = 1.0 + 2.0 * pull / SIDE;
+    let positions = grid().flat_map(|(x, y)| [(x * stretch) as f32, y as f32, wave(x, y) as f32]);
+    let sides = [-1.0, 1.0];
+    let hands = sides.map(|side| Hand {
+        position: [side * (SIDE / 2.0 + pull), 0.0, 0.0],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+        force: [-side * 150.0 * pull, 0.2 * (3.0 * time).sin(), 0.0],
+        fresh: true,
+        safety: "normal".into(),
+        peak_force: 3.0,
+        ..Hand::default()
+    });
+    let folded = hands.iter().map(|hand| FoldedHand {
+        force: hand.force.map(|f| Range {
+            least: f - 0.05,
+            most: f + 0.05,
+        }),
+        force_norm: Range {
+            least: hand.force[0].abs() - 0.05,
+            // A spike of one tick, once a second.
+            most: hand.force[0].abs() + if number % 60 == 30 { 4.0 } else { 0.05 },
+        },
+        position: hand.position.map(Range::of),
+        ..FoldedHand::default()
+    });
+    let event = |kind, text: &str| Event {
+        kind,
+        tick: last,
+        time_ns: last * 1_000_000,
+        text: text.into(),
+    };
+    let events = match number % 100 {
+        40 => vec![event(EventKind::Trip, "left: force limited")],
+        80 => vec![event(EventKind::MissedDeadline, "2 deadlines missed")],
+        _ => Vec::new(),
+    };
+    let times = Distribution {
+        count: last + 1,
+        min: 1e-6,
+        p50: 12e-6,
+        p99: 40e-6,
+        p99_9: 80e-6,
+        p99_99: None,
+        max: 150e-6,
+        overflow: 0,
+    };
+    let bins = Bins(
+        (0..20)
+            .map(|i| (1000 << (i / 2), 1 + number * (20 - i)))
+            .collect(),
+    );
+    Frame {
+        number,
+        time_ns: last * 1_000_000,
+        folded: Folded {
+            first,
+            last,
+            from_ns: first * 1_000_000,
+            to_ns: last * 1_000_000,
+            ticks: TICKS,
+            lateness: Range {
+                least: 1e-6,
+                most: 4e-5,
+            },
+            hands: folded.collect(),
+            bodies: vec![FoldedBody {
+                age: Range {
+                    least: 0.004,
+                    most: 0.008,
+                },
+                trust: Range::of(1.0),
+                ..FoldedBody::default()
+            }],
+            ..Folded::default()
+        },
+        totals: Totals {
+            ticks: last + 1,
+            missed: 2 * (number / 100),
+            longest_miss: 2,
+            lateness: Some(times),
+            duration: Some(times),
+            model_age: vec![times],
+            lateness_bins: bins.clone(),
+            duration_bins: bins,
+            trips: (number + 60) / 100,
+            ..Totals::default()
+        },
+        hands: hands.to_vec(),
+        bodies: vec![BodyState {
+            state: "live".into(),
+            sequence: number,
+            age: 0.006,
+            trust: 1.0,
+            energy: BTreeMap::from([("supplied".into(), 0.001), ("stored".into(), 0.0006)]),
+            vertices: Some(Vertices {
+                step: 4 * number,
+                time_ns: last * 1_000_000,
+                count: EDGE * EDGE,
+                positions: positions.collect(),
+                ..Vertices::default()
+            }),
+            ..BodyState::default()
+        }],
+        host: Some(HostState {
+            steps: 4 * number,
+            step_rate: 250.0,
+            publications: 2 * number,
+            stages: [None, Some(8e-5), Some(2e-4)],
+            medians: [0.0, 8e-5, 2e-4],
+            iterations: 3,
+            ..HostState::default()
+        }),
+        events,
+        ..Frame::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_gives_a_surface_before_its_frames_and_then_ends() {
+        let mut feed = Synthetic::new(2);
+        let mut kinds = Vec::new();
+        while let Ok(Some(message)) = feed.next(Duration::ZERO) {
+            kinds.push(message.kind());
+            if matches!(message, Message::End(_)) {
+                break;
+            }
+        }
+        assert_eq!(kinds, [1, 2, 3, 3, 6]);
+        assert_eq!(feed.present().len(), 3);
+    }
+}
