@@ -7,9 +7,12 @@
 
 pub mod frame;
 pub mod gather;
+pub mod merge;
 pub mod message;
 pub mod observer;
 pub mod range;
+mod rate;
+pub mod session;
 pub mod slot;
 pub mod socket;
 pub mod surface;

@@ -1,0 +1,107 @@
+//! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
+
+use super::frame::{Hello, Surface};
+use super::gather::Gatherer;
+use super::observer::{Frames, Rest, ViewObserver};
+use super::slot::{Moment, SlotWriter, Watchers, slot};
+use super::socket::{Listener, Server, SocketError, Update};
+use crate::engine::Engine;
+use crate::run::setup::HostSide;
+use crate::run::summary::RunSummary;
+use runner::LatencyReader;
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock, PoisonError};
+
+/// How a run is watched.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewOptions {
+    /// Path of the socket. `None` for this process's own path in the folder of the user
+    /// ([`address::of_this_process`](super::socket::address::of_this_process)).
+    pub socket: Option<PathBuf>,
+    /// Seconds of a run in virtual time for each second of the wall clock. Zero: as fast as possible.
+    pub pace: f64,
+}
+
+/// The part of a watched run that goes with its host.
+pub struct HostView {
+    /// Takes the positions after each step.
+    pub(crate) slot: SlotWriter,
+    /// Receives the reader of the computing times of the ticks when the tick's thread starts.
+    pub(crate) tick_time: Arc<OnceLock<LatencyReader>>,
+    /// As [`ViewOptions::pace`].
+    pub(crate) pace: f64,
+}
+
+/// The thread of the viewers, and what the last frame needs.
+pub(crate) struct Session {
+    server: Server,
+    rest: Rest,
+}
+
+impl Session {
+    /// Begins to serve viewers at `listener`.
+    ///
+    /// # Errors
+    /// The system gives no thread.
+    pub(crate) fn begin(
+        options: &ViewOptions,
+        listener: Listener,
+        hello: Hello,
+        gatherer: impl FnOnce(Arc<OnceLock<LatencyReader>>) -> Gatherer,
+        surfaces: Vec<Surface>,
+        engine: &Engine,
+    ) -> Result<(Self, HostView, ViewObserver), SocketError> {
+        let watchers = Watchers::default();
+        let (writer, reader) = slot(engine, watchers.clone());
+        let vertices = Moment::of(engine, 0, 0).vertices().collect();
+        let tick_time = Arc::default();
+        let gatherer = gatherer(Arc::clone(&tick_time));
+        let frames = Frames::new(gatherer, surfaces.clone());
+        let server = Server::start(listener, hello, surfaces, vertices, watchers.clone())?;
+        let rest = Rest::default();
+        let sender = server.sender();
+        let observer = ViewObserver::new(watchers, frames, reader, sender, Arc::clone(&rest));
+        let host = HostView {
+            slot: writer,
+            tick_time,
+            pace: options.pace,
+        };
+        Ok((Self { server, rest }, host, observer))
+    }
+
+    /// Sends the last frame, with the totals of `summary` and the state of `host`, and the summary. `host` is absent if its
+    /// thread was lost.
+    pub(crate) fn finish(self, host: Option<&HostSide>, summary: &RunSummary) {
+        let rest = self.rest.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // Without the observer, whose thread panicked, there is no last frame.
+        let last = rest.map(|mut frames| {
+            let moment = host.map(|host| {
+                let skipped = host.pacer.skipped();
+                Moment::of(&host.engine, host.pacer.last_ns(), skipped)
+            });
+            let (surfaces, mut frame) = frames.last(moment.as_ref());
+            take_totals(&mut frame, summary);
+            Update::Frame(surfaces, Box::new(frame))
+        });
+        let json = serde_json::to_string(summary).unwrap_or_default();
+        self.server.finish(last, json);
+    }
+}
+
+/// Gives a frame the totals of the summary. The frame has counted the ticks whose record arrived; the summary counts all
+/// ticks.
+fn take_totals(frame: &mut super::Frame, summary: &RunSummary) {
+    let (totals, tick) = (&mut frame.totals, &summary.tick);
+    totals.ticks = tick.count;
+    totals.missed = tick.missed_deadlines;
+    totals.longest_miss = tick.longest_miss;
+    totals.lost = tick.count.saturating_sub(tick.records);
+    totals.lateness = tick.lateness;
+    totals.duration = tick.duration;
+    totals.model_age.clone_from(&tick.model_age);
+    for (hand, device) in frame.hands.iter_mut().zip(&summary.devices) {
+        hand.peak_force = device.peak_force;
+        hand.work = device.work;
+        hand.reach = device.reach;
+    }
+}
