@@ -14,7 +14,9 @@ impl Gatherer {
     /// A gatherer.
     pub fn new(scene: &Scene) -> Self {
         let _ = scene;
-        Self { frame: Frame::default() }
+        Self {
+            frame: Frame::default(),
+        }
     }
 
     /// Takes a tick.
@@ -25,9 +27,12 @@ impl Gatherer {
         }
         (folded.last, folded.to_ns) = (telemetry.tick, telemetry.time_ns);
         folded.ticks += 1;
-        folded.hands.resize_with(telemetry.devices().count(), FoldedHand::default);
+        folded
+            .hands
+            .resize_with(telemetry.devices().count(), FoldedHand::default);
         for (hand, device) in folded.hands.iter_mut().zip(telemetry.devices()) {
-            hand.force_norm.merge(&Range::of(device.wrench.force.norm()));
+            hand.force_norm
+                .merge(&Range::of(device.wrench.force.norm()));
         }
         self.frame.hands = telemetry.devices().map(|_| Hand::default()).collect();
         self.frame.bodies = telemetry.bodies().map(|_| BodyState::default()).collect();

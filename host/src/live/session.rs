@@ -1,13 +1,16 @@
 //! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
 
-use super::frame::{Hello, Surface};
 use super::gather::Gatherer;
 use super::observer::{Frames, Rest, ViewObserver};
 use super::slot::{Moment, SlotWriter, Watchers, slot};
 use super::socket::{Listener, Server, SocketError, Update};
+use super::{hello, surface};
 use crate::engine::Engine;
+use crate::log::LogHeader;
+use crate::run::RunOptions;
 use crate::run::setup::HostSide;
 use crate::run::summary::RunSummary;
+use crate::scene::LoadedScene;
 use runner::LatencyReader;
 use std::path::PathBuf;
 use std::sync::{Arc, OnceLock, PoisonError};
@@ -39,23 +42,30 @@ pub(crate) struct Session {
 }
 
 impl Session {
-    /// Begins to serve viewers at `listener`.
+    /// Begins to serve viewers of a run at `listener`.
     ///
     /// # Errors
     /// The system gives no thread.
     pub(crate) fn begin(
-        options: &ViewOptions,
+        view: &ViewOptions,
         listener: Listener,
-        hello: Hello,
-        gatherer: impl FnOnce(Arc<OnceLock<LatencyReader>>) -> Gatherer,
-        surfaces: Vec<Surface>,
+        loaded: &LoadedScene,
+        header: &LogHeader,
+        options: &RunOptions,
         engine: &Engine,
     ) -> Result<(Self, HostView, ViewObserver), SocketError> {
+        let hello = hello::of_run(loaded, header, options);
+        let surfaces: Vec<_> = engine
+            .bodies()
+            .iter()
+            .enumerate()
+            .map(|(index, body)| surface::of_body(index, body.body()))
+            .collect();
         let watchers = Watchers::default();
         let (writer, reader) = slot(engine, watchers.clone());
         let vertices = Moment::of(engine, 0, 0).vertices().collect();
         let tick_time = Arc::default();
-        let gatherer = gatherer(Arc::clone(&tick_time));
+        let gatherer = Gatherer::new(&loaded.scene);
         let frames = Frames::new(gatherer, surfaces.clone());
         let server = Server::start(listener, hello, surfaces, vertices, watchers.clone())?;
         let rest = Rest::default();
@@ -64,7 +74,7 @@ impl Session {
         let host = HostView {
             slot: writer,
             tick_time,
-            pace: options.pace,
+            pace: view.pace,
         };
         Ok((Self { server, rest }, host, observer))
     }
@@ -72,7 +82,11 @@ impl Session {
     /// Sends the last frame, with the totals of `summary` and the state of `host`, and the summary. `host` is absent if its
     /// thread was lost.
     pub(crate) fn finish(self, host: Option<&HostSide>, summary: &RunSummary) {
-        let rest = self.rest.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let rest = self
+            .rest
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .take();
         // Without the observer, whose thread panicked, there is no last frame.
         let last = rest.map(|mut frames| {
             let moment = host.map(|host| {

@@ -168,11 +168,12 @@ impl SlotWriter {
     /// and `skipped` the number of steps left out so far.
     pub fn after_step(&mut self, time_ns: u64, skipped: u64, engine: &Engine) {
         if self.watchers.any() {
-            self.copy_at(Instant::now(), time_ns, skipped, engine);
+            self.after_step_at(Instant::now(), time_ns, skipped, engine);
         }
     }
 
-    fn copy_at(&mut self, now: Instant, time_ns: u64, skipped: u64, engine: &Engine) {
+    /// As [`Self::after_step`] with a viewer, at `now`.
+    pub fn after_step_at(&mut self, now: Instant, time_ns: u64, skipped: u64, engine: &Engine) {
         // A copy that finds no buffer is made after a later step, as soon as there is a buffer.
         if self.free.is_empty() || !self.rate.is_due(now) {
             return;
@@ -243,7 +244,10 @@ impl SlotReader {
     /// Gives a buffer back to the host.
     pub fn give_back(&mut self, mut moment: Box<Moment>) {
         // The host frees no body.
-        moment.bodies.iter_mut().for_each(|body| body.changed = None);
+        moment
+            .bodies
+            .iter_mut()
+            .for_each(|body| body.changed = None);
         // There are as many places as buffers.
         let _ = self.free.push(moment);
     }

@@ -31,8 +31,8 @@ use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{LocalModel, Telemetry};
 
 pub(crate) use file::LogFile;
-pub(crate) use model::encode as encode_model;
 pub use model::ModelRow;
+pub(crate) use model::encode as encode_model;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
 pub(crate) use tick::encode as encode_tick;

@@ -79,7 +79,9 @@ impl Collector {
         for (device, sum) in telemetry.devices().zip(&mut self.sums) {
             sum.take(time, device);
         }
-        let limited = telemetry.devices().map(|device| acting_limit(device.safety));
+        let limited = telemetry
+            .devices()
+            .map(|device| acting_limit(device.safety));
         let aged = telemetry.bodies().map(|body| old_model(body.state));
         let names = self.device_names.iter().chain(&self.body_names);
         for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {

@@ -81,7 +81,11 @@ pub(super) fn run(
         // Set once, here.
         let _ = view.tick_time.set(thread.tick_time());
     }
-    let log_period = if view.is_some() { VIEW_PERIOD } else { LOG_PERIOD };
+    let log_period = if view.is_some() {
+        VIEW_PERIOD
+    } else {
+        LOG_PERIOD
+    };
 
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);
@@ -100,7 +104,9 @@ pub(super) fn run(
         (running.into_side(), ended.err())
     })?;
     let log_over = Arc::clone(&over);
-    let log = named("palpate-log", move || log_loop(log, observers, log_period, &log_over))?;
+    let log = named("palpate-log", move || {
+        log_loop(log, observers, log_period, &log_over)
+    })?;
 
     while !thread.is_finished() {
         progress(thread.ticks());
@@ -202,12 +208,7 @@ impl Hosting {
     }
 }
 
-fn log_loop(
-    mut log: LogEnd,
-    mut observers: Observers,
-    period: Duration,
-    over: &Stop,
-) -> Observers {
+fn log_loop(mut log: LogEnd, mut observers: Observers, period: Duration, over: &Stop) -> Observers {
     loop {
         // The flag is read before the ring is drained: a record pushed before the end of the run is still drained.
         let last = over.is_requested();

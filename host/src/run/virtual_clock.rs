@@ -153,7 +153,8 @@ impl Host for Paced {
         }
         if let Some(view) = &mut self.view {
             let skipped = self.pacer.skipped();
-            view.slot.after_step(due.time_ns, skipped, self.engine.engine());
+            view.slot
+                .after_step(due.time_ns, skipped, self.engine.engine());
         }
         if due.publishes {
             self.free_at = arrival_ns;

@@ -64,8 +64,9 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
     };
     match fs::DirBuilder::new().mode(FOLDER_MODE).create(folder) {
         // The mask of the process may have taken bits away.
-        Ok(()) => fs::set_permissions(folder, fs::Permissions::from_mode(FOLDER_MODE))
-            .map_err(failed)?,
+        Ok(()) => {
+            fs::set_permissions(folder, fs::Permissions::from_mode(FOLDER_MODE)).map_err(failed)?
+        }
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
         Err(error) => return Err(failed(error)),
     }
@@ -90,7 +91,9 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
 
 fn is_of_a_dead_process(socket: &Path) -> bool {
     let name = socket.file_stem().and_then(|name| name.to_str());
-    let pid = name.and_then(|name| name.parse().ok()).and_then(Pid::from_raw);
+    let pid = name
+        .and_then(|name| name.parse().ok())
+        .and_then(Pid::from_raw);
     pid.is_some_and(|pid| test_kill_process(pid) == Err(rustix::io::Errno::SRCH))
 }
 

@@ -194,7 +194,10 @@ mod tests {
         let first = Listener::bind(Some(&path))?;
         assert_eq!(path.metadata()?.mode() & 0o777, 0o660);
         let second = Listener::bind(Some(&path));
-        assert!(matches!(second, Err(SocketError::Live { .. })), "{second:?}");
+        assert!(
+            matches!(second, Err(SocketError::Live { .. })),
+            "{second:?}"
+        );
         drop(first);
         assert!(!path.exists());
 
@@ -214,12 +217,18 @@ mod tests {
         fs::remove_file(&path)?;
         fs::write(&path, "text")?;
         let refused = Listener::bind(Some(&path));
-        assert!(matches!(refused, Err(SocketError::NoSocket { .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Err(SocketError::NoSocket { .. })),
+            "{refused:?}"
+        );
         assert_eq!(fs::read_to_string(&path)?, "text");
 
         let long = folder.path().join("x".repeat(108));
         let refused = Listener::bind(Some(&long));
-        assert!(matches!(refused, Err(SocketError::Bind { .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Err(SocketError::Bind { .. })),
+            "{refused:?}"
+        );
         Ok(())
     }
 }

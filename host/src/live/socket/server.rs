@@ -188,13 +188,19 @@ impl Serving {
         let mut files = vec![PollFd::new(&self.woken, PollFlags::IN)];
         // A viewer that hangs up is always reported.
         files.extend(self.viewers.iter().map(|viewer| {
-            let flags = if viewer.is_blocked() { PollFlags::OUT } else { PollFlags::empty() };
+            let flags = if viewer.is_blocked() {
+                PollFlags::OUT
+            } else {
+                PollFlags::empty()
+            };
             PollFd::new(&viewer.stream, flags)
         }));
         if !self.deaf && self.end.is_none() {
             files.push(PollFd::new(&self.listener, PollFlags::IN));
         }
-        let left = self.end.map(|end| end.saturating_duration_since(Instant::now()));
+        let left = self
+            .end
+            .map(|end| end.saturating_duration_since(Instant::now()));
         let left = left.or(self.deaf.then_some(DEAF));
         let left = left.map(|left| Timespec {
             tv_sec: left.as_secs() as i64,
@@ -221,7 +227,9 @@ impl Serving {
             match self.updates.try_recv() {
                 Ok(Update::Frame(surfaces, frame)) => {
                     let shared = self.station.take(surfaces, *frame);
-                    self.viewers.iter_mut().for_each(|viewer| viewer.offer(&shared));
+                    self.viewers
+                        .iter_mut()
+                        .for_each(|viewer| viewer.offer(&shared));
                 }
                 Ok(Update::End(summary)) => {
                     self.station.set_end(summary);

@@ -92,10 +92,18 @@ impl Viewer {
                 self.under_way = self.next(station).map(|bytes| (bytes, 0));
             }
             let Some((bytes, sent)) = &mut self.under_way else {
-                return if self.ended { Pumped::Gone } else { Pumped::Idle };
+                return if self.ended {
+                    Pumped::Gone
+                } else {
+                    Pumped::Idle
+                };
             };
             let rest = bytes.get(*sent..).unwrap_or_default();
-            match send(&self.stream, rest, SendFlags::DONTWAIT | SendFlags::NOSIGNAL) {
+            match send(
+                &self.stream,
+                rest,
+                SendFlags::DONTWAIT | SendFlags::NOSIGNAL,
+            ) {
                 Ok(count) => *sent += count,
                 Err(Errno::INTR) => {}
                 Err(Errno::AGAIN) => return Pumped::Blocked,
