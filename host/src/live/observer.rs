@@ -4,22 +4,21 @@
 //! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the slot, and
 //! gives the frames to the thread of the viewers without waiting.
 
+use super::connectivity::after_change;
 use super::frame::{Frame, HostState, LogMessage, Surface};
 use super::gather::Gatherer;
-use super::merge::merge;
+use super::merge::MAX_LOG;
 use super::rate::Rate;
 use super::slot::{Moment, SlotReader, Watchers};
 use super::socket::{Update, UpdateSender};
-use super::surface;
 use crate::log;
 use crate::run::observer::{Observed, Observer};
+use runner::LatencyReader;
 use runner::link::LogRecord;
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::Instant;
 
-/// Most bytes of the log's messages in a frame.
-const MOST_LOG: usize = 256 << 10;
 /// Length of the time over which the rate of the host's steps is counted (ns).
 const RATE_SPAN_NS: u64 = 1_000_000_000;
 
@@ -35,9 +34,14 @@ pub(crate) struct ViewObserver {
     sender: UpdateSender,
     /// What the thread of the viewers has not taken.
     waiting: Option<(Vec<Surface>, Box<Frame>)>,
+    /// Where the tick's thread leaves its computing times.
+    tick_time: TickTime,
     /// Where the frames go at the end of the run.
     rest: Rest,
 }
+
+/// The reader of the computing times of the ticks, once the tick's thread has started. Under virtual time there is none.
+pub(crate) type TickTime = Arc<OnceLock<LatencyReader>>;
 
 /// What is left of the observer at the end of the run; `None` before.
 pub(super) type Rest = Arc<Mutex<Option<Frames>>>;
@@ -48,7 +52,7 @@ impl ViewObserver {
         frames: Frames,
         slot: SlotReader,
         sender: UpdateSender,
-        rest: Rest,
+        (tick_time, rest): (TickTime, Rest),
     ) -> Self {
         Self {
             watchers,
@@ -59,6 +63,7 @@ impl ViewObserver {
             slot,
             sender,
             waiting: None,
+            tick_time,
             rest,
         }
     }
@@ -72,10 +77,10 @@ impl ViewObserver {
         (frame.log, frame.more_log) = self.log.take();
         let (surfaces, frame) = match self.waiting.take() {
             None => (surfaces, Box::new(frame)),
-            Some((mut before, mut first)) => {
-                merge(&mut first, &frame);
+            Some((mut before, first)) => {
+                frame.merge_before(*first);
                 before.extend(surfaces);
-                (before, first)
+                (before, Box::new(frame))
             }
         };
         if let Some(Update::Frame(surfaces, frame)) =
@@ -89,7 +94,7 @@ impl ViewObserver {
 impl Observer for ViewObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         if let LogRecord::Tick(telemetry) = record {
-            self.frames.gatherer.take(telemetry);
+            self.frames.gatherer.take(&telemetry.into());
         }
         if self.watched {
             self.log.add(record);
@@ -103,6 +108,9 @@ impl Observer for ViewObserver {
         }
         if !self.watched {
             self.watched = true;
+            if let Some(reader) = self.tick_time.get() {
+                self.frames.gatherer.set_tick_time(reader.clone());
+            }
             // The first frame begins now, and not at the start of the run or with the viewer before.
             self.frames.skip();
             self.log = LogTail::default();
@@ -116,6 +124,9 @@ impl Observer for ViewObserver {
 
     fn finish(self: Box<Self>, _: &mut Observed) {
         let mut frames = self.frames;
+        if let Some(reader) = self.tick_time.get() {
+            frames.gatherer.set_tick_time(reader.clone());
+        }
         frames.unsent = self.waiting.map(|(surfaces, frame)| (surfaces, *frame));
         *self.rest.lock().unwrap_or_else(PoisonError::into_inner) = Some(frames);
     }
@@ -123,9 +134,9 @@ impl Observer for ViewObserver {
 
 /// Makes frames.
 pub(super) struct Frames {
-    pub(super) gatherer: Gatherer,
+    gatherer: Gatherer,
     /// By body: the surface of the present topology epoch.
-    pub(super) surfaces: Vec<Surface>,
+    surfaces: Vec<Surface>,
     host: HostState,
     steps: StepRate,
     /// A frame that the thread of the viewers did not take.
@@ -144,6 +155,11 @@ impl Frames {
         }
     }
 
+    /// By body: the epoch of the surface that the viewers have.
+    pub(super) fn epochs(&self) -> Vec<u32> {
+        self.surfaces.iter().map(|surface| surface.epoch).collect()
+    }
+
     /// Drops the ticks since the last frame.
     fn skip(&mut self) {
         let _ = self.gatherer.frame();
@@ -158,7 +174,7 @@ impl Frames {
             self.host = moment.host.clone();
             for (known, body) in self.surfaces.iter_mut().zip(&moment.bodies) {
                 if let Some(now) = &body.changed {
-                    *known = surface::after_change(known, now);
+                    *known = after_change(known, body.epoch, now);
                     changed.push(known.clone());
                 }
             }
@@ -173,13 +189,13 @@ impl Frames {
 
     /// The last frame of the run, after the last step of `host`.
     pub(super) fn last(&mut self, host: Option<&Moment>) -> (Vec<Surface>, Frame) {
-        let (changed, frame) = self.make(host);
+        let (changed, mut frame) = self.make(host);
         let (surfaces, mut frame) = match self.unsent.take() {
             None => (changed, frame),
-            Some((mut surfaces, mut before)) => {
-                merge(&mut before, &frame);
+            Some((mut surfaces, before)) => {
+                frame.merge_before(before);
                 surfaces.extend(changed);
-                (surfaces, before)
+                (surfaces, frame)
             }
         };
         frame.last = true;
@@ -220,7 +236,7 @@ struct LogTail {
 
 impl LogTail {
     fn add(&mut self, record: LogRecord<'_>) {
-        if self.bytes >= MOST_LOG {
+        if self.bytes >= MAX_LOG {
             self.more += 1;
             return;
         }
@@ -236,7 +252,7 @@ impl LogTail {
             }
         };
         self.bytes += data.len();
-        if self.bytes > MOST_LOG {
+        if self.bytes > MAX_LOG {
             self.more += 1;
             return;
         }
@@ -287,7 +303,7 @@ mod tests {
         }
         let (messages, more) = tail.take();
         let bytes: usize = messages.iter().map(|message| message.data.len()).sum();
-        assert!(bytes <= MOST_LOG && bytes > MOST_LOG - 4096, "{bytes}");
+        assert!(bytes <= MAX_LOG && bytes > MAX_LOG - 4096, "{bytes}");
         assert_eq!(messages.len() as u64 + more, 50_000);
         assert!(more > 0);
         tail.add(LogRecord::Tick(&telemetry));

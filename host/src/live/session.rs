@@ -1,19 +1,19 @@
 //! A run that viewers watch: joins the host's slot, the observer and the thread of the viewers.
 
 use super::gather::Gatherer;
-use super::observer::{Frames, Rest, ViewObserver};
+use super::hello::build_bodies;
+use super::observer::{Frames, Rest, TickTime, ViewObserver};
 use super::slot::{Moment, SlotWriter, Watchers, slot};
-use super::socket::{Listener, Server, SocketError, Update};
-use super::{hello, surface};
+use super::socket::{Listener, Server, Update};
+use super::{Hello, Source, Surface};
 use crate::engine::Engine;
-use crate::log::LogHeader;
-use crate::run::RunOptions;
 use crate::run::setup::HostSide;
 use crate::run::summary::RunSummary;
+use crate::run::{RunError, RunOptions, facts};
 use crate::scene::LoadedScene;
-use runner::LatencyReader;
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock, PoisonError};
+use std::sync::{Arc, PoisonError};
+use std::time::{SystemTime, UNIX_EPOCH};
 
 /// How a run is watched.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub struct HostView {
     /// Takes the positions after each step.
     pub(crate) slot: SlotWriter,
     /// Receives the reader of the computing times of the ticks when the tick's thread starts.
-    pub(crate) tick_time: Arc<OnceLock<LatencyReader>>,
+    pub(crate) tick_time: TickTime,
     /// As [`ViewOptions::pace`].
     pub(crate) pace: f64,
 }
@@ -45,32 +45,37 @@ impl Session {
     /// Begins to serve viewers of a run at `listener`.
     ///
     /// # Errors
-    /// The system gives no thread.
+    /// The system gives no thread, or a body cannot be built.
     pub(crate) fn begin(
         view: &ViewOptions,
         listener: Listener,
         loaded: &LoadedScene,
-        header: &LogHeader,
         options: &RunOptions,
+        seed: u64,
         engine: &Engine,
-    ) -> Result<(Self, HostView, ViewObserver), SocketError> {
-        let hello = hello::of_run(loaded, header, options);
-        let surfaces: Vec<_> = engine
-            .bodies()
-            .iter()
-            .enumerate()
-            .map(|(index, body)| surface::of_body(index, body.body()))
+    ) -> Result<(Self, HostView, ViewObserver), RunError> {
+        let built = build_bodies(loaded)?;
+        let mut hello = Hello::new(Source::Run, loaded, &built, facts(loaded, options, seed));
+        hello.run = identity();
+        hello.duration = options.duration.unwrap_or(hello.duration);
+        let mut surfaces: Vec<_> = (0..)
+            .zip(&built)
+            .map(|(index, built)| Surface::new(index, built))
             .collect();
+        for (surface, body) in surfaces.iter_mut().zip(engine.bodies()) {
+            surface.epoch = body.body().epoch() as u32;
+        }
         let watchers = Watchers::default();
         let (writer, reader) = slot(engine, watchers.clone());
         let vertices = Moment::of(engine, 0, 0).vertices().collect();
-        let tick_time = Arc::default();
-        let gatherer = Gatherer::new(&loaded.scene);
+        let tick_time = TickTime::default();
+        let gatherer = Gatherer::new(loaded, options.clock);
         let frames = Frames::new(gatherer, surfaces.clone());
         let server = Server::start(listener, hello, surfaces, vertices, watchers.clone())?;
         let rest = Rest::default();
         let sender = server.sender();
-        let observer = ViewObserver::new(watchers, frames, reader, sender, Arc::clone(&rest));
+        let theirs = (Arc::clone(&tick_time), Arc::clone(&rest));
+        let observer = ViewObserver::new(watchers, frames, reader, sender, theirs);
         let host = HostView {
             slot: writer,
             tick_time,
@@ -90,8 +95,8 @@ impl Session {
         // Without the observer, whose thread panicked, there is no last frame.
         let last = rest.map(|mut frames| {
             let moment = host.map(|host| {
-                let skipped = host.pacer.skipped();
-                Moment::of(&host.engine, host.pacer.last_ns(), skipped)
+                let (time_ns, skipped) = (host.pacer.last_ns(), host.pacer.skipped());
+                Moment::of(&host.engine, time_ns, skipped).since(&frames.epochs(), &host.engine)
             });
             let (surfaces, mut frame) = frames.last(moment.as_ref());
             take_totals(&mut frame, summary);
@@ -100,6 +105,13 @@ impl Session {
         let json = serde_json::to_string(summary).unwrap_or_default();
         self.server.finish(last, json);
     }
+}
+
+/// A number that no other run has: the process, and the time at which the run began.
+fn identity() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    let nanoseconds = since.map_or(0, |since| since.as_nanos() as u64);
+    (u64::from(std::process::id()) << 40) ^ nanoseconds
 }
 
 /// Gives a frame the totals of the summary. The frame has counted the ticks whose record arrived; the summary counts all
@@ -113,9 +125,4 @@ fn take_totals(frame: &mut super::Frame, summary: &RunSummary) {
     totals.lateness = tick.lateness;
     totals.duration = tick.duration;
     totals.model_age.clone_from(&tick.model_age);
-    for (hand, device) in frame.hands.iter_mut().zip(&summary.devices) {
-        hand.peak_force = device.peak_force;
-        hand.work = device.work;
-        hand.reach = device.reach;
-    }
 }

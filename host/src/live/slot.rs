@@ -5,12 +5,13 @@
 //! copies only while a viewer is connected, and at most sixty times a second of the wall clock. Nothing of this enters
 //! the state of the run.
 
+use super::connectivity::mesh_of;
 use super::frame::{HostState, Vertices};
 use super::rate::Rate;
 use crate::engine::Engine;
 use crate::engine::body::HostBody;
 use crate::engine::stats::EngineStats;
-use physics::Body;
+use physics::mesh::Mesh;
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -58,8 +59,8 @@ pub struct BodyMoment {
     pub epoch: u32,
     /// Positions (m), three numbers a vertex.
     pub positions: Vec<f32>,
-    /// The body itself where the epoch has changed since the moment before: its connectivity may be another.
-    pub changed: Option<Box<Body>>,
+    /// The body's mesh at its present positions, where the epoch has changed since the moment before.
+    pub changed: Option<Box<Mesh>>,
 }
 
 impl Moment {
@@ -70,6 +71,17 @@ impl Moment {
         let stats = engine.stats();
         moment.host.medians = [&stats.assemble, &stats.solve, &stats.condense].map(median);
         moment
+    }
+
+    /// The moment with the meshes of the bodies whose epoch is not that of `epochs`.
+    pub(super) fn since(mut self, epochs: &[u32], engine: &Engine) -> Self {
+        let bodies = self.bodies.iter_mut().zip(engine.bodies());
+        for ((copy, body), known) in bodies.zip(epochs) {
+            if copy.epoch != *known {
+                copy.changed = mesh_of(body.body()).map(Box::new);
+            }
+        }
+        self
     }
 
     fn copy(&mut self, engine: &Engine, time_ns: u64, skipped: u64) {
@@ -188,7 +200,7 @@ impl SlotWriter {
             let epoch = body.body().epoch();
             if *known != epoch {
                 *known = epoch;
-                copy.changed = Some(Box::new(body.body().clone()));
+                copy.changed = mesh_of(body.body()).map(Box::new);
             }
         }
         // There are as many places as buffers.
@@ -243,7 +255,7 @@ impl SlotReader {
 
     /// Gives a buffer back to the host.
     pub fn give_back(&mut self, mut moment: Box<Moment>) {
-        // The host frees no body.
+        // The host frees no mesh.
         moment
             .bodies
             .iter_mut()

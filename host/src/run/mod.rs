@@ -238,14 +238,8 @@ pub fn run_watched(
         None => None,
         Some((view, listener)) => {
             let engine = &prepared.engine;
-            let (session, host, observer) = Session::begin(
-                view,
-                listener,
-                loaded,
-                &header(loaded, options, seed),
-                options,
-                engine,
-            )?;
+            let (session, host, observer) =
+                Session::begin(view, listener, loaded, options, seed, engine)?;
             prepared.view = Some(host);
             observers = observers.with(observer);
             Some(session)

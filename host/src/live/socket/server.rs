@@ -168,6 +168,8 @@ impl Serving {
             self.take_updates();
             if ready.new_viewer {
                 self.accept();
+                // Before a viewer has received its first message, so that its first frame comes soon.
+                self.watchers.set(self.viewers.len());
             }
             let (station, mut index) = (&self.station, 0);
             self.viewers.retain_mut(|viewer| {

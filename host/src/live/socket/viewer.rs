@@ -4,7 +4,6 @@
 //! so a viewer that is slow or stopped costs two messages of memory, and loses no spike.
 
 use super::super::frame::Frame;
-use super::super::merge::merge;
 use super::station::{Bytes, Shared, Station};
 use rustix::io::Errno;
 use rustix::net::{SendFlags, send};
@@ -70,14 +69,12 @@ impl Viewer {
         self.waiting = Some(match self.waiting.take() {
             None => Waiting::Shared(Rc::clone(next)),
             Some(waiting) => {
-                self.dropped += 1;
-                let (mut frame, mut moved) = match waiting {
-                    Waiting::Shared(shared) => {
-                        (Box::new(shared.frame.clone()), shared.moved.clone())
-                    }
-                    Waiting::Merged(frame, moved) => (frame, moved),
+                let (older, mut moved) = match waiting {
+                    Waiting::Shared(shared) => (shared.frame.clone(), shared.moved.clone()),
+                    Waiting::Merged(frame, moved) => (*frame, moved),
                 };
-                merge(&mut frame, &next.frame);
+                let mut frame = Box::new(next.frame.clone());
+                frame.merge_before(older);
                 let later = moved.iter_mut().zip(&next.moved);
                 later.for_each(|(moved, later)| *moved |= later);
                 Waiting::Merged(frame, moved)
@@ -143,7 +140,9 @@ impl Viewer {
 
     fn encode(&mut self, waiting: Waiting, station: &Station) -> Bytes {
         let (mut frame, mut moved) = match waiting {
-            Waiting::Shared(shared) if self.has_vertices && self.dropped == 0 => {
+            Waiting::Shared(shared)
+                if self.has_vertices && self.dropped + shared.frame.dropped == 0 =>
+            {
                 return station.shared(&shared);
             }
             Waiting::Shared(shared) => (Box::new(shared.frame.clone()), shared.moved.clone()),
@@ -153,6 +152,7 @@ impl Viewer {
             moved.fill(true);
             self.has_vertices = true;
         }
+        self.dropped += frame.dropped;
         frame.dropped = self.dropped;
         station.encode(*frame, &moved)
     }
