@@ -307,7 +307,7 @@ impl HostBody {
     }
 
     /// The counts and times of the present step.
-    pub(super) fn tally(&self) -> &Tally {
+    pub(crate) fn tally(&self) -> &Tally {
         &self.tally
     }
 

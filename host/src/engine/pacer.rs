@@ -9,6 +9,8 @@ pub struct Pacer {
     step_rate: f64,
     steps_per_publication: u64,
     next: u64,
+    /// The last step done; zero before the first.
+    last: u64,
     skipped: u64,
 }
 
@@ -28,6 +30,7 @@ impl Pacer {
             step_rate,
             steps_per_publication,
             next: 1,
+            last: 0,
             skipped: 0,
         }
     }
@@ -48,11 +51,17 @@ impl Pacer {
     /// missed steps and does not catch up. The physics then runs slower than the clock, and [`Pacer::skipped`] counts
     /// the steps left out.
     pub fn done(&mut self, now_ns: u64) {
+        self.last = self.next;
         self.next += 1;
         while self.time_ns(self.next + self.steps_per_publication) <= now_ns {
             self.next += self.steps_per_publication;
             self.skipped += self.steps_per_publication;
         }
+    }
+
+    /// Due time of the last step done (ns); zero before the first.
+    pub fn last_ns(&self) -> u64 {
+        self.time_ns(self.last)
     }
 
     /// Steps left out so far because the host was late.
@@ -84,7 +93,7 @@ mod tests {
         pacer.done(1_000_000);
         // The second step is two periods late. The pacer skips steps and keeps the rhythm of publications.
         pacer.done(11_000_000);
-        assert_eq!(pacer.skipped(), 8);
+        assert_eq!((pacer.skipped(), pacer.last_ns()), (8, 2_000_000));
         assert_eq!(
             pacer.due(),
             Due {

@@ -45,13 +45,13 @@ pub enum StepFault {
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tally {
     /// Time to assemble (ns).
-    pub(super) assemble: Option<u64>,
+    pub(crate) assemble: Option<u64>,
     /// Time to solve (ns).
-    pub(super) solve: Option<u64>,
+    pub(crate) solve: Option<u64>,
     /// Time to condense and publish (ns).
-    pub(super) condense: Option<u64>,
+    pub(crate) condense: Option<u64>,
     /// Iterations of the solver, whether it converged, and the relative residual.
-    pub(super) solved: Option<(usize, bool, f64)>,
+    pub(crate) solved: Option<(usize, bool, f64)>,
     /// Factors that were made beside the steps and then taken.
     pub(super) factors: u64,
     /// The largest clipped eigenvalue, relative to the largest eigenvalue of its matrix, if one was clipped.

@@ -5,6 +5,7 @@
 //! is lost. The same type describes a moment of a log that is played back. [`message`] is the encoding, which is the
 //! same from the run to the viewer, over a Unix socket, and from the viewer to a page in a browser, over a WebSocket.
 
+mod connectivity;
 pub mod frame;
 pub mod gather;
 pub mod hello;
@@ -12,6 +13,8 @@ pub mod merge;
 pub mod message;
 pub mod observer;
 pub mod range;
+mod rate;
+pub mod session;
 pub mod slot;
 pub mod socket;
 pub mod surface;

@@ -1,1 +1,312 @@
-//! The observer of a run that makes frames for viewers.
+//! The observer of a run that makes frames, on the thread of the log.
+//!
+//! It takes every tick, so the totals and the least and greatest values are those of all ticks, watched or not. While a
+//! viewer is connected, it makes up to sixty frames a second of the wall clock, adds the newest positions of the slot, and
+//! gives the frames to the thread of the viewers without waiting.
+
+use super::connectivity::after_change;
+use super::frame::{Frame, HostState, LogMessage, Surface};
+use super::gather::Gatherer;
+use super::merge::MAX_LOG;
+use super::rate::Rate;
+use super::slot::{Moment, SlotReader, Watchers};
+use super::socket::{Update, UpdateSender};
+use crate::log;
+use crate::run::observer::{Observed, Observer};
+use runner::LatencyReader;
+use runner::link::LogRecord;
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::time::Instant;
+
+/// Length of the time over which the rate of the host's steps is counted (ns).
+const RATE_SPAN_NS: u64 = 1_000_000_000;
+
+/// The observer.
+pub(crate) struct ViewObserver {
+    watchers: Watchers,
+    /// Whether a viewer was connected at the last look.
+    watched: bool,
+    rate: Rate,
+    frames: Frames,
+    log: LogTail,
+    slot: SlotReader,
+    sender: UpdateSender,
+    /// What the thread of the viewers has not taken.
+    waiting: Option<(Vec<Surface>, Box<Frame>)>,
+    /// Where the tick's thread leaves its computing times.
+    tick_time: TickTime,
+    /// Where the frames go at the end of the run.
+    rest: Rest,
+}
+
+/// The reader of the computing times of the ticks, once the tick's thread has started. Under virtual time there is none.
+pub(crate) type TickTime = Arc<OnceLock<LatencyReader>>;
+
+/// What is left of the observer at the end of the run; `None` before.
+pub(super) type Rest = Arc<Mutex<Option<Frames>>>;
+
+impl ViewObserver {
+    pub(super) fn new(
+        watchers: Watchers,
+        frames: Frames,
+        slot: SlotReader,
+        sender: UpdateSender,
+        (tick_time, rest): (TickTime, Rest),
+    ) -> Self {
+        Self {
+            watchers,
+            watched: false,
+            rate: Rate::of_frames(),
+            frames,
+            log: LogTail::default(),
+            slot,
+            sender,
+            waiting: None,
+            tick_time,
+            rest,
+        }
+    }
+
+    fn send(&mut self) {
+        let moment = self.slot.newest();
+        let (surfaces, mut frame) = self.frames.make(moment.as_deref());
+        if let Some(moment) = moment {
+            self.slot.give_back(moment);
+        }
+        (frame.log, frame.more_log) = self.log.take();
+        let (surfaces, frame) = match self.waiting.take() {
+            None => (surfaces, Box::new(frame)),
+            Some((mut before, first)) => {
+                frame.merge_before(*first);
+                before.extend(surfaces);
+                (before, Box::new(frame))
+            }
+        };
+        if let Some(Update::Frame(surfaces, frame)) =
+            self.sender.try_send(Update::Frame(surfaces, frame))
+        {
+            self.waiting = Some((surfaces, frame));
+        }
+    }
+}
+
+impl Observer for ViewObserver {
+    fn take(&mut self, record: LogRecord<'_>) {
+        if let LogRecord::Tick(telemetry) = record {
+            self.frames.gatherer.take(&telemetry.into());
+        }
+        if self.watched {
+            self.log.add(record);
+        }
+    }
+
+    fn drained(&mut self) {
+        if !self.watchers.any() {
+            self.watched = false;
+            return;
+        }
+        if !self.watched {
+            self.watched = true;
+            if let Some(reader) = self.tick_time.get() {
+                self.frames.gatherer.set_tick_time(reader.clone());
+            }
+            // The first frame begins now, and not at the start of the run or with the viewer before.
+            self.frames.skip();
+            self.log = LogTail::default();
+            self.waiting = None;
+            return;
+        }
+        if self.rate.is_due(Instant::now()) {
+            self.send();
+        }
+    }
+
+    fn finish(self: Box<Self>, _: &mut Observed) {
+        let mut frames = self.frames;
+        if let Some(reader) = self.tick_time.get() {
+            frames.gatherer.set_tick_time(reader.clone());
+        }
+        frames.unsent = self.waiting.map(|(surfaces, frame)| (surfaces, *frame));
+        *self.rest.lock().unwrap_or_else(PoisonError::into_inner) = Some(frames);
+    }
+}
+
+/// Makes frames.
+pub(super) struct Frames {
+    gatherer: Gatherer,
+    /// By body: the surface of the present topology epoch.
+    surfaces: Vec<Surface>,
+    host: HostState,
+    steps: StepRate,
+    /// A frame that the thread of the viewers did not take.
+    unsent: Option<(Vec<Surface>, Frame)>,
+}
+
+impl Frames {
+    /// Frames of a run whose bodies have these surfaces.
+    pub(super) fn new(gatherer: Gatherer, surfaces: Vec<Surface>) -> Self {
+        Self {
+            gatherer,
+            surfaces,
+            host: HostState::default(),
+            steps: StepRate::default(),
+            unsent: None,
+        }
+    }
+
+    /// By body: the epoch of the surface that the viewers have.
+    pub(super) fn epochs(&self) -> Vec<u32> {
+        self.surfaces.iter().map(|surface| surface.epoch).collect()
+    }
+
+    /// Drops the ticks since the last frame.
+    fn skip(&mut self) {
+        let _ = self.gatherer.frame();
+    }
+
+    /// The frame of the ticks since the last frame, with the vertices of `moment` if there is one, and the surfaces of
+    /// bodies that begin a topology epoch.
+    fn make(&mut self, moment: Option<&Moment>) -> (Vec<Surface>, Frame) {
+        let mut frame = self.gatherer.frame();
+        let mut changed = Vec::new();
+        if let Some(moment) = moment {
+            self.host = moment.host.clone();
+            for (known, body) in self.surfaces.iter_mut().zip(&moment.bodies) {
+                if let Some(now) = &body.changed {
+                    *known = after_change(known, body.epoch, now);
+                    changed.push(known.clone());
+                }
+            }
+            for (body, vertices) in frame.bodies.iter_mut().zip(moment.vertices()) {
+                body.vertices = Some(vertices);
+            }
+        }
+        self.host.step_rate = self.steps.at(frame.time_ns, self.host.steps);
+        frame.host = Some(self.host.clone());
+        (changed, frame)
+    }
+
+    /// The last frame of the run, after the last step of `host`.
+    pub(super) fn last(&mut self, host: Option<&Moment>) -> (Vec<Surface>, Frame) {
+        let (changed, mut frame) = self.make(host);
+        let (surfaces, mut frame) = match self.unsent.take() {
+            None => (changed, frame),
+            Some((mut surfaces, before)) => {
+                frame.merge_before(before);
+                surfaces.extend(changed);
+                (surfaces, frame)
+            }
+        };
+        frame.last = true;
+        (surfaces, frame)
+    }
+}
+
+/// The rate of the host's steps over the last second of the run's own time.
+#[derive(Debug, Default)]
+struct StepRate(VecDeque<(u64, u64)>);
+
+impl StepRate {
+    /// The rate (Hz) at a time (ns) after a number of steps.
+    fn at(&mut self, time_ns: u64, steps: u64) -> f64 {
+        self.0.push_back((time_ns, steps));
+        // The oldest moment is the last that is at least a second old.
+        while let Some((second, _)) = self.0.get(1)
+            && time_ns.saturating_sub(*second) >= RATE_SPAN_NS
+        {
+            self.0.pop_front();
+        }
+        match self.0.front() {
+            Some((from, before)) if time_ns > *from => {
+                steps.saturating_sub(*before) as f64 * 1e9 / (time_ns - from) as f64
+            }
+            _ => 0.0,
+        }
+    }
+}
+
+/// The log's messages since the last frame.
+#[derive(Debug, Default)]
+struct LogTail {
+    messages: Vec<LogMessage>,
+    bytes: usize,
+    more: u64,
+}
+
+impl LogTail {
+    fn add(&mut self, record: LogRecord<'_>) {
+        if self.bytes >= MAX_LOG {
+            self.more += 1;
+            return;
+        }
+        let mut data = Vec::new();
+        let (topic, time_ns) = match record {
+            LogRecord::Tick(telemetry) => {
+                log::encode_tick(telemetry, &mut data);
+                (log::TICK_TOPIC, telemetry.time_ns)
+            }
+            LogRecord::Model(body, model) => {
+                log::encode_model(body, model, &mut data);
+                (log::MODEL_TOPIC, model.time_ns)
+            }
+        };
+        self.bytes += data.len();
+        if self.bytes > MAX_LOG {
+            self.more += 1;
+            return;
+        }
+        self.messages.push(LogMessage {
+            topic: topic.to_owned(),
+            time_ns,
+            length: data.len() as u32,
+            data,
+        });
+    }
+
+    fn take(&mut self) -> (Vec<LogMessage>, u64) {
+        let Self { messages, more, .. } = std::mem::take(self);
+        (messages, more)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rate_of_steps_is_that_of_the_last_second() {
+        let mut rate = StepRate::default();
+        assert_eq!(rate.at(0, 0), 0.0);
+        // 250 steps a second, in frames of 10 ms.
+        for frame in 1..=300_u64 {
+            let found = rate.at(frame * 10_000_000, frame * 5 / 2);
+            assert!(
+                (found - 250.0).abs() <= 100.0 / frame.min(100) as f64,
+                "{frame} {found}"
+            );
+        }
+        // The host stalls for a second.
+        for frame in 301..=400_u64 {
+            rate.at(frame * 10_000_000, 750);
+        }
+        assert_eq!(rate.at(4_010_000_000, 750), 0.0);
+        assert!(rate.0.len() <= 102);
+    }
+
+    #[test]
+    fn messages_of_the_log_beyond_the_bound_are_counted() {
+        let mut tail = LogTail::default();
+        let telemetry = rt_core::Telemetry::empty();
+        for _ in 0..50_000 {
+            tail.add(LogRecord::Tick(&telemetry));
+        }
+        let (messages, more) = tail.take();
+        let bytes: usize = messages.iter().map(|message| message.data.len()).sum();
+        assert!(bytes <= MAX_LOG && bytes > MAX_LOG - 4096, "{bytes}");
+        assert_eq!(messages.len() as u64 + more, 50_000);
+        assert!(more > 0);
+        tail.add(LogRecord::Tick(&telemetry));
+        assert_eq!((tail.messages.len(), tail.more), (1, 0));
+    }
+}

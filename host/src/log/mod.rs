@@ -32,12 +32,16 @@ use rt_core::{LocalModel, Telemetry};
 
 pub(crate) use file::LogFile;
 pub use model::ModelRow;
+pub(crate) use model::encode as encode_model;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
+pub(crate) use tick::encode as encode_tick;
 pub use tick::{TickRow, energy_sums};
 
-const TICK_TOPIC: &str = "/tick";
-const MODEL_TOPIC: &str = "/model";
+/// The channel of the ticks.
+pub(crate) const TICK_TOPIC: &str = "/tick";
+/// The channel of the local models.
+pub(crate) const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
 /// A chunk ends at this size even without a flush (bytes).

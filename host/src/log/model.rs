@@ -102,7 +102,7 @@ impl ModelRow {
 }
 
 /// Writes a model into `bytes`, in place of the former content.
-pub(super) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
+pub(crate) fn encode(body: u8, model: &LocalModel, bytes: &mut Vec<u8>) {
     let count = model.handles().count();
     let block = if turns(model, count) { 6 } else { 3 };
     let mut out = CdrWriter::begin(bytes);

@@ -116,7 +116,7 @@ impl From<&Telemetry> for TickRow {
 }
 
 /// Writes `telemetry` into `bytes`, in place of the former content.
-pub(super) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
+pub(crate) fn encode(telemetry: &Telemetry, bytes: &mut Vec<u8>) {
     let mut out = CdrWriter::begin(bytes);
     out.u64(telemetry.tick);
     out.u64(telemetry.time_ns);

@@ -13,6 +13,7 @@ mod load_curve;
 mod log_observer;
 mod marks;
 pub mod observer;
+mod pace;
 pub mod panics;
 mod parts;
 mod real_clock;
@@ -30,6 +31,8 @@ use crate::atomic_file::{AtomicFileError, write_json};
 use crate::engine::body::HostBody;
 use crate::engine::build::How;
 use crate::engine::faults::{Faults, HostFault};
+use crate::live::session::{Session, ViewOptions};
+use crate::live::socket::{Listener, SocketError};
 use crate::log::{LogError, LogFile, LogHeader, LogWriter};
 use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
@@ -80,6 +83,8 @@ pub struct RunOptions {
     pub histogram: Option<PathBuf>,
     /// Frames of the deformed bodies; `None` for a run without frames.
     pub frames: Option<FrameOptions>,
+    /// Lets viewers watch the run; `None` for a run that nobody can watch.
+    pub view: Option<ViewOptions>,
     /// Path of the summary as JSON; `None` for a run without this file.
     pub json: Option<PathBuf>,
     /// The instructions that the linear algebra uses: the machine's fastest, or those that every machine has.
@@ -106,6 +111,7 @@ impl RunOptions {
             ticks: TickOutputs::default(),
             histogram: None,
             frames: None,
+            view: None,
             json: None,
             instructions: FactorCode::default(),
             runner: RunnerConfig::default(),
@@ -131,6 +137,9 @@ pub enum RunError {
     /// The rate of the frames is not allowed.
     #[error(transparent)]
     FrameRate(#[from] FrameRateError),
+    /// The run cannot be watched.
+    #[error(transparent)]
+    View(#[from] SocketError),
     /// The tick's thread cannot start.
     #[error(transparent)]
     Spawn(#[from] SpawnError),
@@ -199,6 +208,9 @@ pub fn run_watched(
 ) -> Result<RunSummary, RunError> {
     let seed = options.seed.unwrap_or(loaded.scene.seed);
     let log = options.log.as_deref().map(LogFile::open).transpose()?;
+    let view = options.view.as_ref();
+    let listener = view.map(|view| Listener::bind(view.socket.as_deref()));
+    let listener = listener.transpose()?;
     // The core is reserved before the run starts its first thread: the thread that makes factors starts with the
     // engine.
     let core = match options.clock {
@@ -221,7 +233,18 @@ pub fn run_watched(
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
-    let observers = observers(loaded, options, seed, others, log, &logged)?;
+    let mut observers = observers(loaded, options, seed, others, log, &logged)?;
+    let session = match view.zip(listener) {
+        None => None,
+        Some((view, listener)) => {
+            let engine = &prepared.engine;
+            let (session, host, observer) =
+                Session::begin(view, listener, loaded, options, seed, engine)?;
+            prepared.view = Some(host);
+            observers = observers.with(observer);
+            Some(session)
+        }
+    };
     let of = prepared.timing.ticks;
     let found = prepared.slow.found();
     let progress = |ticks| {
@@ -250,6 +273,9 @@ pub fn run_watched(
     let warning = slow.map(|slow| slow_warning(loaded, options, slow));
     summary.warnings.extend(warning);
     write_files(loaded, options, &parts, &mut summary);
+    if let Some(session) = session {
+        session.finish(parts.host.as_ref(), &summary);
+    }
     Ok(summary)
 }
 

@@ -25,6 +25,9 @@ pub trait Observer: Send {
     /// Takes a record. Telemetry comes in the order of the ticks, and each model before the ticks that used it.
     fn take(&mut self, record: LogRecord<'_>);
 
+    /// Called after the records that waited have been taken, and many times a second while none comes.
+    fn drained(&mut self) {}
+
     /// Ends the observer when the run is over, and adds its results to `observed`.
     fn finish(self: Box<Self>, observed: &mut Observed);
 }
@@ -49,6 +52,13 @@ impl Observers {
     pub(super) fn take(&mut self, record: LogRecord<'_>) {
         for observer in &mut self.0 {
             observer.take(record);
+        }
+    }
+
+    /// Tells every observer that the records that waited have been taken.
+    pub(super) fn drained(&mut self) {
+        for observer in &mut self.0 {
+            observer.drained();
         }
     }
 

@@ -3,13 +3,14 @@
 
 use super::collect::Collected;
 use super::observer::Observers;
+use super::pace::Pace;
 use super::setup::{HostSide, Setup};
 use super::summary::PlaceSummary;
 use super::{RunError, RunOptions, host_panicked, real_clock, virtual_clock};
 use crate::scene::Scene;
 use rt_core::Controller;
 use runner::latency::Latencies;
-use runner::link::TickCounters;
+use runner::link::{LogRecord, TickCounters};
 use runner::thread::RunnerConfig;
 use runner::{AnyDevice, Reserved};
 use std::path::PathBuf;
@@ -95,7 +96,19 @@ pub(super) fn under_virtual_time(
     mut observers: Observers,
     progress: impl FnMut(u64),
 ) -> Parts {
-    let done = virtual_clock::run(prepared, |record| observers.take(record), progress);
+    let mut pace = prepared.view.as_ref().and_then(|view| Pace::new(view.pace));
+    let sink = |record: LogRecord<'_>| {
+        let time_ns = match &record {
+            LogRecord::Tick(telemetry) => Some(telemetry.time_ns),
+            LogRecord::Model(..) => None,
+        };
+        observers.take(record);
+        observers.drained();
+        if let (Some(pace), Some(time_ns)) = (&mut pace, time_ns) {
+            pace.wait(time_ns, || observers.drained());
+        }
+    };
+    let done = virtual_clock::run(prepared, sink, progress);
     let observed = observers.finish();
     Parts {
         tick: TickSide {

@@ -1,7 +1,7 @@
 //! A run under the real clock: the tick, the host and the log each on a thread of its own.
 //!
 //! The tick's thread is that of `runner`. The host's thread steps when a step is due, or at once when it is late. The
-//! log's thread empties its ring fifty times a second. If the host panics, the tick continues: its force fades, and
+//! log's thread empties its ring fifty times a second, and sixty times where viewers can watch the run. If the host panics, the tick continues: its force fades, and
 //! the summary reports the panic.
 
 use super::frames::FrameTap;
@@ -13,6 +13,7 @@ use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
+use crate::live::session::HostView;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
@@ -21,6 +22,8 @@ use std::time::{Duration, Instant};
 
 /// Period at which the log's ring is emptied.
 const LOG_PERIOD: Duration = Duration::from_millis(20);
+/// The same for a run that viewers can watch: a sixtieth of a second.
+const VIEW_PERIOD: Duration = Duration::from_micros(16_667);
 /// Period at which progress is reported.
 const WATCH_PERIOD: Duration = Duration::from_millis(50);
 /// Longest time that the host sleeps before it checks whether the run is over.
@@ -59,6 +62,7 @@ pub(super) fn run(
         threads,
         faults,
         frames,
+        view,
         pacer,
         slow,
         timing,
@@ -73,6 +77,16 @@ pub(super) fn run(
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
     let thread = spawn(config, controller, devices, end, stop)?;
 
+    if let Some(view) = &view {
+        // Set once, here.
+        let _ = view.tick_time.set(thread.tick_time());
+    }
+    let log_period = if view.is_some() {
+        VIEW_PERIOD
+    } else {
+        LOG_PERIOD
+    };
+
     let over = Arc::new(Stop::new());
     let host_over = Arc::clone(&over);
     let engine = Failing::new(engine, faults);
@@ -83,13 +97,16 @@ pub(super) fn run(
             pacer,
             slow,
             frames,
+            view,
         };
         // The counts before a panic belong to the summary.
         let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
         (running.into_side(), ended.err())
     })?;
     let log_over = Arc::clone(&over);
-    let log = named("palpate-log", move || log_loop(log, observers, &log_over))?;
+    let log = named("palpate-log", move || {
+        log_loop(log, observers, log_period, &log_over)
+    })?;
 
     while !thread.is_finished() {
         progress(thread.ticks());
@@ -136,6 +153,7 @@ struct Hosting {
     pacer: Pacer,
     slow: SlowWatch,
     frames: Option<FrameTap>,
+    view: Option<HostView>,
 }
 
 impl Hosting {
@@ -147,6 +165,7 @@ impl Hosting {
             pacer,
             slow,
             frames,
+            view,
         } = self;
         let watch = WallStopwatch::start();
         let start = Instant::now();
@@ -172,6 +191,10 @@ impl Hosting {
             if let Some(frames) = frames {
                 frames.after_step(due.time_ns, engine.bodies());
             }
+            if let Some(view) = view {
+                let skipped = pacer.skipped();
+                view.slot.after_step(due.time_ns, skipped, engine.engine());
+            }
             pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }
     }
@@ -185,7 +208,7 @@ impl Hosting {
     }
 }
 
-fn log_loop(mut log: LogEnd, mut observers: Observers, over: &Stop) -> Observers {
+fn log_loop(mut log: LogEnd, mut observers: Observers, period: Duration, over: &Stop) -> Observers {
     loop {
         // The flag is read before the ring is drained: a record pushed before the end of the run is still drained.
         let last = over.is_requested();
@@ -193,6 +216,7 @@ fn log_loop(mut log: LogEnd, mut observers: Observers, over: &Stop) -> Observers
         if last {
             return observers;
         }
-        std::thread::sleep(LOG_PERIOD);
+        observers.drained();
+        std::thread::sleep(period);
     }
 }

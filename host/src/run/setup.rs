@@ -10,6 +10,7 @@ use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::step_time_of;
 use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
+use crate::live::session::HostView;
 use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
@@ -54,6 +55,8 @@ pub struct Setup {
     pub faults: Faults,
     /// Takes frames of the bodies; `None` for a run without frames.
     pub frames: Option<FrameTap>,
+    /// Shows the bodies to viewers; `None` for a run that nobody can watch.
+    pub view: Option<HostView>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// Judges whether a step takes longer than the scene allows.
@@ -128,6 +131,7 @@ pub(crate) fn setup_with(
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
         frames: None,
+        view: None,
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         slow,
         timing: Timing {

@@ -16,6 +16,7 @@ use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::{Threads, awake};
+use crate::live::session::HostView;
 use rt_core::Telemetry;
 use runner::TickLoop;
 use runner::link::LogRecord;
@@ -47,6 +48,7 @@ pub fn run_seen(
         threads,
         faults,
         frames,
+        view,
         pacer,
         slow,
         timing,
@@ -55,6 +57,7 @@ pub fn run_seen(
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
         frames,
+        view,
         threads,
         pacer,
         slow,
@@ -95,6 +98,7 @@ pub fn run_seen(
 struct Paced {
     engine: Failing,
     frames: Option<FrameTap>,
+    view: Option<HostView>,
     threads: Threads,
     pacer: Pacer,
     slow: SlowWatch,
@@ -146,6 +150,11 @@ impl Host for Paced {
         self.slow.look(self.engine.stats());
         if let Some(frames) = &mut self.frames {
             frames.after_step(due.time_ns, self.engine.bodies());
+        }
+        if let Some(view) = &mut self.view {
+            let skipped = self.pacer.skipped();
+            view.slot
+                .after_step(due.time_ns, skipped, self.engine.engine());
         }
         if due.publishes {
             self.free_at = arrival_ns;
