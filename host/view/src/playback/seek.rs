@@ -1,0 +1,208 @@
+//! Jumps: to a time, by ticks, to events.
+
+use super::shown::Shown;
+use super::{PIECES, Player, PlayerError, SPAN};
+use host::live::{Folded, Message};
+use host::log::fold::Fold;
+use host::log::index::Place;
+use std::io::{Read, Seek};
+
+/// Ticks up to which a step goes from tick to tick. Larger steps search by the number of the tick.
+const NEAR: u64 = 2000;
+
+impl<R: Read + Seek + Send> Player<R> {
+    /// Shows the tick at `time_ns`, or the last tick before it; before the first tick, the first.
+    pub(super) fn seek(&mut self, time_ns: u64) -> Result<(), PlayerError> {
+        let place = match self.log.tick_at(time_ns)? {
+            Some(place) => Some(place),
+            None => self.log.first()?,
+        };
+        match place {
+            Some(place) => self.show(place),
+            None => Ok(()),
+        }
+    }
+
+    /// Shows the tick at a place of the log, after the curves before it.
+    pub(super) fn show(&mut self, place: Place) -> Result<(), PlayerError> {
+        let Some(row) = self.log.row(place)? else {
+            return Ok(());
+        };
+        let fold = self.fold_before(place, row.time_ns)?;
+        let curves = self.curves(place, row.time_ns)?;
+        self.history.replace(curves.clone());
+        self.place = place;
+        self.at_ns = row.time_ns as f64;
+        self.waited = std::time::Duration::ZERO;
+        self.shown = match fold {
+            Some(fold) => Shown::after(fold, &row),
+            None => Shown::new(self.facts.fold.clone(), row),
+        };
+        self.waiting.push_back(Message::History(curves));
+        self.frame_of_place(true)
+    }
+
+    /// The sums of the ticks before `place`: those of the overview's pieces before it, and those of the ticks since.
+    fn fold_before(&mut self, place: Place, time_ns: u64) -> Result<Option<Fold>, PlayerError> {
+        let pieces = &self.overview.pieces;
+        let before = pieces.partition_point(|piece| piece.folded.to_ns < time_ns);
+        let facts = self.facts.fold.clone();
+        let from = match before.checked_sub(1).and_then(|i| pieces.get(i)) {
+            None => None,
+            Some(piece) => {
+                let sums = piece.sums.clone();
+                let last = self.log.tick_at(piece.folded.to_ns)?;
+                match last {
+                    Some(last) if last < place => self
+                        .log
+                        .row(last)?
+                        .map(|row| (last, Fold::after(facts.clone(), sums, &row))),
+                    _ => None,
+                }
+            }
+        };
+        let (start, mut fold) = match from {
+            Some((last, fold)) => (self.log.next(last)?, fold),
+            None => (self.log.first()?, Fold::new(facts)),
+        };
+        let Some(start) = start else {
+            return Ok(None);
+        };
+        let mut piece = Folded::default();
+        self.log.ticks_from(start, |at, row| {
+            if at >= place {
+                return false;
+            }
+            fold.take(row, &mut piece, |_| {});
+            true
+        })?;
+        Ok(Some(fold))
+    }
+
+    /// The curves of the ten seconds before the tick at `place`, without that tick.
+    fn curves(&mut self, place: Place, time_ns: u64) -> Result<Vec<Folded>, PlayerError> {
+        let span = (SPAN * 1e9) as u64;
+        let from_ns = time_ns.saturating_sub(span);
+        let start = match self.log.tick_at(from_ns)? {
+            Some(start) => Some(start),
+            None => self.log.first()?,
+        };
+        let Some(start) = start.filter(|start| *start < place) else {
+            return Ok(Vec::new());
+        };
+        let each = span / PIECES;
+        let mut curves: Vec<(u64, Folded)> = Vec::new();
+        let mut fold = Fold::new(self.facts.fold.clone());
+        self.log.ticks_from(start, |at, row| {
+            if at >= place {
+                return false;
+            }
+            // The first tick only tells which deadlines the next one missed.
+            let number = row.time_ns.saturating_sub(from_ns) / each.max(1);
+            let number = number.min(PIECES - 1);
+            if curves.last().is_none_or(|(last, _)| *last != number) {
+                curves.push((number, Folded::default()));
+            }
+            if let Some((_, piece)) = curves.last_mut() {
+                fold.take(row, piece, |_| {});
+            }
+            true
+        })?;
+        Ok(curves.into_iter().map(|(_, piece)| piece).collect())
+    }
+
+    /// Goes by a number of ticks, and pauses.
+    pub(super) fn step(&mut self, ticks: i64) -> Result<(), PlayerError> {
+        self.playing = false;
+        let mut place = self.place;
+        if ticks.unsigned_abs() <= NEAR {
+            for _ in 0..ticks.unsigned_abs() {
+                let next = if ticks > 0 {
+                    self.log.next(place)?
+                } else {
+                    self.log.previous(place)?
+                };
+                match next {
+                    Some(next) => place = next,
+                    None => break,
+                }
+            }
+        } else {
+            let target = self.shown.row.tick.saturating_add_signed(ticks);
+            match self.tick_numbered(target)? {
+                Some(found) => place = found,
+                None => return Ok(()),
+            }
+        }
+        if ticks == 1 && place != self.place {
+            return self.step_on(place);
+        }
+        self.show(place)
+    }
+
+    /// Shows the next tick. The curves go on.
+    fn step_on(&mut self, place: Place) -> Result<(), PlayerError> {
+        let Some(row) = self.log.row(place)? else {
+            return Ok(());
+        };
+        self.shown.begin_piece();
+        self.shown.take(&row);
+        self.place = place;
+        self.at_ns = row.time_ns as f64;
+        self.waited = std::time::Duration::ZERO;
+        self.frame_of_place(false)
+    }
+
+    /// The place of the tick of this number, or of the first tick after it; at the end, of the last tick.
+    fn tick_numbered(&mut self, number: u64) -> Result<Option<Place>, PlayerError> {
+        let pieces = &self.overview.pieces;
+        let at = pieces.partition_point(|piece| piece.folded.last < number);
+        let Some(piece) = pieces.get(at) else {
+            return Ok(self.log.last()?);
+        };
+        let start = match self.log.tick_at(piece.folded.from_ns)? {
+            Some(start) => Some(start),
+            None => self.log.first()?,
+        };
+        let mut found = start;
+        if let Some(start) = start {
+            self.log.ticks_from(start, |place, row| {
+                found = Some(place);
+                row.tick < number
+            })?;
+        }
+        Ok(found)
+    }
+
+    /// Goes to the next event, and pauses.
+    pub(super) fn next_event(&mut self) -> Result<(), PlayerError> {
+        let now = self.shown.row.tick;
+        let mut events = self.overview.events.iter();
+        let next = events.find(|event| event.tick > now).map(|e| e.tick);
+        self.to_event(next)
+    }
+
+    /// Goes to the event before the moment, and pauses.
+    pub(super) fn previous_event(&mut self) -> Result<(), PlayerError> {
+        let now = self.shown.row.tick;
+        let mut events = self.overview.events.iter().rev();
+        let previous = events.find(|event| event.tick < now).map(|e| e.tick);
+        self.to_event(previous)
+    }
+
+    fn to_event(&mut self, tick: Option<u64>) -> Result<(), PlayerError> {
+        self.playing = false;
+        let place = match tick {
+            Some(tick) => self.tick_numbered(tick)?,
+            None => None,
+        };
+        match place {
+            Some(place) => self.show(place),
+            // No event lies in this direction: the moment stays.
+            None => {
+                self.waiting.push_back(self.playback(false));
+                Ok(())
+            }
+        }
+    }
+}
