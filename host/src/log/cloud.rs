@@ -97,7 +97,12 @@ pub(super) fn decode(time_ns: u64, message: &[u8]) -> Option<Vec<f32>> {
         return None;
     }
     let (numbers, _) = positions.as_chunks();
-    Some(numbers.iter().map(|four| f32::from_le_bytes(*four)).collect())
+    Some(
+        numbers
+            .iter()
+            .map(|four| f32::from_le_bytes(*four))
+            .collect(),
+    )
 }
 
 #[cfg(test)]

@@ -23,7 +23,6 @@ mod cdr;
 mod chunks;
 mod cloud;
 mod file;
-pub mod fold;
 mod geometry;
 pub mod index;
 mod model;

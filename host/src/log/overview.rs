@@ -1,10 +1,8 @@
 //! The overview of a log: the run in pieces of half a second, its events and its totals. The writer of a log attaches
 //! the overview at the end, so that a player shows the whole run without reading the ticks.
 
-use super::TickRow;
-use super::fold::{Fold, FoldFacts, Sums, join};
-use crate::live::{Bins, Event, EventKind, Folded, Totals};
-use runner::latency::Latencies;
+use crate::live::gather::{Checkpoint, Gatherer, TickView};
+use crate::live::{Event, Folded, Totals};
 use serde::{Deserialize, Serialize};
 
 /// Version of the overview.
@@ -13,7 +11,7 @@ pub const SCHEMA: &str = "palpate.overview/1";
 const PIECE_NS: u64 = 500_000_000;
 /// Most pieces. A longer run has longer pieces: an hour of half seconds fits.
 const MOST_PIECES: usize = 8192;
-/// Most events.
+/// Most events beside the worst tick.
 pub const MOST_EVENTS: usize = 1000;
 
 /// The overview of a log.
@@ -23,7 +21,7 @@ pub struct Overview {
     pub schema: String,
     /// The run in pieces, in order.
     pub pieces: Vec<Piece>,
-    /// The first events, in order.
+    /// The first events and the worst tick, in order.
     pub events: Vec<Event>,
     /// Events that are left out because there were too many.
     pub more_events: u64,
@@ -37,133 +35,117 @@ pub struct Piece {
     /// Its ticks, folded.
     pub folded: Folded,
     /// The sums from the start of the run to its last tick.
-    pub sums: Sums,
+    pub sums: Checkpoint,
 }
 
 /// Makes an overview, tick by tick.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct OverviewBuilder {
-    fold: Fold,
+    gatherer: Gatherer,
     pieces: Vec<Piece>,
     piece_ns: u64,
+    /// Time at which the present piece ends (ns); `None` before the first tick.
+    until_ns: Option<u64>,
     events: Vec<Event>,
     more_events: u64,
-    /// Tick, time (ns) and lateness (ns) of the tick with the largest lateness.
-    worst: Option<(u64, u64, u64)>,
-    latencies: Latencies,
 }
 
 impl OverviewBuilder {
-    /// An overview without ticks.
-    pub fn new(facts: FoldFacts) -> Self {
+    /// An overview without ticks. `gatherer` has taken no tick.
+    pub fn new(gatherer: Gatherer) -> Self {
         Self {
-            latencies: Latencies::new(facts.bodies.len()),
-            fold: Fold::new(facts),
+            gatherer,
             pieces: Vec::new(),
             piece_ns: PIECE_NS,
+            until_ns: None,
             events: Vec::new(),
             more_events: 0,
-            worst: None,
         }
     }
 
     /// Adds a tick.
-    pub fn take(&mut self, row: &TickRow) {
-        let begins = self
-            .pieces
-            .last()
-            .is_none_or(|piece| row.time_ns / self.piece_ns != piece.folded.from_ns / self.piece_ns);
-        if begins {
-            self.begin_piece();
+    pub fn take(&mut self, tick: &TickView<'_>) {
+        if self.until_ns.is_none_or(|until| tick.time_ns >= until) {
+            self.end_piece();
+            let number = tick.time_ns / self.piece_ns;
+            self.until_ns = Some(number.saturating_add(1).saturating_mul(self.piece_ns));
         }
-        let (events, more) = (&mut self.events, &mut self.more_events);
-        if let Some(piece) = self.pieces.last_mut() {
-            self.fold.take(row, &mut piece.folded, |event| {
-                if events.len() < MOST_EVENTS {
-                    events.push(event);
-                } else {
-                    *more += 1;
+        self.gatherer.take(tick);
+        let (events, more) = self.gatherer.events();
+        let room = MOST_EVENTS.saturating_sub(self.events.len());
+        self.more_events += more + events.len().saturating_sub(room) as u64;
+        self.events.extend(events.into_iter().take(room));
+    }
+
+    /// Ends the present piece, if it has ticks.
+    fn end_piece(&mut self) {
+        let sums = self.gatherer.checkpoint();
+        let folded = self.gatherer.folded();
+        if folded.ticks == 0 {
+            return;
+        }
+        self.pieces.push(Piece { folded, sums });
+        if self.pieces.len() >= MOST_PIECES {
+            self.piece_ns = self.piece_ns.saturating_mul(2);
+            let pieces = std::mem::take(&mut self.pieces);
+            for piece in pieces {
+                match self.pieces.last_mut() {
+                    Some(last) if last.number(self.piece_ns) == piece.number(self.piece_ns) => {
+                        last.join(piece);
+                    }
+                    _ => self.pieces.push(piece),
                 }
-            });
-            piece.sums.clone_from(self.fold.sums());
-        }
-        if self
-            .worst
-            .map_or(row.lateness_ns > 0, |(_, _, most)| row.lateness_ns > most)
-        {
-            self.worst = Some((row.tick, row.time_ns, row.lateness_ns));
-        }
-        self.latencies.lateness.record(row.lateness_ns);
-        for (age, body) in self.latencies.model_age.iter_mut().zip(&row.bodies) {
-            if body.sequence > 0 {
-                age.record(body.age_ns);
             }
         }
     }
 
-    fn begin_piece(&mut self) {
-        if self.pieces.len() >= MOST_PIECES {
-            self.piece_ns = self.piece_ns.saturating_mul(2);
-            let pairs = self.pieces.chunks(2).map(|pair| {
-                let mut joined = Piece::default();
-                for piece in pair {
-                    join(&mut joined.folded, &piece.folded);
-                    joined.sums.clone_from(&piece.sums);
-                }
-                joined
-            });
-            self.pieces = pairs.collect();
-        }
-        self.pieces.push(Piece::default());
-    }
-
-    /// The overview of the ticks so far. `timed` tells whether the lateness was measured, as under the real clock.
-    pub fn finish(mut self, timed: bool) -> Overview {
-        if let Some((tick, time_ns, lateness_ns)) = self.worst.filter(|_| timed) {
-            let late = lateness_ns as f64 * 1e-3;
-            let worst = Event {
-                kind: EventKind::WorstTick,
-                tick,
-                time_ns,
-                text: format!("worst tick: {late:.1} µs late"),
-            };
-            let at = self.events.partition_point(|event| event.tick <= tick);
+    /// The overview of the ticks so far.
+    pub fn finish(mut self) -> Overview {
+        self.end_piece();
+        if let Some(worst) = self.gatherer.worst_tick() {
+            let at = self
+                .events
+                .partition_point(|event| event.tick <= worst.tick);
             self.events.insert(at, worst);
         }
-        let sums = self.fold.sums();
-        let latencies = &self.latencies;
-        let summary = |histogram: &runner::latency::LatencyHistogram| histogram.summary().into();
-        let totals = Totals {
-            lateness: timed.then(|| summary(&latencies.lateness)),
-            model_age: latencies.model_age.iter().map(summary).collect(),
-            lateness_bins: if timed {
-                Bins(latencies.lateness.intervals().collect())
-            } else {
-                Bins::default()
-            },
-            ..totals(sums)
-        };
         Overview {
             schema: SCHEMA.into(),
             pieces: self.pieces,
             events: self.events,
             more_events: self.more_events,
-            totals,
+            totals: self.gatherer.totals(),
         }
     }
 }
 
-/// The totals that follow from the sums alone.
-pub fn totals(sums: &Sums) -> Totals {
-    Totals {
-        ticks: sums.ticks,
-        missed: sums.missed,
-        longest_miss: sums.longest_miss,
-        lost: sums.lost,
-        trips: sums.trips,
-        stale: sums.stale,
-        ..Totals::default()
+impl Piece {
+    /// Number of the piece among pieces of this length (ns).
+    fn number(&self, piece_ns: u64) -> u64 {
+        self.folded.from_ns / piece_ns
     }
+
+    /// Adds the piece after this one.
+    fn join(&mut self, mut next: Self) {
+        next.folded.merge_before(&self.folded);
+        *self = next;
+    }
+}
+
+/// At most `most` pieces, each of which joins some neighbours of `pieces`.
+pub fn at_most<'a>(most: usize, pieces: impl ExactSizeIterator<Item = &'a Folded>) -> Vec<Folded> {
+    let each = pieces.len().div_ceil(most.max(1)).max(1);
+    let mut joined: Vec<Folded> = Vec::new();
+    for (index, piece) in pieces.enumerate() {
+        let mut piece = piece.clone();
+        match joined.last_mut() {
+            Some(last) if !index.is_multiple_of(each) => {
+                piece.merge_before(last);
+                *last = piece;
+            }
+            _ => joined.push(piece),
+        }
+    }
+    joined
 }
 
 impl Overview {
@@ -174,15 +156,13 @@ impl Overview {
             [a, b] => a.folded.to_ns < b.folded.from_ns && a.folded.last < b.folded.first,
             _ => true,
         };
+        let mut pieces = overview.pieces.iter().map(|piece| &piece.folded);
         let sound = overview.schema == SCHEMA
             && overview.pieces.len() <= MOST_PIECES
             && overview.events.len() <= MOST_EVENTS + 1
             && overview.pieces.windows(2).all(in_order)
             && overview.events.is_sorted_by_key(|event| event.tick)
-            && overview
-                .pieces
-                .iter()
-                .all(|piece| piece.folded.from_ns <= piece.folded.to_ns && piece.folded.ticks > 0);
+            && pieces.all(|piece| piece.from_ns <= piece.to_ns && piece.ticks > 0);
         sound.then_some(overview)
     }
 

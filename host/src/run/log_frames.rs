@@ -6,9 +6,9 @@
 
 use super::Clock;
 use super::frames::{FrameRateError, Missing, Schedule};
-use crate::bodies;
 use crate::engine::body::HostBody;
 use crate::live::Surface;
+use crate::live::hello::build_bodies;
 use crate::log::{BodyFrame, LogError, LogWriter};
 use crate::scene::{LoadedScene, Scene, SceneError};
 use physics::mesh::Mesh;
@@ -45,32 +45,6 @@ struct BodyMoment {
     surface: Option<Surface>,
 }
 
-/// The surface of a body, and the topology epoch for which it was last passed on.
-struct Shape(Surface);
-
-impl Shape {
-    fn of(mesh: &Mesh) -> Self {
-        let rest: Vec<f32> = mesh
-            .positions()
-            .iter()
-            .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32])
-            .collect();
-        Self(Surface {
-            vertices: (rest.len() / 3) as u32,
-            rest,
-            ..Surface::default()
-        })
-    }
-
-    fn surface(&self, body: u32, epoch: u32) -> Surface {
-        Surface {
-            body,
-            epoch,
-            ..self.0.clone()
-        }
-    }
-}
-
 /// How the host passes a moment to the log.
 enum Filled {
     Bounded(SyncSender<Moment>),
@@ -80,8 +54,8 @@ enum Filled {
 /// The host's end: takes a frame after a step.
 pub struct LogTap {
     schedule: Schedule,
-    /// By body: what surfaces are made of, and the topology epoch of the last surface.
-    surfaces: Vec<(Shape, Option<u64>)>,
+    /// By body: the mesh, of which surfaces are made, and the topology epoch of the last surface.
+    meshes: Vec<(Mesh, Option<u64>)>,
     filled: Filled,
     free: Receiver<Moment>,
     missing: Arc<Missing>,
@@ -105,11 +79,8 @@ pub(super) fn begin(
     clock: Clock,
     bodies: &[HostBody],
 ) -> Result<(LogTap, LogFrames), SceneError> {
-    let surfaces = (0..bodies.len()).map(|index| {
-        let built = bodies::build(loaded, index)?;
-        Ok((Shape::of(&built.mesh), None))
-    });
-    let surfaces = surfaces.collect::<Result<_, SceneError>>()?;
+    let built = build_bodies(loaded)?.into_iter();
+    let meshes = built.map(|built| (built.mesh, None)).collect();
     let waiting = WAITING.max((PATIENCE * rate) as usize);
     let (filled, frames) = match clock {
         Clock::Virtual => {
@@ -129,7 +100,7 @@ pub(super) fn begin(
     let missing = Arc::<Missing>::default();
     let mut tap = LogTap {
         schedule: Schedule::new(rate),
-        surfaces,
+        meshes,
         filled,
         free,
         missing: Arc::clone(&missing),
@@ -160,8 +131,8 @@ impl LogTap {
         };
         let mut moment = buffer;
         moment.bodies.resize_with(bodies.len(), Default::default);
-        let copies = moment.bodies.iter_mut().zip(&mut self.surfaces);
-        for ((index, body), (copy, (shape, drawn))) in (0..).zip(bodies).zip(copies) {
+        let copies = moment.bodies.iter_mut().zip(&mut self.meshes);
+        for ((index, body), (copy, (mesh, drawn))) in (0..).zip(bodies).zip(copies) {
             let (body, epoch) = (body.body(), body.body().epoch());
             copy.frame = BodyFrame {
                 body: index,
@@ -177,7 +148,7 @@ impl LogTap {
             copy.surface = None;
             if *drawn != Some(epoch) {
                 *drawn = Some(epoch);
-                copy.surface = Some(shape.surface(index, epoch as u32));
+                copy.surface = Some(Surface::of_mesh(index as usize, epoch, mesh));
             }
         }
         // There are as many places as buffers, so that this never waits. It fails after the log has ended.

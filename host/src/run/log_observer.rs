@@ -2,13 +2,13 @@
 //!
 //! A log that can no longer be written (a full disk) ends early. The run and its summary continue without the log.
 
-use super::observer::{Observed, Observer};
 use super::Clock;
 use super::log_frames::LogFrames;
-use crate::log::fold::FoldFacts;
+use super::observer::{Observed, Observer};
+use crate::live::gather::Gatherer;
 use crate::log::overview::OverviewBuilder;
-use crate::log::{LogError, LogWriter, TickRow};
-use crate::scene::Scene;
+use crate::log::{LogError, LogWriter};
+use crate::scene::LoadedScene;
 use runner::link::LogRecord;
 use std::fs::File;
 use std::io::BufWriter;
@@ -29,8 +29,6 @@ pub(super) struct LogObserver {
     frames: Option<LogFrames>,
     /// The overview at the end of the log.
     overview: OverviewBuilder,
-    /// Whether the lateness is measured.
-    timed: bool,
     /// Ticks from one flush to the next.
     flush_every: u64,
     taken: u64,
@@ -38,11 +36,11 @@ pub(super) struct LogObserver {
 }
 
 impl LogObserver {
-    /// An observer for a run of `scene`. `frames` gives the frames of the bodies. `logged` receives the number of ticks in the log that survive
+    /// An observer for a run of `loaded`. `frames` gives the frames of the bodies. `logged` receives the number of ticks in the log that survive
     /// this process.
     pub(super) fn new(
         log: Writer,
-        scene: &Scene,
+        loaded: &LoadedScene,
         clock: Clock,
         frames: Option<LogFrames>,
         logged: Arc<AtomicU64>,
@@ -51,9 +49,8 @@ impl LogObserver {
             log: Some(log),
             failure: None,
             frames,
-            overview: OverviewBuilder::new(FoldFacts::of(scene)),
-            timed: clock == Clock::Real,
-            flush_every: (scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
+            overview: OverviewBuilder::new(Gatherer::new(loaded, clock)),
+            flush_every: (loaded.scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
             logged,
         }
@@ -88,7 +85,7 @@ impl Observer for LogObserver {
             LogRecord::Tick(telemetry) => {
                 self.write_frames();
                 self.write(|log| log.write(telemetry));
-                self.overview.take(&TickRow::from(telemetry));
+                self.overview.take(&telemetry.into());
                 self.taken += 1;
                 if self.taken.is_multiple_of(self.flush_every) {
                     self.write(LogWriter::flush);
@@ -104,7 +101,7 @@ impl Observer for LogObserver {
     /// Ends the log. If the log ended early, adds the reason to the failures.
     fn finish(mut self: Box<Self>, observed: &mut Observed) {
         self.write_frames();
-        let overview = self.overview.finish(self.timed);
+        let overview = self.overview.finish();
         let ended = self.log.map_or(Ok(()), |mut log| {
             log.write_overview(&overview)?;
             log.finish().map(|_| ())

@@ -238,7 +238,14 @@ pub fn run_watched(
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
-    let observers = observers(loaded, options, seed, others, log.map(|log| (log, log_frames)), &logged)?;
+    let observers = observers(
+        loaded,
+        options,
+        seed,
+        others,
+        log.map(|log| (log, log_frames)),
+        &logged,
+    )?;
     let of = prepared.timing.ticks;
     let found = prepared.slow.found();
     let progress = |ticks| {
@@ -313,7 +320,7 @@ fn observers(
     if frames.is_some() {
         log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
     }
-    let log = LogObserver::new(log, scene, options.clock, frames, Arc::clone(logged));
+    let log = LogObserver::new(log, loaded, options.clock, frames, Arc::clone(logged));
     Ok(observers.with(log))
 }
 

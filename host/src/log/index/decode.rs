@@ -80,8 +80,7 @@ impl Channels {
                     if channel.message_encoding != "cdr" {
                         return Err(LogError::OtherLayout);
                     }
-                    self.channels
-                        .insert(channel.id, (*content, channel.topic));
+                    self.channels.insert(channel.id, (*content, channel.topic));
                 }
             }
             _ => {}

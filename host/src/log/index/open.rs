@@ -27,12 +27,7 @@ impl<R: Read + Seek> LogIndex<R> {
     pub fn open(source: R) -> Result<Self, IndexError> {
         let mut source = BufReader::with_capacity(BUFFER, source);
         let length = source.seek(SeekFrom::End(0))?;
-        let magic = read_at(
-            &mut source,
-            length,
-            0,
-            length.min(MAGIC.len() as u64),
-        )?;
+        let magic = read_at(&mut source, length, 0, length.min(MAGIC.len() as u64))?;
         if magic != MAGIC {
             return Err(IndexError::NotALog);
         }
@@ -144,7 +139,10 @@ impl<R: Read + Seek> LogIndex<R> {
             }
         }
         // A false index cannot make this program read more than the file has.
-        let places = attachments.iter().chain(&metadata).map(|(_, length)| *length);
+        let places = attachments
+            .iter()
+            .chain(&metadata)
+            .map(|(_, length)| *length);
         let places = places.chain(self.chunks.iter().map(|chunk| chunk.length));
         let sum = places.fold(0_u64, u64::saturating_add);
         if sum > self.length {

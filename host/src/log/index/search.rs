@@ -92,11 +92,7 @@ impl<R: Read + Seek> LogIndex<R> {
     ///
     /// # Errors
     /// [`IndexError`].
-    pub fn frame_at(
-        &mut self,
-        name: &str,
-        time_ns: u64,
-    ) -> Result<Option<BodyMoment>, IndexError> {
+    pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
         let topic = body_topic(name);
         let clouds = self.channels.named(Content::Clouds, &topic);
         let frames = self
@@ -196,7 +192,11 @@ impl<R: Read + Seek> LogIndex<R> {
     fn may_have_ticks(&self, number: usize) -> bool {
         let chunk = self.chunks.get(number);
         chunk.is_some_and(|chunk| {
-            chunk.channels.is_none() || self.channels.of(Content::Ticks).any(|id| chunk.may_have(id))
+            chunk.channels.is_none()
+                || self
+                    .channels
+                    .of(Content::Ticks)
+                    .any(|id| chunk.may_have(id))
         })
     }
 

@@ -27,7 +27,9 @@ pub enum PlayerError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// The log has no ticks.
-    #[error("cannot play the log {log}: it has no ticks; the run ended before its log was first written")]
+    #[error(
+        "cannot play the log {log}: it has no ticks; the run ended before its log was first written"
+    )]
     Empty {
         /// The log, as messages name it.
         log: String,

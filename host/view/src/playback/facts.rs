@@ -1,32 +1,26 @@
 //! The facts of a log that do not change while it is played, and the opening of a player.
 
-use super::shown::Shown;
 use super::{Player, PlayerError, SPAN};
 use crate::history::History;
-use host::bodies::{self, Built};
-use host::live::frame::PROTOCOL;
-use host::live::{
-    BodyInfo, DeviceInfo, Folded, Frame, HandleInfo, Hello, Message, Source, Surface,
-};
-use host::log::fold::{FoldFacts, at_most};
-use host::log::index::LogIndex;
+use host::live::gather::Gatherer;
+use host::live::hello::build_bodies;
+use host::live::{Frame, Hello, Message, Source, Surface};
+use host::log::index::{IndexError, LogIndex};
 use host::log::overview::{Overview, OverviewBuilder};
-use host::scene::{LoadedScene, Scene};
+use host::run::Clock;
+use host::scene::Scene;
 use std::collections::VecDeque;
 use std::io::{Read, Seek};
 use std::time::Duration;
 
 /// The facts of a log.
 pub(super) struct Facts {
-    pub(super) fold: FoldFacts,
+    /// The names of the bodies.
+    pub(super) bodies: Vec<String>,
+    /// A gatherer of the log's scene, which has taken no tick.
+    pub(super) gatherer: Gatherer,
     /// By body: the surface at rest, for a log without frames.
     pub(super) rest: Vec<Surface>,
-}
-
-/// The whole log in at most `most` pieces.
-pub(super) fn timeline(overview: &Overview, most: usize) -> Vec<Folded> {
-    let pieces = overview.pieces.iter().map(|piece| piece.folded.clone());
-    at_most(most, &pieces.collect::<Vec<_>>())
 }
 
 impl<R: Read + Seek + Send> Player<R> {
@@ -44,44 +38,49 @@ impl<R: Read + Seek + Send> Player<R> {
             log: name.to_owned(),
         };
         let mut log = LogIndex::open(source).map_err(failed)?;
-        if log.chunk_count() == 0 {
-            return Err(empty());
-        }
-        let scene = format!("{name} (its scene)");
-        let loaded = Scene::load_texts(&scene, log.scene(), log.files())?;
-        let fold = FoldFacts::of(&loaded.scene);
-        let timed = log.facts().get("clock").is_some_and(|clock| clock == "real");
-        let overview = match log.overview() {
-            Some(overview) => overview.clone(),
-            None => read_through(&mut log, &fold, timed, progress).map_err(failed)?,
-        };
         let place = log.first().map_err(failed)?.ok_or_else(empty)?;
         let last = log.last().map_err(failed)?.ok_or_else(empty)?;
-        let row = log.row(place).map_err(failed)?.ok_or_else(empty)?;
+        let from_ns = log.row(place).map_err(failed)?.map_or(0, |row| row.time_ns);
         let to_ns = log.row(last).map_err(failed)?.map_or(0, |row| row.time_ns);
-        let notes = notes(&log, &overview);
-        let built = (0..loaded.scene.bodies.len()).map(|index| bodies::build(&loaded, index));
-        let built = built.collect::<Result<Vec<_>, _>>()?;
-        let hello = hello(&log, name, &loaded, &built, to_ns);
+        let scene = format!("{name} (its scene)");
+        let loaded = Scene::load_texts(&scene, log.scene(), log.files())?;
+        let timed = log
+            .facts()
+            .get("clock")
+            .is_some_and(|clock| clock == "real");
+        let clock = if timed { Clock::Real } else { Clock::Virtual };
+        let gatherer = Gatherer::new(&loaded, clock);
+        let overview = match log.overview() {
+            Some(overview) => overview.clone(),
+            None => read_through(&mut log, &gatherer, progress).map_err(failed)?,
+        };
+        let built = build_bodies(&loaded)?;
+        let length = (to_ns.saturating_sub(from_ns) as f64) * 1e-9;
+        let hello = Hello {
+            file: name.to_owned(),
+            duration: length + 1.0 / loaded.scene.realtime.rate,
+            ..Hello::new(Source::Log, &loaded, &built, log.facts().clone())
+        };
         let facts = Facts {
-            rest: built
-                .iter()
-                .zip(0..)
-                .map(|(built, index)| at_rest(built, index))
+            bodies: loaded.scene.bodies.iter().map(|b| b.name.clone()).collect(),
+            rest: (0..)
+                .zip(&built)
+                .map(|(index, built)| Surface::new(index, built))
                 .collect(),
-            fold: fold.clone(),
+            gatherer: gatherer.clone(),
         };
         let mut player = Self {
-            notes,
+            notes: notes(&log, &overview),
             hello: Message::Hello(Box::new(hello)),
-            from_ns: row.time_ns,
-            to_ns: to_ns.max(row.time_ns),
+            from_ns,
+            to_ns: to_ns.max(from_ns),
             playing: true,
             speed: 1.0,
-            at_ns: row.time_ns as f64,
+            at_ns: from_ns as f64,
             waited: Duration::ZERO,
             place,
-            shown: Shown::new(fold, row),
+            tick: 0,
+            gatherer,
             number: 0,
             history: History::new(SPAN),
             surfaces: Vec::new(),
@@ -93,7 +92,11 @@ impl<R: Read + Seek + Send> Player<R> {
             facts,
             overview,
         };
-        player.begin()?;
+        player.waiting.push_back(player.hello.clone());
+        player.show(place).map_err(|error| match error {
+            PlayerError::Further(source) => failed(source),
+            other => other,
+        })?;
         Ok(player)
     }
 }
@@ -101,112 +104,45 @@ impl<R: Read + Seek + Send> Player<R> {
 /// Reads all ticks of a log that has no overview.
 fn read_through<R: Read + Seek>(
     log: &mut LogIndex<R>,
-    facts: &FoldFacts,
-    timed: bool,
+    gatherer: &Gatherer,
     mut progress: impl FnMut(f64),
-) -> Result<Overview, host::log::index::IndexError> {
-    let mut builder = OverviewBuilder::new(facts.clone());
+) -> Result<Overview, IndexError> {
+    let mut builder = OverviewBuilder::new(gatherer.clone());
     let count = log.chunk_count();
     for number in 0..count {
         let chunk = log.chunk(number)?;
-        chunk.ticks.iter().for_each(|row| builder.take(row));
+        chunk.ticks.iter().for_each(|row| builder.take(&row.into()));
         progress((number + 1) as f64 / count as f64);
     }
-    Ok(builder.finish(timed))
+    Ok(builder.finish())
 }
 
 /// What the log lacks.
 fn notes<R: Read + Seek>(log: &LogIndex<R>, overview: &Overview) -> Vec<String> {
     let mut notes = Vec::new();
     if !log.is_complete() {
-        notes.push("The log has no end: its writer was killed. The log plays to where it ends.".into());
+        notes.push(
+            "The log has no end, because its writer was killed. It plays to where it ends.".into(),
+        );
     }
     if !log.has_frames() {
         notes.push(
-            "The log has no frames of the bodies: the bodies are drawn at rest. `palpate run --log-frames RATE` writes \
-             frames."
+            "The log has no frames of the bodies, so the bodies are drawn at rest. `palpate run --log-frames RATE` \
+             writes frames."
                 .into(),
         );
     }
-    if overview.totals.lost > 0 {
-        let lost = overview.totals.lost;
-        notes.push(format!("The log lacks {lost} ticks, because its ring was full."));
-    }
-    if overview.more_events > 0 {
-        let (first, more) = (overview.events.len(), overview.more_events);
+    let lost = overview.totals.lost;
+    if lost > 0 {
         notes.push(format!(
-            "The list of events has the first {first} events and leaves out {more} later ones."
+            "The log lacks {lost} ticks, because its ring was full."
+        ));
+    }
+    let (first, more) = (overview.events.len(), overview.more_events);
+    if more > 0 {
+        notes.push(format!(
+            "The list of events has {first} events and leaves out {more} later events."
         ));
     }
     notes
-}
-
-fn hello<R: Read + Seek>(
-    log: &LogIndex<R>,
-    name: &str,
-    loaded: &LoadedScene,
-    built: &[Built],
-    to_ns: u64,
-) -> Hello {
-    let scene = &loaded.scene;
-    let fact = |key: &str| log.facts().get(key).cloned().unwrap_or_default();
-    let devices = scene.devices.iter().zip(&loaded.models);
-    let devices = devices.map(|(device, model)| DeviceInfo {
-        name: device.name.clone(),
-        model: model.name.clone(),
-        max_force: device
-            .max_force
-            .unwrap_or(f64::INFINITY)
-            .min(model.max_force),
-        age_limit: scene.realtime.age_limit(),
-    });
-    let bodies = scene.bodies.iter().zip(built).enumerate();
-    let bodies = bodies.map(|(index, (body, built))| {
-        let tools = bodies::tools(body);
-        let origins = bodies::handle_origins(loaded, index).unwrap_or_default();
-        let handles = tools.iter().zip(origins).map(|(tool, origin)| HandleInfo {
-            device: tool.device as u32,
-            origin: origin.into(),
-        });
-        BodyInfo {
-            name: body.name.clone(),
-            kind: format!("{:?}", built.kind).to_lowercase(),
-            vertices: built.body.vertex_count() as u32,
-            elements: built.body.element_count() as u32,
-            handles: handles.collect(),
-        }
-    });
-    Hello {
-        protocol: PROTOCOL.into(),
-        source: Source::Log,
-        file: name.to_owned(),
-        scene: scene.name.clone(),
-        clock: fact("clock"),
-        scheme: fact("scheme"),
-        tick_rate: scene.realtime.rate,
-        step_rate: scene.host.step_rate,
-        publish_rate: scene.host.publish_rate,
-        duration: (to_ns as f64).mul_add(1e-9, 1.0 / scene.realtime.rate),
-        devices: devices.collect(),
-        bodies: bodies.collect(),
-        facts: log.facts().clone(),
-        scene_text: log.scene().to_owned(),
-        files: log.files().clone(),
-        ..Hello::default()
-    }
-}
-
-fn at_rest(built: &Built, index: u32) -> Surface {
-    let rest: Vec<f32> = built
-        .mesh
-        .positions()
-        .iter()
-        .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32])
-        .collect();
-    Surface {
-        body: index,
-        vertices: (rest.len() / 3) as u32,
-        rest,
-        ..Surface::default()
-    }
 }

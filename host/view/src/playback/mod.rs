@@ -8,17 +8,16 @@ mod error;
 mod facts;
 mod moment;
 mod seek;
-mod shown;
 
 pub use error::PlayerError;
 
 use crate::feed::{Command, Feed, FeedError};
 use crate::history::History;
 use facts::Facts;
+use host::live::gather::Gatherer;
 use host::live::{Frame, Message, Playback, Surface};
 use host::log::index::{LogIndex, Place};
-use host::log::overview::Overview;
-use shown::Shown;
+use host::log::overview::{Overview, at_most};
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -55,7 +54,10 @@ pub struct Player<R> {
     waited: Duration,
     /// Where the tick that is shown is.
     place: Place,
-    shown: Shown,
+    /// Its number.
+    tick: u64,
+    /// Has taken the ticks up to the one that is shown.
+    gatherer: Gatherer,
     number: u64,
     history: History,
     /// The surfaces that were sent, one a body and topology epoch.
@@ -85,13 +87,6 @@ impl Player<File> {
 }
 
 impl<R: Read + Seek + Send> Player<R> {
-    /// The first message of each kind, in the order in which a viewer needs them.
-    fn begin(&mut self) -> Result<(), PlayerError> {
-        self.waiting.push_back(self.hello.clone());
-        self.show(self.place)?;
-        Ok(())
-    }
-
     /// Moves the clock by `wall`. While the log plays, the tick that is then due is shown, at most sixty times a second.
     pub fn advance(&mut self, wall: Duration) {
         if !self.playing || self.failed.is_some() {
@@ -111,17 +106,15 @@ impl<R: Read + Seek + Send> Player<R> {
     /// Shows the tick that is due, and folds the ticks since the one that is shown.
     fn play_on(&mut self) -> Result<(), PlayerError> {
         let until_ns = self.at_ns.max(0.0) as u64;
-        let (mut place, mut last) = (self.place, None);
-        let next = self.log.next(place)?;
-        self.shown.begin_piece();
-        if let Some(from) = next {
-            let shown = &mut self.shown;
-            self.log.ticks_from(from, |at, row| {
+        let mut reached = None;
+        if let Some(from) = self.log.next(self.place)? {
+            let gatherer = &mut self.gatherer;
+            self.log.ticks_from(from, |place, row| {
                 if row.time_ns > until_ns {
                     return false;
                 }
-                shown.take(row);
-                (place, last) = (at, Some(row.tick));
+                gatherer.take(&row.into());
+                reached = Some(place);
                 true
             })?;
         }
@@ -130,9 +123,9 @@ impl<R: Read + Seek + Send> Player<R> {
             self.playing = false;
             self.at_ns = self.to_ns as f64;
         }
-        if last.is_some() {
+        if let Some(place) = reached {
             self.place = place;
-            self.frame_of_place(false)?;
+            self.make_frame(false)?;
         } else if ended {
             self.waiting.push_back(self.playback(false));
         }
@@ -152,7 +145,7 @@ impl<R: Read + Seek + Send> Player<R> {
             from_ns: self.from_ns,
             to_ns: self.to_ns,
             at_ns: self.frame.time_ns,
-            tick: self.shown.row.tick,
+            tick: self.tick,
             complete: self.log.is_complete(),
             has_frames: self.log.has_frames(),
             notes: self.notes.clone(),
@@ -160,7 +153,10 @@ impl<R: Read + Seek + Send> Player<R> {
         };
         if whole {
             playback.events.clone_from(&self.overview.events);
-            playback.overview = facts::timeline(&self.overview, TIMELINE);
+            playback.overview = at_most(
+                TIMELINE,
+                self.overview.pieces.iter().map(|piece| &piece.folded),
+            );
         }
         Message::Playback(Box::new(playback))
     }

@@ -1,11 +1,11 @@
 //! Jumps: to a time, by ticks, to events.
 
-use super::shown::Shown;
 use super::{PIECES, Player, PlayerError, SPAN};
+use host::live::gather::Gatherer;
 use host::live::{Folded, Message};
-use host::log::fold::Fold;
 use host::log::index::Place;
 use std::io::{Read, Seek};
+use std::time::Duration;
 
 /// Ticks up to which a step goes from tick to tick. Larger steps search by the number of the tick.
 const NEAR: u64 = 2000;
@@ -28,55 +28,45 @@ impl<R: Read + Seek + Send> Player<R> {
         let Some(row) = self.log.row(place)? else {
             return Ok(());
         };
-        let fold = self.fold_before(place, row.time_ns)?;
+        let gatherer = self.gatherer_before(place, row.time_ns)?;
         let curves = self.curves(place, row.time_ns)?;
         self.history.replace(curves.clone());
+        self.gatherer = gatherer;
+        self.gatherer.take(&(&row).into());
         self.place = place;
         self.at_ns = row.time_ns as f64;
-        self.waited = std::time::Duration::ZERO;
-        self.shown = match fold {
-            Some(fold) => Shown::after(fold, &row),
-            None => Shown::new(self.facts.fold.clone(), row),
-        };
+        self.waited = Duration::ZERO;
         self.waiting.push_back(Message::History(curves));
-        self.frame_of_place(true)
+        self.make_frame(true)
     }
 
-    /// The sums of the ticks before `place`: those of the overview's pieces before it, and those of the ticks since.
-    fn fold_before(&mut self, place: Place, time_ns: u64) -> Result<Option<Fold>, PlayerError> {
+    /// A gatherer that has taken the ticks before `place`: its sums are those of the overview's pieces before `place`,
+    /// and of the ticks since.
+    fn gatherer_before(&mut self, place: Place, time_ns: u64) -> Result<Gatherer, PlayerError> {
+        let mut gatherer = self.facts.gatherer.clone();
         let pieces = &self.overview.pieces;
         let before = pieces.partition_point(|piece| piece.folded.to_ns < time_ns);
-        let facts = self.facts.fold.clone();
-        let from = match before.checked_sub(1).and_then(|i| pieces.get(i)) {
-            None => None,
-            Some(piece) => {
-                let sums = piece.sums.clone();
-                let last = self.log.tick_at(piece.folded.to_ns)?;
-                match last {
-                    Some(last) if last < place => self
-                        .log
-                        .row(last)?
-                        .map(|row| (last, Fold::after(facts.clone(), sums, &row))),
-                    _ => None,
+        let piece = before.checked_sub(1).and_then(|i| pieces.get(i));
+        let mut start = self.log.first()?;
+        if let Some(piece) = piece
+            && let Some(last) = self.log.tick_at(piece.folded.to_ns)?
+            && last < place
+            && let Some(row) = self.log.row(last)?
+        {
+            gatherer = gatherer.resume(&piece.sums, &(&row).into());
+            start = self.log.next(last)?;
+        }
+        if let Some(start) = start {
+            self.log.ticks_from(start, |at, row| {
+                if at < place {
+                    gatherer.take(&row.into());
                 }
-            }
-        };
-        let (start, mut fold) = match from {
-            Some((last, fold)) => (self.log.next(last)?, fold),
-            None => (self.log.first()?, Fold::new(facts)),
-        };
-        let Some(start) = start else {
-            return Ok(None);
-        };
-        let mut piece = Folded::default();
-        self.log.ticks_from(start, |at, row| {
-            if at >= place {
-                return false;
-            }
-            fold.take(row, &mut piece, |_| {});
-            true
-        })?;
-        Ok(Some(fold))
+                at < place
+            })?;
+        }
+        // Their curves and events are not those of the frame.
+        let _ = (gatherer.folded(), gatherer.events());
+        Ok(gatherer)
     }
 
     /// The curves of the ten seconds before the tick at `place`, without that tick.
@@ -91,24 +81,24 @@ impl<R: Read + Seek + Send> Player<R> {
             return Ok(Vec::new());
         };
         let each = span / PIECES;
-        let mut curves: Vec<(u64, Folded)> = Vec::new();
-        let mut fold = Fold::new(self.facts.fold.clone());
+        let mut gatherer = self.facts.gatherer.clone();
+        let mut curves = Vec::new();
+        let mut present = 0;
         self.log.ticks_from(start, |at, row| {
             if at >= place {
                 return false;
             }
-            // The first tick only tells which deadlines the next one missed.
-            let number = row.time_ns.saturating_sub(from_ns) / each.max(1);
-            let number = number.min(PIECES - 1);
-            if curves.last().is_none_or(|(last, _)| *last != number) {
-                curves.push((number, Folded::default()));
+            let number = (row.time_ns.saturating_sub(from_ns) / each).min(PIECES - 1);
+            if number != present {
+                curves.push(gatherer.folded());
+                present = number;
             }
-            if let Some((_, piece)) = curves.last_mut() {
-                fold.take(row, piece, |_| {});
-            }
+            gatherer.take(&row.into());
             true
         })?;
-        Ok(curves.into_iter().map(|(_, piece)| piece).collect())
+        curves.push(gatherer.folded());
+        curves.retain(|piece| piece.ticks > 0);
+        Ok(curves)
     }
 
     /// Goes by a number of ticks, and pauses.
@@ -128,7 +118,7 @@ impl<R: Read + Seek + Send> Player<R> {
                 }
             }
         } else {
-            let target = self.shown.row.tick.saturating_add_signed(ticks);
+            let target = self.tick.saturating_add_signed(ticks);
             match self.tick_numbered(target)? {
                 Some(found) => place = found,
                 None => return Ok(()),
@@ -145,12 +135,11 @@ impl<R: Read + Seek + Send> Player<R> {
         let Some(row) = self.log.row(place)? else {
             return Ok(());
         };
-        self.shown.begin_piece();
-        self.shown.take(&row);
+        self.gatherer.take(&(&row).into());
         self.place = place;
         self.at_ns = row.time_ns as f64;
-        self.waited = std::time::Duration::ZERO;
-        self.frame_of_place(false)
+        self.waited = Duration::ZERO;
+        self.make_frame(false)
     }
 
     /// The place of the tick of this number, or of the first tick after it; at the end, of the last tick.
@@ -176,7 +165,7 @@ impl<R: Read + Seek + Send> Player<R> {
 
     /// Goes to the next event, and pauses.
     pub(super) fn next_event(&mut self) -> Result<(), PlayerError> {
-        let now = self.shown.row.tick;
+        let now = self.tick;
         let mut events = self.overview.events.iter();
         let next = events.find(|event| event.tick > now).map(|e| e.tick);
         self.to_event(next)
@@ -184,7 +173,7 @@ impl<R: Read + Seek + Send> Player<R> {
 
     /// Goes to the event before the moment, and pauses.
     pub(super) fn previous_event(&mut self) -> Result<(), PlayerError> {
-        let now = self.shown.row.tick;
+        let now = self.tick;
         let mut events = self.overview.events.iter().rev();
         let previous = events.find(|event| event.tick < now).map(|e| e.tick);
         self.to_event(previous)
