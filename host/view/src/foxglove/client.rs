@@ -78,7 +78,9 @@ impl Client {
     pub(super) fn tell(&self, texts: &[&str]) {
         let mut state = self.lock();
         if !state.ended {
-            texts.iter().for_each(|text| state.queue.push_text(text));
+            for text in texts {
+                state.queue.push_text(text);
+            }
             self.changed.notify_all();
         }
     }

@@ -164,7 +164,7 @@ fn frames(count: usize) -> usize {
         match text.len() {
             short @ 0..126 => frame.push(0x80 | short as u8),
             long => {
-                frame.push(0x80 | 126);
+                frame.push(0xfe);
                 frame.extend((long as u16).to_be_bytes());
             }
         }

@@ -25,7 +25,7 @@ fn request(path: &str, change: (&str, &str)) -> String {
     for (name, value) in USUAL.into_iter().chain(added) {
         let value = if name == change.0 { change.1 } else { value };
         if !value.is_empty() {
-            text += &format!("{name}: {value}\r\n");
+            text += &[name, ": ", value, "\r\n"].concat();
         }
     }
     text + "\r\n"
