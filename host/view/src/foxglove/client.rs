@@ -160,22 +160,25 @@ impl Client {
                 .spawn(move || client.write())?
         };
         self.read(from);
-        let mut state = self.lock();
-        state.ended = true;
+        self.lock().ended = true;
         self.changed.notify_all();
-        let until = Instant::now() + PARTING;
-        while !state.written {
-            let Some(left) = until.checked_duration_since(Instant::now()) else {
-                break;
-            };
-            let waited = self.changed.wait_timeout(state, left);
-            state = waited.unwrap_or_else(PoisonError::into_inner).0;
-        }
-        drop(state);
+        self.wait_until_written(Instant::now() + PARTING);
         self.cut();
         // The thread has nothing to return, and its panic has been printed.
         let _ = writer.join();
         Ok(())
+    }
+
+    /// Waits until everything that waits for a client whose connection ends is written, or until a moment.
+    pub(super) fn wait_until_written(&self, until: Instant) {
+        let mut state = self.lock();
+        while !state.written {
+            let Some(left) = until.checked_duration_since(Instant::now()) else {
+                return;
+            };
+            let waited = self.changed.wait_timeout(state, left);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
     }
 
     /// Reads messages until the connection ends.

@@ -9,6 +9,9 @@ use std::time::{Duration, Instant};
 /// Most clients at a time.
 pub(super) const MOST_CLIENTS: usize = 4;
 
+/// How long the server waits for the leave of clients that have received everything.
+const LEAVE: Duration = Duration::from_millis(300);
+
 /// The clients, and what a client that joins is told.
 #[derive(Default)]
 pub(super) struct Hub {
@@ -132,11 +135,19 @@ impl Hub {
     pub(super) fn end(&self, level: Level, reason: &str, wait: Duration) {
         let mut state = self.lock();
         state.closed = true;
-        for client in &state.clients {
+        let clients = state.clients.clone();
+        drop(state);
+        let until = Instant::now() + wait;
+        for client in &clients {
             client.tell(&[&status(level, reason)]);
             client.end(1001, "the source has ended");
         }
-        let until = Instant::now() + wait;
+        for client in &clients {
+            client.wait_until_written(until);
+        }
+        // A client that reads takes its leave.
+        let until = Instant::now() + LEAVE;
+        state = self.lock();
         while !state.clients.is_empty() {
             let Some(left) = until.checked_duration_since(Instant::now()) else {
                 break;
