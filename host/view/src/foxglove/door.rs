@@ -109,10 +109,9 @@ impl Door {
                 "the origin {origin} is not admitted; if you trust it, start with --allow-origin {origin}"
             )));
         }
-        let path = request.path.unwrap_or_default();
-        let path = path.strip_prefix('/').unwrap_or(path);
-        let path = path.strip_suffix('/').unwrap_or(path);
-        if !same(path.as_bytes(), self.token.as_bytes()) {
+        let token = request.path.and_then(|path| path.strip_prefix('/'));
+        let token = token.map(|token| token.strip_suffix('/').unwrap_or(token));
+        if !token.is_some_and(|token| same(token.as_bytes(), self.token.as_bytes())) {
             return Err(forbidden(
                 "the token in the address is wrong or missing; use the address that palpate printed".to_owned(),
             ));

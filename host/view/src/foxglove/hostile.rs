@@ -81,7 +81,10 @@ fn messages(count: usize) -> (usize, usize) {
     let mut random = Random(1);
     let mut session = Session::default();
     let (mut effects, mut answers) = (0, 0);
-    for _ in 0..count {
+    for number in 0..count {
+        if number % 8 == 0 {
+            session.clear();
+        }
         let bytes = random.mutate(&seeds);
         let before = session.count();
         let answer = match std::str::from_utf8(&bytes) {
