@@ -143,6 +143,8 @@ impl Door {
     }
 
     /// Whether an origin may connect. `null` is the origin of every page in a sandbox, so only the list can admit it.
+    /// Chromium sends `null` for a page that is a file, too. It sends `file://` where the program around it grants the
+    /// page access to files, as desktop programs such as Lichtblick do; no page of a web site has this origin.
     fn admits_origin(&self, origin: &[u8]) -> bool {
         let Ok(origin) = std::str::from_utf8(origin) else {
             return false;
@@ -152,7 +154,6 @@ impl Door {
                 .trim_end_matches('/')
                 .eq_ignore_ascii_case(origin.trim_end_matches('/'))
         };
-        // A program with its own window that shows files of this machine, such as Lichtblick.
         origin == "file://"
             || self.origins.iter().any(listed)
             || ["http://", "https://"].iter().any(|scheme| {

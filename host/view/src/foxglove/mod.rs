@@ -56,8 +56,8 @@ pub type Say = Arc<dyn Fn(&str) + Send + Sync>;
 pub struct Options {
     /// The port, on the loopback interface alone; zero for any that is free.
     pub port: u16,
-    /// Origins whose pages may connect, such as `https://viewer.example`, beside programs without an origin, files of
-    /// this machine and pages of this machine. `null` admits every page in a sandbox.
+    /// Origins whose pages may connect, such as `https://viewer.example`, beside programs without an origin, desktop
+    /// programs (`file://`) and pages of this machine. `null` admits every page in a sandbox that knows the token.
     pub origins: Vec<String>,
     /// The path of the address; `None` for a new random one.
     pub token: Option<String>,
