@@ -3,6 +3,7 @@
 use super::client::Client;
 use super::protocol::{Channel, Level, advertise, server_info, status, unadvertise};
 use host::live::{Frame, Hello};
+use host::log::{BodyFrame, ChannelInfo, cloud_message, frame_message};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -159,15 +160,43 @@ impl Hub {
     }
 }
 
-/// The channels of a source: those of the log. Their numbers begin with `first`.
-fn channels(_hello: &Hello, first: u32) -> Vec<Channel> {
-    let channel = |(id, info): (u32, host::log::ChannelInfo)| Channel {
+/// The channels of a source: those of the log, without the surfaces, which only this project's programs can show. The
+/// numbers of the channels begin with `first`.
+fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
+    let bodies = hello.bodies.iter();
+    let frames = bodies.flat_map(|body| {
+        let [cloud, frame, _] = host::log::body_channels(&body.name);
+        [cloud, frame]
+    });
+    let all = host::log::channels().into_iter().chain(frames);
+    let channel = |(id, info): (u32, ChannelInfo)| Channel {
         id,
-        topic: info.topic.to_owned(),
+        topic: info.topic,
         encoding: info.encoding,
         schema_name: info.schema_name,
         schema: info.schema_text,
         schema_encoding: info.schema_encoding,
     };
-    (first..).zip(host::log::channels()).map(channel).collect()
+    (first..).zip(all).map(channel).collect()
+}
+
+/// The messages of the log for the deformed bodies of a frame, where the frame has them. Each body has two channels after
+/// the first two.
+fn body_messages(frame: &Frame) -> impl Iterator<Item = (usize, u64, Vec<u8>)> {
+    let bodies = frame.bodies.iter().enumerate();
+    let deformed = bodies.filter_map(|(index, body)| Some((index, body.vertices.as_ref()?)));
+    deformed.flat_map(|(index, vertices)| {
+        let time_ns = vertices.time_ns;
+        let facts = BodyFrame {
+            body: index as u32,
+            step: vertices.step,
+            time_ns,
+            epoch: vertices.epoch,
+        };
+        let place = 2 + 2 * index;
+        [
+            (place, time_ns, cloud_message(time_ns, &vertices.positions)),
+            (place + 1, time_ns, frame_message(&facts)),
+        ]
+    })
 }
