@@ -64,6 +64,80 @@ const OVERVIEW_TYPE: &str = "application/json";
 /// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
 
+/// A channel of the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Name of the channel.
+    pub topic: String,
+    /// Name of the type of its messages.
+    pub schema_name: &'static str,
+    /// Definition of its messages.
+    pub schema_text: &'static str,
+    /// Language of the definition.
+    pub schema_encoding: &'static str,
+    /// Encoding of the messages.
+    pub encoding: &'static str,
+}
+
+impl ChannelInfo {
+    fn new(topic: String, schema_name: &'static str, schema_text: &'static str) -> Self {
+        Self {
+            topic,
+            schema_name,
+            schema_text,
+            schema_encoding: "ros2msg",
+            encoding: "cdr",
+        }
+    }
+}
+
+/// The channels that every log has: ticks, then models.
+pub fn channels() -> [ChannelInfo; 2] {
+    [
+        ChannelInfo::new(TICK_TOPIC.to_owned(), tick::SCHEMA_NAME, tick::SCHEMA),
+        ChannelInfo::new(MODEL_TOPIC.to_owned(), model::SCHEMA_NAME, model::SCHEMA),
+    ]
+}
+
+/// The channels of the frames of the body with this name: point clouds, then [`BodyFrame`]s, then surfaces.
+pub fn body_channels(name: &str) -> [ChannelInfo; 3] {
+    let topic = body_topic(name);
+    let [frame, surface] = ["frame", "surface"].map(|part| format!("{topic}/{part}"));
+    [
+        ChannelInfo::new(topic, cloud::SCHEMA_NAME, cloud::SCHEMA),
+        ChannelInfo::new(frame, body::FRAME_SCHEMA_NAME, body::FRAME_SCHEMA),
+        ChannelInfo::new(surface, body::SURFACE_SCHEMA_NAME, body::SURFACE_SCHEMA),
+    ]
+}
+
+/// The message of the channel `/bodies/NAME` for the positions of a body (m), three numbers a vertex.
+pub fn cloud_message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
+    let mut message = Vec::new();
+    cloud::encode(time_ns, positions, &mut message);
+    message
+}
+
+/// The message of the channel `/bodies/NAME/frame` for a frame of a body.
+pub fn frame_message(frame: &BodyFrame) -> Vec<u8> {
+    let mut message = Vec::new();
+    body::encode_frame(frame, &mut message);
+    message
+}
+
+/// The message of the channel `/tick` for a tick.
+pub fn tick_message(telemetry: &Telemetry) -> Vec<u8> {
+    let mut message = Vec::new();
+    tick::encode(telemetry, &mut message);
+    message
+}
+
+/// The message of the channel `/model` for a model of the body of index `body`.
+pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
+    let mut message = Vec::new();
+    model::encode(body, model, &mut message);
+    message
+}
+
 /// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LogHeader {
@@ -334,21 +408,11 @@ struct BodyChannels {
 
 impl BodyChannels {
     fn add<W: Write + Seek>(writer: &mut Writer<W>, name: &str) -> Result<Self, McapError> {
-        let topic = body_topic(name);
+        let [cloud, frame, surface] = body_channels(name);
         Ok(Self {
-            cloud: add_channel(writer, &topic, cloud::SCHEMA_NAME, cloud::SCHEMA)?,
-            frame: add_channel(
-                writer,
-                &format!("{topic}/frame"),
-                body::FRAME_SCHEMA_NAME,
-                body::FRAME_SCHEMA,
-            )?,
-            surface: add_channel(
-                writer,
-                &format!("{topic}/surface"),
-                body::SURFACE_SCHEMA_NAME,
-                body::SURFACE_SCHEMA,
-            )?,
+            cloud: add_channel(writer, &cloud)?,
+            frame: add_channel(writer, &frame)?,
+            surface: add_channel(writer, &surface)?,
         })
     }
 }
@@ -360,14 +424,13 @@ fn body_topic(name: &str) -> String {
 
 fn add_channel<W: Write + Seek>(
     writer: &mut Writer<W>,
-    topic: &str,
-    name: &str,
-    definition: &str,
+    channel: &ChannelInfo,
 ) -> Result<u16, McapError> {
     // The ROS 2 profile requires this key. An empty value means the defaults.
     let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-    let schema = writer.add_schema(name, "ros2msg", definition.as_bytes())?;
-    writer.add_channel(schema, topic, "cdr", &qos)
+    let definition = channel.schema_text.as_bytes();
+    let schema = writer.add_schema(channel.schema_name, channel.schema_encoding, definition)?;
+    writer.add_channel(schema, &channel.topic, channel.encoding, &qos)
 }
 
 fn begin<W: Write + Seek>(
@@ -401,9 +464,10 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
+    let [tick, model] = channels();
     let channels = Channels {
-        tick: add_channel(&mut writer, TICK_TOPIC, tick::SCHEMA_NAME, tick::SCHEMA)?,
-        model: add_channel(&mut writer, MODEL_TOPIC, model::SCHEMA_NAME, model::SCHEMA)?,
+        tick: add_channel(&mut writer, &tick)?,
+        model: add_channel(&mut writer, &model)?,
     };
     Ok((writer, channels))
 }
