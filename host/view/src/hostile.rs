@@ -252,7 +252,8 @@ model = "falcon"
 
 /// Messages of each kind.
 pub fn messages() -> Vec<Vec<u8>> {
-    use host::live::{Event, Folded, LogMessage, Playback};
+    use host::live::frame::LogMessage;
+    use host::live::{Event, Folded, Playback};
     let mut messages = crate::synthetic::Synthetic::new(2).present();
     let mut feed = crate::synthetic::Synthetic::new(1);
     while let Ok(Some(message)) = feed.next(Duration::ZERO) {

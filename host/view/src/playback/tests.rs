@@ -364,6 +364,30 @@ fn frames_of_the_log_are_shown_bit_for_bit() {
 }
 
 #[test]
+fn stresses_come_when_they_are_asked_for() {
+    let mut player = player(&logged().0);
+    player.command(&Command::Seek {
+        time_ns: 1_000_000_000,
+    });
+    take_all(&mut player);
+    player.command(&Command::Stress { on: true });
+    let messages = take_all(&mut player);
+    let frame = frames(&messages)[0];
+    let vertices = frame.bodies[0].vertices.as_ref().expect("vertices");
+    assert!(vertices.stressed && vertices.stress.len() == vertices.count as usize);
+    assert!(vertices.stress.iter().any(|stress| *stress > 0.0));
+    assert_eq!(
+        (frame.folded.ticks, player.tick),
+        (0, 1000),
+        "the moment stays"
+    );
+    player.command(&Command::Stress { on: false });
+    let messages = take_all(&mut player);
+    let vertices = frames(&messages)[0].bodies[0].vertices.as_ref();
+    assert!(!vertices.expect("vertices").stressed);
+}
+
+#[test]
 fn a_killed_log_plays_to_where_it_ends() {
     let (bytes, log, _) = logged();
     // The end of the second flush is at half of the file, about.
