@@ -45,11 +45,9 @@ use crate::live::Surface;
 pub use body::BodyFrame;
 pub(crate) use file::LogFile;
 pub use model::ModelRow;
-pub(crate) use model::encode as encode_model;
 use overview::Overview;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
-pub(crate) use tick::encode as encode_tick;
 pub use tick::{TickRow, energy_sums};
 
 /// The channel of the ticks.
