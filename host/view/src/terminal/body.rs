@@ -47,7 +47,11 @@ impl Camera {
     /// The directions right, up and away from the person.
     fn axes(&self) -> [[f64; 3]; 3] {
         let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
-        [[cy, sy, 0.0], [-sy * sp, cy * sp, cp], [-sy * cp, cy * cp, -sp]]
+        [
+            [cy, sy, 0.0],
+            [-sy * sp, cy * sp, cp],
+            [-sy * cp, cy * cp, -sp],
+        ]
     }
 }
 
@@ -247,9 +251,8 @@ fn fill(
         let drawn: Vec<[f64; 3]> = points.iter().map(|p| projection.project(p)).collect();
         for triangle in surface.triangles.as_chunks::<3>().0 {
             let corner = |list: &[[f64; 3]], k: usize| list.get(triangle[k] as usize).copied();
-            let all = |list: &[[f64; 3]]| {
-                Some([corner(list, 0)?, corner(list, 1)?, corner(list, 2)?])
-            };
+            let all =
+                |list: &[[f64; 3]]| Some([corner(list, 0)?, corner(list, 1)?, corner(list, 2)?]);
             let (Some(at), Some(on)) = (all(&points), all(&drawn)) else {
                 continue;
             };
@@ -354,7 +357,9 @@ fn corner(buffer: &mut Buffer, area: Rect, projection: &Projection, palette: Pal
     let length = [5.0, 2.0, 1.0].map(|digit| digit * power);
     let length = length.into_iter().find(|l| *l <= most).unwrap_or(power);
     let cells = (length * projection.scale / 2.0).round().max(2.0) as usize;
-    let name = super::format::scaled(length, "m").replace(".00", "");
+    let name = super::format::scaled(length, "m")
+        .replace(".00", "")
+        .replace(".0", "");
     if length.is_finite() && cells + name.len() + 12 < usize::from(area.width) {
         let bar = format!("├{}┤ {name}", "─".repeat(cells.saturating_sub(2)));
         let _ = buffer.set_stringn(area.x, bottom, bar, 80, palette.faint());
@@ -397,8 +402,14 @@ fn hands(
         return;
     };
     let peaks = frame.hands.iter().map(|hand| hand.peak_force);
-    let norms = frame.hands.iter().map(|hand| dot(&hand.force, &hand.force).sqrt());
-    let most = peaks.chain(norms).filter(|f| f.is_finite()).fold(0.5, f64::max);
+    let norms = frame
+        .hands
+        .iter()
+        .map(|hand| dot(&hand.force, &hand.force).sqrt());
+    let most = peaks
+        .chain(norms)
+        .filter(|f| f.is_finite())
+        .fold(0.5, f64::max);
     let mut dots = Dots::new(area);
     let (width, height) = (dots.width() as f64, dots.height() as f64);
     let longest = 0.3 * width.min(height);
@@ -414,7 +425,9 @@ fn hands(
             let end = |sign: f64| [at[0] + sign * arm[0], at[1] + sign * arm[1]];
             dots.line(end(-1.0), end(1.0), style);
         }
-        let force = projection.direction(&hand.force).map(|f| f / most * longest);
+        let force = projection
+            .direction(&hand.force)
+            .map(|f| f / most * longest);
         let length = force[0].hypot(force[1]);
         if length.is_finite() && length > 4.0 {
             let tip = [at[0] + force[0], at[1] + force[1]];
@@ -430,7 +443,11 @@ fn hands(
         }
         if at[0] >= 0.0 && at[1] >= 0.0 && at[0] < width && at[1] < height {
             let (x, y) = (area.x + (at[0] / 2.0) as u16, area.y + (at[1] / 4.0) as u16);
-            let x = if x + 2 < area.x + area.width { x + 2 } else { x.saturating_sub(2) };
+            let x = if x + 2 < area.x + area.width {
+                x + 2
+            } else {
+                x.saturating_sub(2)
+            };
             numbers.push((x, y, format!("{}", index + 1), style));
         }
     }

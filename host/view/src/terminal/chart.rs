@@ -74,10 +74,16 @@ pub(super) fn axis(range: Range, zero: bool) -> (f64, f64) {
         return (0.0, 1.0);
     }
     if zero && range.least >= 0.0 {
-        return (0.0, nice(range.most.max(1e-12)));
+        // Finer steps than below: the curve has most of the height.
+        let step = nice(range.most.max(1e-12) / 10.0);
+        return (0.0, (range.most / step - 1e-9).ceil().max(1.0) * step);
     }
     let size = range.most.abs().max(range.least.abs());
-    let step = nice(((range.most - range.least) / 2.0).max(1e-3 * size).max(1e-12));
+    let step = nice(
+        ((range.most - range.least) / 2.0)
+            .max(1e-3 * size)
+            .max(1e-12),
+    );
     let (least, most) = ((range.least / step).floor(), (range.most / step).ceil());
     let most = if most > least { most } else { least + 1.0 };
     (least * step, most * step)
@@ -114,7 +120,12 @@ pub(super) fn draw(
         ..area
     };
     let end = area.y + area.height - 1;
-    let number = |value: f64| format!("{:>width$}", digits(value), width = usize::from(GUTTER) - 1);
+    let number = |value: f64| {
+        let text = digits(value);
+        // Axes end at round numbers.
+        let text = text.trim_end_matches(".00").trim_end_matches(".0");
+        format!("{text:>width$}", width = usize::from(GUTTER) - 1)
+    };
     let faint = palette.faint();
     for y in area.y..=end {
         let _ = buffer.set_stringn(inner.x - 1, y, "│", 1, faint);
@@ -174,7 +185,7 @@ mod tests {
     #[test]
     fn an_axis_ends_at_round_numbers_around_its_values() {
         let range = |least, most| Range { least, most };
-        assert_eq!(axis(range(0.3, 3.2), true), (0.0, 5.0));
+        assert_eq!(axis(range(0.3, 3.2), true), (0.0, 3.5));
         assert_eq!(axis(range(-0.3, 3.2), true), (-2.0, 4.0));
         assert_eq!(axis(range(-31.0, 12.0), false), (-50.0, 50.0));
         assert_eq!(axis(Range::EMPTY, true), (0.0, 1.0));

@@ -107,7 +107,13 @@ fn split_rows(area: Rect, count: u16) -> (Rect, Rect) {
         height: area.height - count,
         ..area
     };
-    (Rect { height: count, ..area }, rest)
+    (
+        Rect {
+            height: count,
+            ..area
+        },
+        rest,
+    )
 }
 
 /// The left `width` columns, and the rest after a gap of one.
@@ -278,37 +284,45 @@ impl Screen<'_> {
             ),
             Chart::Age(k) => (
                 format!("model age {} (ms)", model.body_name(k)),
-                frame.and_then(|f| f.bodies.get(k)).map_or_else(String::new, |body| {
-                    format!("trust {:.2}", body.trust)
-                }),
+                frame
+                    .and_then(|f| f.bodies.get(k))
+                    .map_or_else(String::new, |body| format!("trust {:.2}", body.trust)),
             ),
             Chart::Energy(k) => (
-                format!("energy {} (mJ): s supplied, v stored", model.body_name(k)),
-                String::new(),
+                format!("energy {} (mJ)", model.body_name(k)),
+                "s supplied, v stored".into(),
             ),
             Chart::Lateness => ("lateness (us)".to_owned(), String::new()),
+        };
+        let long = format!("{title}, {SPAN} s");
+        let room = long.chars().count() + value.chars().count() + 8;
+        let title = if room <= usize::from(area.width) {
+            long
+        } else {
+            title
         };
         let inner = self.title(buffer, area, &title, &value);
         let (window, cursor) = self.window();
         let count = chart::dots_across(inner.width);
-        let curve = |letter, style, factor: f64, of: &dyn Fn(&host::live::Folded) -> Option<Range>| {
-            let columns = chart::columns(&model.history, window, count, |piece| {
-                let range = of(piece).unwrap_or_default();
-                if range.is_empty() {
-                    range
-                } else {
-                    Range {
-                        least: range.least * factor,
-                        most: range.most * factor,
+        let curve =
+            |letter, style, factor: f64, of: &dyn Fn(&host::live::Folded) -> Option<Range>| {
+                let columns = chart::columns(&model.history, window, count, |piece| {
+                    let range = of(piece).unwrap_or_default();
+                    if range.is_empty() {
+                        range
+                    } else {
+                        Range {
+                            least: range.least * factor,
+                            most: range.most * factor,
+                        }
                     }
+                });
+                Curve {
+                    letter,
+                    style,
+                    columns,
                 }
-            });
-            Curve {
-                letter,
-                style,
-                columns,
-            }
-        };
+            };
         let number = |k: usize| char::from_digit(k as u32 + 1, 10).unwrap_or(' ');
         let (curves, zero) = match chart {
             Chart::Force(k) => (
@@ -346,7 +360,9 @@ impl Screen<'_> {
                 true,
             ),
             Chart::Lateness => (
-                vec![curve(' ', palette.bar(), 1e6, &|piece| Some(piece.lateness))],
+                vec![curve(' ', palette.bar(), 1e6, &|piece| {
+                    Some(piece.lateness)
+                })],
                 true,
             ),
         };
@@ -380,7 +396,12 @@ impl Screen<'_> {
             }
         }
         if shown.len() < charts.len() {
-            let text = format!(" {} to {} of {}: Tab ", first + 1, first + shown.len(), charts.len());
+            let text = format!(
+                " {} to {} of {}: Tab ",
+                first + 1,
+                first + shown.len(),
+                charts.len()
+            );
             let length = text.chars().count() as u16;
             if area.width > length + 30 {
                 let x = area.x + area.width - length - 12;
@@ -390,12 +411,20 @@ impl Screen<'_> {
     }
 
     fn hands(&self) -> usize {
-        let shown = self.model.frame.as_ref().map_or(0, |frame| frame.hands.len());
+        let shown = self
+            .model
+            .frame
+            .as_ref()
+            .map_or(0, |frame| frame.hands.len());
         shown.max(self.model.hello.devices.len())
     }
 
     fn bodies(&self) -> usize {
-        let shown = self.model.frame.as_ref().map_or(0, |frame| frame.bodies.len());
+        let shown = self
+            .model
+            .frame
+            .as_ref()
+            .map_or(0, |frame| frame.bodies.len());
         shown.max(self.model.hello.bodies.len())
     }
 
@@ -424,7 +453,7 @@ impl Screen<'_> {
     fn compact(&self, buffer: &mut Buffer, area: Rect) {
         let numbers = self.numbers();
         let (top, bottom) = split_rows(area, (area.height / 2 + 1).min(area.height));
-        let (left, right) = split_columns(top, (top.width - 46).min(2 * top.height + 20));
+        let (left, right) = split_columns(top, (top.width - 48).min(2 * top.height + 20));
         self.body(buffer, left);
         let inner = self.title(buffer, right, "state", "");
         rows::draw(buffer, inner, &numbers, self.palette);
@@ -434,7 +463,9 @@ impl Screen<'_> {
         let (up, down) = split_rows(right, right.height.div_ceil(2));
         if self.model.hello.clock == "virtual" || self.model.is_log() {
             // Virtual time has no lateness.
-            let charts: Vec<_> = (0..self.hands()).map(|k| vec![Chart::Position(k)]).collect();
+            let charts: Vec<_> = (0..self.hands())
+                .map(|k| vec![Chart::Position(k)])
+                .collect();
             self.stack(buffer, up, &charts, 5);
         } else {
             self.lateness(buffer, up);
@@ -531,7 +562,8 @@ impl Screen<'_> {
         let inner = self.title(buffer, at, "keys", "");
         for (y, (key, text)) in (inner.y..inner.y + inner.height).zip(keys) {
             let _ = buffer.set_stringn(inner.x + 2, y, key, 12, self.palette.label());
-            let _ = buffer.set_stringn(inner.x + 14, y, text, usize::from(width) - 15, Style::new());
+            let _ =
+                buffer.set_stringn(inner.x + 14, y, text, usize::from(width) - 15, Style::new());
         }
         let last = at.y + height - 1;
         let rule = "─".repeat(usize::from(width));

@@ -57,11 +57,7 @@ pub(super) fn fit(text: &str, width: usize) -> String {
         return text.into();
     }
     let begin: String = text.chars().take(width.saturating_sub(1)).collect();
-    if width == 0 {
-        begin
-    } else {
-        begin + "…"
-    }
+    if width == 0 { begin } else { begin + "…" }
 }
 
 #[cfg(test)]

@@ -115,7 +115,12 @@ mod tests {
     fn extreme_edges_draw_nothing_outside() {
         let bins = Bins(vec![(0, 1), (u64::MAX, u64::MAX)]);
         let mut buffer = Buffer::empty(Rect::new(0, 0, 20, 5));
-        draw(&mut buffer, Rect::new(5, 1, 12, 3), Palette::default(), &bins);
+        draw(
+            &mut buffer,
+            Rect::new(5, 1, 12, 3),
+            Palette::default(),
+            &bins,
+        );
         for y in 0..5 {
             for x in (0..5).chain(17..20) {
                 assert_eq!(buffer[(x, y)].symbol(), " ");

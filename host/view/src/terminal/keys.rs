@@ -155,7 +155,10 @@ pub(super) fn help(log: bool) -> Vec<(&'static str, &'static str)> {
         ("arrows", "rotate the bodies"),
         ("+  -  r", "larger, smaller, reset the picture"),
         ("w", "surfaces shaded, or as wire"),
-        ("Tab, PgDn", "scroll charts or events; back: Shift-Tab, PgUp"),
+        (
+            "Tab, PgDn",
+            "scroll charts or events; back: Shift-Tab, PgUp",
+        ),
         ("s", "save the shown moment"),
         ("h", "show or hide this list"),
     ];

@@ -102,7 +102,11 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
         // All messages that are there, until the next picture is due.
         let mut changed = false;
         while model.over.is_none() && drawn.is_none_or(|drawn| drawn.elapsed() < PERIOD) {
-            match feed.next(if drawn.is_some() { WAIT } else { Duration::ZERO }) {
+            match feed.next(if drawn.is_some() {
+                WAIT
+            } else {
+                Duration::ZERO
+            }) {
                 Ok(Some(message)) => {
                     model.take(message, Instant::now());
                     changed = true;
@@ -121,7 +125,11 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
         if model.over.is_some() && options.attached {
             return broken.map_or(Ok(Ended::Over), |error| Err(error.into()));
         }
-        let idle = if model.over.is_some() { PERIOD } else { Duration::ZERO };
+        let idle = if model.over.is_some() {
+            PERIOD
+        } else {
+            Duration::ZERO
+        };
         while event::poll(if changed { Duration::ZERO } else { idle })? {
             changed = true;
             let Event::Key(key) = event::read()? else {

@@ -1,7 +1,9 @@
 //! What the display knows: the messages of a feed, put together.
 
 use crate::history::History;
-use host::live::{Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Surface, Vertices};
+use host::live::{
+    Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Surface, Vertices,
+};
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
 

@@ -21,9 +21,8 @@ pub enum Colours {
 impl Colours {
     /// The colours that the variables `NO_COLOR`, `COLORTERM` and `TERM` name.
     pub fn of_environment() -> Self {
-        let text = |name: &str| {
-            std::env::var_os(name).map(|value| value.to_string_lossy().into_owned())
-        };
+        let text =
+            |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
         let (depth, term) = (text("COLORTERM"), text("TERM").unwrap_or_default());
         if text("NO_COLOR").is_some_and(|value| !value.is_empty()) || term == "dumb" {
             Self::None

@@ -13,7 +13,10 @@ const PAPER: &str = "#14161a";
 /// The cells of a buffer as SVG.
 pub fn svg(buffer: &Buffer) -> String {
     let area = buffer.area;
-    let (width, height) = (u32::from(area.width) * CELL.0, u32::from(area.height) * CELL.1);
+    let (width, height) = (
+        u32::from(area.width) * CELL.0,
+        u32::from(area.height) * CELL.1,
+    );
     let mut text = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"-8 -8 {} {}\" width=\"{0}\" height=\"{1}\" \
          font-family=\"DejaVu Sans Mono, Menlo, Consolas, monospace\" font-size=\"13\">\n\
@@ -95,8 +98,16 @@ fn shape(symbol: &str) -> Option<String> {
     };
     match symbol {
         '\u{2800}'..='\u{28ff}' => {
-            const PLACES: [(u32, u32); 8] =
-                [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3)];
+            const PLACES: [(u32, u32); 8] = [
+                (0, 0),
+                (0, 1),
+                (0, 2),
+                (1, 0),
+                (1, 1),
+                (1, 2),
+                (0, 3),
+                (1, 3),
+            ];
             let bits = symbol as u32 - 0x2800;
             let mut path = String::new();
             for (bit, (x, y)) in PLACES.iter().enumerate() {

@@ -58,7 +58,11 @@ impl Row {
 /// Draws rows from the top; where they do not fit, the last row says how many are left out.
 pub(super) fn draw(buffer: &mut Buffer, area: Rect, rows: &[Row], palette: Palette) {
     let room = usize::from(area.height);
-    let shown = if rows.len() > room { room.saturating_sub(1) } else { rows.len() };
+    let shown = if rows.len() > room {
+        room.saturating_sub(1)
+    } else {
+        rows.len()
+    };
     for (y, row) in (area.y..).zip(&rows[..shown]) {
         row.draw(buffer, area.x, y, area.width);
     }
@@ -92,7 +96,11 @@ pub(super) fn ticks(model: &Model, palette: Palette) -> Vec<Row> {
         .pieces()
         .any(|piece| piece.missed > 0 && piece.to_ns + 2_000_000_000 > now && piece.from_ns <= now);
     let missed = format!("missed {}", count(totals.missed));
-    let style = if recent { palette.alarm() } else { Style::new() };
+    let style = if recent {
+        palette.alarm()
+    } else {
+        Style::new()
+    };
     let mut row = Row::new("ticks", palette.label()).value(count(totals.ticks));
     if let Some(rate) = model.rate() {
         row = row.value(format!("{rate:.1} Hz"));
@@ -231,7 +239,10 @@ pub(super) fn host(model: &Model, palette: Palette) -> Vec<Row> {
         }
     };
     let rate = Row::new("host", palette.label())
-        .value(format!("{:.1} Hz of {:.0}", host.step_rate, model.hello.step_rate))
+        .value(format!(
+            "{:.1} Hz of {:.0}",
+            host.step_rate, model.hello.step_rate
+        ))
         .styled(format!("skipped {}", count(host.skipped)), Style::new())
         .styled(format!("faults {}", count(host.faults)), some(host.faults))
         .value(format!("{} steps", count(host.steps)))
@@ -293,7 +304,17 @@ pub(super) fn events(
     for (y, event) in (area.y..area.y + area.height).zip(events[..past].iter().rev().skip(skip)) {
         // Whatever happened in the last two seconds stands out.
         let recent = event.time_ns + 2_000_000_000 > now;
-        self::event(buffer, Rect { y, height: 1, ..area }, event, palette, recent);
+        self::event(
+            buffer,
+            Rect {
+                y,
+                height: 1,
+                ..area
+            },
+            event,
+            palette,
+            recent,
+        );
     }
 }
 
@@ -303,9 +324,19 @@ fn event(buffer: &mut Buffer, area: Rect, event: &Event, palette: Palette, recen
     let when = format!("{:>10} ", moment(event.time_ns));
     let (x, _) = buffer.set_stringn(area.x, area.y, &when, width, palette.faint());
     let left = width.saturating_sub(when.chars().count());
-    let style = if recent { palette.alarm() } else { palette.label() };
+    let style = if recent {
+        palette.alarm()
+    } else {
+        palette.label()
+    };
     let word = format!("{word:<6}");
     let _ = buffer.set_stringn(x, area.y, word, left, style);
     let text = fit(&event.text, left.saturating_sub(7));
-    let _ = buffer.set_stringn(x + 7.min(left as u16), area.y, text, left.saturating_sub(7), Style::new());
+    let _ = buffer.set_stringn(
+        x + 7.min(left as u16),
+        area.y,
+        text,
+        left.saturating_sub(7),
+        Style::new(),
+    );
 }

@@ -18,7 +18,11 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, model: &Model, palette: Pale
         let _ = buffer.set_stringn(area.x, area.y, "no log yet", width, palette.faint());
         return;
     };
-    let state = if playback.playing { "▶ plays" } else { "‖ paused" };
+    let state = if playback.playing {
+        "▶ plays"
+    } else {
+        "‖ paused"
+    };
     let mut parts = vec![
         format!("{state} at {} x", digits(playback.speed)),
         format!("{} of {}", moment(playback.at_ns), moment(playback.to_ns)),
@@ -32,7 +36,11 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, model: &Model, palette: Pale
     let mut text = String::new();
     for part in parts {
         if text.chars().count() + part.chars().count() + 2 <= width {
-            text = if text.is_empty() { part } else { format!("{text}  {part}") };
+            text = if text.is_empty() {
+                part
+            } else {
+                format!("{text}  {part}")
+            };
         }
     }
     let _ = buffer.set_stringn(area.x, area.y, fit(&text, width), width, palette.head());
