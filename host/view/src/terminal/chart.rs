@@ -29,6 +29,11 @@ pub(super) struct Window {
     pub(super) to_ns: i64,
 }
 
+/// A time as a number from which others can be subtracted. No run lasts 36 years.
+pub(super) fn ns(time: u64) -> i64 {
+    time.min(1 << 60) as i64
+}
+
 /// The ranges of a quantity in `count` columns over the window.
 pub(super) fn columns(
     history: &History,
@@ -38,7 +43,7 @@ pub(super) fn columns(
 ) -> Vec<Range> {
     let mut columns = vec![Range::EMPTY; count];
     let span = (window.to_ns - window.from_ns).max(1) as f64;
-    let column = |ns: u64| ((ns as i64 - window.from_ns) as f64 / span * count as f64).floor();
+    let column = |time: u64| ((ns(time) - window.from_ns) as f64 / span * count as f64).floor();
     for piece in history.pieces() {
         let range = of(piece);
         let (first, last) = (column(piece.from_ns), column(piece.to_ns));

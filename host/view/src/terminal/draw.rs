@@ -254,10 +254,10 @@ impl Screen<'_> {
     }
 
     fn window(&self) -> (Window, Option<f64>) {
-        let now = self.model.time_ns() as i64;
+        let now = chart::ns(self.model.time_ns());
         let span = (SPAN * 1e9) as i64;
         let last = self.model.history.pieces().next_back();
-        let last = last.map_or(now, |piece| piece.to_ns as i64).max(now);
+        let last = last.map_or(now, |piece| chart::ns(piece.to_ns)).max(now);
         // A log knows what comes after the shown moment: at most half of the chart.
         let ahead = (last - now).min(span / 2);
         let window = Window {
@@ -444,7 +444,7 @@ impl Screen<'_> {
 
     fn events(&self, buffer: &mut Buffer, area: Rect, skip: usize) {
         let (events, _) = self.model.all_events();
-        let all = events.len() as u64 + self.model.more_events;
+        let all = self.model.more_events.saturating_add(events.len() as u64);
         let inner = self.title(buffer, area, "events", &all.to_string());
         rows::events(buffer, inner, self.model, self.palette, skip);
     }

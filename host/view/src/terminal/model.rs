@@ -107,10 +107,10 @@ impl Model {
     fn take_frame(&mut self, mut frame: Frame) {
         self.history.push(&frame.folded);
         self.events.extend(frame.events.drain(..));
-        self.more_events += frame.more_events;
+        self.more_events = self.more_events.saturating_add(frame.more_events);
         while self.events.len() > EVENTS {
             self.events.pop_front();
-            self.more_events += 1;
+            self.more_events = self.more_events.saturating_add(1);
         }
         self.vertices
             .resize_with(frame.bodies.len().max(self.vertices.len()), || None);
@@ -226,10 +226,10 @@ impl Model {
     /// Ticks a second over the last second of the run's own time (Hz).
     pub(super) fn rate(&self) -> Option<f64> {
         let last = self.history.pieces().next_back()?.to_ns;
-        let recent = |piece: &&Folded| piece.to_ns + 1_000_000_000 > last;
+        let recent = |piece: &&Folded| piece.to_ns.saturating_add(1_000_000_000) > last;
         let (mut ticks, mut from) = (0, last);
         for piece in self.history.pieces().rev().take_while(recent) {
-            ticks += piece.ticks;
+            ticks = piece.ticks.saturating_add(ticks);
             from = from.min(piece.from_ns);
         }
         // The last tick lasts until the next tick.

@@ -91,10 +91,9 @@ pub(super) fn ticks(model: &Model, palette: Palette) -> Vec<Row> {
     };
     let totals = &frame.totals;
     let now = model.time_ns();
-    let recent = model
-        .history
-        .pieces()
-        .any(|piece| piece.missed > 0 && piece.to_ns + 2_000_000_000 > now && piece.from_ns <= now);
+    let recent = model.history.pieces().any(|piece| {
+        piece.missed > 0 && piece.to_ns.saturating_add(2_000_000_000) > now && piece.from_ns <= now
+    });
     let missed = format!("missed {}", count(totals.missed));
     let style = if recent {
         palette.alarm()
@@ -303,7 +302,7 @@ pub(super) fn events(
     let now = model.time_ns();
     for (y, event) in (area.y..area.y + area.height).zip(events[..past].iter().rev().skip(skip)) {
         // Whatever happened in the last two seconds stands out.
-        let recent = event.time_ns + 2_000_000_000 > now;
+        let recent = event.time_ns.saturating_add(2_000_000_000) > now;
         self::event(
             buffer,
             Rect {
