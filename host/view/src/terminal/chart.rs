@@ -85,7 +85,7 @@ pub(super) fn axis(range: Range, zero: bool) -> (f64, f64) {
     }
     let size = range.most.abs().max(range.least.abs());
     let step = nice(
-        ((range.most - range.least) / 2.0)
+        ((range.most - range.least) / 4.0)
             .max(1e-3 * size)
             .max(1e-12),
     );

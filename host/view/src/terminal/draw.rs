@@ -6,7 +6,7 @@ use super::format::{fit, moment, scaled};
 use super::histogram;
 use super::keys::{Tab, View, help};
 use super::model::{Model, Over, SPAN};
-use super::palette::Palette;
+use super::palette::{HEAD, Palette};
 use super::rows;
 use super::timeline;
 use host::live::Range;
@@ -154,7 +154,7 @@ impl Screen<'_> {
             }
         }
         let right = right.join("  ");
-        let style = self.palette.head();
+        let style = HEAD;
         let width = usize::from(area.width);
         let length = right.chars().count().min(width);
         let x = area.x + (width - length) as u16;
@@ -532,7 +532,7 @@ impl Screen<'_> {
         numbers.extend(rows::host(self.model, self.palette));
         numbers.extend(rows::medians(self.model, self.palette));
         numbers.extend(rows::models(self.model, self.palette));
-        let (left, right) = split_columns(bottom, (area.width - 1) / 2 + 4);
+        let (left, right) = split_columns(bottom, ((area.width - 1) / 2).max(47));
         let inner = self.title(buffer, left, "state", "");
         rows::draw(buffer, inner, &numbers, self.palette);
         let mut charts = vec![vec![Chart::Lateness]];

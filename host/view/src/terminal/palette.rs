@@ -49,6 +49,9 @@ const BLUE: Tone = ((0x00, 0x72, 0xb2), 32, Color::LightBlue);
 const VERMILLION: Tone = ((0xd5, 0x5e, 0x00), 166, Color::LightRed);
 const PURPLE: Tone = ((0xcc, 0x79, 0xa7), 175, Color::LightMagenta);
 
+/// The line at the top.
+pub(super) const HEAD: Style = Style::new().add_modifier(Modifier::BOLD);
+
 /// The styles of the display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Palette(pub Colours);
@@ -107,10 +110,5 @@ impl Palette {
     /// Bars of a histogram.
     pub(super) fn bar(self) -> Style {
         self.tone(ORANGE)
-    }
-
-    /// The line at the top.
-    pub(super) fn head(self) -> Style {
-        Style::new().add_modifier(Modifier::BOLD)
     }
 }

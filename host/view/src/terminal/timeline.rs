@@ -2,7 +2,7 @@
 
 use super::format::{digits, fit, moment};
 use super::model::{Model, kind};
-use super::palette::Palette;
+use super::palette::{HEAD, Palette};
 use host::live::{Playback, Range};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -43,7 +43,7 @@ pub(super) fn draw(buffer: &mut Buffer, area: Rect, model: &Model, palette: Pale
             };
         }
     }
-    let _ = buffer.set_stringn(area.x, area.y, fit(&text, width), width, palette.head());
+    let _ = buffer.set_stringn(area.x, area.y, fit(&text, width), width, HEAD);
     line(buffer, area, playback, palette);
 }
 
