@@ -10,6 +10,7 @@ mod dots;
 pub mod draw;
 mod format;
 mod histogram;
+mod input;
 pub mod keys;
 pub mod lines;
 pub mod model;
@@ -21,10 +22,11 @@ mod timeline;
 
 use crate::feed::{Feed, FeedError};
 use host::live::Message;
+use input::Input;
 use keys::{View, Wish};
 pub use model::{Model, Over};
 use palette::{Colours, Palette};
-use ratatui::crossterm::event::{self, Event};
+use ratatui::crossterm::event::Event;
 use screen::Screen;
 use std::io;
 use std::sync::Arc;
@@ -91,6 +93,7 @@ fn signal(flag: &AtomicUsize) -> Option<Ended> {
 /// [`TerminalError`] if the terminal cannot be used, or the feed ended early. The terminal is given back in every case.
 pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, TerminalError> {
     let mut screen = Screen::begin(options.attached)?;
+    let input = Input::begin()?;
     let palette = Palette(options.colours);
     let (mut model, mut view) = (Model::default(), View::default());
     let mut broken = None;
@@ -102,37 +105,32 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
         // All messages that are there, until the next picture is due.
         let mut changed = false;
         while model.over.is_none() && drawn.is_none_or(|drawn| drawn.elapsed() < PERIOD) {
-            match feed.next(if drawn.is_some() {
-                WAIT
-            } else {
-                Duration::ZERO
-            }) {
-                Ok(Some(message)) => {
-                    model.take(message, Instant::now());
-                    changed = true;
-                }
+            match feed.next(if changed { Duration::ZERO } else { WAIT }) {
+                Ok(Some(message)) => model.take(message, Instant::now()),
                 Ok(None) => break,
                 Err(error) => {
                     model.over = Some(Over::Broken(error.to_string()));
                     broken = Some(error);
-                    changed = true;
                 }
             }
-            if drawn.is_none() || event::poll(Duration::ZERO)? {
+            changed = true;
+            if drawn.is_none() {
                 break;
             }
         }
         if model.over.is_some() && options.attached {
             return broken.map_or(Ok(Ended::Over), |error| Err(error.into()));
         }
-        let idle = if model.over.is_some() {
+        // After the end of the feed, only the keys are left to wait for.
+        let mut wait = if model.over.is_some() {
             PERIOD
         } else {
             Duration::ZERO
         };
-        while event::poll(if changed { Duration::ZERO } else { idle })? {
+        while let Some(event) = input.next(wait)? {
             changed = true;
-            let Event::Key(key) = event::read()? else {
+            wait = Duration::ZERO;
+            let Event::Key(key) = event else {
                 continue;
             };
             match keys::follow(&key, &mut view, &model) {
