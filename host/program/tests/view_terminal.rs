@@ -103,7 +103,16 @@ impl Terminal {
             screen.contains("IN FRONT"),
             "the screen of before is back:\n{screen}"
         );
-        assert_eq!(self.read("before"), self.read("after"));
+        // The first line has the size, which a test changes.
+        let modes = |file| {
+            self.read(file)
+                .lines()
+                .skip(1)
+                .map(String::from)
+                .collect::<Vec<_>>()
+        };
+        assert!(modes("before").len() > 3);
+        assert_eq!(modes("before"), modes("after"));
         screen
     }
 }
@@ -191,6 +200,26 @@ fn a_signal_gives_the_terminal_back() {
         let killed = Command::new("kill").args([signal, process.trim()]).status();
         assert!(killed.unwrap().success());
         terminal.ends_with(code);
+    }
+}
+
+#[test]
+fn it_ends_when_its_terminal_is_closed() {
+    let command = format!("{PROGRAM} view --synthetic 1000000");
+    let Some(terminal) = Terminal::start(80, 24, &command) else {
+        return;
+    };
+    terminal.wait_for("force 1 left (N)");
+    let process = Path::new("/proc").join(terminal.read("process").trim());
+    assert!(process.exists());
+    terminal.tmux(&["kill-server"]);
+    let start = Instant::now();
+    while process.exists() {
+        assert!(
+            start.elapsed() < LONGEST,
+            "the viewer goes on without a terminal"
+        );
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
