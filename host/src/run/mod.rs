@@ -2,6 +2,7 @@
 
 mod collect;
 mod csv;
+pub(crate) mod device_totals;
 mod devices;
 pub mod frames;
 mod hand;
@@ -9,6 +10,7 @@ mod held_back;
 mod histogram;
 pub mod late;
 mod load_curve;
+pub mod log_frames;
 mod log_observer;
 mod marks;
 pub mod observer;
@@ -34,6 +36,7 @@ use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
+use log_frames::LogFrames;
 use log_observer::LogObserver;
 use observer::Observers;
 use parts::Parts;
@@ -70,6 +73,9 @@ pub struct RunOptions {
     pub seed: Option<u64>,
     /// Path of the log; `None` for a run without a log.
     pub log: Option<PathBuf>,
+    /// Frames of the bodies in the log a second of the run's own time (Hz); `None` for a log without frames. Without a
+    /// log, this has no effect.
+    pub log_frames: Option<f64>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
     /// The table and the picture of force against displacement.
@@ -101,6 +107,7 @@ impl RunOptions {
             duration: None,
             seed: None,
             log: None,
+            log_frames: None,
             plot: None,
             ticks: TickOutputs::default(),
             histogram: None,
@@ -214,13 +221,31 @@ pub fn run_watched(
         prepared.frames = Some(tap);
         writer
     });
+    let log_frames = options.log_frames.filter(|_| log.is_some());
+    let log_frames = match log_frames {
+        Some(rate) => {
+            log_frames::check_rate(rate, &loaded.scene)?;
+            let bodies = prepared.engine.bodies();
+            let (tap, frames) = log_frames::begin(loaded, rate, options.clock, bodies)?;
+            prepared.log_frames = Some(tap);
+            Some(frames)
+        }
+        None => None,
+    };
     let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
     let size = (
         bodies().map(Body::element_count).sum(),
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
-    let observers = observers(loaded, options, seed, others, log, &logged)?;
+    let observers = observers(
+        loaded,
+        options,
+        seed,
+        others,
+        log.map(|log| (log, log_frames)),
+        &logged,
+    )?;
     let of = prepared.timing.ticks;
     let found = prepared.slow.found();
     let progress = |ticks| {
@@ -282,17 +307,20 @@ fn observers(
     options: &RunOptions,
     seed: u64,
     others: Observers,
-    log: Option<LogFile>,
+    log: Option<(LogFile, Option<LogFrames>)>,
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
     let collector = Collector::new(scene, options.plot.is_some());
     let observers = options.ticks.observe(scene, others.with(collector))?;
-    let Some(file) = log else {
+    let Some((file, frames)) = log else {
         return Ok(observers);
     };
-    let log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
-    let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(logged));
+    let mut log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
+    if frames.is_some() {
+        log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
+    }
+    let log = LogObserver::new(log, loaded, options.clock, frames, Arc::clone(logged));
     Ok(observers.with(log))
 }
 
@@ -326,6 +354,15 @@ fn write_files(
 }
 
 fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
+    LogHeader {
+        facts: facts(loaded, options, seed),
+        scene: loaded.source.text.clone(),
+        files: loaded.files.clone(),
+    }
+}
+
+/// The facts of a run with `seed` that its log and its viewers are told, by name.
+pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<String, String> {
     let facts = [
         ("scene", loaded.scene.name.clone()),
         ("clock", clock_name(options.clock).into()),
@@ -334,14 +371,10 @@ fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
         ("version", env!("CARGO_PKG_VERSION").into()),
         ("instructions", instructions(options.instructions)),
     ];
-    LogHeader {
-        facts: facts
-            .into_iter()
-            .map(|(k, v)| (k.to_owned(), v))
-            .collect::<BTreeMap<_, _>>(),
-        scene: loaded.source.text.clone(),
-        files: loaded.files.clone(),
-    }
+    facts
+        .into_iter()
+        .map(|(name, fact)| (name.to_owned(), fact))
+        .collect()
 }
 
 fn clock_name(clock: Clock) -> &'static str {

@@ -5,6 +5,7 @@
 //! the summary reports the panic.
 
 use super::frames::FrameTap;
+use super::log_frames::LogTap;
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::slow_host::SlowWatch;
@@ -59,6 +60,7 @@ pub(super) fn run(
         threads,
         faults,
         frames,
+        log_frames,
         pacer,
         slow,
         timing,
@@ -83,6 +85,7 @@ pub(super) fn run(
             pacer,
             slow,
             frames,
+            log_frames,
         };
         // The counts before a panic belong to the summary.
         let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
@@ -136,6 +139,7 @@ struct Hosting {
     pacer: Pacer,
     slow: SlowWatch,
     frames: Option<FrameTap>,
+    log_frames: Option<LogTap>,
 }
 
 impl Hosting {
@@ -147,6 +151,7 @@ impl Hosting {
             pacer,
             slow,
             frames,
+            log_frames,
         } = self;
         let watch = WallStopwatch::start();
         let start = Instant::now();
@@ -171,6 +176,9 @@ impl Hosting {
             slow.look(engine.stats());
             if let Some(frames) = frames {
                 frames.after_step(due.time_ns, engine.bodies());
+            }
+            if let Some(frames) = log_frames {
+                frames.after_step(due.time_ns, engine.stats().steps, engine.bodies());
             }
             pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }

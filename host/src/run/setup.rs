@@ -2,6 +2,7 @@
 
 use super::devices;
 use super::frames::FrameTap;
+use super::log_frames::LogTap;
 use super::slow_host::{SlowWatch, StepTime};
 use crate::bodies;
 use crate::engine::build::How;
@@ -54,6 +55,8 @@ pub struct Setup {
     pub faults: Faults,
     /// Takes frames of the bodies; `None` for a run without frames.
     pub frames: Option<FrameTap>,
+    /// Takes frames of the bodies for the log; `None` for a log without frames.
+    pub log_frames: Option<LogTap>,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// Judges whether a step takes longer than the scene allows.
@@ -128,6 +131,7 @@ pub(crate) fn setup_with(
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
         frames: None,
+        log_frames: None,
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         slow,
         timing: Timing {

@@ -7,6 +7,7 @@
 
 use super::frames::FrameTap;
 use super::late::LateLink;
+use super::log_frames::LogTap;
 use super::panics;
 use super::setup::{HostSide, Running, Setup};
 use super::slow_host::SlowWatch;
@@ -47,6 +48,7 @@ pub fn run_seen(
         threads,
         faults,
         frames,
+        log_frames,
         pacer,
         slow,
         timing,
@@ -55,6 +57,7 @@ pub fn run_seen(
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
         frames,
+        log_frames,
         threads,
         pacer,
         slow,
@@ -95,6 +98,7 @@ pub fn run_seen(
 struct Paced {
     engine: Failing,
     frames: Option<FrameTap>,
+    log_frames: Option<LogTap>,
     threads: Threads,
     pacer: Pacer,
     slow: SlowWatch,
@@ -146,6 +150,10 @@ impl Host for Paced {
         self.slow.look(self.engine.stats());
         if let Some(frames) = &mut self.frames {
             frames.after_step(due.time_ns, self.engine.bodies());
+        }
+        if let Some(frames) = &mut self.log_frames {
+            let step = self.engine.stats().steps;
+            frames.after_step(due.time_ns, step, self.engine.bodies());
         }
         if due.publishes {
             self.free_at = arrival_ns;
