@@ -165,7 +165,7 @@ fn the_loop_takes_no_lock_and_a_planted_one_is_found() {
         "device_read",
         "device_write",
         "7rt_core10controller10Controller4tick",
-        "16LatencyHistogram6record",
+        "12hdrhistogram18Histogram",
         "13vdso_wrappers13CLOCK_GETTIME",
     ] {
         assert!(found.reaches(part), "{part} was not reached");

@@ -7,6 +7,8 @@
 
 pub mod frame;
 pub mod gather;
+pub mod hello;
+pub mod merge;
 pub mod message;
 pub mod observer;
 pub mod range;

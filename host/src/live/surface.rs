@@ -1,1 +1,192 @@
 //! The surface of a body: what a person sees of its mesh.
+//!
+//! A sheet shows all its triangles, a thread all its bars, and a solid the faces that belong to one tetrahedron. The
+//! corners of such a face run counterclockwise seen from outside. A quadratic face has a vertex at the middle of each edge
+//! and is divided into four triangles, so the surface bends with the face.
+
+use super::Surface;
+use crate::bodies::Built;
+use physics::mesh::tet::MIDSIDE_ENDS;
+use physics::mesh::{Cells, Mesh};
+use std::collections::BTreeMap;
+
+/// The corners of the four faces of a tetrahedron, counterclockwise seen from outside. The volume
+/// `(x1 - x0) x (x2 - x0) . (x3 - x0)` of a tetrahedron is positive.
+const FACES: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+
+impl Surface {
+    /// The surface of the body of index `body`, as it is at rest.
+    pub fn new(body: usize, built: &Built) -> Self {
+        Self::of_mesh(body, built.body.epoch(), &built.mesh)
+    }
+
+    /// The surface of a mesh, for the body of index `body` in this topology epoch.
+    pub fn of_mesh(body: usize, epoch: u64, mesh: &Mesh) -> Self {
+        let (triangles, lines) = match mesh {
+            Mesh::Thread(mesh) => (Vec::new(), mesh.lines.as_flattened().to_vec()),
+            Mesh::Sheet(mesh) => (mesh.triangles.as_flattened().to_vec(), Vec::new()),
+            Mesh::Solid(mesh) => (boundary(&mesh.cells), Vec::new()),
+        };
+        let positions = mesh.positions();
+        Self {
+            body: body as u32,
+            epoch: epoch as u32,
+            vertices: positions.len() as u32,
+            triangle_count: (triangles.len() / 3) as u32,
+            line_count: (lines.len() / 2) as u32,
+            rest: positions
+                .iter()
+                .flat_map(|p| [p.x as f32, p.y as f32, p.z as f32])
+                .collect(),
+            triangles,
+            lines,
+        }
+    }
+}
+
+/// The triangles of the boundary, three vertices each, in the order of the cells.
+fn boundary(cells: &Cells) -> Vec<u32> {
+    let mut shared: BTreeMap<[u32; 3], u8> = BTreeMap::new();
+    for cell in cells.vertices() {
+        for face in faces(cell) {
+            let count = shared.entry(sorted(face)).or_insert(0);
+            *count = count.saturating_add(1);
+        }
+    }
+    let mut triangles = Vec::new();
+    for cell in cells.vertices() {
+        for (face, corners) in faces(cell).zip(FACES) {
+            if shared.get(&sorted(face)) != Some(&1) {
+                continue;
+            }
+            match middles(cell, corners) {
+                None => triangles.extend(face),
+                Some([ab, bc, ca]) => {
+                    let [a, b, c] = face;
+                    triangles.extend([a, ab, ca, ab, b, bc, ca, bc, c, ab, bc, ca]);
+                }
+            }
+        }
+    }
+    triangles
+}
+
+/// The vertices at the corners of the four faces of a cell.
+fn faces(cell: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    FACES.into_iter().map(|face| face.map(|k| cell[k]))
+}
+
+fn sorted(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
+}
+
+/// The vertices at the middles of the edges of a face; `None` for a linear cell.
+fn middles(cell: &[u32], [a, b, c]: [usize; 3]) -> Option<[u32; 3]> {
+    let middle = |ends: [usize; 2]| {
+        let edge = MIDSIDE_ENDS
+            .iter()
+            .position(|edge| edge.iter().all(|end| ends.contains(end)))?;
+        cell.get(4 + edge).copied()
+    };
+    Some([middle([a, b])?, middle([b, c])?, middle([c, a])?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::hello::build_bodies;
+    use crate::scene::Scene;
+    use physics::Vec3;
+    use physics::mesh::generate_box::solid_box;
+    use std::collections::BTreeMap;
+
+    fn corners(surface: &Surface) -> Vec<[Vec3; 3]> {
+        let at = |v: u32| {
+            let p = &surface.rest[3 * v as usize..][..3];
+            Vec3::new(p[0].into(), p[1].into(), p[2].into())
+        };
+        let (triangles, _) = surface.triangles.as_chunks::<3>();
+        triangles.iter().map(|t| t.map(at)).collect()
+    }
+
+    /// The volume by the divergence theorem: a third of the flux of the position.
+    fn volume(surface: &Surface) -> f64 {
+        let each = corners(surface).into_iter();
+        each.map(|[a, b, c]| a.dot(&b.cross(&c)) / 6.0).sum()
+    }
+
+    /// Every edge is passed once in each direction.
+    fn is_closed(surface: &Surface) -> bool {
+        let mut passed: BTreeMap<(u32, u32), i32> = BTreeMap::new();
+        let (triangles, _) = surface.triangles.as_chunks::<3>();
+        for [a, b, c] in triangles {
+            for (from, to) in [(a, b), (b, c), (c, a)] {
+                *passed.entry((*from.min(to), *from.max(to))).or_default() +=
+                    if from < to { 1 } else { 100 };
+            }
+        }
+        passed.values().all(|count| *count == 101)
+    }
+
+    #[test]
+    fn the_boundary_of_a_box_is_closed_and_faces_outwards() {
+        let mesh = solid_box([0.1, 0.2, 0.05], [3, 4, 2]).expect("a box");
+        let quadratic = mesh.quadratic();
+        // Two triangles on each face of a grid cell on the boundary.
+        let linear = 2 * 2 * (3 * 4 + 4 * 2 + 3 * 2);
+        for (mesh, expected) in [(mesh, linear), (quadratic, 4 * linear)] {
+            let surface = Surface::of_mesh(2, 7, &Mesh::Solid(mesh));
+            assert_eq!((surface.body, surface.epoch), (2, 7));
+            assert_eq!(surface.triangle_count, expected);
+            assert_eq!(surface.triangles.len(), 3 * expected as usize);
+            assert!(is_closed(&surface));
+            // Positions are rounded to f32, to 6e-8 of their size.
+            assert!((volume(&surface) / 1e-3 - 1.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_bent_quadratic_face_bends_the_surface() {
+        let mut mesh = solid_box([0.1; 3], [1; 3]).expect("a box").quadratic();
+        let straight = volume(&Surface::of_mesh(0, 0, &Mesh::Solid(mesh.clone())));
+        // The middle of the diagonal of the top is the only vertex in the middle of the top.
+        let top = mesh
+            .positions
+            .iter_mut()
+            .find(|p| p.x.abs() < 1e-9 && p.y.abs() < 1e-9 && p.z > 0.04)
+            .expect("a middle");
+        top.z += 0.01;
+        let bent = volume(&Surface::of_mesh(0, 0, &Mesh::Solid(mesh)));
+        // Of the eight triangles of the top, six meet in this vertex: 6/8 of the area, raised by a third of 1 cm.
+        let expected = 0.75 * 0.01 * 0.01 / 3.0;
+        assert!(
+            (bent - straight - expected).abs() < 1e-9,
+            "{}",
+            bent - straight
+        );
+    }
+
+    #[test]
+    fn a_sheet_shows_its_triangles_and_a_thread_its_bars() {
+        let sheet = Scene::embedded_default().expect("the scene is sound");
+        let sheet = &build_bodies(&sheet).expect("bodies")[0];
+        let surface = Surface::new(0, sheet);
+        let elements = sheet.body.element_count();
+        assert_eq!(surface.triangle_count as usize, elements);
+        assert_eq!(surface.vertices as usize, sheet.body.vertex_count());
+        let normals: f64 = corners(&surface)
+            .iter()
+            .map(|[a, b, c]| (b - a).cross(&(c - a)).norm())
+            .sum();
+        assert!(normals > 0.0 && surface.lines.is_empty());
+
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/thread.toml");
+        let thread = Scene::load(path.as_ref()).expect("the scene is sound");
+        let thread = &build_bodies(&thread).expect("bodies")[0];
+        let surface = Surface::new(0, thread);
+        assert_eq!(surface.line_count as usize, thread.body.element_count());
+        assert_eq!(surface.lines.len(), 2 * thread.body.element_count());
+        assert!(surface.triangles.is_empty());
+    }
+}

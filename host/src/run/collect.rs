@@ -3,29 +3,14 @@
 //! The same collector takes the telemetry of both clocks. Under the real clock it runs on the log's
 //! thread.
 
+use super::device_totals::{DeviceSum, DeviceTotals, acting_limit, old_model};
 use super::marks::Marks;
 use super::observer::{Observed, Observer};
 use super::withheld::{Stretch, Watch};
 use crate::plot::Mark;
 use crate::scene::Scene;
-use rt_core::coupling::HostState;
-use rt_core::safety::SafetyState;
 use rt_core::{Telemetry, Vec3};
 use runner::link::LogRecord;
-
-/// Totals of one device over a run. Forces act on the hand, in the axes of the scene.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct DeviceTotals {
-    /// Largest force (N).
-    pub peak_force: f64,
-    /// Time of the largest force (s).
-    pub peak_time: f64,
-    /// Work that the device did on the hand (J): the sum of each tick's force times the displacement of the device until
-    /// the next tick.
-    pub work: f64,
-    /// Largest distance from the first position (m).
-    pub reach: f64,
-}
 
 /// A stretch of time in which a device or a body was not in its normal state.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,11 +37,8 @@ pub(super) struct Sample {
 pub(super) struct Collector {
     device_names: Vec<String>,
     body_names: Vec<String>,
-    /// Metres of the scene per metre of each device.
-    scales: Vec<f64>,
-    totals: Vec<DeviceTotals>,
-    /// Position and force at the last tick, and the first position, by device.
-    last: Vec<Option<(Vec3, Vec3, Vec3)>>,
+    /// By device.
+    sums: Vec<DeviceSum>,
     open: Vec<Option<(f64, &'static str)>>,
     /// By body.
     withheld: Vec<Watch>,
@@ -75,9 +57,9 @@ impl Collector {
         let bodies = scene.bodies.iter();
         let body_names: Vec<_> = bodies.map(|body| body.name.clone()).collect();
         Self {
-            scales: devices.map(|device| device.motion_scale).collect(),
-            totals: vec![DeviceTotals::default(); device_names.len()],
-            last: vec![None; device_names.len()],
+            sums: devices
+                .map(|device| DeviceSum::new(device.motion_scale))
+                .collect(),
             open: vec![None; device_names.len() + body_names.len()],
             withheld: vec![Watch::default(); body_names.len()],
             spans: Vec::new(),
@@ -94,39 +76,13 @@ impl Collector {
         let time = telemetry.time_ns as f64 * 1e-9;
         self.ticks += 1;
         self.end = time;
-        let devices = telemetry
-            .devices()
-            .zip(&self.scales)
-            .zip(&mut self.totals)
-            .zip(&mut self.last);
-        for (((device, scale), totals), last) in devices {
-            let (position, force) = (device.pose.position, device.wrench.force);
-            if force.norm() > totals.peak_force {
-                totals.peak_force = force.norm();
-                totals.peak_time = time;
-            }
-            let start = last.map_or(position, |(_, _, start)| start);
-            if let Some((before, held, _)) = *last {
-                // The force acts on the hand, and the proxy moves by `scale` times the displacement of the hand.
-                totals.work += held.dot(&(position - before)) / scale;
-            }
-            totals.reach = totals.reach.max((position - start).norm());
-            *last = Some((position, force, start));
+        for (device, sum) in telemetry.devices().zip(&mut self.sums) {
+            sum.take(time, device);
         }
-        let limited = telemetry.devices().map(|device| match device.safety {
-            SafetyState::Normal | SafetyState::Recovering => None,
-            SafetyState::Limited => Some("force limited"),
-            SafetyState::Slewed => Some("force at its slew limit"),
-            SafetyState::TooFast => Some("too fast, force fading"),
-            SafetyState::OutOfReach => Some("out of reach, force fading"),
-            SafetyState::DeviceStale => Some("device silent"),
-            SafetyState::NotANumber => Some("force not a number"),
-        });
-        let aged = telemetry.bodies().map(|body| match body.state {
-            HostState::Waiting | HostState::Live => None,
-            HostState::Fading => Some("model too old, force fading"),
-            HostState::Held => Some("model too old, safe hold"),
-        });
+        let limited = telemetry
+            .devices()
+            .map(|device| acting_limit(device.safety));
+        let aged = telemetry.bodies().map(|body| old_model(body.state));
         let names = self.device_names.iter().chain(&self.body_names);
         for ((now, open), name) in limited.chain(aged).zip(&mut self.open).zip(names) {
             if open.map(|(_, description)| description) != now {
@@ -170,7 +126,7 @@ impl Collector {
             .map(|(samples, marks)| (samples, marks.finish()));
         let (samples, marks) = kept.unwrap_or_default();
         Collected {
-            totals: self.totals,
+            totals: self.sums.iter().map(|sum| sum.totals().clone()).collect(),
             spans: self.spans,
             samples,
             marks,

@@ -2,6 +2,7 @@
 
 mod collect;
 mod csv;
+pub(crate) mod device_totals;
 mod devices;
 pub mod frames;
 mod hand;
@@ -326,6 +327,15 @@ fn write_files(
 }
 
 fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
+    LogHeader {
+        facts: facts(loaded, options, seed),
+        scene: loaded.source.text.clone(),
+        files: loaded.files.clone(),
+    }
+}
+
+/// The facts of a run with `seed` that its log and its viewers are told, by name.
+pub fn facts(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> BTreeMap<String, String> {
     let facts = [
         ("scene", loaded.scene.name.clone()),
         ("clock", clock_name(options.clock).into()),
@@ -334,14 +344,10 @@ fn header(loaded: &LoadedScene, options: &RunOptions, seed: u64) -> LogHeader {
         ("version", env!("CARGO_PKG_VERSION").into()),
         ("instructions", instructions(options.instructions)),
     ];
-    LogHeader {
-        facts: facts
-            .into_iter()
-            .map(|(k, v)| (k.to_owned(), v))
-            .collect::<BTreeMap<_, _>>(),
-        scene: loaded.source.text.clone(),
-        files: loaded.files.clone(),
-    }
+    facts
+        .into_iter()
+        .map(|(name, fact)| (name.to_owned(), fact))
+        .collect()
 }
 
 fn clock_name(clock: Clock) -> &'static str {

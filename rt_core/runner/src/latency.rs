@@ -4,7 +4,11 @@
 //! recording is an index and an increment: it never allocates, resizes or fails. Values beyond the bound are counted
 //! apart, but still enter count, mean and maximum, so no value is lost.
 
+mod recorder;
+
 use hdrhistogram::Histogram;
+
+pub use recorder::{LatencyReader, LatencyRecorder, recorder};
 
 /// Significant digits of a histogram: a value is known to one part in a thousand.
 const DIGITS: u8 = 3;
@@ -160,7 +164,8 @@ impl LatencyHistogram {
 pub struct Latencies {
     /// Lateness of each tick (ns after its deadline).
     pub lateness: LatencyHistogram,
-    /// Duration of each tick, from waking to the last write (ns).
+    /// Duration of each tick, from waking to the last write (ns). Only [`crate::thread`] measures it, and gives it at the
+    /// end of the run.
     pub tick_time: LatencyHistogram,
     /// Age of the local model in use at each tick (ns), by body. Empty before the first model.
     pub model_age: Vec<LatencyHistogram>,

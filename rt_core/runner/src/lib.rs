@@ -39,7 +39,7 @@ mod trap;
 
 pub use cores::{CoreChoice, Cores};
 pub use degradation::Degradation;
-pub use latency::{Latencies, LatencyHistogram, Summary};
+pub use latency::{Latencies, LatencyHistogram, LatencyReader, Summary};
 pub use link::{HostEnd, LinkConfig, LogEnd, TickEnd, link};
 pub use reserve::Reserved;
 pub use seccomp::{CallPolicy, ForbiddenCall};

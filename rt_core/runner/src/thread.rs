@@ -13,7 +13,7 @@ mod body;
 
 use crate::cores::CoreChoice;
 use crate::degradation::Degradation;
-use crate::latency::Latencies;
+use crate::latency::{Latencies, LatencyReader, recorder};
 use crate::link::{TickCounters, TickEnd};
 use crate::memory::LockedMemory;
 use crate::schedule::{DEFAULT_PRIORITY, KeepAwake, WAKE_LATENCY};
@@ -204,6 +204,7 @@ pub struct TickThread {
     handle: Option<JoinHandle<(Outcome, Held)>>,
     stop: Arc<Stop>,
     ticks: Arc<AtomicU64>,
+    tick_time: LatencyReader,
     setup: Setup,
 }
 
@@ -233,11 +234,12 @@ pub fn spawn(
     }
     let tick_loop = Box::new(TickLoop::new(controller, devices, end));
     let ticks = Arc::new(AtomicU64::new(0));
+    let (recorder, tick_time) = recorder(Latencies::TICK_BOUND_NS);
     let (sender, ready) = sync_channel(1);
     let theirs = (Arc::clone(&stop), Arc::clone(&ticks));
     let handle = std::thread::Builder::new()
         .name("palpate-tick".into())
-        .spawn(move || body(config, tick_loop, &theirs.0, &theirs.1, &sender))?;
+        .spawn(move || body(config, tick_loop, recorder, &theirs.0, &theirs.1, &sender))?;
     let setup = match ready.recv() {
         Ok(Ok(setup)) => setup,
         Ok(Err(refusal)) => {
@@ -252,6 +254,7 @@ pub fn spawn(
         handle: Some(handle),
         stop,
         ticks,
+        tick_time,
         setup,
     })
 }
@@ -260,6 +263,11 @@ impl TickThread {
     /// Number of ticks since the start. A call is one relaxed load and does not disturb the loop.
     pub fn ticks(&self) -> u64 {
         self.ticks.load(Ordering::Relaxed)
+    }
+
+    /// Reads the histogram of the duration of a tick while the loop runs, and after. Reading does not disturb the loop.
+    pub fn tick_time(&self) -> LatencyReader {
+        self.tick_time.clone()
     }
 
     /// The requests that the system did not grant to the run.
@@ -294,7 +302,11 @@ impl TickThread {
     pub fn join(mut self) -> Result<TickReport, TickPanic> {
         let ended = self.handle.take().map(JoinHandle::join);
         match ended {
-            Some(Ok((outcome, _held))) => outcome.map(|report| *report),
+            Some(Ok((outcome, _held))) => outcome.map(|mut report| {
+                // This thread copies the histogram, because the copy takes memory.
+                report.latencies.tick_time = self.tick_time.read();
+                *report
+            }),
             Some(Err(payload)) => Err(self.panic(payload.as_ref())),
             None => Err(self.panic(&"the thread had been joined before")),
         }

@@ -5,6 +5,7 @@
 
 use super::{Held, Outcome, RunnerConfig, SpawnError, Stop, TickPanic, TickReport};
 use crate::clock::{now_ns, sleep_until};
+use crate::latency::LatencyRecorder;
 use crate::memory::LockedMemory;
 use crate::pace::Pace;
 use crate::seccomp::confine;
@@ -21,6 +22,7 @@ use std::sync::mpsc::SyncSender;
 pub(super) fn body(
     config: RunnerConfig,
     mut tick_loop: Box<TickLoop>,
+    mut tick_time: LatencyRecorder,
     stop: &Stop,
     ticks: &AtomicU64,
     sender: &SyncSender<Result<Setup, SpawnError>>,
@@ -41,7 +43,14 @@ pub(super) fn body(
     // The message may have taken a system call that a tick may not make.
     trap::clear();
     let ran = catch_unwind(AssertUnwindSafe(|| {
-        run(&mut tick_loop, &mut pace, length, stop, ticks);
+        run(
+            &mut tick_loop,
+            &mut tick_time,
+            &mut pace,
+            length,
+            stop,
+            ticks,
+        );
     }));
     // The call is read here, because the calls of the thread from now on belong to its exit.
     let forbidden_call = trap::first();
@@ -89,6 +98,7 @@ fn ready(config: &RunnerConfig, setup: &Setup) -> Result<(), SpawnError> {
 #[inline(never)]
 fn run(
     tick_loop: &mut TickLoop,
+    tick_time: &mut LatencyRecorder,
     pace: &mut Pace,
     length: Option<u64>,
     stop: &Stop,
@@ -100,10 +110,7 @@ fn run(
         let woke = sleep_until(deadline);
         tick_loop.tick(pace.nominal_ns(), woke.saturating_sub(deadline));
         let ended = now_ns();
-        tick_loop
-            .latencies
-            .tick_time
-            .record(ended.saturating_sub(woke));
+        tick_time.record(ended.saturating_sub(woke));
         ticks.store(tick_loop.ticks, Ordering::Relaxed);
         pace.advance(ended);
     }

@@ -1,0 +1,79 @@
+//! The hands and the bodies of a frame, from the telemetry of a tick.
+//!
+//! A number that is not finite, which only a damaged log holds, becomes zero, because a message has finite numbers only.
+
+use crate::live::{BodyState, Hand};
+use crate::log::energy_sums;
+use crate::run::device_totals::DeviceTotals;
+use rt_core::Vec3;
+use rt_core::coupling::HostState;
+use rt_core::record::{BodyTelemetry, DeviceTelemetry};
+use rt_core::safety::SafetyState;
+
+/// The hand that holds a device.
+pub(super) fn hand(device: &DeviceTelemetry, totals: &DeviceTotals) -> Hand {
+    let rotation = device.pose.rotation.coords;
+    Hand {
+        position: vector(&device.pose.position),
+        rotation: [rotation.x, rotation.y, rotation.z, rotation.w].map(finite),
+        force: vector(&device.wrench.force),
+        moment: vector(&device.wrench.moment),
+        velocity: vector(&device.twist.linear),
+        buttons: device.buttons,
+        fresh: device.fresh,
+        safety: safety_name(device.safety).to_owned(),
+        peak_force: finite(totals.peak_force),
+        work: finite(totals.work),
+        reach: finite(totals.reach),
+    }
+}
+
+/// The state of a body, without its vertices.
+pub(super) fn body(body: &BodyTelemetry) -> BodyState {
+    let sums = energy_sums(&body.energy).into_iter();
+    BodyState {
+        state: state_name(body.state).to_owned(),
+        sequence: body.sequence,
+        epoch: body.epoch,
+        age: body.age_ns as f64 * 1e-9,
+        trust: finite(body.trust),
+        withheld: finite(body.withheld.force),
+        energy: sums
+            .map(|(name, sum)| (name.to_owned(), finite(sum)))
+            .collect(),
+        capped_ticks: body.energy.capped,
+        vertices: None,
+    }
+}
+
+fn finite(value: f64) -> f64 {
+    if value.is_finite() { value } else { 0.0 }
+}
+
+fn vector(value: &Vec3) -> [f64; 3] {
+    [value.x, value.y, value.z].map(finite)
+}
+
+/// The name of a state of the last stage in messages.
+fn safety_name(safety: SafetyState) -> &'static str {
+    match safety {
+        SafetyState::Normal => "normal",
+        SafetyState::Limited => "limited",
+        SafetyState::Recovering => "recovering",
+        SafetyState::DeviceStale => "device_stale",
+        SafetyState::NotANumber => "not_a_number",
+        SafetyState::Slewed => "slewed",
+        SafetyState::TooFast => "too_fast",
+        SafetyState::OutOfReach => "out_of_reach",
+    }
+}
+
+/// The name of a state of a coupling in messages.
+fn state_name(state: HostState) -> &'static str {
+    match state {
+        HostState::Waiting => "waiting",
+        HostState::Live => "live",
+        HostState::Fading => "fading",
+        HostState::Held => "held",
+    }
+}

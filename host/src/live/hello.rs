@@ -1,0 +1,91 @@
+//! The first message of a stream: the facts that a viewer needs, from the scene and its bodies.
+
+use super::frame::{BodyInfo, DeviceInfo, HandleInfo, Hello, PROTOCOL, Source};
+use crate::bodies::{self, Built, Kind};
+use crate::run::setup;
+use crate::scene::spec::ModelName;
+use crate::scene::{LoadedScene, SceneError};
+use std::collections::BTreeMap;
+
+/// All bodies of a scene at rest, as a viewer and its surfaces need them.
+///
+/// # Errors
+/// [`SceneError`], naming the file, line and field that cannot be built.
+pub fn build_bodies(loaded: &LoadedScene) -> Result<Vec<Built>, SceneError> {
+    let count = loaded.scene.bodies.len();
+    (0..count)
+        .map(|index| bodies::build(loaded, index))
+        .collect()
+}
+
+impl Hello {
+    /// The facts of a scene with these bodies. `facts` are those of the log's header ([`crate::run::facts`]); the clock
+    /// is one of them. The duration is the scene's.
+    pub fn new(
+        source: Source,
+        loaded: &LoadedScene,
+        built: &[Built],
+        facts: BTreeMap<String, String>,
+    ) -> Self {
+        let scene = &loaded.scene;
+        let age_limit = scene.realtime.age_limit();
+        let devices = scene.devices.iter().zip(&loaded.models);
+        let devices = devices.map(|(spec, model)| DeviceInfo {
+            name: spec.name.clone(),
+            model: match &spec.model {
+                ModelName::BuiltIn(name) => (*name).to_owned(),
+                ModelName::File(file) => file.clone(),
+            },
+            max_force: spec
+                .max_force
+                .map_or(model.max_force, |most| most.min(model.max_force)),
+            age_limit,
+        });
+        let bodies = scene.bodies.iter().zip(built);
+        let bodies = bodies.map(|(spec, built)| {
+            // The handles of the devices come first, in the order of the tools.
+            let tools = bodies::tools(scene, spec);
+            let handles = tools.iter().zip(&built.handles);
+            BodyInfo {
+                name: spec.name.clone(),
+                kind: kind_name(built.kind).to_owned(),
+                vertices: built.body.vertex_count() as u32,
+                elements: built.body.element_count() as u32,
+                handles: handles
+                    .map(|(tool, handle)| HandleInfo {
+                        device: tool.device as u32,
+                        origin: handle.origin.into(),
+                    })
+                    .collect(),
+            }
+        });
+        Self {
+            protocol: PROTOCOL.to_owned(),
+            source,
+            file: String::new(),
+            run: 0,
+            scene: scene.name.clone(),
+            clock: facts.get("clock").cloned().unwrap_or_default(),
+            scheme: setup::scheme(scene).name().to_owned(),
+            tick_rate: scene.realtime.rate,
+            step_rate: scene.host.step_rate,
+            publish_rate: scene.host.publish_rate,
+            duration: scene.duration,
+            devices: devices.collect(),
+            bodies: bodies.collect(),
+            facts,
+            scene_text: loaded.source.text.clone(),
+            files: loaded.files.clone(),
+        }
+    }
+}
+
+/// The name of a kind of bodies in messages.
+fn kind_name(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Sheet => "sheet",
+        Kind::Woven => "woven",
+        Kind::Solid => "solid",
+        Kind::Thread => "thread",
+    }
+}
