@@ -60,6 +60,50 @@ const OVERVIEW_TYPE: &str = "application/json";
 /// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
 
+/// A channel of the log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Name of the channel.
+    pub topic: &'static str,
+    /// Name of the type of its messages.
+    pub schema_name: &'static str,
+    /// Definition of its messages.
+    pub schema_text: &'static str,
+    /// Language of the definition.
+    pub schema_encoding: &'static str,
+    /// Encoding of the messages.
+    pub encoding: &'static str,
+}
+
+/// The channels that every log has: ticks, then models.
+pub fn channels() -> [ChannelInfo; 2] {
+    [
+        (TICK_TOPIC, tick::SCHEMA_NAME, tick::SCHEMA),
+        (MODEL_TOPIC, model::SCHEMA_NAME, model::SCHEMA),
+    ]
+    .map(|(topic, schema_name, schema_text)| ChannelInfo {
+        topic,
+        schema_name,
+        schema_text,
+        schema_encoding: "ros2msg",
+        encoding: "cdr",
+    })
+}
+
+/// The message of the channel `/tick` for a tick.
+pub fn tick_message(telemetry: &Telemetry) -> Vec<u8> {
+    let mut message = Vec::new();
+    tick::encode(telemetry, &mut message);
+    message
+}
+
+/// The message of the channel `/model` for a model of the body of index `body`.
+pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
+    let mut message = Vec::new();
+    model::encode(body, model, &mut message);
+    message
+}
+
 /// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct LogHeader {
