@@ -23,6 +23,8 @@ mod run;
 mod signals;
 mod solve;
 mod stress;
+#[cfg(feature = "view")]
+mod view;
 mod written;
 
 use clap::{Parser, Subcommand};
@@ -49,6 +51,7 @@ Examples:
   palpate run --clock real --log run.mcap      run in real time, with a log for Foxglove or PlotJuggler
   palpate run --replay run.mcap                run the ticks of a log again and compare them bit for bit
   palpate run my_scene.toml --seed 7           run your own scene
+  palpate view run.mcap                        play a log back in the terminal
   palpate solve my_scene.toml --vtu out        find equilibrium without devices, as files for ParaView
   palpate compare my_scene.toml                compare the force schemes on your own scene
   palpate plan my_scene.toml                   print the stages that a scene needs, and why it skips others
@@ -71,6 +74,9 @@ enum Command {
     Bench(bench::BenchArguments),
     /// Test devices, schemes and scenes at their limits, before a person touches a device
     Stress(stress::StressArguments),
+    /// Show a run while it goes on, or play a log back: in the terminal, in a browser, or in Foxglove
+    #[cfg(feature = "view")]
+    View(view::ViewArguments),
 }
 
 /// The reason why a command ended without its result.
@@ -132,6 +138,9 @@ enum CommandError {
     Stressed { failed: usize, of: usize },
     #[error("{failed} cases of the suite fail; the lines \"FAIL\" above name these cases")]
     Unstable { failed: usize },
+    #[cfg(feature = "view")]
+    #[error(transparent)]
+    View(#[from] view::ViewError),
 }
 
 impl CommandError {
@@ -152,6 +161,8 @@ impl CommandError {
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,
             Self::Output(error) => error.exit_code(),
+            #[cfg(feature = "view")]
+            Self::View(error) => error.exit_code(),
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
         }
@@ -186,6 +197,8 @@ fn execute(command: Option<Command>) -> u8 {
         Command::Mesh(arguments) => mesh::run(&arguments),
         Command::Bench(arguments) => bench::run(&arguments),
         Command::Stress(arguments) => stress::run(&arguments),
+        #[cfg(feature = "view")]
+        Command::View(arguments) => view::run(&arguments),
     };
     match result {
         Ok(()) => 0,

@@ -1,0 +1,308 @@
+//! `palpate view`: shows a run or a log, in the terminal, in a browser, or to other programs.
+//!
+//! The command is a process of its own without privileges. It only reads: nothing that a person does here reaches the
+//! run.
+
+use super::CommandError;
+use ::view::feed::{Command, Feed, FeedError};
+use ::view::synthetic::Synthetic;
+use ::view::terminal::palette::{Colours, Palette};
+use ::view::terminal::{self, Ended, Options, TerminalError, draw, keys, lines, picture};
+use host::atomic_file::{AtomicFileError, write_atomically};
+use host::live::Message;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use std::io::{self, IsTerminal};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
+use std::time::{Duration, Instant};
+
+const EXAMPLES: &str = "\
+Examples:
+  palpate view                                 show the run of this user, in the terminal
+  palpate view --lines                         print one line a second instead
+  palpate view --web                           print the address of a page that shows the run
+  palpate view run.mcap                        play a log back
+  palpate view run.mcap --from 2.5 --speed 0.1 begin at 2.5 s, ten times slower
+  palpate view run.mcap --at 2.9 --plot a.svg  draw one moment of a log
+  palpate view --foxglove                      serve the run to Foxglove
+
+Keys in the terminal: h lists them, q quits. A run goes on without its viewer.";
+
+/// Arguments of `palpate view`.
+#[derive(Clone, Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(super) struct ViewArguments {
+    /// Log to play back (MCAP). Default: the run that goes on
+    #[arg(conflicts_with = "socket")]
+    log: Option<PathBuf>,
+    /// Unix socket of the run. Default: that of the newest run of this user
+    #[arg(long, value_name = "PATH")]
+    socket: Option<PathBuf>,
+    /// Print a line for each second and each event, also in a terminal
+    #[arg(long, conflicts_with_all = ["web", "foxglove"])]
+    lines: bool,
+    /// Serve a page on this machine alone, and print its address. Default of the port: any free port
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0",
+          conflicts_with = "foxglove")]
+    web: Option<u16>,
+    /// Serve Foxglove and other programs that speak its protocol, on this machine alone. Default of the port: 8765
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765")]
+    foxglove: Option<u16>,
+    /// Log: seconds of the log for each second of the wall, 0.001 to 100
+    #[arg(long, value_name = "X", value_parser = speed, requires = "log")]
+    speed: Option<f64>,
+    /// Log: begin at this moment
+    #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log")]
+    from: Option<f64>,
+    /// Log: write the moment at this time, with --plot and --csv, and end
+    #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log",
+          conflicts_with_all = ["lines", "web", "foxglove", "from", "speed"])]
+    at: Option<f64>,
+    /// Draw the bodies, the hands and their forces at the moment --at (SVG or PNG)
+    #[arg(long, value_name = "FILE", requires = "at")]
+    plot: Option<PathBuf>,
+    /// Write the vertices of the bodies at the moment --at (CSV)
+    #[arg(long, value_name = "FILE", requires = "at")]
+    csv: Option<PathBuf>,
+    /// Compute the stresses of the bodies, in this process
+    #[arg(long)]
+    stress: bool,
+    /// A computed feed of this many frames, for tests
+    #[arg(long, value_name = "FRAMES", hide = true, conflicts_with_all = ["log", "socket"])]
+    synthetic: Option<u64>,
+    /// The run has the same terminal
+    #[arg(long, hide = true)]
+    attached: bool,
+    /// Draw the terminal (SVG), for the book
+    #[arg(long, value_name = "FILE", hide = true)]
+    terminal_picture: Option<PathBuf>,
+    /// Size of the terminal in the picture, and the panel: 1 to 5
+    #[arg(long, value_name = "WIDTH HEIGHT TAB", hide = true, num_args = 3, requires = "terminal_picture",
+          default_values_t = [120, 36, 1])]
+    terminal_size: Vec<u16>,
+}
+
+/// Why a run or a log could not be shown.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ViewError {
+    /// A part of the viewer does not exist.
+    #[error("{0} is not built yet")]
+    NotBuilt(&'static str),
+    #[error(transparent)]
+    Terminal(#[from] TerminalError),
+    #[error(transparent)]
+    Feed(#[from] FeedError),
+    #[error("the handlers of SIGTERM and SIGHUP cannot be installed: {0}")]
+    Signals(io::Error),
+    #[error("--at: found neither --plot nor --csv, allowed: at least one of them")]
+    NothingToWrite,
+    #[error(transparent)]
+    File(#[from] AtomicFileError),
+}
+
+impl ViewError {
+    pub(super) fn exit_code(&self) -> u8 {
+        match self {
+            Self::NothingToWrite => 2,
+            _ => 1,
+        }
+    }
+}
+
+/// Runs the command.
+pub(super) fn run(arguments: &ViewArguments) -> Result<(), CommandError> {
+    match show(arguments)? {
+        Ended::Signal(number) => Err(CommandError::Signal(number)),
+        Ended::Quit | Ended::Over => Ok(()),
+    }
+}
+
+fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
+    if let (Some(at), None) = (arguments.at, &arguments.terminal_picture) {
+        return write_moment(arguments, at).map(|()| Ended::Over);
+    }
+    let mut feed = feed(arguments)?;
+    if arguments.stress {
+        feed.command(&Command::Stress { on: true });
+    }
+    if let Some(path) = &arguments.terminal_picture {
+        return draw_terminal(arguments, feed, path).map(|()| Ended::Over);
+    }
+    let mut options = Options {
+        attached: arguments.attached,
+        colours: Colours::of_environment(),
+        save: save(arguments),
+        signal: signals(arguments.attached).map_err(ViewError::Signals)?,
+    };
+    if let Some(port) = arguments.web {
+        return serve_page(feed, port, &options);
+    }
+    if let Some(port) = arguments.foxglove {
+        return serve_foxglove(feed, port, &options);
+    }
+    let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
+    if arguments.lines || !terminal {
+        return Ok(lines::lines(feed, &options, &mut Printed)?);
+    }
+    Ok(terminal::show(feed, &mut options)?)
+}
+
+/// The feed that the arguments name.
+fn feed(arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
+    if let Some(frames) = arguments.synthetic {
+        let paced = arguments.terminal_picture.is_none();
+        return Ok(Box::new(Paced {
+            feed: Synthetic::new(frames),
+            next: None,
+            begun: Instant::now(),
+            paced,
+        }));
+    }
+    match &arguments.log {
+        Some(log) => playback(log, arguments),
+        None => live(arguments.socket.as_deref()),
+    }
+}
+
+/// A feed from a run.
+fn live(_socket: Option<&Path>) -> Result<Box<dyn Feed>, ViewError> {
+    Err(ViewError::NotBuilt("the feed from a run"))
+}
+
+/// A feed from a log.
+fn playback(_log: &Path, _arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
+    Err(ViewError::NotBuilt("the playback of logs"))
+}
+
+/// Serves a page until a signal.
+fn serve_page(_feed: Box<dyn Feed>, _port: u16, _options: &Options) -> Result<Ended, ViewError> {
+    Err(ViewError::NotBuilt("--web"))
+}
+
+/// Serves Foxglove until a signal.
+fn serve_foxglove(
+    _feed: Box<dyn Feed>,
+    _port: u16,
+    _options: &Options,
+) -> Result<Ended, ViewError> {
+    Err(ViewError::NotBuilt("--foxglove"))
+}
+
+/// Saves the moment that the terminal shows.
+fn save(_arguments: &ViewArguments) -> Option<terminal::Save> {
+    None
+}
+
+/// Writes one moment of a log.
+fn write_moment(arguments: &ViewArguments, _at: f64) -> Result<(), ViewError> {
+    if arguments.plot.is_none() && arguments.csv.is_none() {
+        return Err(ViewError::NothingToWrite);
+    }
+    Err(ViewError::NotBuilt("--at"))
+}
+
+/// Draws the terminal as it is at the moment --at, or at the end of the feed.
+fn draw_terminal(
+    arguments: &ViewArguments,
+    mut feed: Box<dyn Feed>,
+    path: &Path,
+) -> Result<(), ViewError> {
+    let model = terminal::collect(feed.as_mut())?;
+    let &[width, height, tab] = arguments.terminal_size.as_slice() else {
+        return Ok(());
+    };
+    let tab = usize::from(tab.clamp(1, 5)) - 1;
+    let view = keys::View {
+        tab: keys::Tab::ALL[tab].0,
+        ..keys::View::default()
+    };
+    let cells = draw::cells(width, height, &model, &view, Palette(Colours::True));
+    write_atomically(path, picture::svg(&cells).as_bytes())?;
+    Ok(())
+}
+
+/// Notes the signals that end the viewer. Where the run has the same terminal, Ctrl-C is for the run, which then ends,
+/// and the viewer with it.
+fn signals(attached: bool) -> io::Result<Arc<AtomicUsize>> {
+    let received = Arc::new(AtomicUsize::new(0));
+    let ignored = Arc::new(AtomicUsize::new(0));
+    for signal in [SIGTERM, SIGHUP, SIGINT] {
+        let flag = if attached && signal == SIGINT {
+            &ignored
+        } else {
+            &received
+        };
+        signal_hook::flag::register_usize(signal, Arc::clone(flag), signal as usize)?;
+    }
+    Ok(received)
+}
+
+/// The standard output of this program, which does not complain about a closed pipe.
+struct Printed;
+
+impl io::Write for Printed {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        out!("{}", String::from_utf8_lossy(bytes));
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        io::stdout().flush()
+    }
+}
+
+/// A computed feed at the pace of its own time.
+struct Paced {
+    feed: Synthetic,
+    next: Option<Message>,
+    begun: Instant,
+    paced: bool,
+}
+
+impl Feed for Paced {
+    fn next(&mut self, wait: Duration) -> Result<Option<Message>, FeedError> {
+        if self.next.is_none() {
+            self.next = self.feed.next(wait)?;
+        }
+        if let Some(Message::Frame(frame)) = &self.next
+            && self.paced
+        {
+            let due = Duration::from_nanos(frame.time_ns);
+            let early = due.saturating_sub(self.begun.elapsed());
+            std::thread::sleep(early.min(wait));
+            if early > wait {
+                return Ok(None);
+            }
+        }
+        Ok(self.next.take())
+    }
+
+    fn command(&mut self, command: &Command) {
+        self.feed.command(command);
+    }
+
+    fn present(&self) -> Vec<Message> {
+        self.feed.present()
+    }
+}
+
+/// Seconds of the log for each second of the wall.
+fn speed(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if (0.001..=100.0).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("found {text}, allowed: 0.001 to 100"))
+    }
+}
+
+/// A moment of a log (s).
+fn moment(text: &str) -> Result<f64, String> {
+    let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
+    if (0.0..=1e9).contains(&value) {
+        Ok(value)
+    } else {
+        Err(format!("found {text}, allowed: 0 to 1e9"))
+    }
+}

@@ -1,0 +1,465 @@
+//! The bodies in braille dots: orthographic, with a depth buffer, so that what lies behind is hidden.
+//!
+//! A surface is shaded by ordered dithering (Bayer, 1973) of Lambert's cosine, and its outline is drawn in full; or it
+//! is drawn as the edges of its triangles. Hands are crosses with a number, and their forces are arrows.
+
+use super::dots::{Dots, line};
+use super::format::digits;
+use super::model::Model;
+use super::palette::Palette;
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+
+/// From where the person looks. The z axis of the scene points up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Rotation about the z axis (rad).
+    pub yaw: f64,
+    /// Height above the horizon (rad).
+    pub pitch: f64,
+    /// Magnification.
+    pub zoom: f64,
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        Self {
+            yaw: -0.4,
+            pitch: 0.7,
+            zoom: 1.0,
+        }
+    }
+}
+
+impl Camera {
+    /// Turns the picture.
+    pub fn turn(&mut self, yaw: f64, pitch: f64) {
+        self.yaw = (self.yaw + yaw) % std::f64::consts::TAU;
+        self.pitch = (self.pitch + pitch).clamp(-1.571, 1.571);
+    }
+
+    /// Magnifies the picture.
+    pub fn magnify(&mut self, factor: f64) {
+        self.zoom = (self.zoom * factor).clamp(0.1, 50.0);
+    }
+
+    /// The directions right, up and away from the person.
+    fn axes(&self) -> [[f64; 3]; 3] {
+        let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
+        [
+            [cy, sy, 0.0],
+            [-sy * sp, cy * sp, cp],
+            [-sy * cp, cy * cp, -sp],
+        ]
+    }
+}
+
+/// The map from the scene to the dots.
+struct Projection {
+    axes: [[f64; 3]; 3],
+    centre: [f64; 2],
+    scale: f64,
+    middle: [f64; 2],
+}
+
+impl Projection {
+    /// Fits the box of the model into the dots.
+    fn new(model: &Model, camera: &Camera, width: usize, height: usize) -> Self {
+        let axes = camera.axes();
+        let bounds = model.bounds();
+        let (mut least, mut most) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for corner in 0..8 {
+            let corner: [f64; 3] = std::array::from_fn(|axis| {
+                bounds.map_or(0.0, |bounds| {
+                    if corner >> axis & 1 == 0 {
+                        bounds.least[axis]
+                    } else {
+                        bounds.most[axis]
+                    }
+                })
+            });
+            for (k, direction) in axes.iter().take(2).enumerate() {
+                least[k] = least[k].min(dot(&corner, direction));
+                most[k] = most[k].max(dot(&corner, direction));
+            }
+        }
+        let extent = |k: usize| (most[k] - least[k]).max(1e-6);
+        // Room for arrows and numbers at the border.
+        let scale = (0.84 * width as f64 / extent(0)).min(0.84 * height as f64 / extent(1));
+        Self {
+            axes,
+            centre: [0, 1].map(|k| f64::midpoint(least[k], most[k])),
+            scale: scale * camera.zoom,
+            middle: [width as f64 / 2.0, height as f64 / 2.0],
+        }
+    }
+
+    /// Dots right and down, and the depth (m).
+    fn project(&self, point: &[f64; 3]) -> [f64; 3] {
+        let [x, y, depth] = self.axes.map(|direction| dot(point, &direction));
+        [
+            self.middle[0] + (x - self.centre[0]) * self.scale,
+            self.middle[1] - (y - self.centre[1]) * self.scale,
+            depth,
+        ]
+    }
+
+    /// A direction in dots right and down, without the scale.
+    fn direction(&self, vector: &[f64; 3]) -> [f64; 2] {
+        [dot(vector, &self.axes[0]), -dot(vector, &self.axes[1])]
+    }
+}
+
+fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// What is nearest at each dot: depth, shade from zero to one, and body.
+struct Raster {
+    width: usize,
+    height: usize,
+    near: Vec<(f64, f32, u8)>,
+}
+
+/// The mark of a dot without a body.
+const NOTHING: u8 = u8::MAX;
+
+impl Raster {
+    fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            near: vec![(f64::INFINITY, 0.0, NOTHING); width * height],
+        }
+    }
+
+    fn put(&mut self, x: usize, y: usize, depth: f64, shade: f32, body: u8) {
+        if let Some(near) = self.near.get_mut(y * self.width + x)
+            && depth < near.0
+        {
+            *near = (depth, shade, body);
+        }
+    }
+
+    /// Fills a triangle of projected corners.
+    fn triangle(&mut self, corners: [[f64; 3]; 3], shade: f32, body: u8) {
+        let [a, b, c] = corners;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]);
+        if !area.is_normal() {
+            return;
+        }
+        let range = |axis: usize, end: usize| {
+            let values = corners.map(|corner| corner[axis]);
+            let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            let first = (least - 0.5).ceil().max(0.0) as usize;
+            // One past the last centre of a dot that the triangle can contain.
+            let last = (most - 0.5).floor() + 1.0;
+            first..(last.clamp(0.0, end as f64) as usize)
+        };
+        for y in range(1, self.height) {
+            for x in range(0, self.width) {
+                let (px, py) = (x as f64 + 0.5, y as f64 + 0.5);
+                let part = |p: [f64; 3], q: [f64; 3]| {
+                    ((p[0] - px) * (q[1] - py) - (q[0] - px) * (p[1] - py)) / area
+                };
+                let (u, v, w) = (part(b, c), part(c, a), part(a, b));
+                // A dot on a common edge belongs to both triangles.
+                if u >= -1e-9 && v >= -1e-9 && w >= -1e-9 {
+                    self.put(x, y, u * a[2] + v * b[2] + w * c[2], shade, body);
+                }
+            }
+        }
+    }
+
+    /// Depth and body at a dot, which may lie outside.
+    fn at(&self, x: usize, y: usize) -> (f64, u8) {
+        let inside = x < self.width && y < self.height;
+        let near = inside.then(|| self.near.get(y * self.width + x)).flatten();
+        near.map_or((f64::INFINITY, NOTHING), |near| (near.0, near.2))
+    }
+
+    /// Whether a dot lies on the outline of a body or of a fold: something beside it is much farther away.
+    fn is_outline(&self, x: usize, y: usize, jump: f64) -> bool {
+        let (depth, body) = self.at(x, y);
+        let beside = [
+            (x.wrapping_sub(1), y),
+            (x + 1, y),
+            (x, y.wrapping_sub(1)),
+            (x, y + 1),
+        ];
+        beside.into_iter().any(|(x, y)| {
+            let (other, its) = self.at(x, y);
+            other > depth + jump || (its != body && other > depth)
+        })
+    }
+}
+
+/// Draws bodies and hands.
+pub(super) fn draw(
+    buffer: &mut Buffer,
+    area: Rect,
+    model: &Model,
+    camera: &Camera,
+    wire: bool,
+    palette: Palette,
+) {
+    if area.width < 4 || area.height < 2 {
+        return;
+    }
+    let mut dots = Dots::new(area);
+    let (width, height) = (dots.width(), dots.height());
+    let projection = Projection::new(model, camera, width, height);
+    let count = model.hello.bodies.len().min(usize::from(NOTHING));
+    let raster = fill(model, count, &projection, width, height, wire);
+    if !wire {
+        shade(&raster, &projection, &mut dots, palette);
+    }
+    edges(model, count, &projection, &raster, &mut dots, palette, wire);
+    dots.draw(buffer);
+    corner(buffer, area, &projection, palette);
+    hands(buffer, area, model, &projection, palette);
+    if (0..count).all(|body| model.body(body).is_none()) {
+        let text = if model.frame.is_none() {
+            "no frame yet"
+        } else {
+            "no surface of a body: hands alone"
+        };
+        let text = super::format::fit(text, usize::from(area.width));
+        let _ = buffer.set_stringn(area.x, area.y, text, 80, palette.faint());
+    }
+}
+
+/// Fills the depth buffer with all triangles.
+fn fill(
+    model: &Model,
+    count: usize,
+    projection: &Projection,
+    width: usize,
+    height: usize,
+    wire: bool,
+) -> Raster {
+    let mut raster = Raster::new(width, height);
+    let [right, up, away] = projection.axes;
+    let light: [f64; 3] = std::array::from_fn(|k| 0.45 * up[k] - 0.35 * right[k] - 0.8 * away[k]);
+    for body in 0..count {
+        let Some((surface, positions)) = model.body(body) else {
+            continue;
+        };
+        let points: Vec<[f64; 3]> = positions.iter().map(|p| p.map(f64::from)).collect();
+        let drawn: Vec<[f64; 3]> = points.iter().map(|p| projection.project(p)).collect();
+        for triangle in surface.triangles.as_chunks::<3>().0 {
+            let corner = |list: &[[f64; 3]], k: usize| list.get(triangle[k] as usize).copied();
+            let all =
+                |list: &[[f64; 3]]| Some([corner(list, 0)?, corner(list, 1)?, corner(list, 2)?]);
+            let (Some(at), Some(on)) = (all(&points), all(&drawn)) else {
+                continue;
+            };
+            if on.iter().flatten().any(|x| !x.is_finite()) {
+                continue;
+            }
+            let shade = if wire { 0.0 } else { lambert(&at, &light) };
+            raster.triangle(on, shade, body as u8);
+        }
+    }
+    raster
+}
+
+/// Brightness of a triangle that is lit from both sides.
+fn lambert(corners: &[[f64; 3]; 3], light: &[f64; 3]) -> f32 {
+    let [a, b, c] = corners;
+    let (u, v): ([f64; 3], [f64; 3]) = (
+        std::array::from_fn(|k| b[k] - a[k]),
+        std::array::from_fn(|k| c[k] - a[k]),
+    );
+    let normal = [
+        u[1] * v[2] - u[2] * v[1],
+        u[2] * v[0] - u[0] * v[2],
+        u[0] * v[1] - u[1] * v[0],
+    ];
+    let length = dot(&normal, &normal).sqrt();
+    let cosine = dot(&normal, light).abs() / length.max(f64::MIN_POSITIVE);
+    // Never all dots, so that the outline stands out, and never none.
+    (0.06 + 0.74 * cosine.min(1.0).powi(2)) as f32
+}
+
+/// Dithers the shades and draws the outlines.
+fn shade(raster: &Raster, projection: &Projection, dots: &mut Dots, palette: Palette) {
+    const BAYER: [[u8; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
+    // Six dots deep is a fold.
+    let jump = 6.0 / projection.scale;
+    for y in 0..raster.height {
+        for x in 0..raster.width {
+            let (_, shade, body) = raster.near[y * raster.width + x];
+            let threshold = (f32::from(BAYER[y % 4][x % 4]) + 0.5) / 16.0;
+            if body != NOTHING && (shade > threshold || raster.is_outline(x, y, jump)) {
+                dots.set(x, y, palette.body(usize::from(body)));
+            }
+        }
+    }
+}
+
+/// Draws the bars of threads, and the edges of triangles if `wire`, where nothing hides them.
+fn edges(
+    model: &Model,
+    count: usize,
+    projection: &Projection,
+    raster: &Raster,
+    dots: &mut Dots,
+    palette: Palette,
+    wire: bool,
+) {
+    for body in 0..count {
+        let Some((surface, positions)) = model.body(body) else {
+            continue;
+        };
+        let style = palette.body(body);
+        let mut edge = |a: u32, b: u32| {
+            let point = |v: u32| positions.get(v as usize).map(|p| p.map(f64::from));
+            let (Some(a), Some(b)) = (point(a), point(b)) else {
+                return;
+            };
+            let (a, b) = (projection.project(&a), projection.project(&b));
+            let (from, to) = ([a[0], a[1]], [b[0], b[1]]);
+            let length = (to[0] - from[0]).hypot(to[1] - from[1]).max(1e-9);
+            for (x, y) in line(from, to, raster.width, raster.height) {
+                let along = (x as f64 + 0.5 - from[0]).hypot(y as f64 + 0.5 - from[1]) / length;
+                let depth = a[2] + along.min(1.0) * (b[2] - a[2]);
+                // The edge of a triangle lies on the triangle: two dots of tolerance.
+                if depth <= raster.at(x, y).0 + 2.0 / projection.scale {
+                    dots.set(x, y, style);
+                }
+            }
+        };
+        for pair in surface.lines.as_chunks::<2>().0 {
+            edge(pair[0], pair[1]);
+        }
+        if wire {
+            for [a, b, c] in surface.triangles.as_chunks::<3>().0 {
+                for (a, b) in [(*a, *b), (*b, *c), (*c, *a)] {
+                    edge(a, b);
+                }
+            }
+        }
+    }
+}
+
+/// The axes of the scene and a length, in the corners at the bottom.
+fn corner(buffer: &mut Buffer, area: Rect, projection: &Projection, palette: Palette) {
+    if area.width < 24 || area.height < 7 {
+        return;
+    }
+    let bottom = area.y + area.height - 1;
+    // A length of at most a third of the width.
+    let most = f64::from(area.width) / 3.0 * 2.0 / projection.scale;
+    let power = 10_f64.powf(most.log10().floor());
+    let length = [5.0, 2.0, 1.0].map(|digit| digit * power);
+    let length = length.into_iter().find(|l| *l <= most).unwrap_or(power);
+    let cells = (length * projection.scale / 2.0).round().max(2.0) as usize;
+    let name = super::format::scaled(length, "m")
+        .replace(".00", "")
+        .replace(".0", "");
+    if length.is_finite() && cells + name.len() + 12 < usize::from(area.width) {
+        let bar = format!("├{}┤ {name}", "─".repeat(cells.saturating_sub(2)));
+        let _ = buffer.set_stringn(area.x, bottom, bar, 80, palette.faint());
+    }
+    let inset = Rect::new(area.x + area.width - 8, bottom - 2, 7, 3);
+    let mut dots = Dots::new(inset);
+    let centre = [7.0, 6.0];
+    for axis in 0..3 {
+        let mut unit = [0.0; 3];
+        unit[axis] = 1.0;
+        let toward = projection.direction(&unit);
+        let end = [0, 1].map(|k| centre[k] + 4.0 * toward[k]);
+        dots.line(centre, end, palette.axis(axis));
+    }
+    dots.draw(buffer);
+    for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+        let mut unit = [0.0; 3];
+        unit[axis] = 1.0;
+        let toward = projection.direction(&unit);
+        if toward[0].hypot(toward[1]) > 0.35 {
+            let at = [0, 1].map(|k| centre[k] + 6.5 * toward[k]);
+            let x = f64::from(inset.x) + (at[0] / 2.0).floor();
+            let y = f64::from(inset.y) + (at[1] / 4.0).floor();
+            let (x, y) = (x as u16, (y as u16).clamp(area.y, bottom));
+            let x = x.clamp(area.x, area.x + area.width - 1);
+            let _ = buffer.set_stringn(x, y, letter, 1, palette.axis(axis));
+        }
+    }
+}
+
+/// The hands: a cross, the number of the device, and an arrow along the force.
+fn hands(
+    buffer: &mut Buffer,
+    area: Rect,
+    model: &Model,
+    projection: &Projection,
+    palette: Palette,
+) {
+    let Some(frame) = &model.frame else {
+        return;
+    };
+    let peaks = frame.hands.iter().map(|hand| hand.peak_force);
+    let norms = frame
+        .hands
+        .iter()
+        .map(|hand| dot(&hand.force, &hand.force).sqrt());
+    let most = peaks
+        .chain(norms)
+        .filter(|f| f.is_finite())
+        .fold(0.5, f64::max);
+    let mut dots = Dots::new(area);
+    let (width, height) = (dots.width() as f64, dots.height() as f64);
+    let longest = 0.3 * width.min(height);
+    let mut numbers: Vec<(u16, u16, String, Style)> = Vec::new();
+    for (index, hand) in frame.hands.iter().enumerate() {
+        let style = palette.hand(index);
+        let at = projection.project(&hand.position);
+        if at.iter().any(|x| !x.is_finite()) {
+            continue;
+        }
+        let at = [at[0], at[1]];
+        for arm in [[3.0, 0.0], [0.0, 3.0]] {
+            let end = |sign: f64| [at[0] + sign * arm[0], at[1] + sign * arm[1]];
+            dots.line(end(-1.0), end(1.0), style);
+        }
+        let force = projection
+            .direction(&hand.force)
+            .map(|f| f / most * longest);
+        let length = force[0].hypot(force[1]);
+        if length.is_finite() && length > 4.0 {
+            let tip = [at[0] + force[0], at[1] + force[1]];
+            dots.line(at, tip, style);
+            for turn in [2.6_f64, -2.6] {
+                let (sine, cosine) = turn.sin_cos();
+                let barb = [
+                    tip[0] + 4.0 * (force[0] * cosine - force[1] * sine) / length,
+                    tip[1] + 4.0 * (force[0] * sine + force[1] * cosine) / length,
+                ];
+                dots.line(tip, barb, style);
+            }
+        }
+        if at[0] >= 0.0 && at[1] >= 0.0 && at[0] < width && at[1] < height {
+            let (x, y) = (area.x + (at[0] / 2.0) as u16, area.y + (at[1] / 4.0) as u16);
+            let x = if x + 2 < area.x + area.width {
+                x + 2
+            } else {
+                x.saturating_sub(2)
+            };
+            numbers.push((x, y, format!("{}", index + 1), style));
+        }
+    }
+    dots.draw(buffer);
+    for (x, y, number, style) in numbers {
+        let style = style.add_modifier(ratatui::style::Modifier::BOLD);
+        let left = usize::from((area.x + area.width).saturating_sub(x));
+        let _ = buffer.set_stringn(x, y, number, left, style);
+    }
+    let legend = format!("arrow to {} N", digits(most));
+    if area.width >= 24 && !frame.hands.is_empty() {
+        let x = area.x + area.width - legend.chars().count() as u16;
+        let _ = buffer.set_stringn(x, area.y, legend, usize::from(area.width), palette.faint());
+    }
+}

@@ -1,0 +1,108 @@
+//! Plain lines, where there is no terminal: one a second of the run's own time, and one for each event.
+
+use super::format::{count, moment, scaled, time};
+use super::model::{Model, Over, kind};
+use super::{Ended, Options, TerminalError, signal};
+use crate::feed::Feed;
+use std::fmt::Write as _;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+/// Longest wait for a message before signals are looked at.
+const WAIT: Duration = Duration::from_millis(100);
+
+/// Writes the lines until the feed ends.
+///
+/// # Errors
+/// [`TerminalError`] if the lines cannot be written, or the feed ended early.
+pub fn lines(
+    mut feed: Box<dyn Feed>,
+    options: &Options,
+    out: &mut dyn Write,
+) -> Result<Ended, TerminalError> {
+    let mut model = Model::default();
+    let mut greeted = false;
+    // The second of the next line.
+    let mut next: Option<u64> = None;
+    loop {
+        if let Some(ended) = signal(&options.signal) {
+            return Ok(ended);
+        }
+        let Some(message) = feed.next(WAIT)? else {
+            continue;
+        };
+        let old = model.time_ns();
+        model.take(message, Instant::now());
+        let mut text = String::new();
+        if !greeted && !model.hello.scene.is_empty() {
+            greeted = true;
+            let hello = &model.hello;
+            let clock = format!("{} clock, scheme {}", hello.clock, hello.scheme);
+            let _ = writeln!(text, "{}: {clock}", hello.scene);
+        }
+        // A list of events that is only written here has no need of a memory.
+        for event in model.events.drain(..) {
+            let (when, word) = (moment(event.time_ns), kind(event.kind).1);
+            let _ = writeln!(text, "{when}  event {word}: {}", event.text);
+        }
+        if model.more_events > 0 {
+            let _ = writeln!(text, "{} more events", model.more_events);
+            model.more_events = 0;
+        }
+        let second = model.time_ns() / 1_000_000_000;
+        // A log that jumps back begins anew.
+        if model.time_ns() < old {
+            next = None;
+        }
+        let last = model.frame.as_ref().is_some_and(|frame| frame.last);
+        if model.frame.is_some() && (last || next.is_none_or(|next| second >= next)) {
+            next = Some(if last { u64::MAX } else { second + 1 });
+            text.push_str(&line(&model));
+        }
+        let over = match &model.over {
+            None => None,
+            Some(Over::Ended(_)) => {
+                let _ = writeln!(text, "the end, at {}", moment(model.time_ns()));
+                Some(Ended::Over)
+            }
+            Some(Over::Broken(reason)) => {
+                let _ = writeln!(text, "ended early: {reason}");
+                Some(Ended::Over)
+            }
+        };
+        let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+        written.map_err(TerminalError::Lines)?;
+        if let Some(over) = over {
+            return Ok(over);
+        }
+    }
+}
+
+/// The line of the shown moment.
+fn line(model: &Model) -> String {
+    let Some(frame) = &model.frame else {
+        return String::new();
+    };
+    let totals = &frame.totals;
+    let mut text = format!(
+        "{}  ticks {}  missed {}",
+        moment(frame.time_ns),
+        count(totals.ticks),
+        count(totals.missed)
+    );
+    if let Some(lateness) = &totals.lateness {
+        let _ = write!(text, "  lateness p99 {}", time(lateness.p99));
+    }
+    for (index, hand) in frame.hands.iter().enumerate() {
+        let norm = hand.force.iter().map(|f| f * f).sum::<f64>().sqrt();
+        let _ = write!(text, "  {} {}", model.device(index), scaled(norm, "N"));
+    }
+    for body in &frame.bodies {
+        let _ = write!(text, "  model age {}", time(body.age));
+    }
+    if let Some(host) = &frame.host {
+        let _ = write!(text, "  host {:.1} Hz", host.step_rate);
+    }
+    text.push('\n');
+    text
+}
