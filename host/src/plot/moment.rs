@@ -136,7 +136,10 @@ fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
         lines::line(page, &path, NOW)?;
         for (index, curve) in chart.curves.iter().enumerate() {
             // Of curves that coincide, the first is the widest, so that it shows on both sides of the others.
-            let width = [3.2, 1.4, 0.8][index.min(2)];
+            let width = match (chart.curves.len(), index) {
+                (2.., 0) => 2.8,
+                _ => 1.4,
+            };
             ribbon(page, curve, &at, Role::Number(index).ink(0).color, width)?;
         }
     }

@@ -466,7 +466,12 @@ mod tests {
             ..HandMark::default()
         };
         let inside = [100, 50, 400, 300];
-        let camera = Camera::fitting(inside, &[shape.clone()], std::slice::from_ref(&hand), 16.0);
+        let camera = Camera::fitting(
+            inside,
+            std::slice::from_ref(&shape),
+            std::slice::from_ref(&hand),
+            16.0,
+        );
         let [ax, ay] = camera.place(shape.positions[0]).expect("a place");
         let [bx, by] = camera.place(hand.position).expect("a place");
         let units = f64::from(UNITS);

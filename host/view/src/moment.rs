@@ -45,7 +45,7 @@ impl Moment<'_> {
         moment_svg(&MomentPicture {
             title: format!("{} at {:.3} s", hello.scene, seconds(frame.time_ns)),
             subtitle: format!(
-                "Tick {}, {} Hz, {} time, scheme {}. {} deadlines missed, {} trips so far.",
+                "Tick {}, {} Hz, {} clock, scheme {}. So far {} deadlines missed, {} trips.",
                 frame.folded.last,
                 hello.tick_rate,
                 hello.clock,
