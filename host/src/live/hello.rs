@@ -89,3 +89,65 @@ fn kind_name(kind: Kind) -> &'static str {
         Kind::Thread => "thread",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::live::Message;
+    use crate::run::{Clock, RunOptions, facts};
+    use crate::scene::Scene;
+
+    #[test]
+    fn a_viewer_can_build_the_bodies_from_what_it_is_told() -> Result<(), Box<dyn std::error::Error>>
+    {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/cloth.toml");
+        let loaded = Scene::load(path.as_ref())?;
+        let built = build_bodies(&loaded)?;
+        let facts = facts(&loaded, &RunOptions::new(Clock::Real), 7);
+        let hello = Hello::new(Source::Run, &loaded, &built, facts);
+        let names = hello.devices.iter().map(|device| device.name.as_str());
+        assert_eq!(names.collect::<Vec<_>>(), ["left", "right"]);
+        // The right device is an omega3, which the scene limits.
+        assert_eq!(
+            (&*hello.devices[1].model, hello.devices[1].max_force),
+            ("omega3", 8.0)
+        );
+        assert_eq!(
+            (&*hello.clock, &*hello.scheme, hello.tick_rate),
+            ("real", "capped", 1000.0)
+        );
+        assert_eq!(
+            (&*hello.bodies[0].kind, &*hello.facts["seed"]),
+            ("sheet", "7")
+        );
+        // The handles are the edges of the cloth, which is 0.2 m long.
+        let handles = &hello.bodies[0].handles;
+        let held: Vec<_> = handles
+            .iter()
+            .map(|handle| (handle.device, handle.origin[0]))
+            .collect();
+        assert!(
+            held.len() == 2 && held[0].0 == 0 && held[1].0 == 1,
+            "{held:?}"
+        );
+        assert!(
+            (held[0].1 + 0.1).abs() < 1e-9 && (held[1].1 - 0.1).abs() < 1e-9,
+            "{held:?}"
+        );
+
+        let mut bytes = Vec::new();
+        Message::Hello(Box::new(hello.clone())).encode(&mut bytes);
+        let Message::Hello(told) = Message::decode(&bytes)? else {
+            return Err("another message".into());
+        };
+        assert_eq!(*told, hello);
+        let theirs = Scene::load_texts(&told.scene, &told.scene_text, &told.files)?;
+        let theirs = build_bodies(&theirs)?;
+        assert_eq!(
+            told.bodies[0].vertices as usize,
+            theirs[0].body.vertex_count()
+        );
+        assert!(theirs[0].body.positions().eq(built[0].body.positions()));
+        Ok(())
+    }
+}

@@ -39,7 +39,15 @@ fn a_run_adds_up_and_ends_without_force() {
     )
     .expect("it can run");
     assert!(run.degradations().is_empty());
+    let tick_time = run.tick_time();
+    // The times can be read while the loop runs.
+    while !run.is_finished() {
+        let summary = tick_time.read().summary();
+        assert!(summary.count <= 300 && summary.min <= summary.max);
+    }
     let report = run.join().expect("nothing panics");
+    let (during, end) = (tick_time.read(), &report.latencies.tick_time);
+    assert!(during.intervals().eq(end.intervals()) && during.summary() == end.summary());
 
     assert_eq!(report.ticks, 300);
     assert_eq!(report.ticks + report.missed_deadlines, report.slots);

@@ -60,7 +60,7 @@ fn the_stresses_are_those_of_the_frames_for_paraview() -> Outcome {
         assert!(found.stressed);
         let mut around: Vec<Vec<f64>> = vec![Vec::new(); mesh.positions().len()];
         for_each_corner(&mesh, |element, vertex| {
-            around[vertex].push(written[element])
+            around[vertex].push(written[element]);
         });
         let most = written
             .iter()
