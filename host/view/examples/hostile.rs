@@ -56,7 +56,9 @@ fn report(kind: &str, count: u64, mut read: impl FnMut() -> bool) {
 /// Most memory of this process so far.
 fn most_memory() -> Option<String> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(line.trim().to_owned())
 }
 

@@ -48,16 +48,7 @@ pub fn log(bytes: &[u8]) -> bool {
 pub struct Mutator(u64);
 
 /// Numbers at which sizes and counts go wrong.
-const EDGES: [u64; 8] = [
-    0,
-    1,
-    0x7f,
-    0xff,
-    0xffff,
-    u32::MAX as u64,
-    1 << 40,
-    u64::MAX,
-];
+const EDGES: [u64; 8] = [0, 1, 0x7f, 0xff, 0xffff, u32::MAX as u64, 1 << 40, u64::MAX];
 
 impl Mutator {
     /// A mutator with this seed.
@@ -148,7 +139,8 @@ pub fn small_log() -> Vec<u8> {
     use host::scene::Scene;
     use rt_core::Telemetry;
 
-    let loaded = Scene::load_texts("scene.toml", SCENE, &std::collections::BTreeMap::new()).unwrap();
+    let loaded =
+        Scene::load_texts("scene.toml", SCENE, &std::collections::BTreeMap::new()).unwrap();
     let header = LogHeader {
         facts: [("clock", "real"), ("seed", "1")]
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
@@ -260,7 +252,8 @@ model = "falcon"
 
 /// Messages of each kind.
 pub fn messages() -> Vec<Vec<u8>> {
-    use host::live::{Event, Folded, LogMessage, Playback};
+    use host::live::frame::LogMessage;
+    use host::live::{Event, Folded, Playback};
     let mut messages = crate::synthetic::Synthetic::new(2).present();
     let mut feed = crate::synthetic::Synthetic::new(1);
     while let Ok(Some(message)) = feed.next(Duration::ZERO) {

@@ -2,6 +2,7 @@
 
 use super::{Player, PlayerError, SPAN};
 use crate::history::History;
+use crate::stress::Stresses;
 use host::live::gather::Gatherer;
 use host::live::hello::build_bodies;
 use host::live::{Frame, Hello, Message, Source, Surface};
@@ -71,7 +72,6 @@ impl<R: Read + Seek + Send> Player<R> {
         };
         let mut player = Self {
             notes: notes(&log, &overview),
-            hello: Message::Hello(Box::new(hello)),
             from_ns,
             to_ns: to_ns.max(from_ns),
             playing: true,
@@ -83,6 +83,8 @@ impl<R: Read + Seek + Send> Player<R> {
             gatherer,
             number: 0,
             history: History::new(SPAN),
+            stresses: Stresses::new(&hello),
+            stressed: false,
             surfaces: Vec::new(),
             frame: Frame::default(),
             waiting: VecDeque::new(),
@@ -91,6 +93,7 @@ impl<R: Read + Seek + Send> Player<R> {
             log,
             facts,
             overview,
+            hello: Message::Hello(Box::new(hello)),
         };
         player.waiting.push_back(player.hello.clone());
         player.show(place).map_err(|error| match error {

@@ -13,6 +13,7 @@ pub use error::PlayerError;
 
 use crate::feed::{Command, Feed, FeedError};
 use crate::history::History;
+use crate::stress::Stresses;
 use facts::Facts;
 use host::live::gather::Gatherer;
 use host::live::{Frame, Message, Playback, Surface};
@@ -60,6 +61,9 @@ pub struct Player<R> {
     gatherer: Gatherer,
     number: u64,
     history: History,
+    stresses: Stresses,
+    /// Whether frames have stresses.
+    stressed: bool,
     /// The surfaces that were sent, one a body and topology epoch.
     surfaces: Vec<Surface>,
     frame: Frame,
@@ -178,7 +182,12 @@ impl<R: Read + Seek + Send> Player<R> {
             Command::Step { ticks } => return self.step(ticks),
             Command::Next => return self.next_event(),
             Command::Previous => return self.previous_event(),
-            Command::Speed { .. } | Command::Stress { .. } => return Ok(()),
+            Command::Stress { on } => {
+                self.stressed = on;
+                // The moment stays, and its vertices are sent again.
+                return self.make_frame(true);
+            }
+            Command::Speed { .. } => return Ok(()),
         }
         self.waiting.push_back(self.playback(false));
         Ok(())

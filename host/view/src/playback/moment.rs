@@ -19,8 +19,13 @@ impl<R: Read + Seek + Send> Player<R> {
         for (index, state) in frame.bodies.iter_mut().enumerate() {
             state.vertices = self.vertices(index, frame.time_ns)?;
         }
+        if self.stressed {
+            self.add_stresses(&mut frame);
+        }
         self.number += 1;
-        self.tick = frame.folded.last;
+        if frame.folded.ticks > 0 {
+            self.tick = frame.folded.last;
+        }
         self.history.push(&frame.folded);
         // The whole frame is kept for viewers that join later. Vertices that did not change are not sent again.
         let before = std::mem::replace(&mut self.frame, frame.clone());
@@ -84,6 +89,36 @@ impl<R: Read + Seek + Send> Player<R> {
             positions: positions.to_vec(),
             ..Vertices::default()
         }))
+    }
+
+    /// Adds stresses to the vertices. Those of vertices that did not change are known. A body without stresses is drawn
+    /// without them, and the notes say why.
+    fn add_stresses(&mut self, frame: &mut Frame) {
+        for (index, state) in frame.bodies.iter_mut().enumerate() {
+            let before = self.frame.bodies.get(index);
+            let before = before.and_then(|body| body.vertices.as_ref());
+            let Some(vertices) = &mut state.vertices else {
+                continue;
+            };
+            let known =
+                before.filter(|before| before.stressed && identity(before) == identity(vertices));
+            let stress = match known {
+                Some(known) => Ok(known.stress.clone()),
+                None => self.stresses.at_vertices(index, vertices),
+            };
+            match stress {
+                Ok(stress) => {
+                    vertices.stress = stress;
+                    vertices.stressed = true;
+                }
+                Err(error) => {
+                    let note = error.to_string();
+                    if !self.notes.contains(&note) {
+                        self.notes.push(note);
+                    }
+                }
+            }
+        }
     }
 
     /// The totals up to the tick that is shown. The distributions are those of the whole log.

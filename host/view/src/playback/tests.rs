@@ -77,18 +77,29 @@ fn the_first_messages_describe_the_log() {
     let messages = take_all(&mut player);
     // Hello, the curves, the surface, the frame, the playback.
     assert_eq!(kinds(&messages), [1, 4, 2, 3, 5]);
-    let [Message::Hello(hello), _, Message::Surface(surface), Message::Frame(frame), Message::Playback(playback)] =
-        messages.as_slice()
+    let [
+        Message::Hello(hello),
+        _,
+        Message::Surface(surface),
+        Message::Frame(frame),
+        Message::Playback(playback),
+    ] = messages.as_slice()
     else {
         panic!("{messages:?}");
     };
-    assert_eq!((hello.source, hello.file.as_str()), (host::live::Source::Log, "run.mcap"));
+    assert_eq!(
+        (hello.source, hello.file.as_str()),
+        (host::live::Source::Log, "run.mcap")
+    );
     assert_eq!(hello.facts, log.facts);
     let vertices = frame.bodies[0].vertices.as_ref().expect("the first frame");
     assert_eq!((vertices.step, vertices.count), (0, surface.vertices));
     assert!(playback.complete && playback.has_frames && playback.playing);
     assert_eq!(playback.notes, Vec::<String>::new());
-    assert_eq!((playback.tick, playback.from_ns, playback.to_ns), (0, 0, 1_199_000_000));
+    assert_eq!(
+        (playback.tick, playback.from_ns, playback.to_ns),
+        (0, 0, 1_199_000_000)
+    );
     assert_eq!(playback.overview.iter().map(|p| p.ticks).sum::<u64>(), 1200);
     // Later messages do not repeat the overview.
     player.advance(Duration::from_millis(40));
@@ -115,7 +126,10 @@ fn playing_shows_every_tick_once() {
             player.advance(Duration::from_micros(3000 + 7919 * (step % 5)));
             for frame in frames(&take_all(&mut player)) {
                 assert_eq!(frame.folded.first, next, "at {speed}");
-                assert_eq!(frame.folded.ticks, frame.folded.last + 1 - frame.folded.first);
+                assert_eq!(
+                    frame.folded.ticks,
+                    frame.folded.last + 1 - frame.folded.first
+                );
                 next = frame.folded.last + 1;
                 most = most.max(frame.folded.hands[0].force_norm.most);
                 last = frame.clone();
@@ -126,7 +140,10 @@ fn playing_shows_every_tick_once() {
         }
         assert_eq!(next, 1200, "at {speed}");
         assert!(!player.playing, "the log ended");
-        let forces = log.rows.iter().map(|row| row.devices[0].wrench.force.norm());
+        let forces = log
+            .rows
+            .iter()
+            .map(|row| row.devices[0].wrench.force.norm());
         assert_eq!(most, forces.fold(0.0, f64::max), "no spike is lost");
         assert_eq!((last.totals.ticks, last.totals.lost), (1200, 0));
     }
@@ -141,7 +158,11 @@ fn a_slow_speed_shows_single_ticks_and_a_pause_shows_none() {
     let mut shown = Vec::new();
     for _ in 0..600 {
         player.advance(Duration::from_millis(17));
-        shown.extend(frames(&take_all(&mut player)).iter().map(|f| f.folded.ticks));
+        shown.extend(
+            frames(&take_all(&mut player))
+                .iter()
+                .map(|f| f.folded.ticks),
+        );
     }
     assert_eq!(shown.len(), 102);
     assert!(shown.iter().all(|ticks| *ticks == 1));
@@ -156,7 +177,22 @@ fn stepping_shows_the_rows_of_the_log() {
     let (bytes, log, _) = logged();
     let mut player = player(bytes);
     take_all(&mut player);
-    let steps = [1, 1, 1, 5, -3, 400, -1, -1, 700, -2000, 1_000_000, -5, i64::MAX, i64::MIN];
+    let steps = [
+        1,
+        1,
+        1,
+        5,
+        -3,
+        400,
+        -1,
+        -1,
+        700,
+        -2000,
+        1_000_000,
+        -5,
+        i64::MAX,
+        i64::MIN,
+    ];
     let mut at: i64 = 0;
     for ticks in steps {
         player.command(&Command::Step { ticks });
@@ -164,7 +200,11 @@ fn stepping_shows_the_rows_of_the_log() {
         let messages = take_all(&mut player);
         let frame = *frames(&messages).last().expect("a frame");
         let row = &log.rows[at as usize];
-        assert_eq!((player.tick, frame.time_ns), (row.tick, row.time_ns), "{ticks}");
+        assert_eq!(
+            (player.tick, frame.time_ns),
+            (row.tick, row.time_ns),
+            "{ticks}"
+        );
         for (hand, device) in frame.hands.iter().zip(&row.devices) {
             let bits = |v: [f64; 3]| v.map(f64::to_bits);
             assert_eq!(bits(hand.force), bits(device.wrench.force.into()));
@@ -196,7 +236,9 @@ fn the_curves_after_a_jump_end_where_the_frame_begins() {
     let mut player = player(bytes);
     for tick in [1199_u64, 0, 1, 700] {
         take_all(&mut player);
-        player.command(&Command::Seek { time_ns: tick * 1_000_000 + 17 });
+        player.command(&Command::Seek {
+            time_ns: tick * 1_000_000 + 17,
+        });
         let messages = take_all(&mut player);
         let (Some(Message::History(curves)), Some(frame)) =
             (messages.first(), frames(&messages).first().copied())
@@ -209,12 +251,18 @@ fn the_curves_after_a_jump_end_where_the_frame_begins() {
             assert_eq!(piece.first, next);
             next = piece.last + 1;
         }
-        assert_eq!((next, frame.folded.first, frame.folded.last), (tick, tick, tick));
+        assert_eq!(
+            (next, frame.folded.first, frame.folded.last),
+            (tick, tick, tick)
+        );
         let forces = log.rows[..tick as usize].iter();
         let most = forces.map(|row| row.devices[1].wrench.force.norm());
         let drawn = curves.iter().map(|piece| piece.hands[1].force_norm.most);
         assert_eq!(drawn.fold(0.0, f64::max), most.fold(0.0, f64::max));
-        assert!(frame.bodies[0].vertices.is_some(), "all vertices after a jump");
+        assert!(
+            frame.bodies[0].vertices.is_some(),
+            "all vertices after a jump"
+        );
     }
 }
 
@@ -247,7 +295,10 @@ fn the_last_moment_has_the_numbers_of_the_summary() {
     assert_eq!(frame.totals.ticks, summary.tick.count);
     assert_eq!(frame.totals.model_age, summary.tick.model_age);
     for (hand, device) in frame.hands.iter().zip(&summary.devices) {
-        assert_eq!((hand.peak_force, hand.work, hand.reach), (device.peak_force, device.work, device.reach));
+        assert_eq!(
+            (hand.peak_force, hand.work, hand.reach),
+            (device.peak_force, device.work, device.reach)
+        );
     }
 }
 
@@ -256,12 +307,20 @@ fn events_are_reached_at_their_tick_and_are_those_of_the_summary() {
     let (bytes, log, summary) = logged();
     let mut player = player(bytes);
     let events = player.overview.events.clone();
-    let stale = events.iter().filter(|event| event.kind == EventKind::StaleModel);
+    let stale = events
+        .iter()
+        .filter(|event| event.kind == EventKind::StaleModel);
     let stale: Vec<_> = stale.collect();
     assert_eq!(stale.len(), 1, "{events:?}");
-    let told = summary.events.iter().find(|event| event.description == stale[0].text);
+    let told = summary
+        .events
+        .iter()
+        .find(|event| event.description == stale[0].text);
     let told = told.expect("the summary has the event");
-    assert_eq!(told.from.to_bits(), (stale[0].time_ns as f64 * 1e-9).to_bits());
+    assert_eq!(
+        told.from.to_bits(),
+        (stale[0].time_ns as f64 * 1e-9).to_bits()
+    );
     assert_eq!(log.rows[stale[0].tick as usize].time_ns, stale[0].time_ns);
     for event in &events {
         player.command(&Command::Next);
@@ -285,15 +344,47 @@ fn frames_of_the_log_are_shown_bit_for_bit() {
     let mut player = player(bytes);
     let mut log = LogIndex::open(Cursor::new(bytes.clone())).expect("a log");
     for tick in [0_u64, 19, 20, 777, 1199] {
-        player.command(&Command::Seek { time_ns: tick * 1_000_000 });
+        player.command(&Command::Seek {
+            time_ns: tick * 1_000_000,
+        });
         let vertices = player.frame().bodies[0].vertices.clone().expect("vertices");
         let name = &player.facts.bodies[0];
-        let found = log.frame_at(name, tick * 1_000_000).expect("sound").expect("a frame");
+        let found = log
+            .frame_at(name, tick * 1_000_000)
+            .expect("sound")
+            .expect("a frame");
         assert!(vertices.time_ns <= tick * 1_000_000);
-        assert_eq!((vertices.step, vertices.time_ns), (found.frame.step, found.frame.time_ns));
+        assert_eq!(
+            (vertices.step, vertices.time_ns),
+            (found.frame.step, found.frame.time_ns)
+        );
         let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(bits(&vertices.positions), bits(&found.positions));
     }
+}
+
+#[test]
+fn stresses_come_when_they_are_asked_for() {
+    let mut player = player(&logged().0);
+    player.command(&Command::Seek {
+        time_ns: 1_000_000_000,
+    });
+    take_all(&mut player);
+    player.command(&Command::Stress { on: true });
+    let messages = take_all(&mut player);
+    let frame = frames(&messages)[0];
+    let vertices = frame.bodies[0].vertices.as_ref().expect("vertices");
+    assert!(vertices.stressed && vertices.stress.len() == vertices.count as usize);
+    assert!(vertices.stress.iter().any(|stress| *stress > 0.0));
+    assert_eq!(
+        (frame.folded.ticks, player.tick),
+        (0, 1000),
+        "the moment stays"
+    );
+    player.command(&Command::Stress { on: false });
+    let messages = take_all(&mut player);
+    let vertices = frames(&messages)[0].bodies[0].vertices.as_ref();
+    assert!(!vertices.expect("vertices").stressed);
 }
 
 #[test]
@@ -303,7 +394,9 @@ fn a_killed_log_plays_to_where_it_ends() {
     let cut = &bytes[..bytes.len() * 6 / 10];
     let whole = Log::parse(cut).expect("the beginning of a log");
     let mut heard = Vec::new();
-    let player = Player::of(Cursor::new(cut.to_vec()), "killed.mcap", |done| heard.push(done));
+    let player = Player::of(Cursor::new(cut.to_vec()), "killed.mcap", |done| {
+        heard.push(done)
+    });
     let mut player = player.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(heard.last(), Some(&1.0), "progress was told");
     assert!(player.notes[0].contains("killed"), "{:?}", player.notes);
@@ -352,12 +445,24 @@ fn logged_events() -> usize {
 #[test]
 fn a_log_with_a_gap_is_played_over_the_gap() {
     let mut player = player(&rewritten(|tick| !(300..310).contains(&tick)));
-    assert!(player.notes.iter().any(|note| note.contains("lacks 10 ticks")), "{:?}", player.notes);
-    player.command(&Command::Seek { time_ns: 305_000_000 });
+    assert!(
+        player
+            .notes
+            .iter()
+            .any(|note| note.contains("lacks 10 ticks")),
+        "{:?}",
+        player.notes
+    );
+    player.command(&Command::Seek {
+        time_ns: 305_000_000,
+    });
     assert_eq!(player.tick, 299);
     player.command(&Command::Step { ticks: 1 });
     assert_eq!(player.tick, 310);
-    assert_eq!((player.frame.totals.lost, player.frame.totals.ticks), (10, 301));
+    assert_eq!(
+        (player.frame.totals.lost, player.frame.totals.ticks),
+        (10, 301)
+    );
     player.command(&Command::Step { ticks: -1 });
     assert_eq!(player.tick, 299);
 }
@@ -381,7 +486,9 @@ fn other_files_are_refused_in_words() {
     // Another version of the message definition, in the index and in the first chunk; its check sums are not checked
     // where they are zero, so a log of another version is imitated by a changed name of a field.
     let mut cut = bytes[..bytes.len() / 2].to_vec();
-    let at = cut.windows(18).position(|window| window == b"uint64 lateness_ns");
+    let at = cut
+        .windows(18)
+        .position(|window| window == b"uint64 lateness_ns");
     cut[at.expect("the definition")] = b'U';
     assert_eq!(
         refusal(cut),
@@ -390,7 +497,10 @@ fn other_files_are_refused_in_words() {
     );
     let missing = Player::open(Path::new("no such folder/run.mcap"), |_| ());
     let error = missing.err().expect("refused").to_string();
-    assert!(error.starts_with("cannot open the log no such folder/run.mcap: "), "{error}");
+    assert!(
+        error.starts_with("cannot open the log no such folder/run.mcap: "),
+        "{error}"
+    );
 }
 
 #[test]
@@ -400,7 +510,10 @@ fn a_damaged_log_plays_to_the_damage_and_names_its_place() {
     let row = &log.rows[1100];
     let number = row.devices[0].pose.position.x.to_le_bytes();
     let mut places = damaged.windows(8).enumerate();
-    let at = places.find(|(_, window)| *window == number).expect("the number").0;
+    let at = places
+        .find(|(_, window)| *window == number)
+        .expect("the number")
+        .0;
     damaged[at] ^= 1;
     // The last tick is read at the opening, and is in the damaged chunk.
     let error = refusal(damaged);
@@ -413,7 +526,9 @@ fn a_damaged_log_plays_to_the_damage_and_names_its_place() {
     damaged[at.expect("the number")] ^= 1;
     let mut player = player(&damaged);
     take_all(&mut player);
-    player.command(&Command::Seek { time_ns: 600_000_000 });
+    player.command(&Command::Seek {
+        time_ns: 600_000_000,
+    });
     let error = player.take().expect_err("the damage").to_string();
     assert!(error.contains("the log is damaged at byte "), "{error}");
 }
