@@ -10,6 +10,8 @@
 mod foxglove_common;
 
 use foxglove_common::{Logged, PATIENCE, Server, hello, messages_of, run_with_log};
+use host::live::{BodyState, Frame, Vertices};
+use host::log::{BodyFrame, LogHeader, LogWriter};
 use serde_json::{Value, json};
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Write};
@@ -185,7 +187,7 @@ fn a_client_receives_the_messages_of_the_log() {
     let summary = mcap::Summary::read(&bytes)
         .expect("a log")
         .expect("an index");
-    assert_eq!(channels.as_array().expect("a list").len(), 2);
+    assert_eq!(channels.as_array().expect("a list").len(), 4);
     for logged in summary.channels.values().take(2) {
         let schema = logged.schema.as_ref().expect("a schema");
         let all = channels.as_array().expect("a list");
@@ -217,7 +219,7 @@ fn a_client_receives_the_messages_of_the_log() {
         event["topic"] == "/tick" && number(&event["time"]) == last_ns
     });
     let received = messages(&events);
-    let logged = messages_of(&log);
+    let logged = messages_of(&bytes);
     assert_eq!(received.len(), logged.len());
     for (at, (received, logged)) in received.iter().zip(&logged).enumerate() {
         assert!(
@@ -265,6 +267,52 @@ fn a_client_receives_the_messages_of_the_log() {
     let over = clients.next("a", &["status"]);
     assert_eq!(over["message"], "the run is over");
     assert_eq!(clients.next("a", &["close"])["code"], 1001);
+}
+
+#[test]
+fn the_bodies_arrive_as_the_log_has_them() {
+    let Some(mut clients) = Clients::start() else {
+        return;
+    };
+    let positions: Vec<f32> = (0..300).map(|number| number as f32 * 0.1).collect();
+    let frame = BodyFrame {
+        body: 0,
+        step: 7,
+        time_ns: 90,
+        epoch: 2,
+    };
+    let file = std::io::Cursor::new(Vec::new());
+    let mut log = LogWriter::create(file, &LogHeader::default()).expect("a log");
+    log.add_bodies(["sheet"]).expect("channels");
+    log.write_frame(&frame, &positions).expect("written");
+    let bytes = log.finish().expect("written").into_inner();
+
+    let server = Server::start(hello(), None);
+    let topics = ["/bodies/sheet", "/bodies/sheet/frame"];
+    let [_, channels] = clients.join("a", &server, &topics);
+    let vertices = Vertices {
+        step: 7,
+        time_ns: 90,
+        epoch: 2,
+        count: 100,
+        positions,
+        ..Vertices::default()
+    };
+    server.give_frame(Frame {
+        time_ns: 100,
+        bodies: vec![BodyState {
+            vertices: Some(vertices),
+            ..BodyState::default()
+        }],
+        ..Frame::default()
+    });
+    let events = clients.until("a", |event| event["topic"] == "/bodies/sheet");
+    assert_eq!(messages(&events), messages_of(&bytes));
+    let cloud = &channels[2];
+    assert_eq!(cloud["topic"], "/bodies/sheet");
+    assert_eq!(cloud["schemaName"], "sensor_msgs/msg/PointCloud2");
+    assert_eq!(cloud["fields"][3], "fields");
+    server.end().expect("served");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::client::Client;
 use super::protocol::{Channel, Level, advertise, server_info, status, unadvertise};
-use host::live::{Frame, Hello};
+use host::live::{Frame, Hello, Vertices};
 use host::log::{BodyFrame, ChannelInfo, cloud_message, frame_message};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -36,6 +36,37 @@ struct State {
     /// The number of missing messages of which the clients know.
     reported: u64,
     closed: bool,
+}
+
+impl State {
+    /// Sends a message on the channel at a place of the list. The message is made only if a client wants it.
+    fn send(&self, place: usize, time_ns: u64, message: impl FnOnce() -> Vec<u8>) {
+        let Some(channel) = self.channels.get(place) else {
+            return;
+        };
+        if self.clients.iter().any(|client| client.wants(channel.id)) {
+            let data: Arc<[u8]> = message().into();
+            for client in &self.clients {
+                client.deliver(channel.id, time_ns, self.clock_ns, &data);
+            }
+        }
+    }
+
+    /// Sends a deformed body as the log has it. Its channels follow those of the ticks and the models.
+    fn send_body(&self, index: usize, vertices: &Vertices) {
+        let time_ns = vertices.time_ns;
+        let frame = BodyFrame {
+            body: index as u32,
+            step: vertices.step,
+            time_ns,
+            epoch: vertices.epoch,
+        };
+        let place = 2 + 2 * index;
+        self.send(place + 1, time_ns, || frame_message(&frame));
+        self.send(place, time_ns, || {
+            cloud_message(time_ns, &vertices.positions)
+        });
+    }
 }
 
 impl Hub {
@@ -99,17 +130,15 @@ impl Hub {
             state.clock_ns = times.min().unwrap_or(frame.time_ns).min(frame.time_ns);
         }
         for message in frame.log {
-            let Some(channel) = state.channels.iter().find(|c| c.topic == message.topic) else {
-                continue;
-            };
-            let channel = channel.id;
-            state.clock_ns = message.time_ns.min(frame.time_ns).max(state.clock_ns);
-            if !state.clients.iter().any(|client| client.wants(channel)) {
-                continue;
+            let mut all = state.channels.iter();
+            if let Some(place) = all.position(|channel| channel.topic == message.topic) {
+                state.clock_ns = message.time_ns.min(frame.time_ns).max(state.clock_ns);
+                state.send(place, message.time_ns, || message.data);
             }
-            let data: Arc<[u8]> = message.data.into();
-            for client in &state.clients {
-                client.deliver(channel, message.time_ns, state.clock_ns, &data);
+        }
+        for (index, body) in frame.bodies.iter().enumerate() {
+            if let Some(vertices) = &body.vertices {
+                state.send_body(index, vertices);
             }
         }
         state.clock_ns = frame.time_ns;
@@ -178,25 +207,4 @@ fn channels(hello: &Hello, first: u32) -> Vec<Channel> {
         schema_encoding: info.schema_encoding,
     };
     (first..).zip(all).map(channel).collect()
-}
-
-/// The messages of the log for the deformed bodies of a frame, where the frame has them. Each body has two channels after
-/// the first two.
-fn body_messages(frame: &Frame) -> impl Iterator<Item = (usize, u64, Vec<u8>)> {
-    let bodies = frame.bodies.iter().enumerate();
-    let deformed = bodies.filter_map(|(index, body)| Some((index, body.vertices.as_ref()?)));
-    deformed.flat_map(|(index, vertices)| {
-        let time_ns = vertices.time_ns;
-        let facts = BodyFrame {
-            body: index as u32,
-            step: vertices.step,
-            time_ns,
-            epoch: vertices.epoch,
-        };
-        let place = 2 + 2 * index;
-        [
-            (place, time_ns, cloud_message(time_ns, &vertices.positions)),
-            (place + 1, time_ns, frame_message(&facts)),
-        ]
-    })
 }

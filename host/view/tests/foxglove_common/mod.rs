@@ -4,7 +4,7 @@
 #![allow(dead_code)] // Each test uses a part.
 
 use host::live::frame::{LogMessage, PROTOCOL};
-use host::live::{Frame, Hello, Message};
+use host::live::{BodyInfo, Frame, Hello, Message};
 use host::log::{model_message, tick_message};
 use host::run::observer::{Observed, Observer, Observers};
 use host::run::{Clock, RunOptions, run_watched};
@@ -115,6 +115,10 @@ pub(crate) fn hello() -> Hello {
         scene: "stretch".into(),
         clock: "virtual".into(),
         scheme: "capped".into(),
+        bodies: vec![BodyInfo {
+            name: "sheet".into(),
+            ..BodyInfo::default()
+        }],
         ..Hello::default()
     }
 }
@@ -174,9 +178,8 @@ pub(crate) fn run_with_log(seconds: f64, log: &Path) -> Vec<Frame> {
 pub(crate) type Logged = (String, u64, Vec<u8>);
 
 /// The messages of a log, in the order of the file.
-pub(crate) fn messages_of(log: &Path) -> Vec<Logged> {
-    let bytes = std::fs::read(log).expect("the log");
-    let stream = mcap::MessageStream::new(&bytes).expect("a log");
+pub(crate) fn messages_of(log: &[u8]) -> Vec<Logged> {
+    let stream = mcap::MessageStream::new(log).expect("a log");
     stream
         .map(|message| {
             let message = message.expect("a message");
