@@ -247,6 +247,7 @@ device = "left"
 [[device]]
 name = "left"
 model = "falcon"
+hand = {}
 # scene ends
 "#;
 

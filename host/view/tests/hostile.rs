@@ -29,7 +29,7 @@ fn changed_logs_do_not_panic() {
         accepted += u32::from(log(&bytes));
     }
     // The changes reach the reader behind the checks of the file.
-    assert!((200..2000).contains(&accepted), "{accepted}");
+    assert!((100..2000).contains(&accepted), "{accepted}");
 }
 
 #[test]
@@ -47,5 +47,5 @@ fn changed_messages_do_not_panic() {
         mutator.change(&mut bytes, &(0..0));
         accepted += u32::from(message(&bytes));
     }
-    assert!((2000..20_000).contains(&accepted), "{accepted}");
+    assert!((500..20_000).contains(&accepted), "{accepted}");
 }

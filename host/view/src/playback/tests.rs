@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 type InMemory = Player<Cursor<Vec<u8>>>;
 
-/// The log of a run of the built-in scene: 1.2 s with frames at 50 Hz. The host stalls from 0.3 s to 0.8 s.
+/// The log of a run of the built-in scene: 1.2 s with frames at 50 Hz. The host stalls from 0.2 s to 1.1 s.
 fn logged() -> &'static (Vec<u8>, Log, host::run::summary::RunSummary) {
     static LOGGED: OnceLock<(Vec<u8>, Log, host::run::summary::RunSummary)> = OnceLock::new();
     LOGGED.get_or_init(|| {
@@ -22,8 +22,8 @@ fn logged() -> &'static (Vec<u8>, Log, host::run::summary::RunSummary) {
         options.log_frames = Some(50.0);
         options.faults = vec![HostFault {
             kind: FaultKind::Stall,
-            at: 0.3,
-            duration: 0.5,
+            at: 0.2,
+            duration: 0.9,
         }];
         let scene = Scene::embedded_default().expect("the scene is sound");
         let summary = run(&scene, &options, |_| ()).expect("a run");
@@ -405,8 +405,16 @@ fn a_killed_log_plays_to_where_it_ends() {
     assert_eq!(player.tick, last.tick);
     assert!(last.tick < 1199 && log.rows[last.tick as usize] == *last);
     let played = &played()[last.tick as usize];
-    let (now, then) = (seen(player.frame()), played);
-    assert_eq!((&now.hands, &now.bodies), (&then.hands, &then.bodies));
+    // A frame of a late step comes after the cut.
+    let without = |frame: &Frame| {
+        let mut frame = seen(frame);
+        frame
+            .bodies
+            .iter_mut()
+            .for_each(|body| body.vertices = None);
+        (frame.hands, frame.bodies)
+    };
+    assert!(without(player.frame()) == without(played));
 }
 
 /// A log of rows of the run, without an overview.
