@@ -173,6 +173,11 @@ impl Axis {
         self.ticks.iter().map(|tick| self.label(*tick)).collect()
     }
 
+    /// The places of the ticks, with their labels.
+    pub(super) fn labelled(&self) -> impl Iterator<Item = (f64, String)> + '_ {
+        self.ticks.iter().map(|tick| (*tick, self.label(*tick)))
+    }
+
     /// The drawn coordinate of a value; `None` if the axis cannot show the value.
     pub(super) fn place(&self, value: f64) -> Option<f64> {
         if let Some(low) = self.low.as_ref().filter(|low| value <= low.bound) {

@@ -113,6 +113,12 @@ pub(super) fn write(
     area.draw(&Text::new(printable(text), (x * UNITS, y * UNITS), style))
 }
 
+/// Writes a line of a list, of at most `width` pixels, with the middle of its left edge at (`x`, `y`) pixels.
+pub(super) fn write_fitted(area: &Area, text: &str, x: i32, y: i32, width: i32) -> Drawn {
+    let text = fitted(text, TICK_SIZE, false, width);
+    write(area, &text, x, y, font(TICK_SIZE), TEXT)
+}
+
 /// The text, or the beginning of it with an ellipsis, so that it is at most `width` pixels wide.
 fn fitted(text: &str, size: f64, bold: bool, width: i32) -> String {
     let fits = |text: &str| text_width(text, size, bold) <= f64::from(width);

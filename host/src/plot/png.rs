@@ -17,11 +17,11 @@ use super::font::Font;
 /// Pixels of the PNG for each pixel of the page: 300 to the inch where a page of 720 pixels is printed 12 cm wide.
 const SCALE: f32 = 2.0;
 
-/// Draws a page, twice as large in each direction, on white.
+/// The picture `svg`, which a function of this module drew, as PNG: twice as large in each direction, on white.
 ///
 /// # Errors
 /// The text is not a page of this module.
-pub(super) fn png(svg: &str) -> io::Result<Vec<u8>> {
+pub fn png(svg: &str) -> io::Result<Vec<u8>> {
     let mut reader = Reader::from_str(svg);
     let mut page: Option<Canvas> = None;
     let mut text: Option<(Attributes, String)> = None;

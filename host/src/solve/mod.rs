@@ -9,7 +9,7 @@ mod drive;
 pub mod frames;
 mod report;
 mod result;
-pub(crate) mod snapshot;
+pub mod snapshot;
 mod table;
 
 use crate::bodies;

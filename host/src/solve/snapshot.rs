@@ -54,8 +54,8 @@ pub(crate) fn of_body(built: &Built, rest: &[Vec3], moves: bool) -> Snapshot {
     snapshot
 }
 
-/// The largest von Mises stress of each element (Pa).
-pub(crate) fn von_mises(built: &Built) -> Vec<f64> {
+/// The largest von Mises stress of each element (Pa), in the order of the mesh: of a sheet that bends, on its two faces.
+pub fn von_mises(built: &Built) -> Vec<f64> {
     let stresses = stresses(built);
     let faces = faces(built, &stresses);
     largest_von_mises(&stresses, faces.as_ref())

@@ -1,0 +1,169 @@
+//! A moment of a run: the deformed bodies in the hands, the curves of the last seconds, and the states.
+
+use plotters::prelude::*;
+
+use super::axis::Axis;
+use super::ink::{Ink, Role};
+use super::lines;
+use super::page::{self, Area, Axes, Drawn, Entry, Key, Marker, UNITS};
+use super::reduce::usable;
+use super::view::{self, HandMark, Shape};
+
+/// Width of the page, and of its left part, the view (pixels).
+const WIDTH: i32 = 900;
+const VIEW: i32 = 440;
+/// Height of the view, which is that of the two charts together (pixels).
+const HEIGHT: i32 = 440;
+/// Height of a row of states, and space around the rows (pixels).
+const ROW: i32 = 17;
+const AROUND_ROWS: i32 = 14;
+
+/// A moment as it is drawn.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MomentPicture {
+    /// The title.
+    pub title: String,
+    /// The smaller text under the title.
+    pub subtitle: String,
+    /// The label of the scale of colours, with its unit.
+    pub color_label: String,
+    /// The bodies.
+    pub shapes: Vec<Shape>,
+    /// The hands. The curves are in their order.
+    pub hands: Vec<HandMark>,
+    /// The moment (s).
+    pub time: f64,
+    /// The upper and the lower chart.
+    pub charts: [Ribbons; 2],
+    /// Lines of text below the view, and below the charts.
+    pub states: [Vec<String>; 2],
+}
+
+/// Curves over time, each as its least and its greatest value in pieces of time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ribbons {
+    /// The label of the vertical axis, with its unit.
+    pub label: String,
+    /// By curve: time (s), least and greatest value.
+    pub curves: Vec<Vec<[f64; 3]>>,
+}
+
+/// Draws a moment as SVG, 900 pixels wide. Numbers that are not finite are left out.
+pub fn moment_svg(moment: &MomentPicture) -> String {
+    let entries = entries(moment);
+    let head = page::title_height(WIDTH, &moment.subtitle) + page::legend_height(WIDTH, &entries);
+    let rows = moment.states.iter().map(Vec::len).max().unwrap_or_default() as i32;
+    let below = head + HEIGHT + AROUND_ROWS;
+    let height = below + ROW * rows + AROUND_ROWS;
+    page::svg(WIDTH, height, |area| {
+        let top = page::title(area, &moment.title, &moment.subtitle)?;
+        page::legend(area, WIDTH, top, &entries)?;
+        let place = [20, head, VIEW - 20, HEIGHT];
+        view::draw(
+            area,
+            place,
+            &moment.color_label,
+            &moment.shapes,
+            &moment.hands,
+        )?;
+        let right = area.clone().shrink(
+            (VIEW * UNITS, head * UNITS),
+            ((WIDTH - VIEW) * UNITS, HEIGHT * UNITS),
+        );
+        charts(area, &right, moment)?;
+        for (lines, x) in moment.states.iter().zip([28, VIEW + 24]) {
+            for (k, line) in (0..).zip(lines) {
+                let width = WIDTH / 2 - 40;
+                let y = below + ROW * k + ROW / 2;
+                page::write_fitted(area, line, x, y, width)?;
+            }
+        }
+        Ok(())
+    })
+}
+
+fn entries(moment: &MomentPicture) -> Vec<Entry> {
+    let hands = moment.hands.iter().enumerate();
+    let hands = hands.map(|(index, hand)| Entry {
+        name: hand.name.clone(),
+        key: Key::Line(page::series_color(index), Marker::Circle),
+    });
+    let now = Entry {
+        name: "this moment".to_owned(),
+        key: Key::Ink(NOW, Marker::None),
+    };
+    hands.chain([now]).collect()
+}
+
+/// The line at the moment.
+const NOW: Ink = Ink {
+    color: page::TEXT,
+    dash: &[4.0, 3.0],
+    width: 1.5,
+};
+
+fn charts(page: &Area, area: &Area, moment: &MomentPicture) -> Drawn {
+    let curves = || moment.charts.iter().flat_map(|chart| chart.curves.iter());
+    let times = curves().flatten().map(|piece| piece[0]);
+    let time = Axis::linear(times.chain([moment.time]), 0.0, 6.0);
+    let axes = moment.charts.each_ref().map(|chart| {
+        let values = chart.curves.iter().flatten();
+        let values = values.flat_map(|piece| [piece[1], piece[2]]);
+        Axis::linear(values.filter(|value| usable(*value)), 0.06, 5.0)
+    });
+    let left = axes.iter().map(page::left).max().unwrap_or(page::LEFT);
+    let upper_height = (HEIGHT - page::BELOW) / 2;
+    let (upper, lower) = area.split_vertically(upper_height * UNITS);
+    let labels = [None, Some("Time (s)")];
+    let charts = moment.charts.iter().zip(&axes).zip(labels);
+    for (area, ((chart, y), x_label)) in [upper, lower].iter().zip(charts) {
+        let axes = Axes {
+            x: &time,
+            y,
+            x_label,
+            y_label: &chart.label,
+        };
+        let mut panel = page::panel_with(area, &axes, left)?;
+        page::grid(&mut panel, &axes)?;
+        let at = |time: f64, value: f64| {
+            (usable(time) && usable(value)).then(|| panel.backend_coord(&(time, value)))
+        };
+        if chart.curves.iter().all(Vec::is_empty) {
+            page::nothing(&panel)?;
+        }
+        let ends = [at(moment.time, y.from), at(moment.time, y.to)];
+        let path: Vec<_> = ends.into_iter().flatten().collect();
+        lines::line(page, &path, NOW)?;
+        for (index, curve) in chart.curves.iter().enumerate() {
+            ribbon(page, curve, &at, Role::Number(index).ink(0).color)?;
+        }
+    }
+    Ok(())
+}
+
+/// Draws a curve: the space between its least and its greatest value, and both of them as lines, so that a spike of one
+/// piece is visible.
+fn ribbon(
+    page: &Area,
+    curve: &[[f64; 3]],
+    at: &impl Fn(f64, f64) -> Option<(i32, i32)>,
+    color: RGBColor,
+) -> Drawn {
+    let side = |k: usize| curve.iter().filter_map(move |piece| at(piece[0], piece[k]));
+    let (least, most): (Vec<_>, Vec<_>) = (side(1).collect(), side(2).collect());
+    if let ([only], [other]) = (&least[..], &most[..]) {
+        for point in [only, other] {
+            page.draw(&Circle::new(*point, 2 * UNITS, color.filled()))?;
+        }
+        return Ok(());
+    }
+    if most.len() > 1 {
+        let outline = most.iter().chain(least.iter().rev()).copied().collect();
+        let outline: Vec<_> = outline;
+        page.draw(&Polygon::new(outline, color.mix(0.3)))?;
+        for path in [least, most] {
+            page.draw(&PathElement::new(path, page::stroke(color, 1.4)))?;
+        }
+    }
+    Ok(())
+}
