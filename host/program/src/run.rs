@@ -74,6 +74,15 @@ pub(super) struct RunArguments {
         allow_negative_numbers = true
     )]
     frames: Option<f64>,
+    /// Also write frames of the deformed bodies into the log, this many a second of the run's own time (Hz), at most
+    /// `host.step_rate` of the scene. A frame is the state after the first step at or after its time
+    #[arg(
+        long,
+        value_name = "RATE",
+        requires = "log",
+        allow_negative_numbers = true
+    )]
+    log_frames: Option<f64>,
     /// Write the summary as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -128,6 +137,7 @@ impl Default for RunArguments {
             seed: None,
             instructions: InstructionsName::Auto,
             log: None,
+            log_frames: None,
             plot: None,
             csv: None,
             force_displacement: None,
@@ -227,6 +237,9 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if let Some(frames) = &frames {
         frames.check(&loaded.scene).map_err(RunError::from)?;
     }
+    if let Some(rate) = arguments.log_frames {
+        host::run::log_frames::check_rate(rate, &loaded.scene).map_err(RunError::from)?;
+    }
     let _held = Declared::default()
         .scene(scene, &loaded)
         .file("--log", arguments.log.as_ref(), Format::Mcap)
@@ -244,6 +257,7 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         duration: arguments.duration,
         seed: arguments.seed,
         log: arguments.log.clone(),
+        log_frames: arguments.log_frames,
         plot: arguments.plot.clone(),
         ticks,
         histogram: arguments.histogram.clone(),

@@ -5,7 +5,6 @@
 //! except models that a failing host could send.
 
 use super::Engine;
-use super::body::HostBody;
 use super::pacer::Due;
 use super::stats::{EngineStats, Stopwatch};
 use rt_core::{LocalModel, TickRecord};
@@ -148,11 +147,6 @@ impl Failing {
     /// The engine.
     pub(crate) fn engine(&self) -> &Engine {
         &self.engine
-    }
-
-    /// As [`Engine::bodies`].
-    pub(crate) fn bodies(&self) -> &[HostBody] {
-        self.engine.bodies()
     }
 
     /// As [`Engine::stats`].

@@ -9,11 +9,13 @@
 mod bins;
 mod events;
 mod fold;
+mod resume;
 mod state;
 #[cfg(test)]
 pub(crate) mod tests;
 mod view;
 
+pub use resume::{Checkpoint, HandSums};
 pub use view::TickView;
 
 use super::frame::{Event, EventKind, Folded, Frame, Totals};
@@ -240,7 +242,8 @@ impl Gatherer {
         frame
     }
 
-    fn totals(&self) -> Totals {
+    /// The totals so far.
+    pub fn totals(&self) -> Totals {
         let of = |histogram: &LatencyHistogram| Distribution::from(histogram.summary());
         let duration = self.tick_time.as_ref().filter(|_| self.real);
         let duration = duration.map(LatencyReader::read);

@@ -66,6 +66,12 @@ struct HelloJson<'a> {
     file_lengths: BTreeMap<String, u64>,
 }
 
+/// The version of a [`Hello`].
+#[derive(Deserialize)]
+struct ProtocolJson {
+    protocol: String,
+}
+
 impl Message {
     /// The kind, the first byte of a message.
     pub fn kind(&self) -> u8 {
@@ -144,14 +150,16 @@ impl Message {
         let json = from.take(u64::from(json), "the JSON part")?;
         let message = match kind {
             1 => {
+                // Another version may have other fields, so its name is read first.
+                let ProtocolJson { protocol } = serde_json::from_slice(json)?;
+                if protocol != PROTOCOL {
+                    return Err(MessageError::Version(protocol));
+                }
                 let HelloJson {
                     hello,
                     file_lengths,
                 } = serde_json::from_slice(json)?;
                 let mut hello = hello.into_owned();
-                if hello.protocol != PROTOCOL {
-                    return Err(MessageError::Version(hello.protocol));
-                }
                 for (name, length) in file_lengths {
                     let file = from.take(length, "a file")?.to_vec();
                     hello.files.insert(name, file);
@@ -214,9 +222,12 @@ fn put_json(value: &impl Serialize, bytes: &mut Vec<u8>) {
 }
 
 fn put_floats(values: &[f32], bytes: &mut Vec<u8>) {
-    bytes.reserve(4 * values.len());
-    for value in values {
-        bytes.extend(value.to_le_bytes());
+    let start = bytes.len();
+    bytes.resize(start + 4 * values.len(), 0);
+    let room = bytes.get_mut(start..).unwrap_or_default();
+    // One copy of the whole, where the processor is little-endian.
+    for (four, value) in room.as_chunks_mut().0.iter_mut().zip(values) {
+        *four = value.to_le_bytes();
     }
 }
 

@@ -21,7 +21,7 @@ pub mod surface;
 
 pub use frame::{
     Bins, BodyInfo, BodyState, DeviceInfo, Event, EventKind, Folded, Frame, Hand, HandleInfo,
-    Hello, HostState, Playback, Source, Surface, Totals, Vertices,
+    Hello, HostState, LogMessage, Playback, Source, Surface, Totals, Vertices,
 };
 pub use message::{Message, MessageError};
 pub use range::Range;

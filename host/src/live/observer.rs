@@ -240,16 +240,17 @@ impl LogTail {
             self.more += 1;
             return;
         }
-        let mut data = Vec::new();
-        let (topic, time_ns) = match record {
-            LogRecord::Tick(telemetry) => {
-                log::encode_tick(telemetry, &mut data);
-                (log::TICK_TOPIC, telemetry.time_ns)
-            }
-            LogRecord::Model(body, model) => {
-                log::encode_model(body, model, &mut data);
-                (log::MODEL_TOPIC, model.time_ns)
-            }
+        let (topic, time_ns, data) = match record {
+            LogRecord::Tick(telemetry) => (
+                log::TICK_TOPIC,
+                telemetry.time_ns,
+                log::tick_message(telemetry),
+            ),
+            LogRecord::Model(body, model) => (
+                log::MODEL_TOPIC,
+                model.time_ns,
+                log::model_message(body, model),
+            ),
         };
         self.bytes += data.len();
         if self.bytes > MAX_LOG {

@@ -33,6 +33,13 @@ impl<'a> CdrWriter<'a> {
         self.put(value.to_le_bytes());
     }
 
+    /// A text without zero bytes: its length with the closing zero, the text, the zero.
+    pub(super) fn text(&mut self, text: &str) {
+        self.u32(text.len() as u32 + 1);
+        self.bytes.extend_from_slice(text.as_bytes());
+        self.bytes.push(0);
+    }
+
     fn put<const N: usize>(&mut self, number: [u8; N]) {
         let written = self.bytes.len() - ENCAPSULATION.len();
         let aligned = written.next_multiple_of(N) + ENCAPSULATION.len();

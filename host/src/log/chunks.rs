@@ -25,6 +25,14 @@ pub(super) fn check(file: &[u8]) -> Result<(), McapError> {
     Ok(())
 }
 
+/// Checks the record of one chunk, with its head.
+pub(super) fn check_record(bytes: &[u8]) -> Result<(), McapError> {
+    match record(bytes) {
+        Some((op::CHUNK, length, data)) => check_chunk(data.get(..length).unwrap_or(data)),
+        _ => Ok(()),
+    }
+}
+
 /// Checks the records of one chunk. The crate finds all other faults.
 fn check_chunk(chunk: &[u8]) -> Result<(), McapError> {
     let Some((&length, rest)) = chunk

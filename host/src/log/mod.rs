@@ -8,15 +8,25 @@
 //! - The metadata record `palpate` identifies the run. The attachment `scene.toml` is the scene, and the other
 //!   attachments are the files that the scene names. A replay needs only the raw readings, the models and the
 //!   scene.
+//! - With [`LogWriter::add_bodies`], the log also holds frames of the bodies: on the channel `/bodies/NAME` the deformed
+//!   vertices as a point cloud (`sensor_msgs/msg/PointCloud2`), on `/bodies/NAME/frame` the step and the topology epoch
+//!   of each cloud (`palpate_msgs/msg/BodyFrame`), and on `/bodies/NAME/surface` the surface of each topology epoch
+//!   (`palpate_msgs/msg/Surface`). The time of a frame is the due time of its step. Replays skip these channels.
+//! - The attachment `palpate.overview` at the end summarizes the run ([`overview`]), so that a player opens the log
+//!   by its index ([`index`]). It is not a file of the scene.
 //! - Two logs of the same ticks hold the same bytes: no wall clock and no random number enters.
 //! - The ticks since the last [`LogWriter::flush`] wait in memory. A killed process leaves a valid log without
 //!   an index, which [`Log::parse`] reads.
 
+mod body;
 mod cdr;
 mod chunks;
+mod cloud;
 mod file;
 mod geometry;
+pub mod index;
 mod model;
+pub mod overview;
 mod read;
 mod reading;
 mod tick;
@@ -30,12 +40,14 @@ use mcap::write::Metadata;
 use mcap::{Attachment, McapError, WriteOptions, Writer};
 use rt_core::{LocalModel, Telemetry};
 
+use crate::live::Surface;
+
+pub use body::BodyFrame;
 pub(crate) use file::LogFile;
 pub use model::ModelRow;
-pub(crate) use model::encode as encode_model;
+use overview::Overview;
 pub use read::{Log, read_log};
 pub use reading::{LoggedReading, ReadFault};
-pub(crate) use tick::encode as encode_tick;
 pub use tick::{TickRow, energy_sums};
 
 /// The channel of the ticks.
@@ -44,8 +56,85 @@ pub(crate) const TICK_TOPIC: &str = "/tick";
 pub(crate) const MODEL_TOPIC: &str = "/model";
 const METADATA_NAME: &str = "palpate";
 const SCENE_NAME: &str = "scene.toml";
+/// Name and media type of the overview. The media type tells it from a file of the scene with the same name.
+const OVERVIEW_NAME: &str = "palpate.overview";
+const OVERVIEW_TYPE: &str = "application/json";
 /// A chunk ends at this size even without a flush (bytes).
 const CHUNK_SIZE: u64 = 1 << 20;
+
+/// A channel of the log.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelInfo {
+    /// Name of the channel.
+    pub topic: String,
+    /// Name of the type of its messages.
+    pub schema_name: &'static str,
+    /// Definition of its messages.
+    pub schema_text: &'static str,
+    /// Language of the definition.
+    pub schema_encoding: &'static str,
+    /// Encoding of the messages.
+    pub encoding: &'static str,
+}
+
+impl ChannelInfo {
+    fn new(topic: String, schema_name: &'static str, schema_text: &'static str) -> Self {
+        Self {
+            topic,
+            schema_name,
+            schema_text,
+            schema_encoding: "ros2msg",
+            encoding: "cdr",
+        }
+    }
+}
+
+/// The channels that every log has: ticks, then models.
+pub fn channels() -> [ChannelInfo; 2] {
+    [
+        ChannelInfo::new(TICK_TOPIC.to_owned(), tick::SCHEMA_NAME, tick::SCHEMA),
+        ChannelInfo::new(MODEL_TOPIC.to_owned(), model::SCHEMA_NAME, model::SCHEMA),
+    ]
+}
+
+/// The channels of the frames of the body with this name: point clouds, then [`BodyFrame`]s, then surfaces.
+pub fn body_channels(name: &str) -> [ChannelInfo; 3] {
+    let topic = body_topic(name);
+    let [frame, surface] = ["frame", "surface"].map(|part| format!("{topic}/{part}"));
+    [
+        ChannelInfo::new(topic, cloud::SCHEMA_NAME, cloud::SCHEMA),
+        ChannelInfo::new(frame, body::FRAME_SCHEMA_NAME, body::FRAME_SCHEMA),
+        ChannelInfo::new(surface, body::SURFACE_SCHEMA_NAME, body::SURFACE_SCHEMA),
+    ]
+}
+
+/// The message of the channel `/bodies/NAME` for the positions of a body (m), three numbers a vertex.
+pub fn cloud_message(time_ns: u64, positions: &[f32]) -> Vec<u8> {
+    let mut message = Vec::new();
+    cloud::encode(time_ns, positions, &mut message);
+    message
+}
+
+/// The message of the channel `/bodies/NAME/frame` for a frame of a body.
+pub fn frame_message(frame: &BodyFrame) -> Vec<u8> {
+    let mut message = Vec::new();
+    body::encode_frame(frame, &mut message);
+    message
+}
+
+/// The message of the channel `/tick` for a tick.
+pub fn tick_message(telemetry: &Telemetry) -> Vec<u8> {
+    let mut message = Vec::new();
+    tick::encode(telemetry, &mut message);
+    message
+}
+
+/// The message of the channel `/model` for a model of the body of index `body`.
+pub fn model_message(body: u8, model: &LocalModel) -> Vec<u8> {
+    let mut message = Vec::new();
+    model::encode(body, model, &mut message);
+    message
+}
 
 /// The identity and the input of a run, written before its first tick.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -126,6 +215,8 @@ pub enum LogError {
 pub struct LogWriter<W: Write + Seek> {
     writer: Writer<W>,
     channels: Channels,
+    /// The channels of each body; empty for a log without frames.
+    bodies: Vec<BodyChannels>,
     models: u32,
     /// The present message. The buffer is kept for its capacity.
     message: Vec<u8>,
@@ -158,12 +249,67 @@ impl<W: Write + Seek> LogWriter<W> {
             Ok((writer, channels)) => Ok(Self {
                 writer,
                 channels,
+                bodies: Vec::new(),
                 models: 0,
                 message: Vec::new(),
                 name,
             }),
             Err(error) => Err(write_error(&name, error)),
         }
+    }
+
+    /// Gives the log channels for frames of the bodies of these names. The caller does so before the first tick.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn add_bodies<'a>(
+        &mut self,
+        names: impl IntoIterator<Item = &'a str>,
+    ) -> Result<(), LogError> {
+        for name in names {
+            let channels = BodyChannels::add(&mut self.writer, name)
+                .map_err(|error| write_error(&self.name, error))?;
+            self.bodies.push(channels);
+        }
+        Ok(())
+    }
+
+    /// Adds a frame of a body: `positions` (m), three numbers a vertex. A body without channels is ignored.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_frame(&mut self, frame: &BodyFrame, positions: &[f32]) -> Result<(), LogError> {
+        let Some(channels) = self.bodies.get(frame.body as usize).copied() else {
+            return Ok(());
+        };
+        let header = |channel_id| MessageHeader {
+            channel_id,
+            sequence: frame.step as u32,
+            log_time: frame.time_ns,
+            publish_time: frame.time_ns,
+        };
+        body::encode_frame(frame, &mut self.message);
+        self.put(&header(channels.frame))?;
+        cloud::encode(frame.time_ns, positions, &mut self.message);
+        self.put(&header(channels.cloud))
+    }
+
+    /// Adds the surface of a body. The caller writes it before the first frame of its topology epoch. `time_ns` is the
+    /// time of that frame. A body without channels is ignored.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_surface(&mut self, surface: &Surface, time_ns: u64) -> Result<(), LogError> {
+        let Some(channels) = self.bodies.get(surface.body as usize).copied() else {
+            return Ok(());
+        };
+        body::encode_surface(surface, &mut self.message);
+        self.put(&MessageHeader {
+            channel_id: channels.surface,
+            sequence: surface.epoch,
+            log_time: time_ns,
+            publish_time: time_ns,
+        })
     }
 
     /// Adds a tick.
@@ -215,6 +361,22 @@ impl<W: Write + Seek> LogWriter<W> {
             .map_err(|error| write_error(&self.name, error))
     }
 
+    /// Attaches the overview of the run. The caller does so once, after the last tick.
+    ///
+    /// # Errors
+    /// If the writer fails.
+    pub fn write_overview(&mut self, overview: &Overview) -> Result<(), LogError> {
+        self.writer
+            .attach(&Attachment {
+                log_time: 0,
+                create_time: 0,
+                name: OVERVIEW_NAME.to_owned(),
+                media_type: OVERVIEW_TYPE.to_owned(),
+                data: overview.to_bytes().into(),
+            })
+            .map_err(|error| write_error(&self.name, error))
+    }
+
     /// Ends the log with its index, and returns the writer.
     ///
     /// # Errors
@@ -232,6 +394,41 @@ impl<W: Write + Seek> LogWriter<W> {
 struct Channels {
     tick: u16,
     model: u16,
+}
+
+/// The numbers of a body's channels in the file.
+#[derive(Clone, Copy)]
+struct BodyChannels {
+    cloud: u16,
+    frame: u16,
+    surface: u16,
+}
+
+impl BodyChannels {
+    fn add<W: Write + Seek>(writer: &mut Writer<W>, name: &str) -> Result<Self, McapError> {
+        let [cloud, frame, surface] = body_channels(name);
+        Ok(Self {
+            cloud: add_channel(writer, &cloud)?,
+            frame: add_channel(writer, &frame)?,
+            surface: add_channel(writer, &surface)?,
+        })
+    }
+}
+
+/// The channel of a body's point clouds.
+fn body_topic(name: &str) -> String {
+    format!("/bodies/{name}")
+}
+
+fn add_channel<W: Write + Seek>(
+    writer: &mut Writer<W>,
+    channel: &ChannelInfo,
+) -> Result<u16, McapError> {
+    // The ROS 2 profile requires this key. An empty value means the defaults.
+    let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
+    let definition = channel.schema_text.as_bytes();
+    let schema = writer.add_schema(channel.schema_name, channel.schema_encoding, definition)?;
+    writer.add_channel(schema, &channel.topic, channel.encoding, &qos)
 }
 
 fn begin<W: Write + Seek>(
@@ -265,15 +462,10 @@ fn begin<W: Write + Seek>(
         })?;
     }
     writer.flush()?;
-    // The ROS 2 profile requires this key. An empty value means the defaults.
-    let qos = BTreeMap::from([("offered_qos_profiles".to_owned(), String::new())]);
-    let mut channel = |topic: &str, name: &str, definition: &str| {
-        let schema = writer.add_schema(name, "ros2msg", definition.as_bytes())?;
-        writer.add_channel(schema, topic, "cdr", &qos)
-    };
+    let [tick, model] = channels();
     let channels = Channels {
-        tick: channel(TICK_TOPIC, tick::SCHEMA_NAME, tick::SCHEMA)?,
-        model: channel(MODEL_TOPIC, model::SCHEMA_NAME, model::SCHEMA)?,
+        tick: add_channel(&mut writer, &tick)?,
+        model: add_channel(&mut writer, &model)?,
     };
     Ok((writer, channels))
 }

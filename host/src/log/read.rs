@@ -7,7 +7,8 @@ use mcap::parse_record;
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
-use super::{LogError, METADATA_NAME, ModelRow, SCENE_NAME, TickRow, chunks, model, tick};
+use super::{LogError, METADATA_NAME, ModelRow, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NAME, TickRow};
+use super::{chunks, model, tick};
 
 /// A log, read whole.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -104,12 +105,15 @@ impl Parser {
         if opcode == op::ATTACHMENT {
             match attachment(data) {
                 // Only the first attachment of this name is the scene: the scene may name a file of the same name.
-                Some((SCENE_NAME, text)) if self.log.scene.is_empty() => {
+                Some(file) if file.name == SCENE_NAME && self.log.scene.is_empty() => {
                     // A scene that is not text is refused when the log is replayed.
-                    self.log.scene = String::from_utf8_lossy(text).into_owned();
+                    self.log.scene = String::from_utf8_lossy(file.content).into_owned();
                 }
-                Some((name, bytes)) => {
-                    self.log.files.insert(name.to_owned(), bytes.to_vec());
+                // The overview is not a file of the scene.
+                Some(file) if file.name == OVERVIEW_NAME && file.media_type == OVERVIEW_TYPE => {}
+                Some(file) => {
+                    let (name, bytes) = (file.name.to_owned(), file.content.to_vec());
+                    self.log.files.insert(name, bytes);
                 }
                 None => {}
             }
@@ -173,16 +177,36 @@ impl Parser {
     }
 }
 
-/// Name and content of an attachment record. This function parses the record itself because the parser of the
-/// mcap crate panics on a record that is too short.
-fn attachment(record: &[u8]) -> Option<(&str, &[u8])> {
+/// An attachment record.
+pub(super) struct Attached<'a> {
+    pub(super) name: &'a str,
+    pub(super) media_type: &'a str,
+    pub(super) content: &'a [u8],
+    /// Number of bytes after the content.
+    pub(super) after: usize,
+}
+
+/// Reads an attachment record. This function parses the record itself because the parser of the mcap crate panics on a
+/// record that is too short.
+pub(super) fn attachment(record: &[u8]) -> Option<Attached<'_>> {
     // The record holds two times, then name, media type and content, each after its length.
     let (_, rest) = record.split_at_checked(16)?;
+    let (name, rest) = text(rest)?;
+    let (media_type, rest) = text(rest)?;
     let (length, rest) = rest.split_first_chunk()?;
-    let (name, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
-    let (length, rest) = rest.split_first_chunk()?;
-    let (_, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
-    let (length, rest) = rest.split_first_chunk()?;
-    let (content, _) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
-    Some((std::str::from_utf8(name).ok()?, content))
+    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+    let (content, after) = rest.split_at_checked(length)?;
+    Some(Attached {
+        name,
+        media_type,
+        content,
+        after: after.len(),
+    })
+}
+
+/// A text after its length, and the bytes after the text.
+fn text(bytes: &[u8]) -> Option<(&str, &[u8])> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    let (text, rest) = rest.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+    Some((std::str::from_utf8(text).ok()?, rest))
 }

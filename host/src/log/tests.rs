@@ -10,7 +10,7 @@ use rt_core::{
 use super::tick::SCHEMA;
 use super::{Log, LogError, LogFile, LogHeader, LogWriter, TickRow, energy_sums, read_log};
 
-fn header() -> LogHeader {
+pub(super) fn header() -> LogHeader {
     LogHeader {
         facts: [("seed", "7"), ("scene", "sheet"), ("clock", "virtual")]
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
@@ -20,7 +20,7 @@ fn header() -> LogHeader {
     }
 }
 
-fn telemetry(tick: u64) -> Telemetry {
+pub(super) fn telemetry(tick: u64) -> Telemetry {
     let x = tick as f64;
     let mut record = Telemetry::empty();
     record.tick = tick;
@@ -103,7 +103,7 @@ fn model(sequence: u64, turns: bool) -> LocalModel {
 }
 
 /// A log of `ticks` ticks with a flush every 50.
-fn log(ticks: u64) -> Vec<u8> {
+pub(super) fn log(ticks: u64) -> Vec<u8> {
     let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header()).expect("in memory");
     for tick in 0..ticks {
         if tick % 16 == 0 {

@@ -57,6 +57,22 @@ impl DeviceSum {
         self.last = Some((position, force, start));
     }
 
+    /// Continues after a tick with these totals, the position and the force of that tick, and the first position.
+    pub(crate) fn resume(
+        &mut self,
+        totals: DeviceTotals,
+        (position, force): (Vec3, Vec3),
+        start: Vec3,
+    ) {
+        self.totals = totals;
+        self.last = Some((position, force, start));
+    }
+
+    /// The first position (m); `None` before the first tick.
+    pub(crate) fn start(&self) -> Option<Vec3> {
+        self.last.map(|(_, _, start)| start)
+    }
+
     /// The totals of the ticks so far.
     pub(crate) fn totals(&self) -> &DeviceTotals {
         &self.totals

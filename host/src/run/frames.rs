@@ -38,9 +38,11 @@ pub struct FrameOptions {
 /// A rate of frames that a run cannot have.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "--frames: found {found}, allowed: a number above 0 and up to host.step_rate, which is {most} (Hz)"
+    "{option}: found {found}, allowed: a number above 0 and up to host.step_rate, which is {most} (Hz)"
 )]
 pub struct FrameRateError {
+    /// The option that gives the rate.
+    pub option: &'static str,
     /// The rate found (Hz).
     pub found: f64,
     /// The largest rate (Hz): that of the host's steps.
@@ -58,11 +60,22 @@ impl FrameOptions {
     /// # Errors
     /// [`FrameRateError`] for a rate that is not above zero, or above the rate of the scene's host steps.
     pub fn check(&self, scene: &Scene) -> Result<(), FrameRateError> {
-        let (found, most) = (self.rate, scene.host.step_rate);
+        FrameRateError::check("--frames", self.rate, scene)
+    }
+}
+
+impl FrameRateError {
+    /// Checks the rate that `option` gives.
+    pub(super) fn check(option: &'static str, found: f64, scene: &Scene) -> Result<(), Self> {
+        let most = scene.host.step_rate;
         if found > 0.0 && found <= most {
             Ok(())
         } else {
-            Err(FrameRateError { found, most })
+            Err(Self {
+                option,
+                found,
+                most,
+            })
         }
     }
 }
@@ -78,18 +91,60 @@ struct Moment {
 
 /// Frames that are missing, by reason.
 #[derive(Default)]
-struct Missing {
+pub(super) struct Missing {
     /// The writer had not written the frames before.
-    unwritten: AtomicU64,
+    pub(super) unwritten: AtomicU64,
     /// The host made no step in their time.
-    skipped: AtomicU64,
+    pub(super) skipped: AtomicU64,
+}
+
+impl Missing {
+    /// Counts a frame that found no free buffer.
+    pub(super) fn count_unwritten(&self) {
+        // Relaxed: the counts are read after the host's thread has ended.
+        self.unwritten.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// The times at which frames are due.
+pub(super) struct Schedule {
+    /// Frames a second (Hz).
+    rate: f64,
+    /// Number of the next frame.
+    next: usize,
+}
+
+impl Schedule {
+    /// Frames at `rate` (Hz), the first at time zero.
+    pub(super) fn new(rate: f64) -> Self {
+        Self { rate, next: 0 }
+    }
+
+    /// Time of a frame (ns), computed as the pacer computes the times of the steps.
+    fn time_ns(&self, number: usize) -> u64 {
+        (number as f64 * 1e9 / self.rate) as u64
+    }
+
+    /// The number of the frame that is due after a step at `time_ns`, if one is. Frames for which the host made no step
+    /// are counted as missing.
+    pub(super) fn due(&mut self, time_ns: u64, missing: &Missing) -> Option<usize> {
+        if time_ns < self.time_ns(self.next) {
+            return None;
+        }
+        // Relaxed: the counts are read after the host's thread has ended.
+        while self.time_ns(self.next + 1) <= time_ns {
+            self.next += 1;
+            missing.skipped.fetch_add(1, Ordering::Relaxed);
+        }
+        let number = self.next;
+        self.next += 1;
+        Some(number)
+    }
 }
 
 /// The host's end: takes a frame after a step.
 pub struct FrameTap {
-    rate: f64,
-    /// Number of the next frame.
-    next: usize,
+    schedule: Schedule,
     filled: SyncSender<Moment>,
     free: Receiver<Moment>,
     /// Whether the host waits for a free buffer.
@@ -98,30 +153,18 @@ pub struct FrameTap {
 }
 
 impl FrameTap {
-    /// Time of a frame (ns), computed as the pacer computes the times of the steps.
-    fn time_ns(&self, number: usize) -> u64 {
-        (number as f64 * 1e9 / self.rate) as u64
-    }
-
     /// Takes a frame if one is due by `time_ns`, the time of the step just done.
     pub(super) fn after_step(&mut self, time_ns: u64, bodies: &[HostBody]) {
-        if time_ns < self.time_ns(self.next) {
+        let Some(number) = self.schedule.due(time_ns, &self.missing) else {
             return;
-        }
-        // Relaxed: the counts are read after the host's thread has ended.
-        while self.time_ns(self.next + 1) <= time_ns {
-            self.next += 1;
-            self.missing.skipped.fetch_add(1, Ordering::Relaxed);
-        }
-        let number = self.next;
-        self.next += 1;
+        };
         let buffer = if self.waits {
             self.free.recv().ok()
         } else {
             self.free.try_recv().ok()
         };
         let Some(mut moment) = buffer else {
-            self.missing.unwritten.fetch_add(1, Ordering::Relaxed);
+            self.missing.count_unwritten();
             return;
         };
         moment.number = number;
@@ -199,8 +242,7 @@ impl FrameWriter {
             .map_err(RunError::Thread)?;
         let missing = Arc::<Missing>::default();
         let mut tap = FrameTap {
-            rate: options.rate,
-            next: 0,
+            schedule: Schedule::new(options.rate),
             filled,
             free,
             waits: clock == Clock::Virtual,

@@ -2,8 +2,13 @@
 //!
 //! A log that can no longer be written (a full disk) ends early. The run and its summary continue without the log.
 
+use super::Clock;
+use super::log_frames::LogFrames;
 use super::observer::{Observed, Observer};
+use crate::live::gather::Gatherer;
+use crate::log::overview::OverviewBuilder;
 use crate::log::{LogError, LogWriter};
+use crate::scene::LoadedScene;
 use runner::link::LogRecord;
 use std::fs::File;
 use std::io::BufWriter;
@@ -20,6 +25,10 @@ pub(super) struct LogObserver {
     /// The log's writer; `None` after a failure.
     log: Option<Writer>,
     failure: Option<LogError>,
+    /// The frames of the bodies; `None` for a log without frames.
+    frames: Option<LogFrames>,
+    /// The overview at the end of the log.
+    overview: OverviewBuilder,
     /// Ticks from one flush to the next.
     flush_every: u64,
     taken: u64,
@@ -27,13 +36,21 @@ pub(super) struct LogObserver {
 }
 
 impl LogObserver {
-    /// An observer for a run at `rate` ticks a second. `logged` receives the number of ticks in the log that survive
+    /// An observer for a run of `loaded`. `frames` gives the frames of the bodies. `logged` receives the number of ticks in the log that survive
     /// this process.
-    pub(super) fn new(log: Writer, rate: f64, logged: Arc<AtomicU64>) -> Self {
+    pub(super) fn new(
+        log: Writer,
+        loaded: &LoadedScene,
+        clock: Clock,
+        frames: Option<LogFrames>,
+        logged: Arc<AtomicU64>,
+    ) -> Self {
         Self {
             log: Some(log),
             failure: None,
-            flush_every: (rate * FLUSH_PERIOD).max(1.0) as u64,
+            frames,
+            overview: OverviewBuilder::new(Gatherer::new(loaded, clock)),
+            flush_every: (loaded.scene.realtime.rate * FLUSH_PERIOD).max(1.0) as u64,
             taken: 0,
             logged,
         }
@@ -49,12 +66,26 @@ impl LogObserver {
     }
 }
 
+impl LogObserver {
+    /// Writes the frames that the host has taken. A frame precedes the ticks that follow its step.
+    fn write_frames(&mut self) {
+        if let Some(frames) = &mut self.frames
+            && let Err(error) = frames.write(self.log.as_mut())
+        {
+            self.failure = Some(error);
+            self.log = None;
+        }
+    }
+}
+
 impl Observer for LogObserver {
     fn take(&mut self, record: LogRecord<'_>) {
         match record {
             LogRecord::Model(body, model) => self.write(|log| log.write_model(body, model)),
             LogRecord::Tick(telemetry) => {
+                self.write_frames();
                 self.write(|log| log.write(telemetry));
+                self.overview.take(&telemetry.into());
                 self.taken += 1;
                 if self.taken.is_multiple_of(self.flush_every) {
                     self.write(LogWriter::flush);
@@ -68,11 +99,18 @@ impl Observer for LogObserver {
     }
 
     /// Ends the log. If the log ended early, adds the reason to the failures.
-    fn finish(self: Box<Self>, observed: &mut Observed) {
-        let ended = self.log.map_or(Ok(()), |log| log.finish().map(|_| ()));
+    fn finish(mut self: Box<Self>, observed: &mut Observed) {
+        self.write_frames();
+        let overview = self.overview.finish();
+        let ended = self.log.map_or(Ok(()), |mut log| {
+            log.write_overview(&overview)?;
+            log.finish().map(|_| ())
+        });
         if let Some(error) = self.failure.or(ended.err()) {
             let what = format!("the log ended early: {error}");
             observed.failures.push(what);
+        } else if let Some(lacks) = self.frames.as_ref().and_then(LogFrames::lacks) {
+            observed.degradations.push(lacks);
         }
     }
 }

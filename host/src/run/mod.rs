@@ -10,6 +10,7 @@ mod held_back;
 mod histogram;
 pub mod late;
 mod load_curve;
+pub mod log_frames;
 mod log_observer;
 mod marks;
 pub mod observer;
@@ -22,6 +23,7 @@ mod report;
 pub mod setup;
 pub mod slow_host;
 pub mod summary;
+mod taps;
 mod tick_outputs;
 pub mod timeline;
 pub mod virtual_clock;
@@ -38,6 +40,7 @@ use crate::plot;
 use crate::scene::{LoadedScene, SceneError};
 use collect::Collector;
 use frames::{FrameOptions, FrameRateError, FrameWriter};
+use log_frames::LogFrames;
 use log_observer::LogObserver;
 use observer::Observers;
 use parts::Parts;
@@ -74,6 +77,9 @@ pub struct RunOptions {
     pub seed: Option<u64>,
     /// Path of the log; `None` for a run without a log.
     pub log: Option<PathBuf>,
+    /// Frames of the bodies in the log a second of the run's own time (Hz); `None` for a log without frames. Without a
+    /// log, this has no effect.
+    pub log_frames: Option<f64>,
     /// Path of the plot; `None` for a run without a plot.
     pub plot: Option<PathBuf>,
     /// The table and the picture of force against displacement.
@@ -107,6 +113,7 @@ impl RunOptions {
             duration: None,
             seed: None,
             log: None,
+            log_frames: None,
             plot: None,
             ticks: TickOutputs::default(),
             histogram: None,
@@ -224,15 +231,27 @@ pub fn run_watched(
         .as_ref()
         .map(|frames| FrameWriter::begin(loaded, frames, options.clock, prepared.engine.bodies()));
     let writer = frames.transpose()?.map(|(tap, writer)| {
-        prepared.frames = Some(tap);
+        prepared.taps.frames = Some(tap);
         writer
     });
+    let log_frames = options.log_frames.filter(|_| log.is_some());
+    let log_frames = match log_frames {
+        Some(rate) => {
+            log_frames::check_rate(rate, &loaded.scene)?;
+            let bodies = prepared.engine.bodies();
+            let (tap, frames) = log_frames::begin(loaded, rate, options.clock, bodies)?;
+            prepared.taps.log_frames = Some(tap);
+            Some(frames)
+        }
+        None => None,
+    };
     let bodies = || prepared.engine.bodies().iter().map(HostBody::body);
     let size = (
         bodies().map(Body::element_count).sum(),
         bodies().map(Body::vertex_count).sum(),
     );
     let logged = Arc::default();
+    let log = log.map(|log| (log, log_frames));
     let mut observers = observers(loaded, options, seed, others, log, &logged)?;
     let session = match view.zip(listener) {
         None => None,
@@ -240,7 +259,7 @@ pub fn run_watched(
             let engine = &prepared.engine;
             let (session, host, observer) =
                 Session::begin(view, listener, loaded, options, seed, engine)?;
-            prepared.view = Some(host);
+            prepared.taps.view = Some(host);
             observers = observers.with(observer);
             Some(session)
         }
@@ -309,17 +328,20 @@ fn observers(
     options: &RunOptions,
     seed: u64,
     others: Observers,
-    log: Option<LogFile>,
+    log: Option<(LogFile, Option<LogFrames>)>,
     logged: &Arc<AtomicU64>,
 ) -> Result<Observers, RunError> {
     let scene = &loaded.scene;
     let collector = Collector::new(scene, options.plot.is_some());
     let observers = options.ticks.observe(scene, others.with(collector))?;
-    let Some(file) = log else {
+    let Some((file, frames)) = log else {
         return Ok(observers);
     };
-    let log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
-    let log = LogObserver::new(log, scene.realtime.rate, Arc::clone(logged));
+    let mut log = LogWriter::begin_file(file, &header(loaded, options, seed))?;
+    if frames.is_some() {
+        log.add_bodies(scene.bodies.iter().map(|body| body.name.as_str()))?;
+    }
+    let log = LogObserver::new(log, loaded, options.clock, frames, Arc::clone(logged));
     Ok(observers.with(log))
 }
 

@@ -96,7 +96,11 @@ pub(super) fn under_virtual_time(
     mut observers: Observers,
     progress: impl FnMut(u64),
 ) -> Parts {
-    let mut pace = prepared.view.as_ref().and_then(|view| Pace::new(view.pace));
+    let mut pace = prepared
+        .taps
+        .view
+        .as_ref()
+        .and_then(|view| Pace::new(view.pace));
     let sink = |record: LogRecord<'_>| {
         let time_ns = match &record {
             LogRecord::Tick(telemetry) => Some(telemetry.time_ns),

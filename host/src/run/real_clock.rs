@@ -4,16 +4,15 @@
 //! log's thread empties its ring fifty times a second, and sixty times where viewers can watch the run. If the host panics, the tick continues: its force fades, and
 //! the summary reports the panic.
 
-use super::frames::FrameTap;
 use super::observer::Observers;
 use super::setup::{HostSide, Setup};
 use super::slow_host::SlowWatch;
+use super::taps::Taps;
 use super::{RunError, host_panicked, panics};
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::awake;
-use crate::live::session::HostView;
 use runner::link::{HostEnd, LogEnd};
 use runner::thread::{RunnerConfig, Stop, TickReport, spawn};
 use std::sync::Arc;
@@ -61,8 +60,7 @@ pub(super) fn run(
         engine,
         threads,
         faults,
-        frames,
-        view,
+        taps,
         pacer,
         slow,
         timing,
@@ -77,11 +75,11 @@ pub(super) fn run(
     let (controller, devices, end) = (tick.controller, tick.devices, tick.end);
     let thread = spawn(config, controller, devices, end, stop)?;
 
-    if let Some(view) = &view {
+    if let Some(view) = &taps.view {
         // Set once, here.
         let _ = view.tick_time.set(thread.tick_time());
     }
-    let log_period = if view.is_some() {
+    let log_period = if taps.view.is_some() {
         VIEW_PERIOD
     } else {
         LOG_PERIOD
@@ -96,8 +94,7 @@ pub(super) fn run(
             engine,
             pacer,
             slow,
-            frames,
-            view,
+            taps,
         };
         // The counts before a panic belong to the summary.
         let ended = threads.run(|| panics::caught(|| running.steps(&host_over)));
@@ -152,8 +149,7 @@ struct Hosting {
     engine: Failing,
     pacer: Pacer,
     slow: SlowWatch,
-    frames: Option<FrameTap>,
-    view: Option<HostView>,
+    taps: Taps,
 }
 
 impl Hosting {
@@ -164,8 +160,7 @@ impl Hosting {
             engine,
             pacer,
             slow,
-            frames,
-            view,
+            taps,
         } = self;
         let watch = WallStopwatch::start();
         let start = Instant::now();
@@ -188,13 +183,7 @@ impl Hosting {
                 });
             });
             slow.look(engine.stats());
-            if let Some(frames) = frames {
-                frames.after_step(due.time_ns, engine.bodies());
-            }
-            if let Some(view) = view {
-                let skipped = pacer.skipped();
-                view.slot.after_step(due.time_ns, skipped, engine.engine());
-            }
+            taps.after_step(due.time_ns, pacer.skipped(), engine.engine());
             pacer.done(u64::try_from(start.elapsed().as_nanos()).unwrap_or(u64::MAX));
         }
     }

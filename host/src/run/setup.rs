@@ -1,8 +1,8 @@
 //! Builds everything that a run of a scene needs, before the run starts.
 
 use super::devices;
-use super::frames::FrameTap;
 use super::slow_host::{SlowWatch, StepTime};
+use super::taps::Taps;
 use crate::bodies;
 use crate::engine::build::How;
 use crate::engine::faults::Faults;
@@ -10,7 +10,6 @@ use crate::engine::pacer::Pacer;
 use crate::engine::rehearsal::step_time_of;
 use crate::engine::threads::Threads;
 use crate::engine::{Engine, build};
-use crate::live::session::HostView;
 use crate::scene::spec::{self, Scene, SchemeName};
 use crate::scene::{LoadedScene, SceneError};
 use rt_core::controller::DeviceConfig;
@@ -53,10 +52,8 @@ pub struct Setup {
     pub threads: Threads,
     /// Faults that the host makes on purpose; by default there are none.
     pub faults: Faults,
-    /// Takes frames of the bodies; `None` for a run without frames.
-    pub frames: Option<FrameTap>,
-    /// Shows the bodies to viewers; `None` for a run that nobody can watch.
-    pub view: Option<HostView>,
+    /// What copies the state of the bodies after a step.
+    pub taps: Taps,
     /// The due times of the host's steps.
     pub pacer: Pacer,
     /// Judges whether a step takes longer than the scene allows.
@@ -130,8 +127,7 @@ pub(crate) fn setup_with(
         engine: Engine::new(held).on(scene.host.threads),
         threads: Threads::new(scene.host.threads),
         faults: Faults::default(),
-        frames: None,
-        view: None,
+        taps: Taps::default(),
         pacer: Pacer::new(scene.host.step_rate, build::steps_per_publication(scene)),
         slow,
         timing: Timing {

@@ -5,18 +5,17 @@
 //! model arrives after the scene's latency. Only the stopwatch, which measures the time of a stage, reads the
 //! machine's clock. Its readings never enter the state: two runs give the same bytes under any load.
 
-use super::frames::FrameTap;
 use super::late::LateLink;
 use super::panics;
 use super::setup::{HostSide, Running, Setup};
 use super::slow_host::SlowWatch;
+use super::taps::Taps;
 use super::timeline::{Host, Timeline};
 use crate::engine::Engine;
 use crate::engine::faults::Failing;
 use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::{Threads, awake};
-use crate::live::session::HostView;
 use rt_core::Telemetry;
 use runner::TickLoop;
 use runner::link::LogRecord;
@@ -47,8 +46,7 @@ pub fn run_seen(
         engine,
         threads,
         faults,
-        frames,
-        view,
+        taps,
         pacer,
         slow,
         timing,
@@ -56,8 +54,7 @@ pub fn run_seen(
     let bodies = engine.bodies().len();
     let mut host = CatchPanic::new(Paced {
         engine: Failing::new(engine, faults),
-        frames,
-        view,
+        taps,
         threads,
         pacer,
         slow,
@@ -97,8 +94,7 @@ pub fn run_seen(
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
     engine: Failing,
-    frames: Option<FrameTap>,
-    view: Option<HostView>,
+    taps: Taps,
     threads: Threads,
     pacer: Pacer,
     slow: SlowWatch,
@@ -148,14 +144,8 @@ impl Host for Paced {
             });
         });
         self.slow.look(self.engine.stats());
-        if let Some(frames) = &mut self.frames {
-            frames.after_step(due.time_ns, self.engine.bodies());
-        }
-        if let Some(view) = &mut self.view {
-            let skipped = self.pacer.skipped();
-            view.slot
-                .after_step(due.time_ns, skipped, self.engine.engine());
-        }
+        let skipped = self.pacer.skipped();
+        (self.taps).after_step(due.time_ns, skipped, self.engine.engine());
         if due.publishes {
             self.free_at = arrival_ns;
         }

@@ -1,0 +1,6 @@
+//! A log that is played back.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    view::hostile::log(bytes);
+});

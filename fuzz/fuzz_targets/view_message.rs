@@ -1,0 +1,6 @@
+//! A message from a run to its viewer.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    view::hostile::message(bytes);
+});

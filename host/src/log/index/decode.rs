@@ -1,0 +1,225 @@
+//! The content of one chunk.
+
+use super::{Chunk, IndexError};
+use crate::live::Surface;
+use crate::log::{BodyFrame, LogError, ModelRow, TickRow, body, chunks, cloud, model, tick};
+use mcap::McapError;
+use mcap::parse_record;
+use mcap::records::{Record, op};
+use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// The messages of one chunk, in the order of the file.
+#[derive(Clone, Debug, Default)]
+pub struct Decoded {
+    /// The ticks.
+    pub ticks: Vec<TickRow>,
+    /// The local models.
+    pub models: Vec<ModelRow>,
+    /// The facts of the bodies' frames, by channel.
+    pub(super) frames: Vec<(u16, BodyFrame)>,
+    /// The positions of the bodies' frames: channel, time (ns), three numbers a vertex (m).
+    pub(super) clouds: Vec<(u16, u64, Arc<[f32]>)>,
+    /// The surfaces: channel, time (ns) of the first frame, surface.
+    pub(super) surfaces: Vec<(u16, u64, Arc<Surface>)>,
+    /// About the size in memory (bytes).
+    size: usize,
+}
+
+impl Decoded {
+    /// About the size in memory (bytes).
+    pub(super) fn size(&self) -> usize {
+        self.size
+    }
+}
+
+/// The content of a channel that palpate wrote.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Content {
+    Ticks,
+    Models,
+    Frames,
+    Clouds,
+    Surfaces,
+}
+
+/// The schemas and channels that palpate wrote, by number.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Channels {
+    schemas: BTreeMap<u16, Content>,
+    channels: BTreeMap<u16, (Content, String)>,
+}
+
+/// The content that a schema of this name describes, and the definition of this version.
+fn known_schema(name: &str) -> Option<(Content, &'static str)> {
+    match name {
+        tick::SCHEMA_NAME => Some((Content::Ticks, tick::SCHEMA)),
+        model::SCHEMA_NAME => Some((Content::Models, model::SCHEMA)),
+        body::FRAME_SCHEMA_NAME => Some((Content::Frames, body::FRAME_SCHEMA)),
+        body::SURFACE_SCHEMA_NAME => Some((Content::Surfaces, body::SURFACE_SCHEMA)),
+        cloud::SCHEMA_NAME => Some((Content::Clouds, cloud::SCHEMA)),
+        _ => None,
+    }
+}
+
+impl Channels {
+    /// Takes the record of a schema or a channel; other records are ignored.
+    pub(super) fn take(&mut self, record: Record<'_>) -> Result<(), LogError> {
+        match record {
+            Record::Schema { header, data } => {
+                if let Some((content, definition)) = known_schema(&header.name) {
+                    if *data != *definition.as_bytes() {
+                        return Err(LogError::OtherLayout);
+                    }
+                    self.schemas.insert(header.id, content);
+                }
+            }
+            Record::Channel(channel) => {
+                if let Some(content) = self.schemas.get(&channel.schema_id) {
+                    if channel.message_encoding != "cdr" {
+                        return Err(LogError::OtherLayout);
+                    }
+                    self.channels.insert(channel.id, (*content, channel.topic));
+                }
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The channels of this content.
+    pub(super) fn of(&self, content: Content) -> impl Iterator<Item = u16> {
+        let channels = self.channels.iter();
+        channels.filter_map(move |(id, (found, _))| (*found == content).then_some(*id))
+    }
+
+    /// The channel of this content and topic.
+    pub(super) fn named(&self, content: Content, topic: &str) -> Option<u16> {
+        let mut channels = self.channels.iter();
+        channels.find_map(|(id, (found, name))| (*found == content && name == topic).then_some(*id))
+    }
+}
+
+/// Reads the records of a chunk: its messages, and the channels that they are on. `bytes` is its whole record.
+pub(super) fn decode(
+    chunk: &Chunk,
+    bytes: &[u8],
+    channels: &mut Channels,
+) -> Result<(Decoded, Vec<u16>), IndexError> {
+    let damaged = |source| IndexError::Damaged {
+        offset: chunk.offset,
+        part: "a chunk",
+        source,
+    };
+    match bytes.first() {
+        Some(&op::CHUNK) => {}
+        _ => return Err(damaged(McapError::BadIndex)),
+    }
+    chunks::check_record(bytes).map_err(damaged)?;
+    let mut reader = LinearReader::new_with_options(
+        LinearReaderOptions::default()
+            .with_skip_start_magic(true)
+            .with_skip_end_magic(true)
+            .with_validate_chunk_crcs(true)
+            .with_record_length_limit(bytes.len()),
+    );
+    let mut decoded = Decoded {
+        size: bytes.len(),
+        ..Decoded::default()
+    };
+    let mut rest = bytes;
+    let mut index = 0;
+    let mut used = BTreeSet::new();
+    while let Some(event) = reader.next_event() {
+        match event {
+            Ok(LinearReadEvent::ReadRequest(wanted)) => {
+                let (head, tail) = rest.split_at(wanted.min(rest.len()));
+                reader.insert(head.len()).copy_from_slice(head);
+                reader.notify_read(head.len());
+                rest = tail;
+            }
+            Ok(LinearReadEvent::Record { opcode, data }) => match opcode {
+                op::SCHEMA | op::CHANNEL => {
+                    channels.take(parse_record(opcode, data).map_err(damaged)?)?;
+                }
+                op::MESSAGE => {
+                    let record = parse_record(opcode, data).map_err(damaged)?;
+                    if let Record::Message { header, .. } = &record {
+                        used.insert(header.channel_id);
+                    }
+                    if decoded.take(record, channels).is_none() {
+                        return Err(IndexError::BadMessage {
+                            offset: chunk.offset,
+                            index,
+                        });
+                    }
+                    index += 1;
+                }
+                _ => {}
+            },
+            // The messages before the end of the file are sound.
+            Err(
+                McapError::UnexpectedEof
+                | McapError::RecordTooLarge { .. }
+                | McapError::ChunkTooLarge(_),
+            ) if chunk.cut => break,
+            Err(error) => return Err(damaged(error)),
+        }
+    }
+    decoded.size += decoded.size_of_rows();
+    Ok((decoded, used.into_iter().collect()))
+}
+
+impl Decoded {
+    /// Takes a message; `None` if it does not match its definition.
+    fn take(&mut self, record: Record<'_>, channels: &Channels) -> Option<()> {
+        let Record::Message { header, data } = record else {
+            return Some(());
+        };
+        let Some((content, _)) = channels.channels.get(&header.channel_id) else {
+            return Some(());
+        };
+        let (channel, time_ns) = (header.channel_id, header.log_time);
+        match content {
+            Content::Ticks => {
+                let row = tick::decode(&data)?;
+                // The order of the ticks is what a search relies on.
+                let in_order = self
+                    .ticks
+                    .last()
+                    .is_none_or(|last| last.tick < row.tick && last.time_ns <= row.time_ns);
+                if !in_order || row.time_ns != time_ns {
+                    return None;
+                }
+                self.ticks.push(row);
+            }
+            Content::Models => self.models.push(model::decode(&data)?),
+            Content::Frames => {
+                let frame = body::decode_frame(&data)?;
+                self.frames.push((channel, frame));
+            }
+            Content::Clouds => {
+                let positions = cloud::decode(time_ns, &data)?;
+                self.clouds.push((channel, time_ns, positions.into()));
+            }
+            Content::Surfaces => {
+                let surface = body::decode_surface(&data)?;
+                self.surfaces.push((channel, time_ns, Arc::new(surface)));
+            }
+        }
+        Some(())
+    }
+
+    fn size_of_rows(&self) -> usize {
+        let ticks = self.ticks.iter().map(|row| {
+            size_of_val(row)
+                + size_of_val(row.devices.as_slice())
+                + size_of_val(row.bodies.as_slice())
+                + size_of_val(row.readings.as_slice())
+        });
+        let clouds = self.clouds.iter().map(|(_, _, p)| size_of_val(&**p));
+        // Models and surfaces are about as large as their messages, which the chunk's size counts.
+        ticks.sum::<usize>() + clouds.sum::<usize>()
+    }
+}

@@ -1,0 +1,236 @@
+//! Ticks and frames by their time.
+
+use super::decode::Content;
+use super::{Chunk, IndexError, LogIndex};
+use crate::live::Surface;
+use crate::log::{BodyFrame, TickRow, body_topic};
+use std::io::{Read, Seek};
+use std::sync::Arc;
+
+/// The place of a tick in the log. Places are in the order of the ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Place {
+    chunk: usize,
+    row: usize,
+}
+
+/// A body after a host step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyMoment {
+    /// The step and the topology epoch.
+    pub frame: BodyFrame,
+    /// Positions (m), three numbers a vertex.
+    pub positions: Arc<[f32]>,
+}
+
+impl Chunk {
+    /// Whether the chunk may hold messages of `channel`.
+    fn may_have(&self, channel: u16) -> bool {
+        let channels = self.channels.as_ref();
+        channels.is_none_or(|channels| channels.contains(&channel))
+    }
+}
+
+impl<R: Read + Seek> LogIndex<R> {
+    /// The tick at a place that this log gave.
+    ///
+    /// # Errors
+    /// [`IndexError`] where the chunk cannot be read again.
+    pub fn row(&mut self, place: Place) -> Result<Option<TickRow>, IndexError> {
+        let chunk = self.chunk(place.chunk)?;
+        Ok(chunk.ticks.get(place.row).cloned())
+    }
+
+    /// The first tick; `None` for a log without ticks.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn first(&mut self) -> Result<Option<Place>, IndexError> {
+        self.first_in(0..self.chunks.len())
+    }
+
+    /// The last tick; `None` for a log without ticks.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn last(&mut self) -> Result<Option<Place>, IndexError> {
+        self.last_in(0..self.chunks.len(), u64::MAX)
+    }
+
+    /// The tick after a place.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn next(&mut self, place: Place) -> Result<Option<Place>, IndexError> {
+        let row = place.row + 1;
+        if row < self.chunk(place.chunk)?.ticks.len() {
+            return Ok(Some(Place { row, ..place }));
+        }
+        self.first_in(place.chunk + 1..self.chunks.len())
+    }
+
+    /// The tick before a place.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn previous(&mut self, place: Place) -> Result<Option<Place>, IndexError> {
+        match place.row.checked_sub(1) {
+            Some(row) => Ok(Some(Place { row, ..place })),
+            None => self.last_in(0..place.chunk, u64::MAX),
+        }
+    }
+
+    /// The last tick at or before `time_ns`; `None` before the first tick.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn tick_at(&mut self, time_ns: u64) -> Result<Option<Place>, IndexError> {
+        self.last_in(0..self.chunks.len(), time_ns)
+    }
+
+    /// The newest frame of the body of this name at or before `time_ns`.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn frame_at(&mut self, name: &str, time_ns: u64) -> Result<Option<BodyMoment>, IndexError> {
+        let topic = body_topic(name);
+        let clouds = self.channels.named(Content::Clouds, &topic);
+        let frames = self
+            .channels
+            .named(Content::Frames, &format!("{topic}/frame"));
+        let (Some(clouds), Some(frames)) = (clouds, frames) else {
+            return Ok(None);
+        };
+        let mut found: Option<(u64, Arc<[f32]>)> = None;
+        for number in (0..self.chunks.len()).rev() {
+            let chunk = self.chunks.get(number);
+            if chunk.is_none_or(|chunk| {
+                chunk.from_ns > time_ns || !(chunk.may_have(clouds) || chunk.may_have(frames))
+            }) {
+                continue;
+            }
+            let decoded = self.chunk(number)?;
+            if found.is_none() {
+                let mut all = decoded.clouds.iter().rev();
+                let newest = all.find(|(channel, time, _)| *channel == clouds && *time <= time_ns);
+                found = newest.map(|(_, time, positions)| (*time, Arc::clone(positions)));
+            }
+            // A chunk may end between the two messages of a frame.
+            if let Some((time, positions)) = &found {
+                let mut all = decoded.frames.iter().rev();
+                let facts =
+                    all.find(|(channel, frame)| *channel == frames && frame.time_ns == *time);
+                if let Some((_, frame)) = facts {
+                    return Ok(Some(BodyMoment {
+                        frame: *frame,
+                        positions: Arc::clone(positions),
+                    }));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// The newest surface of the body of this name at or before `time_ns`.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn surface_at(
+        &mut self,
+        name: &str,
+        time_ns: u64,
+    ) -> Result<Option<Arc<Surface>>, IndexError> {
+        let topic = format!("{}/surface", body_topic(name));
+        let Some(surfaces) = self.channels.named(Content::Surfaces, &topic) else {
+            return Ok(None);
+        };
+        for number in (0..self.chunks.len()).rev() {
+            let chunk = self.chunks.get(number);
+            if chunk.is_none_or(|chunk| chunk.from_ns > time_ns || !chunk.may_have(surfaces)) {
+                continue;
+            }
+            let decoded = self.chunk(number)?;
+            let mut all = decoded.surfaces.iter().rev();
+            if let Some((_, _, surface)) =
+                all.find(|(channel, time, _)| *channel == surfaces && *time <= time_ns)
+            {
+                return Ok(Some(Arc::clone(surface)));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Whether the log has channels for frames of bodies.
+    pub fn has_frames(&self) -> bool {
+        self.channels.of(Content::Clouds).next().is_some()
+    }
+
+    /// Gives `see` every tick from the place `from` on while `see` returns true.
+    ///
+    /// # Errors
+    /// [`IndexError`].
+    pub fn ticks_from(
+        &mut self,
+        from: Place,
+        mut see: impl FnMut(Place, &TickRow) -> bool,
+    ) -> Result<(), IndexError> {
+        let mut start = from.row;
+        for number in from.chunk..self.chunks.len() {
+            if self.may_have_ticks(number) {
+                let chunk = self.chunk(number)?;
+                for (row, tick) in chunk.ticks.iter().enumerate().skip(start) {
+                    if !see(Place { chunk: number, row }, tick) {
+                        return Ok(());
+                    }
+                }
+            }
+            start = 0;
+        }
+        Ok(())
+    }
+
+    fn may_have_ticks(&self, number: usize) -> bool {
+        let chunk = self.chunks.get(number);
+        chunk.is_some_and(|chunk| {
+            chunk.channels.is_none()
+                || self
+                    .channels
+                    .of(Content::Ticks)
+                    .any(|id| chunk.may_have(id))
+        })
+    }
+
+    /// The first tick in these chunks.
+    fn first_in(
+        &mut self,
+        chunks: impl Iterator<Item = usize>,
+    ) -> Result<Option<Place>, IndexError> {
+        for chunk in chunks {
+            if self.may_have_ticks(chunk) && !self.chunk(chunk)?.ticks.is_empty() {
+                return Ok(Some(Place { chunk, row: 0 }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// The last tick in these chunks at or before `time_ns`.
+    fn last_in(
+        &mut self,
+        chunks: impl DoubleEndedIterator<Item = usize>,
+        time_ns: u64,
+    ) -> Result<Option<Place>, IndexError> {
+        for chunk in chunks.rev() {
+            // The models of a chunk may be older than its ticks, but no tick is older than the chunk says.
+            let later = self.chunks.get(chunk);
+            if later.is_none_or(|later| later.from_ns > time_ns) || !self.may_have_ticks(chunk) {
+                continue;
+            }
+            let decoded = self.chunk(chunk)?;
+            let before = decoded.ticks.partition_point(|row| row.time_ns <= time_ns);
+            if let Some(row) = before.checked_sub(1) {
+                return Ok(Some(Place { chunk, row }));
+            }
+        }
+        Ok(None)
+    }
+}

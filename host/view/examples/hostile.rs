@@ -1,0 +1,77 @@
+//! Changes logs and messages at random and reads them: no panic, and bounded memory.
+//!
+//! `cargo run --release -p palpate-view --example hostile -- run 1000000` reads a million inputs of each kind. The
+//! counts that are printed are the same on every machine. `-- seeds` writes the seeds of the fuzzers.
+
+use std::fs;
+use std::path::Path;
+use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
+
+/// Inputs from one report to the next.
+const REPORT: u64 = 100_000;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        ["seeds"] => write_seeds()?,
+        ["run", count] => run(count.parse()?, "both"),
+        ["run", count, which] => run(count.parse()?, which),
+        _ => return Err("expected: run COUNT [log|message], or seeds".into()),
+    }
+    Ok(())
+}
+
+fn run(count: u64, which: &str) {
+    let mut mutator = Mutator::new(1);
+    if which != "message" {
+        let seed = small_log();
+        let keep = scene_of(&seed);
+        report("log", count, || {
+            let mut bytes = seed.clone();
+            mutator.change(&mut bytes, &keep);
+            log(&bytes)
+        });
+    }
+    if which != "log" {
+        let seeds = messages();
+        report("message", count, || {
+            let mut bytes = seeds[mutator.below(seeds.len())].clone();
+            mutator.change(&mut bytes, &(0..0));
+            message(&bytes)
+        });
+    }
+}
+
+fn report(kind: &str, count: u64, mut read: impl FnMut() -> bool) {
+    let mut accepted = 0;
+    for done in 1..=count {
+        accepted += u64::from(read());
+        if done % REPORT == 0 || done == count {
+            let memory = most_memory().unwrap_or_else(|| "not known".into());
+            println!("{kind}: {done} inputs, {accepted} accepted, most memory {memory}");
+        }
+    }
+}
+
+/// Most memory of this process so far.
+fn most_memory() -> Option<String> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(line.trim().to_owned())
+}
+
+fn write_seeds() -> std::io::Result<()> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
+    let write = |target: &str, name: &str, bytes: &[u8]| {
+        let folder = folder.join(target);
+        fs::create_dir_all(&folder)?;
+        fs::write(folder.join(name), bytes)
+    };
+    write("log_player", "small_log", &small_log())?;
+    for bytes in messages() {
+        write("view_message", &format!("kind_{}", bytes[0]), &bytes)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,51 @@
+//! Any bytes may be read as a log or as a message, without fuzzing tools. The long form is the example `hostile`.
+
+use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
+
+#[test]
+fn the_inputs_of_the_fuzzers_do_not_panic() -> std::io::Result<()> {
+    for input in corpus::inputs("log_player")? {
+        log(&input.bytes);
+    }
+    for input in corpus::inputs("log")? {
+        log(&input.bytes);
+    }
+    for input in corpus::inputs("view_message")? {
+        message(&input.bytes);
+    }
+    Ok(())
+}
+
+#[test]
+fn changed_logs_do_not_panic() {
+    let seed = small_log();
+    let keep = scene_of(&seed);
+    assert!(log(&seed) && !keep.is_empty());
+    let mut mutator = Mutator::new(2);
+    let mut accepted = 0;
+    for _ in 0..2000 {
+        let mut bytes = seed.clone();
+        mutator.change(&mut bytes, &keep);
+        accepted += u32::from(log(&bytes));
+    }
+    // The changes reach the reader behind the checks of the file.
+    assert!((200..2000).contains(&accepted), "{accepted}");
+}
+
+#[test]
+fn changed_messages_do_not_panic() {
+    let seeds = messages();
+    assert!(seeds.iter().all(|bytes| message(bytes)));
+    let mut kinds: Vec<_> = seeds.iter().map(|bytes| bytes[0]).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    assert_eq!(kinds, [1, 2, 3, 4, 5, 6, 7]);
+    let mut mutator = Mutator::new(3);
+    let mut accepted = 0;
+    for _ in 0..20_000 {
+        let mut bytes = seeds[mutator.below(seeds.len())].clone();
+        mutator.change(&mut bytes, &(0..0));
+        accepted += u32::from(message(&bytes));
+    }
+    assert!((2000..20_000).contains(&accepted), "{accepted}");
+}
