@@ -23,6 +23,8 @@ mod run;
 mod signals;
 mod solve;
 mod stress;
+#[cfg(feature = "view")]
+mod watch;
 mod written;
 
 use clap::{Parser, Subcommand};
@@ -86,6 +88,11 @@ enum CommandError {
         "--latency applies to virtual time only: found --clock real, under which the machine decides the latency"
     )]
     NeedsVirtualClock,
+    #[cfg(feature = "view")]
+    #[error(
+        "--pace applies to virtual time only: found --clock real, under which a run has the pace of the clock"
+    )]
+    PaceNeedsVirtualClock,
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
     #[error(transparent)]
@@ -151,6 +158,8 @@ impl CommandError {
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,
+            #[cfg(feature = "view")]
+            Self::PaceNeedsVirtualClock => 2,
             Self::Output(error) => error.exit_code(),
             Self::Signal(number) => 128_u8.saturating_add(*number),
             _ => 1,
