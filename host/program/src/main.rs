@@ -25,6 +25,8 @@ mod solve;
 mod stress;
 #[cfg(feature = "view")]
 mod view;
+#[cfg(feature = "view")]
+mod watch;
 mod written;
 
 use clap::{Parser, Subcommand};
@@ -92,6 +94,11 @@ enum CommandError {
         "--latency applies to virtual time only: found --clock real, under which the machine decides the latency"
     )]
     NeedsVirtualClock,
+    #[cfg(feature = "view")]
+    #[error(
+        "--pace applies to virtual time only: found --clock real, under which a run has the pace of the clock"
+    )]
+    PaceNeedsVirtualClock,
     #[error(transparent)]
     File(#[from] host::atomic_file::AtomicFileError),
     #[error(transparent)]
@@ -160,6 +167,8 @@ impl CommandError {
             | Self::NoSuchBody { .. }
             | Self::NeedsRealClock(_)
             | Self::Core(_) => 2,
+            #[cfg(feature = "view")]
+            Self::PaceNeedsVirtualClock => 2,
             Self::Output(error) => error.exit_code(),
             #[cfg(feature = "view")]
             Self::View(error) => error.exit_code(),

@@ -80,6 +80,18 @@ impl ProgressBar {
         self.shared.draw();
     }
 
+    /// Clears the bar and draws no more until [`Self::show`]. The thread that draws ends.
+    #[cfg(feature = "view")]
+    pub(super) fn hide(&self) {
+        self.finish_and_clear();
+    }
+
+    /// Draws again. There is no thread that draws any more.
+    #[cfg(feature = "view")]
+    pub(super) fn show(&self) {
+        self.shared.bar.reset();
+    }
+
     /// Writes a line of the program to the standard error, above the bar.
     pub(super) fn say(&self, text: &str) {
         self.shared.bar.suspend(|| errln!("{text}"));

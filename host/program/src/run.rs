@@ -4,8 +4,12 @@ use super::fault::fault;
 use super::outputs::{Declared, Format};
 use super::overrides::Overrides;
 use super::progress::ProgressBar;
+#[cfg(feature = "view")]
+use super::watch::Watch;
 use super::{COMMIT, CommandError, SceneArgument, signals};
 use host::engine::faults::HostFault;
+#[cfg(feature = "view")]
+use host::live::session::ViewOptions;
 use host::run::frames::FrameOptions;
 use host::run::{Clock, RunError, RunOptions, TickOutputs, slow_warning};
 use host::scene::Scene;
@@ -116,6 +120,23 @@ pub(super) struct RunArguments {
     priority: Option<u8>,
     #[command(flatten)]
     overrides: Overrides,
+    #[cfg(feature = "view")]
+    #[command(flatten)]
+    view: ViewArguments,
+}
+
+/// Arguments of a run that viewers watch.
+#[cfg(feature = "view")]
+#[derive(Clone, Debug, Default, clap::Args)]
+struct ViewArguments {
+    /// Let viewers watch the run (`palpate view`), and show the run in this terminal. Default of the socket:
+    /// palpate/PID.sock in $XDG_RUNTIME_DIR, or /tmp/palpate-UID/PID.sock
+    #[arg(long, value_name = "SOCKET", num_args = 0..=1, require_equals = true, conflicts_with = "replay")]
+    view: Option<Option<PathBuf>>,
+    /// Virtual time with --view: seconds of the run for each second of the wall clock, or 0 for as fast as possible.
+    /// Default: 1
+    #[arg(long, value_name = "FACTOR", requires = "view", value_parser = pace, allow_negative_numbers = true)]
+    pace: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -152,6 +173,8 @@ impl Default for RunArguments {
             core: None,
             priority: None,
             overrides: Overrides::default(),
+            #[cfg(feature = "view")]
+            view: ViewArguments::default(),
         }
     }
 }
@@ -177,6 +200,14 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
     } else {
         Err(refused())
     }
+}
+
+/// Parses a pace.
+#[cfg(feature = "view")]
+fn pace(text: &str) -> Result<f64, String> {
+    let allowed = text.parse().ok();
+    let allowed = allowed.filter(|value| *value == 0.0 || (0.001..=1000.0).contains(value));
+    allowed.ok_or_else(|| format!("found {text}, allowed: 0, or a number from 0.001 to 1000"))
 }
 
 /// Parses a priority under SCHED_FIFO.
@@ -227,6 +258,10 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     if arguments.overrides.has_latency() && arguments.clock == ClockName::Real {
         return Err(CommandError::NeedsVirtualClock);
     }
+    #[cfg(feature = "view")]
+    if arguments.view.pace.is_some() && arguments.clock == ClockName::Real {
+        return Err(CommandError::PaceNeedsVirtualClock);
+    }
     let loaded = arguments.overrides.load(scene)?;
     let frames = arguments.vtu.as_ref().map(|folder| FrameOptions {
         folder: folder.clone(),
@@ -274,6 +309,15 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
         })
     };
     options.commit = COMMIT;
+    #[cfg(feature = "view")]
+    let mut watch = arguments.view.view.clone().map(Watch::new);
+    #[cfg(feature = "view")]
+    {
+        options.view = watch.as_ref().map(|watch| ViewOptions {
+            socket: watch.named_socket(),
+            pace: arguments.view.pace.unwrap_or(1.0),
+        });
+    }
     options.runner.require_grants =
         matches!(arguments.strict, Some(Strict::Privileges | Strict::All));
     let watched = matches!(arguments.strict, Some(Strict::Syscalls | Strict::All));
@@ -289,8 +333,15 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {
         let position = (1000.0 * progress.fraction()) as u64;
+        #[cfg(feature = "view")]
+        if watch.as_mut().is_some_and(|watch| watch.shows(&bar)) {
+            // The display has the terminal. The summary repeats the warning.
+            return;
+        }
         match options.clock {
             Clock::Real => bar.draw_here(position),
+            // A display has ended the thread that draws.
+            Clock::Virtual if options.view.is_some() => bar.draw_here(position),
             Clock::Virtual => bar.set_position(position),
         }
         if let Some(slow) = progress.slow.filter(|_| !warned) {
@@ -304,6 +355,8 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
             let _ = std::io::stderr().write_all(line.as_bytes());
         }
     });
+    #[cfg(feature = "view")]
+    drop(watch);
     bar.finish_and_clear();
     let summary = result?;
     out!("{summary}");

@@ -65,12 +65,9 @@ mod tests {
 
     #[test]
     fn a_body_that_did_not_change_keeps_its_surface() -> Result<(), Box<dyn std::error::Error>> {
-        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenes");
-        for name in ["default", "press", "suture"] {
-            let loaded = match name {
-                "default" => Scene::embedded_default()?,
-                name => Scene::load(&scenes.join(name).with_extension("toml"))?,
-            };
+        let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+        for name in ["cloth.toml", "press.toml", "thread.toml"] {
+            let loaded = Scene::load(&scenes.join(name))?;
             for index in 0..loaded.scene.bodies.len() {
                 let built = bodies::build(&loaded, index)?;
                 let before = Surface::new(index, &built);

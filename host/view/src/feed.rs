@@ -47,6 +47,9 @@ pub enum FeedError {
     /// The run sent bytes that are no message.
     #[error("the stream of the run cannot be read: {0}")]
     Message(#[from] MessageError),
+    /// The run ended, after it sent [`Message::End`].
+    #[error("the run ended")]
+    Ended,
     /// The run refused the viewer.
     #[error("{0}")]
     Refused(String),

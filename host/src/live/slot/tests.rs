@@ -64,6 +64,7 @@ fn a_moment_has_the_positions_and_the_counts_of_its_step() {
     let mut rig = Rig::new();
     let (mut writer, mut reader) = rig.slot();
     let before = rig.rounded();
+    let mut published = 0;
     for step in 1..=20 {
         rig.step(&mut writer);
         let moment = reader.newest().expect("a moment for each step");
@@ -71,14 +72,16 @@ fn a_moment_has_the_positions_and_the_counts_of_its_step() {
         assert_eq!(bits(&moment), rig.rounded());
         let host = &moment.host;
         let counts = (host.steps, host.skipped, host.publications, host.faults);
-        assert_eq!(counts, (step, 5, step, 0));
+        let stats = rig.engine.stats();
+        assert_eq!(counts, (step, 5, stats.publications, 0));
         let [_, solve, condense] = host.stages;
-        assert!(solve > Some(0.0) && condense > Some(0.0), "{host:?}");
-        assert!(host.medians[1] > 0.0 && host.medians[2] > 0.0);
-        assert!(host.iterations > 0);
+        assert!(solve > Some(0.0) && host.medians[1] > 0.0, "{host:?}");
+        published += u64::from(condense.is_some());
+        assert_eq!(published, stats.publications);
         reader.give_back(moment);
         assert!(reader.newest().is_none());
     }
+    assert!(published > 0);
     assert_ne!(rig.rounded(), before, "the body moves");
 }
 

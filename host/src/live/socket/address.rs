@@ -30,16 +30,18 @@ pub fn of_this_process() -> PathBuf {
     folder.join(format!("{}.{ENDING}", std::process::id()))
 }
 
-/// The sockets in `folder`, newest first. A folder that does not exist has none.
+/// The sockets in `folder`, newest first. A folder that does not exist, or that somebody else can write, has none.
 ///
 /// # Errors
 /// The folder cannot be read.
 pub fn sockets_in(folder: &Path) -> io::Result<Vec<PathBuf>> {
-    let entries = match fs::read_dir(folder) {
-        Ok(entries) => entries,
+    match folder.symlink_metadata() {
+        Ok(data) if is_ours(&data) => {}
+        Ok(_) => return Ok(Vec::new()),
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(error),
-    };
+    }
+    let entries = fs::read_dir(folder)?;
     let paths = entries.flatten().map(|entry| entry.path());
     let sockets = paths.filter(|path| path.extension().is_some_and(|ending| ending == ENDING));
     let mut dated: Vec<_> = sockets
@@ -70,14 +72,12 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
         Err(error) => return Err(failed(error)),
     }
-    // Not of the target of a link: somebody else could have made the link.
     let data = folder.symlink_metadata().map_err(failed)?;
-    let (owner, mode) = (data.uid(), data.mode() & 0o777);
-    if !data.is_dir() || owner != geteuid().as_raw() || mode & 0o022 != 0 {
+    if !is_ours(&data) {
         return Err(SocketError::NotOurs {
             folder: folder.to_owned(),
-            owner,
-            mode,
+            owner: data.uid(),
+            mode: data.mode() & 0o777,
         });
     }
     for socket in sockets_in(folder).map_err(failed)? {
@@ -87,6 +87,12 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
         }
     }
     Ok(())
+}
+
+/// Whether a folder belongs to this user and nobody else can write it. `data` is not that of the target of a link: somebody
+/// else could have made the link.
+fn is_ours(data: &fs::Metadata) -> bool {
+    data.is_dir() && data.uid() == geteuid().as_raw() && data.mode() & 0o022 == 0
 }
 
 fn is_of_a_dead_process(socket: &Path) -> bool {
