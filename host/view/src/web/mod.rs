@@ -31,7 +31,6 @@ use std::sync::atomic::AtomicBool;
 pub mod assets;
 mod hub;
 mod mailbox;
-mod merge;
 mod request;
 mod server;
 mod viewer;
@@ -72,7 +71,9 @@ pub struct Options {
 #[derive(Debug, thiserror::Error)]
 pub enum WebError {
     /// The port could not be bound.
-    #[error("cannot serve a page on 127.0.0.1:{port}: {error}; give another port, or 0 for a free port")]
+    #[error(
+        "cannot serve a page on 127.0.0.1:{port}: {error}; give another port, or 0 for a free port"
+    )]
     Bind {
         /// The port.
         port: u16,
@@ -98,7 +99,7 @@ pub enum WebError {
 pub fn serve(feed: Box<dyn Feed>, options: &Options) -> Result<(), WebError> {
     let server = server::Server::start(options)?;
     (options.opened)(&server.address());
-    let result = hub::run(feed, server.asks(), &options.stop);
+    let result = hub::run(feed, &server.asks(), &options.stop);
     server.stop();
     Ok(result?)
 }
