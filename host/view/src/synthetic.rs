@@ -23,20 +23,47 @@ pub struct Synthetic {
     sent: Vec<Message>,
     number: u64,
     frames: u64,
+    edge: u32,
 }
 
 impl Synthetic {
     /// A feed of `frames` frames of 16 ms each.
     pub fn new(frames: u64) -> Self {
+        Self::with_edge(frames, EDGE)
+    }
+
+    /// As [`Synthetic::new`], with `edge` vertices along an edge of the sheet, at least two.
+    pub fn with_edge(frames: u64, edge: u32) -> Self {
+        let edge = edge.max(2);
         Self {
             waiting: VecDeque::from([
-                Message::Hello(Box::new(hello())),
-                Message::Surface(surface()),
+                Message::Hello(Box::new(hello(edge))),
+                Message::Surface(surface(edge)),
             ]),
             sent: Vec::new(),
             number: 0,
             frames,
+            edge,
         }
+    }
+
+    /// The events up to a time (ns), as a log has them.
+    pub fn events(&self, to_ns: u64) -> Vec<Event> {
+        let frames = (0..to_ns / (TICKS * 1_000_000)).map(|number| frame(number, 2));
+        frames.flat_map(|frame| frame.events).collect()
+    }
+
+    /// The ticks up to a time (ns) in pieces of 10 frames, as the timeline of a log has them.
+    pub fn overview(&self, to_ns: u64) -> Vec<Folded> {
+        let pieces = (0..to_ns / (TICKS * 10_000_000)).map(|piece| {
+            let mut folded = frame(10 * piece, 2).folded;
+            (1..10).for_each(|i| {
+                let older = std::mem::replace(&mut folded, frame(10 * piece + i, 2).folded);
+                folded.merge_before(&older);
+            });
+            folded
+        });
+        pieces.collect()
     }
 }
 
@@ -50,7 +77,7 @@ impl Feed for Synthetic {
         if self.number > self.frames {
             return Ok(Some(Message::End(String::new())));
         }
-        let message = Message::Frame(Box::new(frame(self.number - 1)));
+        let message = Message::Frame(Box::new(frame(self.number - 1, self.edge)));
         self.sent.truncate(2);
         self.sent.push(message.clone());
         Ok(Some(message))
@@ -63,7 +90,7 @@ impl Feed for Synthetic {
     }
 }
 
-fn hello() -> Hello {
+fn hello(edge: u32) -> Hello {
     let device = |name: &str| DeviceInfo {
         name: name.into(),
         model: "falcon".into(),
@@ -88,28 +115,28 @@ fn hello() -> Hello {
         bodies: vec![BodyInfo {
             name: "sheet".into(),
             kind: "sheet".into(),
-            vertices: EDGE * EDGE,
-            elements: 2 * (EDGE - 1) * (EDGE - 1),
+            vertices: edge * edge,
+            elements: 2 * (edge - 1) * (edge - 1),
             handles: vec![handle(0, -SIDE / 2.0), handle(1, SIDE / 2.0)],
         }],
         ..Hello::default()
     }
 }
 
-fn grid() -> impl Iterator<Item = (f64, f64)> {
-    let along = |i: u32| SIDE * (f64::from(i) / f64::from(EDGE - 1) - 0.5);
-    (0..EDGE * EDGE).map(move |v| (along(v % EDGE), along(v / EDGE)))
+fn grid(edge: u32) -> impl Iterator<Item = (f64, f64)> {
+    let along = move |i: u32| SIDE * (f64::from(i) / f64::from(edge - 1) - 0.5);
+    (0..edge * edge).map(move |v| (along(v % edge), along(v / edge)))
 }
 
-fn surface() -> Surface {
-    let cells = (0..(EDGE - 1) * (EDGE - 1)).map(|c| (c % (EDGE - 1)) + EDGE * (c / (EDGE - 1)));
+fn surface(edge: u32) -> Surface {
+    let cells = (0..(edge - 1) * (edge - 1)).map(|c| (c % (edge - 1)) + edge * (c / (edge - 1)));
     let triangles: Vec<u32> = cells
-        .flat_map(|v| [v, v + 1, v + EDGE, v + 1, v + EDGE + 1, v + EDGE])
+        .flat_map(|v| [v, v + 1, v + edge, v + 1, v + edge + 1, v + edge])
         .collect();
     Surface {
-        vertices: EDGE * EDGE,
+        vertices: edge * edge,
         triangle_count: triangles.len() as u32 / 3,
-        rest: grid()
+        rest: grid(edge)
             .flat_map(|(x, y)| [x as f32, y as f32, 0.0])
             .collect(),
         triangles,
@@ -117,13 +144,14 @@ fn surface() -> Surface {
     }
 }
 
-fn frame(number: u64) -> Frame {
+fn frame(number: u64, edge: u32) -> Frame {
     let time = number as f64 * 0.016;
     let (first, last) = (number * TICKS, number * TICKS + TICKS - 1);
     let pull = 0.01 * (1.0 - (2.0 * time).cos());
     let wave = |x: f64, y: f64| 0.01 * (60.0 * x + 6.0 * time).sin() * (30.0 * y).cos();
     let stretch = 1.0 + 2.0 * pull / SIDE;
-    let positions = grid().flat_map(|(x, y)| [(x * stretch) as f32, y as f32, wave(x, y) as f32]);
+    let positions =
+        grid(edge).flat_map(|(x, y)| [(x * stretch) as f32, y as f32, wave(x, y) as f32]);
     let sides = [-1.0, 1.0];
     let hands = sides.map(|side| Hand {
         position: [side * (SIDE / 2.0 + pull), 0.0, 0.0],
@@ -219,7 +247,7 @@ fn frame(number: u64) -> Frame {
             vertices: Some(Vertices {
                 step: 4 * number,
                 time_ns: last * 1_000_000,
-                count: EDGE * EDGE,
+                count: edge * edge,
                 positions: positions.collect(),
                 ..Vertices::default()
             }),

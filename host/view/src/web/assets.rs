@@ -14,7 +14,7 @@ pub struct Asset {
 /// The content policy of every response. `script-src` admits the one inline script, the import map of `index.html`, by
 /// its SHA-256; browsers accept no import map from a file. The test `web_server` computes the sum again.
 pub const POLICY: &str = "default-src 'none'; script-src 'self' \
-     'sha256-IMPORT_MAP'; style-src 'self'; \
+     'sha256-ytHwn5jyxXvqDx2Qnu5CjQl7nfZ/Smjra5jrvfSbnoI='; style-src 'self'; \
      connect-src 'self'; img-src 'self' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
 
 macro_rules! assets {

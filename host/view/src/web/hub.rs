@@ -76,7 +76,7 @@ impl Viewers {
 /// Runs until `stop`, or until the feed fails. After the end of a run the hub only answers.
 pub(super) fn run(
     mut feed: Box<dyn Feed>,
-    asks: std::sync::MutexGuard<'_, Receiver<Ask>>,
+    asks: &Receiver<Ask>,
     stop: &AtomicBool,
 ) -> Result<(), FeedError> {
     let mut viewers = Viewers::default();

@@ -1,7 +1,6 @@
 //! What waits for a browser: of everything at most one, so that a browser that takes nothing costs a bounded memory.
 
-use super::merge;
-use host::live::{Frame, Message, Playback};
+use host::live::{Folded, Frame, Message, Playback};
 use std::collections::BTreeMap;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -67,7 +66,7 @@ impl Mailbox {
             Message::History(_) => {
                 waiting.history = Some(message.clone());
                 if let Some(frame) = &mut waiting.frame {
-                    frame.folded = Default::default();
+                    frame.folded = Folded::default();
                     frame.events.clear();
                 }
             }
@@ -75,7 +74,11 @@ impl Mailbox {
             Message::Frame(frame) => {
                 if let Some(older) = waiting.frame.take() {
                     waiting.dropped += 1;
-                    waiting.frame = Some(Box::new(merge::frames(*older, frame)));
+                    let mut later = frame.clone();
+                    later.merge_before(*older);
+                    // The frames that this mailbox drops are counted apart.
+                    later.dropped = frame.dropped;
+                    waiting.frame = Some(later);
                 } else {
                     waiting.frame = Some(frame.clone());
                 }

@@ -31,7 +31,6 @@ use std::sync::atomic::AtomicBool;
 pub mod assets;
 mod hub;
 mod mailbox;
-mod merge;
 mod request;
 mod server;
 mod viewer;
@@ -100,7 +99,7 @@ pub enum WebError {
 pub fn serve(feed: Box<dyn Feed>, options: &Options) -> Result<(), WebError> {
     let server = server::Server::start(options)?;
     (options.opened)(&server.address());
-    let result = hub::run(feed, server.asks(), &options.stop);
+    let result = hub::run(feed, &server.asks(), &options.stop);
     server.stop();
     Ok(result?)
 }

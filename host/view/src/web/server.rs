@@ -102,7 +102,7 @@ impl Server {
 fn token() -> std::io::Result<String> {
     let mut bits = [0_u8; 16];
     std::fs::File::open("/dev/urandom")?.read_exact(&mut bits)?;
-    Ok(bits.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(format!("{:032x}", u128::from_be_bytes(bits)))
 }
 
 fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
@@ -159,20 +159,19 @@ fn connection_begins(mut stream: TcpStream, shared: &Shared, place: Place) {
             if viewer.is_some() {
                 drop(place);
             }
-            viewer::serve(stream, &request, shared.asks.clone(), viewer);
+            viewer::serve(stream, &request, &shared.asks, viewer);
         }
         "moment.svg" => moment(&mut stream, shared, Picture::Svg, "image/svg+xml"),
         "moment.png" => moment(&mut stream, shared, Picture::Png, "image/png"),
         "moment.csv" => moment(&mut stream, shared, Picture::Csv, "text/csv"),
-        path => match assets::find(path) {
-            Some(asset) => {
+        path => {
+            if let Some(asset) = assets::find(path) {
                 request::respond(&mut stream, "200 OK", &media(asset.media), asset.bytes);
-            }
-            None => {
+            } else {
                 let line = "The page has no file of this name.";
                 request::refuse(&mut stream, &Refusal::new("404 Not Found", line));
             }
-        },
+        }
     }
 }
 

@@ -21,6 +21,8 @@ use tungstenite::{Message as Packet, WebSocket};
 
 /// Longest message from a page (bytes).
 const LONGEST: usize = 1024;
+/// Number of the next browser.
+static NUMBER: AtomicU64 = AtomicU64::new(0);
 /// Time after which a browser that takes nothing is disconnected.
 const TAKEN_WITHIN: Duration = Duration::from_secs(30);
 
@@ -36,7 +38,7 @@ enum Own {
 pub(super) fn serve(
     mut stream: TcpStream,
     request: &Request,
-    asks: SyncSender<Ask>,
+    asks: &SyncSender<Ask>,
     place: Option<Place>,
 ) {
     let Some(key) = asked(request) else {
@@ -66,7 +68,6 @@ pub(super) fn serve(
         mailbox.close(1013, "Too many viewers.");
         return write(write_half, &mailbox);
     }
-    static NUMBER: AtomicU64 = AtomicU64::new(0);
     let number = NUMBER.fetch_add(1, Ordering::Relaxed);
     let written = Arc::clone(&mailbox);
     let writer = std::thread::Builder::new()
@@ -76,7 +77,7 @@ pub(super) fn serve(
         return;
     };
     if asks.send(Ask::Join(number, Arc::clone(&mailbox))).is_ok() {
-        read(stream, request, number, &mailbox, &asks);
+        read(stream, request, number, &mailbox, asks);
         let _ = asks.send(Ask::Leave(number));
     } else {
         mailbox.close(1001, "The server ends.");
