@@ -189,6 +189,7 @@ impl Waiting {
         if let Some(end) = self.end.take_if(|_| !held || self.closing.is_some()) {
             return Some(Outgoing::Message(end));
         }
-        self.closing.map(|(code, reason)| Outgoing::Close(code, reason))
+        self.closing
+            .map(|(code, reason)| Outgoing::Close(code, reason))
     }
 }

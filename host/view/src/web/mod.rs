@@ -72,7 +72,9 @@ pub struct Options {
 #[derive(Debug, thiserror::Error)]
 pub enum WebError {
     /// The port could not be bound.
-    #[error("cannot serve a page on 127.0.0.1:{port}: {error}; give another port, or 0 for a free port")]
+    #[error(
+        "cannot serve a page on 127.0.0.1:{port}: {error}; give another port, or 0 for a free port"
+    )]
     Bind {
         /// The port.
         port: u16,

@@ -234,7 +234,12 @@ fn moment(stream: &mut TcpStream, shared: &Shared, picture: Picture, media: &str
     let _ = shared.asks.send(Ask::Present(sender));
     let made = receiver
         .recv_timeout(ANSWERED_WITHIN)
-        .map_err(|_| format!("The source gave no state within {} s.", ANSWERED_WITHIN.as_secs()))
+        .map_err(|_| {
+            format!(
+                "The source gave no state within {} s.",
+                ANSWERED_WITHIN.as_secs()
+            )
+        })
         .and_then(|present| (shared.moment)(&present, picture));
     match made {
         Ok(bytes) => {
@@ -261,7 +266,13 @@ mod tests {
 
     #[test]
     fn only_names_of_this_machine_are_accepted() {
-        for good in ["127.0.0.1:80", "127.0.0.1", "localhost:1", "LOCALHOST:65535", "[::1]:8"] {
+        for good in [
+            "127.0.0.1:80",
+            "127.0.0.1",
+            "localhost:1",
+            "LOCALHOST:65535",
+            "[::1]:8",
+        ] {
             assert!(is_loopback(good), "{good}");
         }
         let bad = "127.0.0.1.example:80,example,127.0.0.2,[::2]:80,localhost:70000,localhost:,:80,,localhost:+8,\
