@@ -5,17 +5,23 @@
 
 use super::CommandError;
 use ::view::feed::{Command, Feed, FeedError};
+use ::view::foxglove::{self, FoxgloveError};
+use ::view::playback::{Player, PlayerError};
 use ::view::synthetic::Synthetic;
 use ::view::terminal::palette::{Colours, Palette};
 use ::view::terminal::{self, Ended, Options, TerminalError, draw, keys, lines, picture};
+use ::view::web::{self, WebError};
 use host::atomic_file::{AtomicFileError, write_atomically};
 use host::live::Message;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
+
+/// The signals that end a viewer.
+const SIGNALS: [i32; 3] = [SIGTERM, SIGHUP, SIGINT];
 
 const EXAMPLES: &str = "\
 Examples:
@@ -93,6 +99,12 @@ pub(super) enum ViewError {
     Terminal(#[from] TerminalError),
     #[error(transparent)]
     Feed(#[from] FeedError),
+    #[error(transparent)]
+    Log(#[from] PlayerError),
+    #[error(transparent)]
+    Web(#[from] WebError),
+    #[error(transparent)]
+    Foxglove(#[from] FoxgloveError),
     #[error("the handlers of SIGTERM and SIGHUP cannot be installed: {0}")]
     Signals(io::Error),
     #[error("--at: found neither --plot nor --csv, allowed: at least one of them")]
@@ -129,18 +141,21 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
     if let Some(path) = &arguments.terminal_picture {
         return draw_terminal(arguments, feed, path).map(|()| Ended::Over);
     }
+    if arguments.log.is_some() {
+        feed.command(&Command::Play);
+    }
+    if let Some(port) = arguments.web {
+        return serve_page(feed, port);
+    }
+    if let Some(port) = arguments.foxglove {
+        return serve_foxglove(feed, port);
+    }
     let mut options = Options {
         attached: arguments.attached,
         colours: Colours::of_environment(),
         save: save(arguments),
         signal: signals(arguments.attached).map_err(ViewError::Signals)?,
     };
-    if let Some(port) = arguments.web {
-        return serve_page(feed, port, &options);
-    }
-    if let Some(port) = arguments.foxglove {
-        return serve_foxglove(feed, port, &options);
-    }
     let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
     if arguments.lines || !terminal {
         return Ok(lines::lines(feed, &options, &mut Printed)?);
@@ -171,22 +186,53 @@ fn live(_socket: Option<&Path>) -> Result<Box<dyn Feed>, ViewError> {
 }
 
 /// A feed from a log.
-fn playback(_log: &Path, _arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
-    Err(ViewError::NotBuilt("the playback of logs"))
+fn playback(log: &Path, arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
+    // A log without an end is read once from the front.
+    let bar = super::progress_bar();
+    let player = Player::open(log, |fraction| bar.set_position((1000.0 * fraction) as u64));
+    bar.finish_and_clear();
+    let mut player = player?;
+    if let Some(factor) = arguments.speed {
+        player.command(&Command::Speed { factor });
+    }
+    if let Some(seconds) = arguments.from.or(arguments.at) {
+        let time_ns = (seconds * 1e9).round() as u64;
+        player.command(&Command::Seek { time_ns });
+    }
+    Ok(Box::new(player))
 }
 
 /// Serves a page until a signal.
-fn serve_page(_feed: Box<dyn Feed>, _port: u16, _options: &Options) -> Result<Ended, ViewError> {
-    Err(ViewError::NotBuilt("--web"))
+fn serve_page(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let received = signals(false).map_err(ViewError::Signals)?;
+    for signal in SIGNALS {
+        let flag = Arc::clone(&stop);
+        signal_hook::flag::register(signal, flag).map_err(ViewError::Signals)?;
+    }
+    let options = web::Options {
+        port,
+        opened: Box::new(|address| outln!("{address}")),
+        moment: Arc::new(|_, _| Err("moments cannot be saved yet".into())),
+        stop,
+    };
+    web::serve(feed, &options)?;
+    // A person ends the page with Ctrl-C.
+    match received.load(Ordering::SeqCst) as i32 {
+        SIGTERM => Ok(Ended::Signal(SIGTERM as u8)),
+        _ => Ok(Ended::Quit),
+    }
 }
 
-/// Serves Foxglove until a signal.
-fn serve_foxglove(
-    _feed: Box<dyn Feed>,
-    _port: u16,
-    _options: &Options,
-) -> Result<Ended, ViewError> {
-    Err(ViewError::NotBuilt("--foxglove"))
+/// Serves Foxglove until the feed ends. A signal ends the program at once.
+fn serve_foxglove(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
+    let options = foxglove::Options {
+        port,
+        say: Arc::new(|line| outln!("{line}")),
+        ..foxglove::Options::default()
+    };
+    foxglove::serve(feed, &options)?;
+    Ok(Ended::Over)
 }
 
 /// Saves the moment that the terminal shows.
@@ -227,7 +273,7 @@ fn draw_terminal(
 fn signals(attached: bool) -> io::Result<Arc<AtomicUsize>> {
     let received = Arc::new(AtomicUsize::new(0));
     let ignored = Arc::new(AtomicUsize::new(0));
-    for signal in [SIGTERM, SIGHUP, SIGINT] {
+    for signal in SIGNALS {
         let flag = if attached && signal == SIGINT {
             &ignored
         } else {

@@ -60,6 +60,15 @@ pub fn lines(
             text.push_str(&line(&model));
         }
         let over = match &model.over {
+            // A log ends where it is not played any further.
+            None if model
+                .playback
+                .as_ref()
+                .is_some_and(|p| !p.playing && p.at_ns >= p.to_ns) =>
+            {
+                let _ = writeln!(text, "the end of the log, at {}", moment(model.time_ns()));
+                Some(Ended::Over)
+            }
             None => None,
             Some(Over::Ended(_)) => {
                 let _ = writeln!(text, "the end, at {}", moment(model.time_ns()));
