@@ -3,9 +3,13 @@
 //! The command is a process of its own without privileges. It only reads: nothing that a person does here reaches the
 //! run.
 
+mod moments;
+
 use super::CommandError;
+use super::outputs::{Declared, Format};
 use ::view::feed::{Command, Feed, FeedError};
 use ::view::foxglove::{self, FoxgloveError};
+use ::view::live::{LiveError, LiveFeed, LiveOptions};
 use ::view::playback::{Player, PlayerError};
 use ::view::synthetic::Synthetic;
 use ::view::terminal::palette::{Colours, Palette};
@@ -71,6 +75,16 @@ pub(super) struct ViewArguments {
     /// Write the vertices of the bodies at the moment --at (CSV)
     #[arg(long, value_name = "FILE", requires = "at")]
     csv: Option<PathBuf>,
+    /// Write the curves of the 10 s before the moment --at (CSV)
+    #[arg(long, value_name = "FILE", requires = "at")]
+    curves: Option<PathBuf>,
+    /// Wait for a run, and for the next run after its end
+    #[arg(long, conflicts_with = "log")]
+    wait: bool,
+    /// Pages of this origin, such as https://viewer.example, may read the run through --foxglove. May be given several
+    /// times. Default: desktop programs and pages of this machine
+    #[arg(long, value_name = "ORIGIN", requires = "foxglove")]
+    allow_origin: Vec<String>,
     /// Compute the stresses of the bodies, in this process
     #[arg(long)]
     stress: bool,
@@ -92,9 +106,8 @@ pub(super) struct ViewArguments {
 /// Why a run or a log could not be shown.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ViewError {
-    /// A part of the viewer does not exist.
-    #[error("{0} is not built yet")]
-    NotBuilt(&'static str),
+    #[error(transparent)]
+    Run(#[from] LiveError),
     #[error(transparent)]
     Terminal(#[from] TerminalError),
     #[error(transparent)]
@@ -107,8 +120,10 @@ pub(super) enum ViewError {
     Foxglove(#[from] FoxgloveError),
     #[error("the handlers of SIGTERM and SIGHUP cannot be installed: {0}")]
     Signals(io::Error),
-    #[error("--at: found neither --plot nor --csv, allowed: at least one of them")]
+    #[error("--at: found no output, allowed: one or more of --plot, --csv and --curves")]
     NothingToWrite,
+    #[error("the log has no tick, and so no moment")]
+    NoMoment,
     #[error(transparent)]
     File(#[from] AtomicFileError),
 }
@@ -124,6 +139,9 @@ impl ViewError {
 
 /// Runs the command.
 pub(super) fn run(arguments: &ViewArguments) -> Result<(), CommandError> {
+    if arguments.at.is_some() && arguments.terminal_picture.is_none() {
+        return write_moment(arguments);
+    }
     match show(arguments)? {
         Ended::Signal(number) => Err(CommandError::Signal(number)),
         Ended::Quit | Ended::Over => Ok(()),
@@ -131,9 +149,6 @@ pub(super) fn run(arguments: &ViewArguments) -> Result<(), CommandError> {
 }
 
 fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
-    if let (Some(at), None) = (arguments.at, &arguments.terminal_picture) {
-        return write_moment(arguments, at).map(|()| Ended::Over);
-    }
     let mut feed = feed(arguments)?;
     if arguments.stress {
         feed.command(&Command::Stress { on: true });
@@ -148,12 +163,12 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
         return serve_page(feed, port);
     }
     if let Some(port) = arguments.foxglove {
-        return serve_foxglove(feed, port);
+        return serve_foxglove(feed, port, arguments);
     }
     let mut options = Options {
         attached: arguments.attached,
         colours: Colours::of_environment(),
-        save: save(arguments),
+        save: Some(Box::new(moments::save)),
         signal: signals(arguments.attached).map_err(ViewError::Signals)?,
     };
     let terminal = io::stdin().is_terminal() && io::stdout().is_terminal();
@@ -176,13 +191,16 @@ fn feed(arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
     }
     match &arguments.log {
         Some(log) => playback(log, arguments),
-        None => live(arguments.socket.as_deref()),
+        None => live(arguments),
     }
 }
 
 /// A feed from a run.
-fn live(_socket: Option<&Path>) -> Result<Box<dyn Feed>, ViewError> {
-    Err(ViewError::NotBuilt("the feed from a run"))
+fn live(arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
+    Ok(Box::new(LiveFeed::open(&LiveOptions {
+        socket: arguments.socket.clone(),
+        wait: arguments.wait,
+    })?))
 }
 
 /// A feed from a log.
@@ -213,7 +231,7 @@ fn serve_page(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
     let options = web::Options {
         port,
         opened: Box::new(|address| outln!("{address}")),
-        moment: Arc::new(|_, _| Err("moments cannot be saved yet".into())),
+        moment: Arc::new(moments::made),
         stop,
     };
     web::serve(feed, &options)?;
@@ -225,9 +243,14 @@ fn serve_page(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
 }
 
 /// Serves Foxglove until the feed ends. A signal ends the program at once.
-fn serve_foxglove(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
+fn serve_foxglove(
+    feed: Box<dyn Feed>,
+    port: u16,
+    arguments: &ViewArguments,
+) -> Result<Ended, ViewError> {
     let options = foxglove::Options {
         port,
+        origins: arguments.allow_origin.clone(),
         say: Arc::new(|line| outln!("{line}")),
         ..foxglove::Options::default()
     };
@@ -235,17 +258,36 @@ fn serve_foxglove(feed: Box<dyn Feed>, port: u16) -> Result<Ended, ViewError> {
     Ok(Ended::Over)
 }
 
-/// Saves the moment that the terminal shows.
-fn save(_arguments: &ViewArguments) -> Option<terminal::Save> {
-    None
-}
-
 /// Writes one moment of a log.
-fn write_moment(arguments: &ViewArguments, _at: f64) -> Result<(), ViewError> {
-    if arguments.plot.is_none() && arguments.csv.is_none() {
-        return Err(ViewError::NothingToWrite);
+fn write_moment(arguments: &ViewArguments) -> Result<(), CommandError> {
+    let outputs = [&arguments.plot, &arguments.csv, &arguments.curves];
+    if outputs.iter().all(|output| output.is_none()) {
+        return Err(ViewError::NothingToWrite.into());
     }
-    Err(ViewError::NotBuilt("--at"))
+    let _held = Declared::default()
+        .input("the log", arguments.log.as_deref())
+        .file("--plot", arguments.plot.as_ref(), Format::Picture)
+        .file("--csv", arguments.csv.as_ref(), Format::Csv)
+        .file("--curves", arguments.curves.as_ref(), Format::Csv)
+        .check()?;
+    let mut feed = feed(arguments)?;
+    feed.command(&Command::Pause);
+    let model = terminal::collect(feed.as_mut()).map_err(ViewError::from)?;
+    let shown = model.shown().ok_or(ViewError::NoMoment)?;
+    let moment = shown.moment();
+    if let Some(path) = &arguments.plot {
+        host::plot::write_picture(path, &moment.svg())?;
+    }
+    if let Some(path) = &arguments.csv {
+        write_atomically(path, moment.vertices_csv().as_bytes())?;
+    }
+    if let Some(path) = &arguments.curves {
+        write_atomically(path, moment.curves_csv().as_bytes())?;
+    }
+    for path in outputs.into_iter().flatten() {
+        outln!("{}", path.display());
+    }
+    Ok(())
 }
 
 /// Draws the terminal as it is at the moment --at, or at the end of the feed.

@@ -22,6 +22,31 @@ pub struct Moment<'a> {
     pub history: &'a History,
 }
 
+/// A moment that owns its parts.
+#[derive(Clone, Debug)]
+pub struct Shown {
+    /// The facts of the stream.
+    pub hello: Hello,
+    /// The surfaces so far.
+    pub surfaces: Vec<Surface>,
+    /// The frame, with the vertices of every body.
+    pub frame: Frame,
+    /// The curves around the moment.
+    pub history: History,
+}
+
+impl Shown {
+    /// The moment.
+    pub fn moment(&self) -> Moment<'_> {
+        Moment {
+            hello: &self.hello,
+            surfaces: &self.surfaces,
+            frame: &self.frame,
+            history: &self.history,
+        }
+    }
+}
+
 impl Moment<'_> {
     /// The moment as a picture: on the left the bodies, coloured by their displacement from rest, with the hands and their
     /// forces, on the right the curves, and below the states. [`host::plot::png`] and [`host::plot::write_picture`]

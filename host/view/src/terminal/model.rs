@@ -1,6 +1,7 @@
 //! What the display knows: the messages of a feed, put together.
 
 use crate::history::History;
+use crate::moment::Shown;
 use host::live::{
     Event, EventKind, Folded, Frame, Hello, Message, Playback, Source, Surface, Vertices,
 };
@@ -180,6 +181,20 @@ impl Model {
     /// Wall time since the last frame arrived.
     pub fn frame_age(&self, now: Instant) -> Option<Duration> {
         Some(now.saturating_duration_since(self.arrived?))
+    }
+
+    /// The moment that is shown; `None` before the first frame.
+    pub fn shown(&self) -> Option<Shown> {
+        let mut frame = self.frame.clone()?;
+        for (body, kept) in frame.bodies.iter_mut().zip(&self.vertices) {
+            body.vertices.clone_from(kept);
+        }
+        Some(Shown {
+            hello: self.hello.clone(),
+            surfaces: self.surfaces.values().cloned().collect(),
+            frame,
+            history: self.history.clone(),
+        })
     }
 
     /// The time that is shown (ns).
