@@ -29,7 +29,7 @@ fn logged() -> &'static (Vec<u8>, Log, host::run::summary::RunSummary) {
         let text = include_str!("../../../scenes/stretch.toml");
         let text = text.replace("age_limit = 2.0", "age_limit = 0.3");
         let text = text.replace("max_force = 8.0", "max_force = 0.5");
-        let scene = Scene::load_texts("stretch.toml", &text, &Default::default());
+        let scene = Scene::load_texts("stretch.toml", &text, &std::collections::BTreeMap::new());
         let scene = scene.expect("the scene is sound");
         let summary = run(&scene, &options, |_| ()).expect("a run");
         let bytes = std::fs::read(&path).expect("the log");
@@ -399,7 +399,7 @@ fn a_killed_log_plays_to_where_it_ends() {
     let whole = Log::parse(cut).expect("the beginning of a log");
     let mut heard = Vec::new();
     let player = Player::of(Cursor::new(cut.to_vec()), "killed.mcap", |done| {
-        heard.push(done)
+        heard.push(done);
     });
     let mut player = player.unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(heard.last(), Some(&1.0), "progress was told");
