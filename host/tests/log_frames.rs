@@ -115,7 +115,7 @@ fn frames_faster_than_the_ticks_are_all_there() -> Outcome {
     } else {
         return Err("the scene has a table of the host already".into());
     };
-    let loaded = Scene::parse(&text, "thread.toml")?;
+    let loaded = Scene::load_texts("thread.toml", &text, &BTreeMap::new())?;
     let (bytes, lacks) = logged(&loaded, Clock::Virtual, Some(4000.0))?;
     assert_eq!(lacks, Vec::<String>::new());
     let mut log = LogIndex::open(Cursor::new(bytes))?;

@@ -73,7 +73,9 @@ pub(super) fn encode_surface(surface: &Surface, bytes: &mut Vec<u8>) {
     surface.rest.iter().for_each(|x| out.u32(x.to_bits()));
     for indices in [&surface.triangles, &surface.lines] {
         out.u32(indices.len() as u32);
-        indices.iter().for_each(|index| out.u32(*index));
+        for index in indices {
+            out.u32(*index);
+        }
     }
 }
 
@@ -92,7 +94,7 @@ pub(super) fn decode_surface(message: &[u8]) -> Option<Surface> {
     let whole = rest.len() as u64 == 3 * u64::from(vertices)
         && triangles.len().is_multiple_of(3)
         && lines.len().is_multiple_of(2);
-    (whole && inside(&triangles) && inside(&lines)).then(|| Surface {
+    (whole && inside(&triangles) && inside(&lines)).then_some(Surface {
         body,
         epoch,
         vertices,

@@ -3,6 +3,7 @@
 //! `cargo run --release -p palpate-view --example hostile -- run 1000000` reads a million inputs of each kind. The
 //! counts that are printed are the same on every machine. `-- seeds` writes the seeds of the fuzzers.
 
+use std::error::Error;
 use std::fs;
 use std::path::Path;
 use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
@@ -10,21 +11,21 @@ use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
 /// Inputs from one report to the next.
 const REPORT: u64 = 100_000;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["seeds"] => write_seeds()?,
-        ["run", count] => run(count.parse()?, "both"),
-        ["run", count, which] => run(count.parse()?, which),
+        ["run", count] => run(count.parse()?, "both")?,
+        ["run", count, which] => run(count.parse()?, which)?,
         _ => return Err("expected: run COUNT [log|message], or seeds".into()),
     }
     Ok(())
 }
 
-fn run(count: u64, which: &str) {
+fn run(count: u64, which: &str) -> Result<(), Box<dyn Error>> {
     let mut mutator = Mutator::new(1);
     if which != "message" {
-        let seed = small_log();
+        let seed = small_log()?;
         let keep = scene_of(&seed);
         report("log", count, || {
             let mut bytes = seed.clone();
@@ -40,6 +41,7 @@ fn run(count: u64, which: &str) {
             message(&bytes)
         });
     }
+    Ok(())
 }
 
 fn report(kind: &str, count: u64, mut read: impl FnMut() -> bool) {
@@ -62,14 +64,14 @@ fn most_memory() -> Option<String> {
     Some(line.trim().to_owned())
 }
 
-fn write_seeds() -> std::io::Result<()> {
+fn write_seeds() -> Result<(), Box<dyn Error>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/seeds");
     let write = |target: &str, name: &str, bytes: &[u8]| {
         let folder = folder.join(target);
         fs::create_dir_all(&folder)?;
         fs::write(folder.join(name), bytes)
     };
-    write("log_player", "small_log", &small_log())?;
+    write("log_player", "small_log", &small_log()?)?;
     for bytes in messages() {
         write("view_message", &format!("kind_{}", bytes[0]), &bytes)?;
     }

@@ -67,7 +67,7 @@ impl Mutator {
 
     /// Makes one to four changes to `bytes`, none of which begins in the range `keep`.
     pub fn change(&mut self, bytes: &mut Vec<u8>, keep: &std::ops::Range<usize>) {
-        for _ in 0..1 + self.below(4) {
+        for _ in 0..=self.below(4) {
             let at = self.below(bytes.len());
             if keep.contains(&at) {
                 continue;
@@ -127,10 +127,9 @@ pub fn scene_of(log: &[u8]) -> std::ops::Range<usize> {
 /// A small log without check sums, so that changed bytes reach the readers behind them: seven ticks in four chunks, four
 /// frames of a thread in two topology epochs, a model, and an overview.
 ///
-/// # Panics
-/// Never: the scene is sound, and memory is written.
-#[expect(clippy::missing_panics_doc, clippy::unwrap_used, reason = "for tests")]
-pub fn small_log() -> Vec<u8> {
+/// # Errors
+/// None: the scene is sound, and memory is written.
+pub fn small_log() -> Result<Vec<u8>, Box<dyn std::error::Error>> {
     use host::live::Surface;
     use host::live::gather::Gatherer;
     use host::log::overview::OverviewBuilder;
@@ -139,8 +138,7 @@ pub fn small_log() -> Vec<u8> {
     use host::scene::Scene;
     use rt_core::Telemetry;
 
-    let loaded =
-        Scene::load_texts("scene.toml", SCENE, &std::collections::BTreeMap::new()).unwrap();
+    let loaded = Scene::load_texts("scene.toml", SCENE, &std::collections::BTreeMap::new())?;
     let header = LogHeader {
         facts: [("clock", "real"), ("seed", "1")]
             .map(|(key, value)| (key.to_owned(), value.to_owned()))
@@ -149,8 +147,8 @@ pub fn small_log() -> Vec<u8> {
         files: [("note".to_owned(), b"a file".to_vec())].into(),
     };
     let mut overview = OverviewBuilder::new(Gatherer::new(&loaded, Clock::Real));
-    let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header).unwrap();
-    writer.add_bodies(["thread"]).unwrap();
+    let mut writer = LogWriter::create(Cursor::new(Vec::new()), &header)?;
+    writer.add_bodies(["thread"])?;
     for tick in 0..7_u64 {
         let time_ns = tick * 1_000_000;
         if tick.is_multiple_of(2) {
@@ -170,9 +168,9 @@ pub fn small_log() -> Vec<u8> {
                     lines: vec![0, 1, 1, 2],
                     ..Surface::default()
                 };
-                writer.write_surface(&surface, time_ns).unwrap();
+                writer.write_surface(&surface, time_ns)?;
             }
-            writer.write_frame(&frame, &[0.25; 9]).unwrap();
+            writer.write_frame(&frame, &[0.25; 9])?;
         }
         let mut telemetry = Telemetry::empty();
         (telemetry.tick, telemetry.time_ns, telemetry.lateness_ns) = (tick, time_ns, 10 * tick);
@@ -181,16 +179,16 @@ pub fn small_log() -> Vec<u8> {
         if tick == 5 {
             telemetry.devices[0].safety = rt_core::safety::SafetyState::TooFast;
         }
-        writer.write(&telemetry).unwrap();
+        writer.write(&telemetry)?;
         overview.take(&(&telemetry).into());
         if tick % 2 == 1 {
-            writer.flush().unwrap();
+            writer.flush()?;
         }
     }
-    writer.write_overview(&overview.finish()).unwrap();
-    let mut bytes = writer.finish().unwrap().into_inner();
+    writer.write_overview(&overview.finish())?;
+    let mut bytes = writer.finish()?.into_inner();
     forget_check_sums(&mut bytes);
-    bytes
+    Ok(bytes)
 }
 
 /// Sets the check sums of a sound log to zero, which tells readers that there is none.

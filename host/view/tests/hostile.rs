@@ -18,7 +18,7 @@ fn the_inputs_of_the_fuzzers_do_not_panic() -> std::io::Result<()> {
 
 #[test]
 fn changed_logs_do_not_panic() {
-    let seed = small_log();
+    let seed = small_log().expect("a log");
     let keep = scene_of(&seed);
     assert!(log(&seed) && !keep.is_empty());
     let mut mutator = Mutator::new(2);

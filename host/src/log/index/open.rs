@@ -8,6 +8,7 @@ use crate::log::{LogError, METADATA_NAME, OVERVIEW_NAME, OVERVIEW_TYPE, SCENE_NA
 use mcap::records::{Record, op};
 use mcap::sans_io::linear_reader::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use mcap::{MAGIC, McapError, parse_record};
+use std::collections::BTreeMap;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 
 /// Bytes of a record's head: an operation code and a length.
@@ -34,9 +35,9 @@ impl<R: Read + Seek> LogIndex<R> {
         let mut log = Self {
             source,
             length,
-            facts: Default::default(),
+            facts: BTreeMap::new(),
             scene: String::new(),
-            files: Default::default(),
+            files: BTreeMap::new(),
             overview: None,
             complete: false,
             chunks: Vec::new(),

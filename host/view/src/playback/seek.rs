@@ -168,7 +168,7 @@ impl<R: Read + Seek + Send> Player<R> {
         let now = self.tick;
         let mut events = self.overview.events.iter();
         let next = events.find(|event| event.tick > now).map(|e| e.tick);
-        self.to_event(next)
+        self.show_event(next)
     }
 
     /// Goes to the event before the moment, and pauses.
@@ -176,22 +176,20 @@ impl<R: Read + Seek + Send> Player<R> {
         let now = self.tick;
         let mut events = self.overview.events.iter().rev();
         let previous = events.find(|event| event.tick < now).map(|e| e.tick);
-        self.to_event(previous)
+        self.show_event(previous)
     }
 
-    fn to_event(&mut self, tick: Option<u64>) -> Result<(), PlayerError> {
+    fn show_event(&mut self, tick: Option<u64>) -> Result<(), PlayerError> {
         self.playing = false;
         let place = match tick {
             Some(tick) => self.tick_numbered(tick)?,
             None => None,
         };
-        match place {
-            Some(place) => self.show(place),
-            // No event lies in this direction: the moment stays.
-            None => {
-                self.waiting.push_back(self.playback(false));
-                Ok(())
-            }
+        if let Some(place) = place {
+            return self.show(place);
         }
+        // No event lies in this direction: the moment stays.
+        self.waiting.push_back(self.playback(false));
+        Ok(())
     }
 }
