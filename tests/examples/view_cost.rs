@@ -18,7 +18,7 @@ use host::live::slot::{Watchers, slot};
 use host::run::summary::{Distribution, RunSummary};
 use host::run::{Clock, RunOptions, run};
 use host::scene::Scene;
-use host::scene::spec::mesh::MeshSource;
+use host::scene::spec::MeshSource;
 use rt_core::TickRecord;
 use rustix::process::{Pid, Signal, kill_process};
 use std::error::Error;
@@ -36,8 +36,8 @@ const CELLS: [u32; 2] = [131, 83];
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    if let [VIEWER_ARGUMENT, socket] = arguments.iter().map(String::as_str).collect::<Vec<_>>()[..]
-        && VIEWER_ARGUMENT == VIEWER
+    if let [argument, socket] = arguments.as_slice()
+        && argument == VIEWER
     {
         return view(Path::new(socket));
     }
