@@ -71,6 +71,15 @@ export class Panel {
     ]);
     const list = element("ol", { class: "events", "aria-label": "Events, newest first" });
     this.list = list;
+    list.addEventListener("keydown", (event) => {
+      const item = event.target.closest("li");
+      const other = { ArrowDown: item?.nextElementSibling, ArrowUp: item?.previousElementSibling }[event.key]?.querySelector("button");
+      if (!other) return;
+      event.preventDefault();
+      item.querySelector("button").tabIndex = -1;
+      other.tabIndex = 0;
+      other.focus();
+    });
     this.root.append(element("section", { class: "group wide" }, element("h2", { text: "Events" }), list));
     this.listEvents();
     this.show(true);
@@ -215,7 +224,7 @@ export class Panel {
   listEvents() {
     this.changedEvents = false;
     if (!this.list) return;
-    const items = this.events.toReversed().map(({ kind, time_ns, text }) => {
+    const items = this.events.toReversed().map(({ kind, time_ns, text }, index) => {
       const [mark, name] = KINDS[kind] ?? ["?", words(kind)];
       const parts = [
         element("b", { class: "mark", text: mark, title: name }),
@@ -223,7 +232,8 @@ export class Panel {
         element("span", { text }),
       ];
       if (!this.ofLog) return element("li", { "data-kind": kind }, ...parts);
-      const button = element("button", { type: "button", title: "Go to this event" }, ...parts);
+      // The Tab key reaches the list once; arrow keys move in the list.
+      const button = element("button", { type: "button", title: "Go to this event", tabindex: index === 0 ? "0" : "-1" }, ...parts);
       button.addEventListener("click", () => this.seek?.(time_ns));
       return element("li", { "data-kind": kind }, button);
     });
