@@ -196,11 +196,14 @@ fn frame(number: u64, edge: u32) -> Frame {
         max: 150e-6,
         overflow: 0,
     };
-    let bins = Bins(
-        (0..20)
-            .map(|i| (1000 << (i / 2), 1 + number * (20 - i)))
-            .collect(),
-    );
+    let share = |i: i32| (0.5 * f64::from(i - 8).abs()).exp().recip() * (last + 1) as f64;
+    let bins = (0..24).map(|i| {
+        (
+            (2000.0 * (0.25 * f64::from(i)).exp2()) as u64,
+            share(i) as u64,
+        )
+    });
+    let bins = Bins(bins.filter(|(_, ticks)| *ticks > 0).collect());
     Frame {
         number,
         time_ns: last * 1_000_000,

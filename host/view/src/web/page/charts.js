@@ -81,6 +81,7 @@ export class Charts {
     this.lateness = this.histogram("lateness", "Lateness");
     this.duration = this.histogram("duration", "Tick time");
     this.draw();
+    this.resize();
   }
 
   figure(id, title) {
@@ -154,7 +155,7 @@ export class Charts {
         y: { range: (_, low, high) => bounds(low, high, least, unit !== "mm") },
       },
       axes: [
-        { ...axis, size: 1.5 * size, values: (_, ticks) => ticks.map((tick) => `${digits(tick, 4)} s`), space: 5 * size },
+        { ...axis, size: 1.5 * size, values: (_, ticks) => ticks.map((tick) => `${+tick.toFixed(3)} s`), space: 5 * size },
         { ...axis, size: 3.6 * size, space: 1.8 * size, values: (_, ticks) => ticks.map((tick, i) => (i === ticks.length - 1 ? `${+tick.toFixed(3)} ${unit}` : `${+tick.toFixed(3)}`)) },
       ],
     }, [[], ...lines.flatMap(() => [[], []])]);
@@ -200,8 +201,8 @@ export class Charts {
         y: { distr: 3, range: (_, low, high) => [0.5, Math.max(10, 2 * (high || 1))] },
       },
       axes: [
-        { ...axis, size: 1.5 * size, space: 3.5 * size, values: (_, ticks) => ticks.map((tick) => (isDecade(tick) ? quantity(tick * 1e-9, "s", 1) : "")), grid: { ...axis.grid, filter: (_, ticks) => ticks.map((tick) => (isDecade(tick) ? tick : null)) } },
-        { ...axis, size: 3.6 * size, values: (_, ticks) => ticks.map((tick) => (isDecade(tick) && tick >= 1 ? power(tick) : "")), grid: { ...axis.grid, filter: (_, ticks) => ticks.map((tick) => (isDecade(tick) ? tick : null)) } },
+        { ...axis, size: 1.5 * size, filter: decades, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : quantity(tick * 1e-9, "s", 1))), grid: { ...axis.grid, filter: decades } },
+        { ...axis, size: 3.6 * size, filter: decades, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : power(tick))), grid: { ...axis.grid, filter: decades } },
       ],
       hooks: { draw: [marks] },
     }, [[], []]);
@@ -226,12 +227,18 @@ export class Charts {
     if (!this.force) return;
     this.draws += 1;
     const { pieces } = this;
-    const times = pieces.map(({ to_ns }) => to_ns * 1e-9);
+    // Two points for each piece, at its first and at its last tick: a long piece is a box, and not a slope.
+    const times = pieces.flatMap(({ from_ns, to_ns }) => [from_ns * 1e-9, to_ns * 1e-9]);
     const columns = (number, of, scale) => {
       const data = [times];
       for (let i = 0; i < number; i += 1) {
-        const ranges = pieces.map((piece) => of(piece, i) ?? null);
-        data.push(ranges.map((range) => range && range[1] * scale), ranges.map((range) => range && range[0] * scale));
+        for (const bound of [1, 0]) {
+          data.push(pieces.flatMap((piece) => {
+            const range = of(piece, i);
+            const value = range ? range[bound] * scale : null;
+            return [value, value];
+          }));
+        }
       }
       return data;
     };
@@ -273,8 +280,12 @@ export class Charts {
   }
 
   bars(figure, times, bins) {
-    figure.figure.hidden = !bins?.length;
-    if (!bins?.length) return;
+    const hidden = !bins?.length;
+    if (figure.figure.hidden !== hidden) {
+      figure.figure.hidden = hidden;
+      this.resize();
+    }
+    if (hidden) return;
     figure.times = times;
     figure.item.textContent = times ? `p99 ${quantity(times.p99, "s")}, max ${quantity(times.max, "s")}` : "";
     const [xs, ys] = [[], []];
@@ -291,7 +302,6 @@ export class Charts {
     }
     xs.push(end);
     ys.push(0.5);
-    if (figure.area.clientWidth !== figure.plot.width) this.resize();
     figure.plot.setData([xs, ys]);
   }
 
@@ -306,9 +316,12 @@ export class Charts {
   }
 }
 
-function isDecade(value) {
-  const exponent = Math.log10(value);
-  return Math.abs(exponent - Math.round(exponent)) < 1e-6;
+/** The powers of ten among the ticks of an axis; `null` in place of the others. */
+function decades(_, ticks) {
+  return ticks.map((tick) => {
+    const exponent = Math.log10(tick);
+    return tick >= 1 && Math.abs(exponent - Math.round(exponent)) < 1e-6 ? tick : null;
+  });
 }
 
 function power(value) {

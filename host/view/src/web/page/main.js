@@ -105,7 +105,9 @@ view.changed = () => {
   const bar = view.bar();
   get("colour-bar").hidden = bar === null;
   if (bar) {
-    setText(get("colour-name"), bar.empty ? `${bar.name}: none sent yet` : bar.name);
+    setText(get("colour-name"), bar.empty ? `${bar.name}: not in the frames` : bar.name);
+    get("colour-scale").hidden = bar.empty;
+    get("colour-ticks").hidden = bar.empty;
     const ticks = get("colour-ticks");
     if (ticks.dataset.text !== bar.ticks.join()) {
       ticks.dataset.text = bar.ticks.join();

@@ -57,13 +57,13 @@ export class Panel {
       ["trips", "Trips"], ["stale", "Models too old"],
     ]);
     this.table("Times", ["", "p50", "p99", "max"], [["lateness", "Lateness"], ["duration", "Tick time"], ...hello.bodies.map(({ name }, i) => [`age${i}`, hello.bodies.length > 1 ? `Age, ${name}` : "Model age"])]);
-    this.table("Hands", ["", "Force", "Peak", "Speed", "State"], hello.devices.map(({ name }, i) => [`hand${i}`, name, SHAPES[i], handColour(i)]));
+    this.table("Hands", ["", "Force N", "Peak N", "Speed m/s", "State"], hello.devices.map(({ name }, i) => [`hand${i}`, name, SHAPES[i], handColour(i)]));
     for (const [i, { name, kind, vertices, elements }] of hello.bodies.entries()) {
       this.group(`${name}`, [
         [`state${i}`, "State"], [`model${i}`, "Model"], [`trust${i}`, "Trust"], [`withheld${i}`, "Withheld", "minor"],
         [`supplied${i}`, "Supplied"], [`stored${i}`, "Stored"], [`dissipated${i}`, "Dissipated", "minor"], [`credit${i}`, "Credit", "minor"],
         [`epoch${i}`, "Topology epoch", "minor"],
-      ], `${kind}, ${count(vertices)} vertices, ${count(elements)} elements`);
+      ], `${kind === name ? "" : `${kind}, `}${count(vertices)} vertices, ${count(elements)} elements`);
     }
     this.group("Host", [
       ["steps", "Host steps"], ["step_rate", "Step rate"], ["skipped", "Left out"], ["publications", "Models"], ["assemble", "Assemble", "minor"],
@@ -71,6 +71,15 @@ export class Panel {
     ]);
     const list = element("ol", { class: "events", "aria-label": "Events, newest first" });
     this.list = list;
+    list.addEventListener("keydown", (event) => {
+      const item = event.target.closest("li");
+      const other = { ArrowDown: item?.nextElementSibling, ArrowUp: item?.previousElementSibling }[event.key]?.querySelector("button");
+      if (!other) return;
+      event.preventDefault();
+      item.querySelector("button").tabIndex = -1;
+      other.tabIndex = 0;
+      other.focus();
+    });
     this.root.append(element("section", { class: "group wide" }, element("h2", { text: "Events" }), list));
     this.listEvents();
     this.show(true);
@@ -101,8 +110,9 @@ export class Panel {
       }
       first.append(name);
       const cells = columns.slice(1).map((column) => {
-        const cell = element("td", { "data-key": `${key}.${column.toLowerCase()}`, class: "number", text: "–" });
-        this.cells.set(`${key}.${column.toLowerCase()}`, cell);
+        const name = `${key}.${column.toLowerCase().split(" ")[0]}`;
+        const cell = element("td", { "data-key": name, class: "number", text: "–" });
+        this.cells.set(name, cell);
         return cell;
       });
       return element("tr", {}, first, ...cells);
@@ -176,9 +186,9 @@ export class Panel {
     totals.model_age.forEach((age, i) => times(`age${i}`, age));
     frame.hands.forEach((hand, i) => {
       const [force, speed] = [Math.hypot(...hand.force), Math.hypot(...hand.velocity)];
-      this.set(`hand${i}.force`, `${force.toFixed(2)} N`, force);
-      this.set(`hand${i}.peak`, `${hand.peak_force.toFixed(2)} N`, hand.peak_force);
-      this.set(`hand${i}.speed`, `${speed.toFixed(2)} m/s`, speed);
+      this.set(`hand${i}.force`, force.toFixed(2), force);
+      this.set(`hand${i}.peak`, hand.peak_force.toFixed(2), hand.peak_force);
+      this.set(`hand${i}.speed`, speed.toFixed(2), speed);
       this.state(`hand${i}.state`, hand.fresh ? hand.safety : "device_stale");
     });
     frame.bodies.forEach((body, i) => {
@@ -214,7 +224,7 @@ export class Panel {
   listEvents() {
     this.changedEvents = false;
     if (!this.list) return;
-    const items = this.events.toReversed().map(({ kind, time_ns, text }) => {
+    const items = this.events.toReversed().map(({ kind, time_ns, text }, index) => {
       const [mark, name] = KINDS[kind] ?? ["?", words(kind)];
       const parts = [
         element("b", { class: "mark", text: mark, title: name }),
@@ -222,7 +232,8 @@ export class Panel {
         element("span", { text }),
       ];
       if (!this.ofLog) return element("li", { "data-kind": kind }, ...parts);
-      const button = element("button", { type: "button", title: "Go to this event" }, ...parts);
+      // The Tab key reaches the list once; arrow keys move in the list.
+      const button = element("button", { type: "button", title: "Go to this event", tabindex: index === 0 ? "0" : "-1" }, ...parts);
       button.addEventListener("click", () => this.seek?.(time_ns));
       return element("li", { "data-kind": kind }, button);
     });

@@ -4,11 +4,13 @@
  */
 import * as THREE from "three";
 import { OrbitControls } from "./vendor/OrbitControls.js";
-import { handColour, onTheme, property, SHAPES, table, viridis } from "./colours.js";
-import { calm, digits, quantity, round125 } from "./format.js";
+import { handColour, onTheme, property, SHAPES, table } from "./colours.js";
+import { quantity, round125 } from "./format.js";
 
 /** Ranges of colours end at such multiples of a power of ten. */
 const ENDS = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
+/** Time after which the picture stands still (ms). */
+const STILL = 400;
 const UNIT = { displacement: "m", stress: "Pa" };
 const NAME = { displacement: "Displacement", stress: "Von Mises stress" };
 const up = new THREE.Vector3(0, 0, 1);
@@ -67,9 +69,10 @@ export class View {
     this.framed = false;
     this.newtons = 0;
     this.draws = 0;
+    this.moved = -Infinity;
     this.mismatched = 0;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, powerPreference: "low-power" });
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.software = isSoftware();
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "low-power" });
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 0.001, 10);
     this.camera.up.copy(up);
@@ -124,17 +127,24 @@ export class View {
 
   hand(info, device) {
     const material = new THREE.MeshPhongMaterial({ shininess: 40, specular: 0x222222 });
-    const ball = new THREE.Mesh(this.ball, material);
+    // What a body hides is drawn again, fainter, so that hands and forces are always visible.
+    const faint = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.4, depthFunc: THREE.GreaterDepth, depthWrite: false });
+    const part = (geometry) => {
+      const mesh = new THREE.Mesh(geometry, material);
+      const hidden = new THREE.Mesh(geometry, faint);
+      hidden.renderOrder = 1;
+      mesh.add(hidden);
+      return mesh;
+    };
     const arrow = new THREE.Group();
-    const shaft = new THREE.Mesh(this.shaft, material);
-    const tip = new THREE.Mesh(this.tip, material);
+    const [ball, shaft, tip] = [part(this.ball), part(this.shaft), part(this.tip)];
     arrow.add(shaft, tip);
     arrow.visible = false;
     const group = new THREE.Group();
     group.add(ball, arrow);
     group.visible = false;
     this.scene.add(group);
-    return { info, device, group, ball, arrow, shaft, tip, material };
+    return { info, device, group, ball, arrow, shaft, tip, material, faint };
   }
 
   remove(body) {
@@ -160,8 +170,8 @@ export class View {
     lines.setAttribute("uv", uv);
     const isThread = surface.triangle_count === 0;
     lines.setIndex(new THREE.BufferAttribute(isThread ? new Uint32Array(surface.lines) : edges(surface.triangles), 1));
-    const mesh = new THREE.Mesh(geometry, new THREE.MeshPhongMaterial({
-      side: THREE.DoubleSide, shininess: 30, specular: 0x181818, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    const mesh = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial({
+      side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     }));
     const wire = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ transparent: true }));
     mesh.frustumCulled = false;
@@ -213,6 +223,12 @@ export class View {
     this.recolour();
   }
 
+  /** Whether the bodies are coloured: a quantity is chosen, and the frames have it. */
+  get coloured() {
+    if (this.colour === "stress") return this.bodies.some((body) => body?.stress);
+    return this.colour !== "none";
+  }
+
   recolour() {
     for (const body of this.bodies) if (body) body.stale = true;
     this.request();
@@ -221,7 +237,7 @@ export class View {
   restyle() {
     const background = new THREE.Color(property("--view"));
     this.renderer.setClearColor(background);
-    const coloured = this.colour !== "none";
+    const coloured = this.coloured;
     for (const body of this.bodies) {
       if (!body) continue;
       body.mesh.visible = this.mode !== "wire" && !body.isThread;
@@ -234,7 +250,10 @@ export class View {
     // A coloured surface is lit more evenly, so that its colours can be compared with the bar.
     this.sky.intensity = coloured ? 2.6 : 1.6;
     this.lamp.intensity = coloured ? 0.7 : 1.7;
-    this.hands.forEach(({ material }, device) => material.color.set(handColour(device)));
+    this.hands.forEach(({ material, faint }, device) => {
+      material.color.set(handColour(device));
+      faint.color.set(handColour(device));
+    });
     for (const { mesh, info } of this.handles) mesh.material.color.set(handColour(info.device));
     this.grid.material.color.set(property("--grid"));
     this.axes.material.color.set(property("--axis"));
@@ -258,7 +277,7 @@ export class View {
     this.radius = Math.max(box.getSize(scratch).length() / 2, 0.005);
     const directions = [[0.45, -1, 0.62], [0, -1, 0.0001], [1, 0, 0.0001], [0, -0.0001, 1]];
     const fit = Math.min(1, this.camera.aspect);
-    const distance = (1.22 * this.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / fit;
+    const distance = (1.18 * this.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / fit;
     this.camera.position.fromArray(directions[from]).normalize().multiplyScalar(distance).add(this.center);
     this.controls.target.copy(this.center);
     this.camera.near = distance / 100;
@@ -275,15 +294,17 @@ export class View {
   layGrid(box) {
     const cell = round125(this.radius / 2.2);
     const low = Math.floor((box.min.z - 0.15 * this.radius) / cell) * cell;
-    const [x0, x1] = [Math.floor(box.min.x / cell - 0.5) * cell, Math.ceil(box.max.x / cell + 0.5) * cell];
-    const [y0, y1] = [Math.floor(box.min.y / cell - 0.5) * cell, Math.ceil(box.max.y / cell + 0.5) * cell];
+    const [x0, x1] = [Math.floor(box.min.x / cell) * cell, Math.ceil(box.max.x / cell) * cell];
+    const [y0, y1] = [Math.floor(box.min.y / cell) * cell, Math.ceil(box.max.y / cell) * cell];
     const points = [];
     for (let x = x0; x <= x1 + cell / 2; x += cell) points.push(x, y0, low, x, y1, low);
     for (let y = y0; y <= y1 + cell / 2; y += cell) points.push(x0, y, low, x1, y, low);
     this.grid.geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
     this.grid.geometry.computeBoundingSphere();
-    const corner = [x0, y0, low];
-    const ends = [[x0 + cell, y0, low], [x0, y0 + cell, low], [x0, y0, low + cell]];
+    // The axes are a little above the grid, so that both are visible.
+    const z = low + 0.004 * this.radius;
+    const corner = [x0, y0, z];
+    const ends = [[x0 + cell, y0, z], [x0, y0 + cell, z], [x0, y0, z + cell]];
     this.axes.geometry.setAttribute("position", new THREE.Float32BufferAttribute(ends.flatMap((end) => [...corner, ...end]), 3));
     this.axes.geometry.computeBoundingSphere();
     this.cell = cell;
@@ -309,7 +330,14 @@ export class View {
   }
 
   /** Asks for a drawing before the next repaint of the screen. */
-  request() {
+  request(moved = true) {
+    if (moved) {
+      this.moved = performance.now();
+      if (this.software) {
+        clearTimeout(this.settling);
+        this.settling = setTimeout(() => this.request(false), STILL + 50);
+      }
+    }
     if (this.asked) return;
     this.asked = true;
     requestAnimationFrame(() => this.draw());
@@ -320,9 +348,11 @@ export class View {
     this.asked = false;
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
     if (width === 0 || height === 0) return;
-    const ratio = Math.min(devicePixelRatio, 2);
+    const still = this.software && performance.now() - this.moved > STILL;
+    const ratio = Math.min(devicePixelRatio, 2) * (still ? 2 : 1);
     if (this.width !== width || this.height !== height || this.ratio !== ratio) {
       [this.width, this.height, this.ratio] = [width, height, ratio];
+      this.rem = getComputedStyle(document.documentElement).fontSize;
       this.renderer.setPixelRatio(ratio);
       this.renderer.setSize(width, height, false);
       this.camera.aspect = width / height;
@@ -338,7 +368,11 @@ export class View {
   }
 
   updateBodies() {
-    const coloured = this.colour !== "none";
+    const { coloured } = this;
+    if (coloured !== this.wasColoured) {
+      this.wasColoured = coloured;
+      this.restyle();
+    }
     let most = 0;
     for (const body of this.bodies) {
       if (!body?.stale) continue;
@@ -429,7 +463,9 @@ export class View {
       if (label.textContent !== text) label.textContent = text;
       const [x, y, depth] = this.project(point);
       label.hidden = depth > 1 || x < 0 || y < 0 || x > this.width || y > this.height;
-      label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+      // At the right border the label is to the left of its point.
+      const left = colour && x > this.width - 13 * parseFloat(this.rem ?? 13) ? " translateX(calc(-100% - 1.5rem))" : "";
+      label.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)${left}`;
       if (colour && label.dataset.colour !== colour) {
         label.dataset.colour = colour;
         label.style.setProperty("--colour", colour);
@@ -454,12 +490,10 @@ export class View {
   bar() {
     if (this.colour === "none") return null;
     const [low, high] = this.range;
-    const prefix = quantity(high, UNIT[this.colour]);
     return {
       name: NAME[this.colour],
       ticks: [0, 0.25, 0.5, 0.75, 1].map((t) => quantity(low + t * (high - low), UNIT[this.colour])),
       empty: this.bodies.filter(Boolean).every(({ values }) => !values?.length),
-      high, prefix,
     };
   }
 
@@ -475,6 +509,7 @@ export class View {
 
   /** Saves the view as PNG. */
   save(name) {
+    this.moved = -Infinity;
     this.draw();
     this.canvas.toBlob((blob) => {
       if (!blob) return;
@@ -495,11 +530,30 @@ function style(material, map, colour) {
   material.color.set(colour);
 }
 
+/**
+ * Whether WebGL runs on the processor. There, smooth edges cost half of the rate: they are then drawn only while the
+ * picture stands still, by more pixels.
+ */
+function isSoftware() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software|basic render/i.test(name);
+}
+
 /** A round number that is at least `value`. */
 function end(value) {
   if (!(value > 0)) return 0;
   const power = 10 ** Math.floor(Math.log10(value));
   return (ENDS.find((step) => step * power >= value) ?? 10) * power;
+}
+
+/** Quantities in the prefix of the last, which is the largest and has the unit. */
+function scale(values, unit) {
+  const [, number, prefixed] = /^(\S+) (.*)$/.exec(quantity(values.at(-1), unit)) ?? [null, "0", unit];
+  const factor = values.at(-1) > 0 ? Number(number) / values.at(-1) : 1;
+  return values.map((value, i) => `${Number((value * factor).toPrecision(3))}${i === values.length - 1 ? ` ${prefixed}` : ""}`);
 }
 
 /** The vertex nearest to a point. */
@@ -511,5 +565,3 @@ function nearest(rest, point) {
   }
   return best;
 }
-
-export { calm, digits, viridis };

@@ -1,0 +1,475 @@
+//! The server of the page, over TCP: what it serves, and what it refuses with one line.
+
+use host::live::Message;
+use proptest::prelude::*;
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
+use tungstenite::client::IntoClientRequest;
+use tungstenite::protocol::CloseFrame;
+use tungstenite::{Message as Packet, WebSocket};
+use view::feed::{Command, Feed, FeedError};
+use view::synthetic::Synthetic;
+use view::web::{CONNECTIONS, Options, Picture, VIEWERS, assets, serve};
+
+/// The synthetic feed, at most one frame a millisecond, which writes down its commands.
+struct Slow(Synthetic, std::sync::mpsc::Sender<Command>);
+
+impl Feed for Slow {
+    fn next(&mut self, wait: Duration) -> Result<Option<Message>, FeedError> {
+        std::thread::sleep(wait.min(Duration::from_millis(1)));
+        self.0.next(wait)
+    }
+    fn command(&mut self, command: &Command) {
+        let _ = self.1.send(*command);
+    }
+    fn present(&self) -> Vec<Message> {
+        self.0.present()
+    }
+}
+
+/// A server that ends with the test.
+struct Server {
+    /// `127.0.0.1:PORT`.
+    host: String,
+    token: String,
+    stop: Arc<AtomicBool>,
+    thread: Option<std::thread::JoinHandle<()>>,
+    commands: std::sync::mpsc::Receiver<Command>,
+}
+
+impl Server {
+    fn start() -> Self {
+        Self::with(Synthetic::new(u64::MAX))
+    }
+
+    fn with(feed: Synthetic) -> Self {
+        let (sender, receiver) = channel();
+        let (command, commands) = channel();
+        let stop = Arc::new(AtomicBool::new(false));
+        let options = Options {
+            port: 0,
+            opened: Box::new(move |address| sender.send(address.to_owned()).unwrap()),
+            moment: Arc::new(|present, picture| match picture {
+                Picture::Csv => Ok(format!("messages\n{}\n", present.len()).into_bytes()),
+                _ => Err("There is no picture.".into()),
+            }),
+            stop: Arc::clone(&stop),
+        };
+        let run = move || serve(Box::new(Slow(feed, command)), &options).unwrap();
+        let thread = Some(std::thread::spawn(run));
+        let address = receiver.recv().unwrap();
+        let (host, token) = address
+            .strip_prefix("http://")
+            .and_then(|rest| rest.trim_end_matches('/').split_once('/'))
+            .unwrap();
+        Self {
+            host: host.into(),
+            token: token.into(),
+            stop,
+            thread,
+            commands,
+        }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(&self.host).unwrap();
+        let longest = Some(Duration::from_secs(60));
+        stream.set_read_timeout(longest).unwrap();
+        stream
+    }
+
+    /// Sends bytes, and returns all of the answer.
+    fn raw(&self, bytes: &[u8]) -> String {
+        let mut stream = self.connect();
+        let _ = stream.write_all(bytes);
+        answer(&mut stream)
+    }
+
+    fn get(&self, path: &str, fields: &str) -> String {
+        let host = &self.host;
+        self.raw(format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n{fields}\r\n").as_bytes())
+    }
+
+    fn page(&self, path: &str) -> String {
+        self.get(&format!("/{}/{path}", self.token), "")
+    }
+
+    fn view_from(&self, origin: &str) -> Result<WebSocket<TcpStream>, String> {
+        let address = format!("ws://{}/{}/socket", self.host, self.token);
+        let mut request = address.into_client_request().unwrap();
+        let origin = origin.parse().unwrap();
+        request.headers_mut().insert("Origin", origin);
+        let opened = tungstenite::client::client(request, self.connect());
+        opened
+            .map(|(socket, _)| socket)
+            .map_err(|error| error.to_string())
+    }
+
+    fn view(&self) -> WebSocket<TcpStream> {
+        self.view_from(&format!("http://{}", self.host)).unwrap()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        let ended = self.thread.take().unwrap().join();
+        assert!(ended.is_ok() || std::thread::panicking());
+    }
+}
+
+fn answer(stream: &mut TcpStream) -> String {
+    let mut bytes = Vec::new();
+    let _ = stream.read_to_end(&mut bytes);
+    String::from_utf8_lossy(&bytes).into_owned()
+}
+
+/// The next message of a kind; frames are confirmed, as the page does.
+fn next(socket: &mut WebSocket<TcpStream>, kind: u8) -> Message {
+    loop {
+        let Packet::Binary(bytes) = socket.read().unwrap() else {
+            continue;
+        };
+        let message = Message::decode(&bytes).unwrap();
+        if message.kind() == 3 {
+            socket.send(Packet::text(r#"{"do":"drawn"}"#)).unwrap();
+        }
+        if message.kind() == kind {
+            return message;
+        }
+    }
+}
+
+/// The frame of a close, after any messages.
+fn closed(socket: &mut WebSocket<TcpStream>) -> Option<CloseFrame> {
+    loop {
+        match socket.read() {
+            Ok(Packet::Close(frame)) => return frame,
+            Ok(_) => {}
+            Err(_) => return None,
+        }
+    }
+}
+
+fn status(answer: &str, status: &str) {
+    let first = answer.lines().next().unwrap_or_default();
+    assert!(first.contains(status), "{status} expected: {answer:.300}");
+    let (_, body) = answer.split_once("\r\n\r\n").unwrap();
+    assert_eq!(body.trim_end().lines().count(), 1, "one line: {body}");
+}
+
+#[test]
+fn the_page_and_its_files_are_served_with_a_strict_policy() {
+    let server = Server::start();
+    for asset in assets::ASSETS {
+        let answer = server.page(asset.path);
+        let (head, _) = answer.split_once("\r\n\r\n").unwrap();
+        assert!(head.starts_with("HTTP/1.1 200 OK"), "{head}");
+        assert!(head.contains(&format!("Content-Type: {}", asset.media)));
+        assert!(head.contains("Content-Security-Policy: default-src 'none'"));
+        assert!(head.contains("X-Content-Type-Options: nosniff"));
+        assert!(head.contains("Referrer-Policy: no-referrer"));
+        assert!(head.contains("Cache-Control: no-store"));
+        assert!(head.contains("Cross-Origin-Resource-Policy: same-origin"));
+        let length = format!("Content-Length: {}", asset.bytes.len());
+        assert!(head.contains(&length), "{}", asset.path);
+    }
+    assert!(server.page("").contains("<title>Palpate</title>"));
+    assert!(server.page("moment.csv").contains("\r\n\r\nmessages\n"));
+    status(&server.page("moment.svg"), "503");
+    status(&server.page("nothing.js"), "404");
+    status(&server.page("../secret"), "404");
+}
+
+#[test]
+fn a_wrong_token_host_origin_or_method_is_refused_with_one_line() {
+    let server = Server::start();
+    let Server { host, token, .. } = &server;
+    let mut wrong = token.clone();
+    let first = if wrong.starts_with('0') { "1" } else { "0" };
+    wrong.replace_range(..1, first);
+    let longer = format!("{token}0");
+    for path in [
+        "/",
+        "/index.html",
+        "/favicon.ico",
+        &format!("/{wrong}/"),
+        &format!("/{longer}/"),
+    ] {
+        status(&server.get(path, ""), "403");
+    }
+    let request = |method: &str, fields: &str| {
+        server.raw(format!("{method} /{token}/ HTTP/1.1\r\n{fields}\r\n").as_bytes())
+    };
+    status(&request("GET", "Host: palpate.example:80\r\n"), "403");
+    status(&request("GET", "Host: 127.0.0.1.example\r\n"), "403");
+    status(&request("GET", ""), "400");
+    status(
+        &request("GET", &format!("Host: {host}\r\nHost: {host}\r\n")),
+        "400",
+    );
+    status(&request("POST", &format!("Host: {host}\r\n")), "405");
+    status(
+        &request(
+            "GET",
+            &format!("Host: {host}\r\nOrigin: http://page.example\r\n"),
+        ),
+        "403",
+    );
+    // The near end of a tunnel has another port.
+    assert!(request("GET", "Host: localhost:12345\r\n").starts_with("HTTP/1.1 200"));
+    for origin in [
+        "http://page.example",
+        "null",
+        "https://127.0.0.1",
+        "http://127.0.0.1:1",
+    ] {
+        let error = server.view_from(origin).unwrap_err();
+        assert!(error.contains("403"), "{origin}: {error}");
+    }
+    // A WebSocket without an origin, and a request for the path that asks for none.
+    status(&server.page("socket"), "426");
+}
+
+#[test]
+fn a_viewer_receives_the_state_and_then_every_spike() {
+    let server = Server::start();
+    let mut socket = server.view();
+    let Message::Hello(hello) = next(&mut socket, 1) else {
+        unreachable!()
+    };
+    assert!(hello.scene_text.is_empty() && hello.files.is_empty());
+    next(&mut socket, 2);
+    // The first tick of each frame follows the last tick of the frame before, whatever was merged.
+    let mut ticks = None;
+    let mut spikes = 0;
+    for _ in 0..200 {
+        let Message::Frame(frame) = next(&mut socket, 3) else {
+            unreachable!()
+        };
+        if let Some(last) = ticks {
+            assert_eq!(frame.folded.first, last + 1);
+        }
+        assert_eq!(
+            frame.folded.ticks,
+            frame.folded.last - frame.folded.first + 1
+        );
+        ticks = Some(frame.folded.last);
+        let force = &frame.folded.hands[0].force_norm;
+        spikes += u32::from(force.most - force.least > 2.0);
+        let positions = &frame.bodies[0].vertices.as_ref().unwrap().positions;
+        assert_eq!(positions.len(), 3 * 441);
+    }
+    assert!(spikes > 0, "a spike of one tick is in every sixtieth frame");
+}
+
+#[test]
+fn a_viewer_that_confirms_nothing_gets_two_frames_and_slows_nobody() {
+    let server = Server::start();
+    let (mut idle, mut quick) = (server.view(), server.view());
+    for _ in 0..300 {
+        next(&mut quick, 3);
+    }
+    // Everything that was sent to the idle viewer up to the answer to its command.
+    idle.send(Packet::text(r#"{"do":"nonsense"}"#)).unwrap();
+    let mut frames = 0;
+    loop {
+        match idle.read().unwrap() {
+            Packet::Binary(bytes) => frames += u32::from(bytes[0] == 3),
+            Packet::Text(_) => break,
+            _ => {}
+        }
+    }
+    assert_eq!(frames, 2);
+    idle.send(Packet::text(r#"{"do":"drawn"}"#)).unwrap();
+    let Message::Frame(merged) = next(&mut idle, 3) else {
+        unreachable!()
+    };
+    assert!(merged.dropped > 200, "{} dropped", merged.dropped);
+    assert_eq!(merged.folded.ticks, 16 * (merged.dropped + 1));
+}
+
+#[test]
+fn a_fifth_viewer_is_told_why_it_is_refused_and_may_come_later() {
+    let server = Server::start();
+    let mut viewers: Vec<_> = (0..VIEWERS).map(|_| server.view()).collect();
+    viewers.iter_mut().for_each(|viewer| drop(next(viewer, 3)));
+    let mut fifth = server.view();
+    let Message::Refused(line) = next(&mut fifth, 7) else {
+        unreachable!()
+    };
+    assert!(line.starts_with("4 browsers view already"), "{line}");
+    assert_eq!(u16::from(closed(&mut fifth).unwrap().code), 1013);
+    viewers.pop().unwrap().close(None).unwrap();
+    // The place is free once the server has noticed.
+    let begun = Instant::now();
+    loop {
+        let mut later = server.view();
+        let Packet::Binary(first) = later.read().unwrap() else {
+            continue;
+        };
+        if first[0] == 1 {
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "never free");
+    }
+    viewers.iter_mut().for_each(|viewer| drop(next(viewer, 3)));
+}
+
+#[test]
+fn commands_reach_the_feed_and_others_are_answered_with_a_line() {
+    let server = Server::start();
+    let mut socket = server.view();
+    socket
+        .send(Packet::text(r#"{"do":"seek","time_ns":5}"#))
+        .unwrap();
+    assert_eq!(
+        server.commands.recv().unwrap(),
+        Command::Seek { time_ns: 5 }
+    );
+    let bad = [
+        r#"{"do":"delete"}"#,
+        r#"{"do":"seek"}"#,
+        r#"{"do":"seek","time_ns":5,"file":"x"}"#,
+        r#"{"do":"speed","factor":1e9}"#,
+        "[]",
+        "",
+    ];
+    for bad in bad {
+        socket.send(Packet::text(bad)).unwrap();
+        let line = loop {
+            if let Packet::Text(line) = socket.read().unwrap() {
+                break line;
+            }
+        };
+        assert!(line.lines().count() == 1 && line.ends_with('.'), "{line}");
+    }
+    // Two viewers ask for stresses: the feed computes them until the last of them leaves.
+    let mut other = server.view();
+    socket
+        .send(Packet::text(r#"{"do":"stress","on":true}"#))
+        .unwrap();
+    assert_eq!(
+        server.commands.recv().unwrap(),
+        Command::Stress { on: true }
+    );
+    other
+        .send(Packet::text(r#"{"do":"stress","on":true}"#))
+        .unwrap();
+    other.send(Packet::text(r#"{"do":"pause"}"#)).unwrap();
+    assert_eq!(server.commands.recv().unwrap(), Command::Pause);
+    drop(socket);
+    drop(other);
+    assert_eq!(
+        server.commands.recv().unwrap(),
+        Command::Stress { on: false }
+    );
+}
+
+#[test]
+fn a_long_command_or_garbage_ends_the_connection_of_its_sender_alone() {
+    let server = Server::start();
+    let mut good = server.view();
+    let mut long = server.view();
+    long.send(Packet::text("x".repeat(1025))).unwrap();
+    assert_eq!(closed(&mut long).map(|frame| frame.code.into()), Some(1009));
+    let mut garbage = server.view();
+    garbage.get_mut().write_all(&[0xff; 64]).unwrap();
+    assert_eq!(
+        closed(&mut garbage).map(|frame| frame.code.into()),
+        Some(1002)
+    );
+    next(&mut good, 3);
+}
+
+#[test]
+fn a_long_request_is_refused() {
+    let server = Server::start();
+    let long = format!("X: {}\r\n", "x".repeat(9000));
+    status(&server.get("/", &long), "431");
+    let many = "X: y\r\n".repeat(100);
+    status(&server.get("/", &many), "400");
+    status(&server.raw(&[b'x'; 20_000]), "431");
+    status(&server.raw(b"\x16\x03\x01 hello\r\n\r\n"), "400");
+    assert!(server.page("").starts_with("HTTP/1.1 200"));
+}
+
+#[test]
+fn a_slow_request_is_ended() {
+    let server = Server::start();
+    let mut slow = server.connect();
+    slow.write_all(b"GET / HTTP/1.1\r\n").unwrap();
+    status(&answer(&mut slow), "408");
+}
+
+#[test]
+fn a_hundred_connections_leave_the_viewers_alone() {
+    let server = Server::start();
+    let mut viewer = server.view();
+    next(&mut viewer, 1);
+    let mut held: Vec<_> = (0..100).map(|_| server.connect()).collect();
+    let refused = held.iter_mut().map(|stream| {
+        let _ = stream.set_read_timeout(Some(Duration::from_millis(200)));
+        let mut start = [0; 12];
+        stream.read_exact(&mut start).is_ok() && &start == b"HTTP/1.1 503"
+    });
+    let refused = refused.filter(|refused| *refused).count();
+    assert!(refused >= 100 - CONNECTIONS, "{refused} refused");
+    for _ in 0..20 {
+        next(&mut viewer, 3);
+    }
+    drop(held);
+    // The places are free once the server has noticed.
+    let begun = Instant::now();
+    while !server.page("").starts_with("HTTP/1.1 200") {
+        assert!(begun.elapsed() < Duration::from_secs(60), "never free");
+    }
+}
+
+#[test]
+fn the_end_of_a_run_is_told_and_the_last_state_stays() {
+    let server = Server::with(Synthetic::new(5));
+    for _ in 0..2 {
+        let mut socket = server.view();
+        let Message::Frame(_) = next(&mut socket, 3) else {
+            unreachable!()
+        };
+        next(&mut socket, 6);
+    }
+    let mut socket = server.view();
+    next(&mut socket, 6);
+    server.stop.store(true, Ordering::Release);
+    assert_eq!(
+        closed(&mut socket).map(|frame| frame.code.into()),
+        Some(1001)
+    );
+}
+
+#[test]
+fn any_request_gets_an_answer_or_an_end() {
+    let server = Server::start();
+    let path = format!("/{}/", server.token);
+    let bytes = prop_oneof![
+        prop::collection::vec(any::<u8>(), 0..2000),
+        "(GET|HEAD|get) (/[a-z/.%?]{0,20}|\\*|http://x/) HTTP/1\\.[01]\r\n(Host: [a-z0-9.:\\[\\]]{0,20}\r\n){0,2}([A-Za-z-]{1,12}: [ -~]{0,30}\r\n){0,5}\r\n"
+            .prop_map(String::into_bytes),
+        "[ -~]{0,60}".prop_map(move |field| format!("GET {path}socket HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: upgrade\r\nSec-WebSocket-Key: {field}\r\n\r\n").into_bytes()),
+    ];
+    let config = ProptestConfig {
+        failure_persistence: None,
+        ..ProptestConfig::with_cases(256)
+    };
+    proptest!(config, |(bytes in bytes)| {
+        let mut stream = server.connect();
+        let _ = stream.write_all(&bytes);
+        let _ = stream.shutdown(std::net::Shutdown::Write);
+        let answer = answer(&mut stream);
+        prop_assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 "));
+        prop_assert!(!answer.starts_with("HTTP/1.1 1"), "no upgrade without an origin");
+    });
+    assert!(server.page("").starts_with("HTTP/1.1 200"));
+}
