@@ -94,7 +94,7 @@ pub(super) struct ViewArguments {
     /// The run has the same terminal
     #[arg(long, hide = true)]
     attached: bool,
-    /// Draw the terminal (SVG), for the book
+    /// Draw the terminal for the book: as a picture (SVG), or as text for another ending
     #[arg(long, value_name = "FILE", hide = true)]
     terminal_picture: Option<PathBuf>,
     /// Size of the terminal in the picture, and the panel: 1 to 5
@@ -155,9 +155,6 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
     }
     if let Some(path) = &arguments.terminal_picture {
         return draw_terminal(arguments, feed, path).map(|()| Ended::Over);
-    }
-    if arguments.log.is_some() {
-        feed.command(&Command::Play);
     }
     if let Some(port) = arguments.web {
         return serve_page(feed, port);
@@ -296,6 +293,7 @@ fn draw_terminal(
     mut feed: Box<dyn Feed>,
     path: &Path,
 ) -> Result<(), ViewError> {
+    feed.command(&Command::Pause);
     let model = terminal::collect(feed.as_mut())?;
     let &[width, height, tab] = arguments.terminal_size.as_slice() else {
         return Ok(());
@@ -306,7 +304,13 @@ fn draw_terminal(
         ..keys::View::default()
     };
     let cells = draw::cells(width, height, &model, &view, Palette(Colours::True));
-    write_atomically(path, picture::svg(&cells).as_bytes())?;
+    let is_svg = path.extension().is_some_and(|ending| ending == "svg");
+    let drawn = if is_svg {
+        picture::svg(&cells)
+    } else {
+        picture::text(&cells)
+    };
+    write_atomically(path, drawn.as_bytes())?;
     Ok(())
 }
 

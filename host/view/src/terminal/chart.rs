@@ -89,7 +89,9 @@ pub(super) fn axis(range: Range, zero: bool) -> (f64, f64) {
             .max(1e-3 * size)
             .max(1e-12),
     );
-    let (least, most) = ((range.least / step).floor(), (range.most / step).ceil());
+    // A rounding error beyond a round number costs no step of the axis.
+    let least = (range.least / step + 0.02).floor();
+    let most = (range.most / step - 0.02).ceil();
     let most = if most > least { most } else { least + 1.0 };
     (least * step, most * step)
 }
@@ -191,8 +193,9 @@ mod tests {
     fn an_axis_ends_at_round_numbers_around_its_values() {
         let range = |least, most| Range { least, most };
         assert_eq!(axis(range(0.3, 3.2), true), (0.0, 3.5));
-        assert_eq!(axis(range(-0.3, 3.2), true), (-2.0, 4.0));
-        assert_eq!(axis(range(-31.0, 12.0), false), (-50.0, 50.0));
+        assert_eq!(axis(range(-0.3, 3.2), true), (-1.0, 4.0));
+        assert_eq!(axis(range(-0.001, 3.2), true), (0.0, 4.0));
+        assert_eq!(axis(range(-31.0, 12.0), false), (-40.0, 20.0));
         assert_eq!(axis(Range::EMPTY, true), (0.0, 1.0));
         let (least, most) = axis(range(7.0, 7.0), false);
         assert!(least < most && least <= 7.0 && most >= 7.0);

@@ -83,6 +83,9 @@ pub fn cells(width: u16, height: u16, model: &Model, view: &View, palette: Palet
     buffer
 }
 
+/// Shortest span of a chart (ns).
+const SHORTEST: i64 = 1_000_000_000;
+
 /// A chart of the display.
 #[derive(Clone, Copy)]
 enum Chart {
@@ -260,12 +263,22 @@ impl Screen<'_> {
         let last = last.map_or(now, |piece| chart::ns(piece.to_ns)).max(now);
         // A log knows what comes after the shown moment: at most half of the chart.
         let ahead = (last - now).min(span / 2);
-        let window = Window {
-            from_ns: now + ahead - span,
-            to_ns: now + ahead,
+        let to_ns = now + ahead;
+        let first = self.model.history.pieces().next();
+        let first = first.map_or(0, |piece| chart::ns(piece.from_ns));
+        // The first seconds of a run fill the chart, too.
+        let from_ns = first.min(to_ns - SHORTEST).max(to_ns - span);
+        let cursor = (ahead > 0).then(|| 1.0 - ahead as f64 / (to_ns - from_ns) as f64);
+        (Window { from_ns, to_ns }, cursor)
+    }
+
+    /// Whether there are times of the wall to show.
+    fn has_times(&self) -> bool {
+        let frame = self.model.frame.as_ref();
+        let recorded = |frame: &host::live::Frame| {
+            !frame.totals.lateness_bins.0.is_empty() || !frame.totals.duration_bins.0.is_empty()
         };
-        let cursor = (ahead > 0).then(|| 1.0 - ahead as f64 / span as f64);
-        (window, cursor)
+        frame.is_none_or(recorded)
     }
 
     fn chart(&self, buffer: &mut Buffer, area: Rect, chart: Chart) {
@@ -294,7 +307,9 @@ impl Screen<'_> {
             ),
             Chart::Lateness => ("lateness (us)".to_owned(), String::new()),
         };
-        let long = format!("{title}, {SPAN} s");
+        let (window, cursor) = self.window();
+        let span = (window.to_ns - window.from_ns) as f64 * 1e-9;
+        let long = format!("{title}, {span:.0} s");
         let room = long.chars().count() + value.chars().count() + 8;
         let title = if room <= usize::from(area.width) {
             long
@@ -302,7 +317,6 @@ impl Screen<'_> {
             title
         };
         let inner = self.title(buffer, area, &title, &value);
-        let (window, cursor) = self.window();
         let count = chart::dots_across(inner.width);
         let curve =
             |letter, style, factor: f64, of: &dyn Fn(&host::live::Folded) -> Option<Range>| {
@@ -461,8 +475,7 @@ impl Screen<'_> {
         let charts: Vec<Vec<Chart>> = (0..self.hands()).map(|k| vec![Chart::Force(k)]).collect();
         self.stack(buffer, left, &charts, 4);
         let (up, down) = split_rows(right, right.height.div_ceil(2));
-        if self.model.hello.clock == "virtual" || self.model.is_log() {
-            // Virtual time has no lateness.
+        if !self.has_times() {
             let charts: Vec<_> = (0..self.hands())
                 .map(|k| vec![Chart::Position(k)])
                 .collect();
@@ -494,9 +507,14 @@ impl Screen<'_> {
         let (top, bottom) = split_rows(right, wanted);
         let inner = self.title(buffer, top, "state", "");
         rows::draw(buffer, inner, &numbers, self.palette);
-        let (up, down) = split_rows(bottom, bottom.height / 2);
-        self.lateness(buffer, up);
-        self.durations(buffer, down);
+        if self.has_times() {
+            let (up, down) = split_rows(bottom, bottom.height / 2);
+            self.lateness(buffer, up);
+            self.durations(buffer, down);
+        } else {
+            let ages: Vec<_> = (0..self.bodies()).map(|k| vec![Chart::Age(k)]).collect();
+            self.stack(buffer, bottom, &ages, 6);
+        }
     }
 
     fn body_tab(&self, buffer: &mut Buffer, area: Rect) {

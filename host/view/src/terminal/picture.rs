@@ -10,6 +10,16 @@ const CELL: (u32, u32) = (8, 16);
 const INK: &str = "#d8d8d8";
 const PAPER: &str = "#14161a";
 
+/// The cells of a buffer as lines of text, without colours.
+pub fn text(buffer: &Buffer) -> String {
+    let rows = buffer.content.chunks(usize::from(buffer.area.width.max(1)));
+    let row = |cells: &[ratatui::buffer::Cell]| {
+        let row: String = cells.iter().map(ratatui::buffer::Cell::symbol).collect();
+        row.trim_end().to_owned() + "\n"
+    };
+    rows.map(row).collect()
+}
+
 /// The cells of a buffer as SVG.
 pub fn svg(buffer: &Buffer) -> String {
     let area = buffer.area;

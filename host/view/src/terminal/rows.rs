@@ -147,9 +147,13 @@ pub(super) fn hands(model: &Model, palette: Palette) -> Vec<Row> {
         } else {
             row.styled("no reading", palette.alarm())
         };
-        row.value(format!("peak {}", scaled(hand.peak_force, "N")))
-            .value(scaled(norm(hand.moment), "N m"))
-            .value(format!("work {}", scaled(hand.work, "J")))
+        let row = row.value(format!("peak {}", scaled(hand.peak_force, "N")));
+        // Many devices have no moment.
+        let row = match norm(hand.moment) {
+            0.0 => row,
+            moment => row.value(scaled(moment, "N m")),
+        };
+        row.value(format!("work {}", scaled(hand.work, "J")))
             .value(format!("reach {}", scaled(hand.reach, "m")))
     };
     hands.enumerate().map(row).collect()

@@ -16,7 +16,6 @@ use host::live::{
 use proptest::prelude::*;
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use ratatui::buffer::Buffer;
 use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 use std::time::{Duration, Instant};
 
@@ -33,20 +32,8 @@ fn on(tab: Tab) -> View {
     }
 }
 
-fn text(buffer: &Buffer) -> String {
-    let rows = buffer.content.chunks(usize::from(buffer.area.width));
-    let row = |cells: &[ratatui::buffer::Cell]| {
-        cells
-            .iter()
-            .map(ratatui::buffer::Cell::symbol)
-            .collect::<String>()
-            + "\n"
-    };
-    rows.map(row).collect()
-}
-
 fn shown(model: &Model, view: &View, (width, height): (u16, u16)) -> String {
-    text(&cells(width, height, model, view, Palette::default()))
+    picture::text(&cells(width, height, model, view, Palette::default()))
 }
 
 fn press(code: KeyCode, view: &mut View, model: &Model) -> Wish {
@@ -187,7 +174,7 @@ fn a_spike_of_one_tick_reaches_the_top_of_its_chart() {
             ('\u{2801}'..='\u{28ff}').contains(&symbol)
         };
         let columns: Vec<u16> = below.filter(|x| is_dots(*x, title)).collect();
-        assert_eq!(columns.len(), 1, "{size:?}\n{}", text(&buffer));
+        assert_eq!(columns.len(), 1, "{size:?}\n{}", picture::text(&buffer));
         // 400 of 625 frames are 6.4 of 10 s.
         let inner = f64::from(size.0 / 2 - 9);
         let at = 7.0 + inner * 0.64;
