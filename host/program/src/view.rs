@@ -56,8 +56,10 @@ pub(super) struct ViewArguments {
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0",
           conflicts_with = "foxglove")]
     web: Option<u16>,
-    /// Serve Foxglove and other programs that speak its protocol, on this machine alone. Default of the port: 8765
-    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765")]
+    /// Serve a run to Foxglove and other programs that speak its protocol, on this machine alone. These programs open a
+    /// log without a server. Default of the port: 8765
+    #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765",
+          conflicts_with = "log")]
     foxglove: Option<u16>,
     /// Log: seconds of the log for each second of the wall, 0.001 to 100
     #[arg(long, value_name = "X", value_parser = speed, requires = "log")]
