@@ -106,32 +106,6 @@ fn frames_change_nothing_else_and_two_runs_give_the_same_bytes() -> Outcome {
 }
 
 #[test]
-fn frames_faster_than_the_ticks_are_all_there() -> Outcome {
-    // More steps than ticks: several frames are taken between two ticks.
-    let text = include_str!("../scenes/thread.toml");
-    let text = format!("{text}\n[host]\nstep_rate = 4000.0\n");
-    let text = if text.matches("[host]").count() == 1 {
-        text
-    } else {
-        return Err("the scene has a table of the host already".into());
-    };
-    let loaded = Scene::load_texts("thread.toml", &text, &BTreeMap::new())?;
-    let (bytes, lacks) = logged(&loaded, Clock::Virtual, Some(4000.0))?;
-    assert_eq!(lacks, Vec::<String>::new());
-    let mut log = LogIndex::open(Cursor::new(bytes))?;
-    for number in 0..2390_u64 {
-        let found = log
-            .frame_at("thread", number * 250_000)?
-            .ok_or("no frame")?;
-        assert_eq!(
-            (found.frame.step, found.frame.time_ns),
-            (number, number * 250_000)
-        );
-    }
-    Ok(())
-}
-
-#[test]
 fn under_the_real_clock_the_frames_are_counted() -> Outcome {
     let loaded = Scene::embedded_default()?;
     let (bytes, lacks) = logged(&loaded, Clock::Real, Some(50.0))?;
