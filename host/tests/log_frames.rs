@@ -40,8 +40,11 @@ fn logged(
     Ok((fs::read(path)?, summary.degradations))
 }
 
+/// By number of the step and by body: positions as bits of `f32`.
+type Steps = BTreeMap<u64, Vec<Vec<u32>>>;
+
 /// The positions of the bodies after each step of a run that a tick follows, as bits of `f32`, by number of the step.
-fn positions(loaded: &LoadedScene) -> Result<BTreeMap<u64, Vec<Vec<u32>>>, Box<dyn Error>> {
+fn positions(loaded: &LoadedScene) -> Result<Steps, Box<dyn Error>> {
     let mut steps = BTreeMap::new();
     let setup = setup(loaded, DURATION, loaded.scene.seed)?;
     let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
