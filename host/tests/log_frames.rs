@@ -40,8 +40,11 @@ fn logged(
     Ok((fs::read(path)?, summary.degradations))
 }
 
+/// By number of the step and by body: positions as bits of `f32`.
+type Steps = BTreeMap<u64, Vec<Vec<u32>>>;
+
 /// The positions of the bodies after each step of a run that a tick follows, as bits of `f32`, by number of the step.
-fn positions(loaded: &LoadedScene) -> Result<BTreeMap<u64, Vec<Vec<u32>>>, Box<dyn Error>> {
+fn positions(loaded: &LoadedScene) -> Result<Steps, Box<dyn Error>> {
     let mut steps = BTreeMap::new();
     let setup = setup(loaded, DURATION, loaded.scene.seed)?;
     let see = |_: &_, _: &_, engine: Option<&host::engine::Engine>| {
@@ -102,32 +105,6 @@ fn frames_change_nothing_else_and_two_runs_give_the_same_bytes() -> Outcome {
     assert!(with == without, "ticks, models, scene and files");
     let report = replay(&with, &scene_of(&with, "a log")?, |_| {})?;
     assert!(report.is_exact());
-    Ok(())
-}
-
-#[test]
-fn frames_faster_than_the_ticks_are_all_there() -> Outcome {
-    // More steps than ticks: several frames are taken between two ticks.
-    let text = include_str!("../scenes/thread.toml");
-    let text = format!("{text}\n[host]\nstep_rate = 4000.0\n");
-    let text = if text.matches("[host]").count() == 1 {
-        text
-    } else {
-        return Err("the scene has a table of the host already".into());
-    };
-    let loaded = Scene::load_texts("thread.toml", &text, &BTreeMap::new())?;
-    let (bytes, lacks) = logged(&loaded, Clock::Virtual, Some(4000.0))?;
-    assert_eq!(lacks, Vec::<String>::new());
-    let mut log = LogIndex::open(Cursor::new(bytes))?;
-    for number in 0..2390_u64 {
-        let found = log
-            .frame_at("thread", number * 250_000)?
-            .ok_or("no frame")?;
-        assert_eq!(
-            (found.frame.step, found.frame.time_ns),
-            (number, number * 250_000)
-        );
-    }
     Ok(())
 }
 

@@ -173,6 +173,8 @@ impl<R: Read + Seek + Send> Player<R> {
                     self.seek(self.from_ns)?;
                 }
                 self.playing = true;
+                // The time of the pause does not count.
+                self.read = None;
             }
             Command::Pause => self.playing = false,
             Command::Speed { factor } if factor.is_finite() => {
