@@ -67,7 +67,7 @@ pub(super) fn prepare(folder: &Path) -> Result<(), SocketError> {
     match fs::DirBuilder::new().mode(FOLDER_MODE).create(folder) {
         // The mask of the process may have taken bits away.
         Ok(()) => {
-            fs::set_permissions(folder, fs::Permissions::from_mode(FOLDER_MODE)).map_err(failed)?
+            fs::set_permissions(folder, fs::Permissions::from_mode(FOLDER_MODE)).map_err(failed)?;
         }
         Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
         Err(error) => return Err(failed(error)),

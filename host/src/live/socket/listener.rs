@@ -84,15 +84,14 @@ impl Listener {
     /// # Errors
     /// [`SocketError`], also where another process listens at `path`.
     pub fn bind(path: Option<&Path>) -> Result<Self, SocketError> {
-        let path = match path {
-            Some(path) => path.to_owned(),
-            None => {
-                let path = address::of_this_process();
-                if let Some(folder) = path.parent() {
-                    address::prepare(folder)?;
-                }
-                path
+        let path = if let Some(path) = path {
+            path.to_owned()
+        } else {
+            let path = address::of_this_process();
+            if let Some(folder) = path.parent() {
+                address::prepare(folder)?;
             }
+            path
         };
         make_room(&path)?;
         match make(&path) {
