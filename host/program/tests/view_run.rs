@@ -9,9 +9,12 @@ use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
+/// How the line begins that says how to watch a run.
+const LINE: &str = "palpate: watch this run with:";
+
 type Outcome = Result<(), Box<dyn Error>>;
 
-/// `palpate run` for a twentieth of a second, unless `arguments` say otherwise. Its folder of sockets is in `runtime`.
+/// `palpate run` with these arguments. Its folder of sockets is in `runtime`.
 fn palpate(runtime: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_palpate"));
     command.arg("run").args(arguments);
@@ -31,7 +34,7 @@ fn begin(runtime: &Path, view: &str) -> Result<(Killed, String), Box<dyn Error>>
     let child = Killed(child);
     for line in BufReader::new(errors).lines() {
         let line = line?;
-        if line.starts_with("watch this run with:") {
+        if line.starts_with(LINE) {
             return Ok((child, line));
         }
     }
@@ -62,10 +65,7 @@ fn a_watched_run_has_the_log_of_an_unwatched_one_and_removes_its_socket() -> Out
             .args(["--log", log])
             .output()?;
         assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-        let line = format!(
-            "watch this run with: palpate view --socket {}",
-            at("run.sock")
-        );
+        let line = format!("{LINE} palpate view --socket {}", at("run.sock"));
         assert_eq!(
             said(&output).lines().any(|said| said == line),
             log == &watched
@@ -80,7 +80,7 @@ fn a_watched_run_has_the_log_of_an_unwatched_one_and_removes_its_socket() -> Out
 fn the_default_socket_is_the_users_own_and_the_one_of_a_killed_run_is_replaced() -> Outcome {
     let runtime = tempfile::tempdir()?;
     let (run, line) = begin(runtime.path(), "--view")?;
-    assert_eq!(line, "watch this run with: palpate view");
+    assert_eq!(line, format!("{LINE} palpate view"));
     let folder = runtime.path().join("palpate");
     let socket = folder.join(format!("{}.sock", run.0.id()));
     assert_eq!(folder.metadata()?.permissions().mode() & 0o777, 0o750);
