@@ -24,6 +24,8 @@ export class Charts {
     this.totals = null;
     this.last = 0;
     this.draws = 0;
+    /** Whether the processor also draws the bodies; the charts then leave it more time. */
+    this.sparing = false;
     new ResizeObserver(() => this.resize()).observe(root);
     onTheme(() => this.build());
   }
@@ -174,6 +176,7 @@ export class Charts {
       const { ctx, bbox } = plot;
       ctx.save();
       ctx.font = `${0.75 * size * devicePixelRatio}px ${property("--font")}`;
+      ctx.textAlign = "left";
       ctx.fillStyle = property("--text");
       ctx.strokeStyle = property("--text");
       let free = -Infinity;
@@ -186,7 +189,8 @@ export class Charts {
         ctx.lineTo(x, bbox.top + bbox.height);
         ctx.stroke();
         const width = ctx.measureText(name).width;
-        const at = Math.min(x + 3 * devicePixelRatio, bbox.left + bbox.width - width);
+        const right = x + 3 * devicePixelRatio;
+        const at = right + width > bbox.left + bbox.width ? x - width - 3 * devicePixelRatio : right;
         if (at > free) {
           ctx.fillText(name, at, bbox.top + 0.8 * size * devicePixelRatio);
           free = at + width + 4;
@@ -197,12 +201,12 @@ export class Charts {
     return this.make(figure, {
       series: [{}, { stroke: colour, fill: `${colour}59`, width: property("--line") / 1, paths: uPlot.paths.stepped({ align: 1 }), points: { show: false }, fillTo: 0.5 }],
       scales: {
-        x: { time: false, distr: 3, range: (_, low, high) => (low > 0 ? [Math.min(low, 1e3) / 1.2, Math.max(high, 1e5) * 1.2] : [1e3, 1e5]) },
+        x: { time: false, distr: 3, range: (_, low, high) => (low > 0 ? [Math.min(low, 1e3) / 1.2, Math.max(high, 1e5, 1e9 * (figure.times?.max ?? 0)) * 1.5] : [1e3, 1e5]) },
         y: { distr: 3, range: (_, low, high) => [0.5, Math.max(10, 2 * (high || 1))] },
       },
       axes: [
-        { ...axis, size: 1.5 * size, filter: decades, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : quantity(tick * 1e-9, "s", 1))), grid: { ...axis.grid, filter: decades } },
-        { ...axis, size: 3.6 * size, filter: decades, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : power(tick))), grid: { ...axis.grid, filter: decades } },
+        { ...axis, size: 1.5 * size, splits: decades, filter: (_, ticks) => ticks, values: (_, ticks) => ticks.map((tick) => quantity(tick * 1e-9, "s", 1)), grid: { ...axis.grid, filter: (_, ticks) => ticks } },
+        { ...axis, size: 3.6 * size, splits: decades, filter: (plot, ticks) => thinned(ticks, (0.6 * plot.height) / size), values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : power(tick))), grid: { ...axis.grid, filter: (_, ticks) => ticks } },
       ],
       hooks: { draw: [marks] },
     }, [[], []]);
@@ -216,7 +220,7 @@ export class Charts {
   /** Asks for a drawing. The charts are drawn at most ten times a second, or twice where less motion is asked for. */
   request() {
     if (this.timer) return;
-    const every = calm.matches ? 5 * EVERY : EVERY;
+    const every = EVERY * (calm.matches ? 5 : this.sparing ? 2.5 : 1);
     const wait = Math.max(0, this.last + every - performance.now());
     this.timer = setTimeout(() => requestAnimationFrame(() => this.draw()), wait);
   }
@@ -316,11 +320,20 @@ export class Charts {
   }
 }
 
-/** The powers of ten among the ticks of an axis; `null` in place of the others. */
-function decades(_, ticks) {
+/** The powers of ten, at least one, between the bounds of an axis. */
+function decades(_, axis, low, high) {
+  const ticks = [];
+  for (let tick = 10 ** Math.max(Math.ceil(Math.log10(low) - 1e-9), 0); tick <= high; tick *= 10) ticks.push(tick);
+  return ticks;
+}
+
+/** Every second or third of the ticks, where all would not fit into `lines` lines. */
+function thinned(ticks, lines) {
+  const step = Math.ceil(ticks.filter((tick) => tick !== null).length / Math.max(lines, 1));
+  let index = -1;
   return ticks.map((tick) => {
-    const exponent = Math.log10(tick);
-    return tick >= 1 && Math.abs(exponent - Math.round(exponent)) < 1e-6 ? tick : null;
+    if (tick !== null) index += 1;
+    return tick !== null && index % step === 0 ? tick : null;
   });
 }
 

@@ -24,6 +24,7 @@ setText(get("age-unit"), "");
 document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
 const view = new View(get("canvas"), get("labels"));
 const charts = new Charts(get("charts"));
+charts.sparing = view.software;
 const panel = new Panel(get("panel"));
 const timeline = new Timeline(get("timeline"));
 

@@ -57,7 +57,7 @@ export class Panel {
       ["trips", "Trips"], ["stale", "Models too old"],
     ]);
     this.table("Times", ["", "p50", "p99", "max"], [["lateness", "Lateness"], ["duration", "Tick time"], ...hello.bodies.map(({ name }, i) => [`age${i}`, hello.bodies.length > 1 ? `Age, ${name}` : "Model age"])]);
-    this.table("Hands", ["", "Force N", "Peak N", "Speed m/s", "State"], hello.devices.map(({ name }, i) => [`hand${i}`, name, SHAPES[i], handColour(i)]));
+    this.table("Hands", ["", "Force", "Peak", "Speed", "State"], hello.devices.map(({ name }, i) => [`hand${i}`, name, SHAPES[i], handColour(i)]), "N, N, m/s");
     for (const [i, { name, kind, vertices, elements }] of hello.bodies.entries()) {
       this.group(`${name}`, [
         [`state${i}`, "State"], [`model${i}`, "Model"], [`trust${i}`, "Trust"], [`withheld${i}`, "Withheld", "minor"],
@@ -99,7 +99,7 @@ export class Panel {
     if (title === "Host") this.host = section;
   }
 
-  table(title, columns, rows) {
+  table(title, columns, rows, note = "") {
     const head = element("tr", {}, ...columns.map((text) => element("th", { scope: "col", text })));
     const body = rows.map(([key, name, shape, colour]) => {
       const first = element("th", { scope: "row" });
@@ -117,7 +117,7 @@ export class Panel {
       });
       return element("tr", {}, first, ...cells);
     });
-    this.root.append(element("section", { class: "group wide" }, element("h2", { text: title }), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
+    this.root.append(element("section", { class: "group wide" }, element("h2", { text: title }, element("small", { text: note })), element("table", {}, element("thead", {}, head), element("tbody", {}, ...body))));
   }
 
   /** Writes a value. `value` is the number itself, for programs that read the page. */

@@ -276,8 +276,8 @@ export class View {
     box.getCenter(this.center);
     this.radius = Math.max(box.getSize(scratch).length() / 2, 0.005);
     const directions = [[0.45, -1, 0.62], [0, -1, 0.0001], [1, 0, 0.0001], [0, -0.0001, 1]];
-    const fit = Math.min(1, this.camera.aspect);
-    const distance = (1.18 * this.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / fit;
+    const fit = Math.min(1, 0.95 * this.camera.aspect);
+    const distance = (1.15 * this.radius) / Math.sin((this.camera.fov * Math.PI) / 360) / fit;
     this.camera.position.fromArray(directions[from]).normalize().multiplyScalar(distance).add(this.center);
     this.controls.target.copy(this.center);
     this.camera.near = distance / 100;
@@ -492,8 +492,8 @@ export class View {
     const [low, high] = this.range;
     return {
       name: NAME[this.colour],
-      ticks: [0, 0.25, 0.5, 0.75, 1].map((t) => quantity(low + t * (high - low), UNIT[this.colour])),
-      empty: this.bodies.filter(Boolean).every(({ values }) => !values?.length),
+      ticks: scale([0, 0.25, 0.5, 0.75, 1].map((t) => low + t * (high - low)), UNIT[this.colour]),
+      empty: !this.coloured,
     };
   }
 
