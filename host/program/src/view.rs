@@ -180,12 +180,12 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
 /// The feed that the arguments name.
 fn feed(arguments: &ViewArguments) -> Result<Box<dyn Feed>, ViewError> {
     if let Some(frames) = arguments.synthetic {
-        let paced = arguments.terminal_picture.is_none();
+        let in_time = arguments.terminal_picture.is_none();
         return Ok(Box::new(Paced {
             feed: Synthetic::new(frames),
             next: None,
             begun: Instant::now(),
-            paced,
+            in_time,
         }));
     }
     match &arguments.log {
@@ -351,7 +351,7 @@ struct Paced {
     feed: Synthetic,
     next: Option<Message>,
     begun: Instant,
-    paced: bool,
+    in_time: bool,
 }
 
 impl Feed for Paced {
@@ -360,7 +360,7 @@ impl Feed for Paced {
             self.next = self.feed.next(wait)?;
         }
         if let Some(Message::Frame(frame)) = &self.next
-            && self.paced
+            && self.in_time
         {
             let due = Duration::from_nanos(frame.time_ns);
             let early = due.saturating_sub(self.begun.elapsed());

@@ -475,13 +475,12 @@ impl Screen<'_> {
         let charts: Vec<Vec<Chart>> = (0..self.hands()).map(|k| vec![Chart::Force(k)]).collect();
         self.stack(buffer, left, &charts, 4);
         let (up, down) = split_rows(right, right.height.div_ceil(2));
-        if !self.has_times() {
-            let charts: Vec<_> = (0..self.hands())
-                .map(|k| vec![Chart::Position(k)])
-                .collect();
-            self.stack(buffer, up, &charts, 5);
-        } else {
+        if self.has_times() {
             self.lateness(buffer, up);
+        } else {
+            let hands = 0..self.hands();
+            let charts: Vec<_> = hands.map(|k| vec![Chart::Position(k)]).collect();
+            self.stack(buffer, up, &charts, 5);
         }
         self.events(buffer, down, 0);
     }
