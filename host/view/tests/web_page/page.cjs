@@ -287,7 +287,7 @@ async function log(browser, address) {
     const focus = await page.evaluate(() => {
       const { activeElement: node } = document;
       const shown = node.matches("fieldset input") ? node.nextElementSibling : node;
-      return { id: node.id || node.name || node.className || node.tagName, outline: getComputedStyle(shown).outlineStyle };
+      return { id: node === document.body ? "BODY" : node.id || node.name || node.className || node.tagName, outline: getComputedStyle(shown).outlineStyle };
     });
     if (focus.id !== "BODY") assert.notStrictEqual(focus.outline, "none", focus.id);
     reached.add(focus.id);
