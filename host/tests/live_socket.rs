@@ -20,6 +20,9 @@ use std::path::Path;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{JoinHandle, spawn};
 
+/// The force of a hand by tick.
+type Forces = Vec<(u64, f64)>;
+
 type Outcome = Result<(), Box<dyn Error>>;
 
 /// Ticks of a run of the tests.
@@ -96,7 +99,7 @@ impl Running {
     }
 
     /// Waits for the end. The summary, and the force of the first hand by tick.
-    fn end(self) -> Result<(RunSummary, Vec<(u64, f64)>), Box<dyn Error>> {
+    fn end(self) -> Result<(RunSummary, Forces), Box<dyn Error>> {
         let summary = self.thread.join().map_err(|_| "the run panicked")??;
         Ok((summary, self.forces.try_iter().collect()))
     }

@@ -22,7 +22,7 @@ const TICKS: u64 = 17;
 /// An observer that makes a frame of every few ticks. It may change a tick before the gatherer takes it.
 struct Frames {
     gatherer: Gatherer,
-    frames: Arc<Mutex<Vec<Frame>>>,
+    made: Arc<Mutex<Vec<Frame>>>,
     plant: fn(&mut Telemetry),
 }
 
@@ -34,14 +34,14 @@ impl Observer for Frames {
             self.gatherer.take(&(&telemetry).into());
             if (telemetry.tick + 1).is_multiple_of(TICKS) {
                 let frame = self.gatherer.frame();
-                self.frames.lock().expect("nothing panics").push(frame);
+                self.made.lock().expect("nothing panics").push(frame);
             }
         }
     }
 
     fn finish(mut self: Box<Self>, _: &mut Observed) {
         let frame = self.gatherer.last_frame();
-        self.frames.lock().expect("nothing panics").push(frame);
+        self.made.lock().expect("nothing panics").push(frame);
     }
 }
 
@@ -59,7 +59,7 @@ fn frames_of(
     let frames = Arc::<Mutex<Vec<Frame>>>::default();
     let observer = Frames {
         gatherer: Gatherer::new(loaded, options.clock),
-        frames: Arc::clone(&frames),
+        made: Arc::clone(&frames),
         plant,
     };
     let summary = run_watched(loaded, options, Observers::new().with(observer), |_| {})?;

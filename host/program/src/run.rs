@@ -132,6 +132,8 @@ struct ViewArguments {
     /// Let viewers watch the run (`palpate view`), and show the run in this terminal. Default of the socket:
     /// palpate/PID.sock in $XDG_RUNTIME_DIR, or /tmp/palpate-UID/PID.sock
     #[arg(long, value_name = "SOCKET", num_args = 0..=1, require_equals = true, conflicts_with = "replay")]
+    // Absent, without a value, or with a value: clap describes an option with an optional value so.
+    #[allow(clippy::option_option)]
     view: Option<Option<PathBuf>>,
     /// Virtual time with --view: seconds of the run for each second of the wall clock, or 0 for as fast as possible.
     /// Default: 1

@@ -14,7 +14,7 @@ const CHUNK: usize = 1 << 16;
 /// A connection to a run.
 #[derive(Debug)]
 pub(super) struct Stream {
-    stream: UnixStream,
+    socket: UnixStream,
     /// The bytes of the present message so far. The buffer grows with the bytes that come, and not with the length that
     /// the message gives.
     bytes: Vec<u8>,
@@ -36,7 +36,7 @@ impl Stream {
     pub(super) fn new(stream: UnixStream) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         Ok(Self {
-            stream,
+            socket: stream,
             bytes: Vec::new(),
             chunk: vec![0; CHUNK],
             left: 0..0,
@@ -53,7 +53,7 @@ impl Stream {
             if let Some(message) = self.complete()? {
                 return Ok(Heard::Message(Box::new(message)));
             }
-            match self.stream.read(&mut self.chunk) {
+            match self.socket.read(&mut self.chunk) {
                 Ok(0) => {
                     let end = "the run closed the connection";
                     return Err(io::Error::new(io::ErrorKind::UnexpectedEof, end).into());
@@ -73,7 +73,7 @@ impl Stream {
     }
 
     fn wait(&self, left: Duration) -> io::Result<()> {
-        let mut files = [PollFd::new(&self.stream, PollFlags::IN)];
+        let mut files = [PollFd::new(&self.socket, PollFlags::IN)];
         let left = Timespec {
             tv_sec: i64::try_from(left.as_secs()).unwrap_or(i64::MAX),
             tv_nsec: i64::from(left.subsec_nanos()),

@@ -221,20 +221,6 @@ impl Model {
         self.vertices.get(index)?.as_ref()
     }
 
-    /// The last frame, with the vertices of every body.
-    pub fn whole_frame(&self) -> Option<Frame> {
-        let mut frame = self.frame.clone()?;
-        for (body, vertices) in frame.bodies.iter_mut().zip(&self.vertices) {
-            body.vertices.clone_from(vertices);
-        }
-        Some(frame)
-    }
-
-    /// The surfaces of all bodies and epochs.
-    pub fn surfaces(&self) -> impl Iterator<Item = &Surface> {
-        self.surfaces.values()
-    }
-
     /// The name of a device.
     pub(super) fn device(&self, index: usize) -> String {
         let device = self.hello.devices.get(index);
