@@ -157,7 +157,12 @@ fn steps(quick: bool, random: &mut Random) -> Result<(), Box<dyn Error>> {
             *cells = CELLS;
         }
     }
-    let mut engine = Engine::new(bodies(&loaded, How::default())?);
+    // As under the real clock, factors are made beside the steps.
+    let how = How {
+        real: true,
+        ..How::default()
+    };
+    let mut engine = Engine::new(bodies(&loaded, how)?);
     let count: usize = engine
         .bodies()
         .iter()
