@@ -37,12 +37,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         write(&path, seconds)?;
     }
     let size = std::fs::metadata(&path)?.len() as f64 * 1e-9;
-    println!("{}: {seconds} s, {size:.2} GB", path.display());
-
     let begun = Instant::now();
     let mut player = Player::open(&path, |_| ())?;
     while player.take()?.is_some() {}
-    println!("opened in {:.3} s", begun.elapsed().as_secs_f64());
+    let opened = begun.elapsed().as_secs_f64() * 1e3;
 
     let mut random = Mutator::new(7);
     let mut times = Vec::new();
@@ -59,8 +57,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         times.push(begun.elapsed().as_secs_f64() * 1e3);
     }
     times.sort_by(f64::total_cmp);
+    println!("A log of {seconds} s:\n");
+    println!("| size | opening | a jump, median of {JUMPS} | the longest jump |");
+    println!("|---:|---:|---:|---:|");
     println!(
-        "{JUMPS} jumps: median {:.1} ms, longest {:.1} ms",
+        "| {size:.2} GB | {opened:.0} ms | {:.0} ms | {:.0} ms |",
         times[JUMPS / 2],
         times[JUMPS - 1]
     );

@@ -101,9 +101,9 @@ fn a_triangle_of_no_vertex_is_refused() {
 fn a_stream_of_another_version_is_named_even_if_its_fields_differ() {
     let mut bytes = vec![1, 0, 0, 0];
     put_json(
-        &BTreeMap::from([("protocol", "palpate.view/9"), ("new", "")]),
+        &BTreeMap::from([("protocol", "palpate.view 9"), ("new", "")]),
         &mut bytes,
     );
     let refused = Message::decode(&bytes).expect_err("another version");
-    assert!(matches!(&refused, MessageError::Version(found) if found == "palpate.view/9"));
+    assert!(matches!(&refused, MessageError::Version(found) if found == "palpate.view 9"));
 }
