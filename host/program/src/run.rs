@@ -326,11 +326,11 @@ pub(super) fn run(arguments: &RunArguments) -> Result<(), CommandError> {
     options.runner.calls = watched.then(|| needed_calls(&loaded.scene));
     options.runner.core = core;
     options.runner.priority = arguments.priority.or(options.runner.priority);
-    // A run in virtual time commands no device, so a signal may end the program at once.
-    let signal = match options.clock {
-        Clock::Real => Some(signals::end_in_order(&options.stop).map_err(CommandError::Signals)?),
-        Clock::Virtual => None,
-    };
+    // A run in virtual time commands no device, so a signal may end the program at once. A run that viewers watch gives
+    // the terminal back and removes its socket first.
+    let in_order = options.clock == Clock::Real || options.view.is_some();
+    let signal = in_order.then(|| signals::end_in_order(&options.stop));
+    let signal = signal.transpose().map_err(CommandError::Signals)?;
     let bar = ProgressBar::begin(!arguments.report_progress);
     let mut warned = false;
     let result = host::run::run(&loaded, &options, |progress| {

@@ -46,7 +46,7 @@ pub(super) struct ViewArguments {
     /// Log to play back (MCAP). Default: the run that goes on
     #[arg(conflicts_with = "socket")]
     log: Option<PathBuf>,
-    /// Unix socket of the run. Default: that of the newest run of this user
+    /// Unix socket of the run. Default: that of the only run of this user
     #[arg(long, value_name = "PATH")]
     socket: Option<PathBuf>,
     /// Print a line for each second and each event, also in a terminal
@@ -166,6 +166,7 @@ fn show(arguments: &ViewArguments) -> Result<Ended, ViewError> {
     }
     let mut options = Options {
         attached: arguments.attached,
+        waits: arguments.wait,
         colours: Colours::of_environment(),
         save: Some(Box::new(moments::save)),
         signal: signals(arguments.attached).map_err(ViewError::Signals)?,

@@ -181,3 +181,9 @@ fn options_that_do_not_fit() {
 fn disks_pipes_and_signals() {
     check("endings");
 }
+
+#[cfg(feature = "view")]
+#[test]
+fn runs_and_logs_that_cannot_be_shown() {
+    check("view");
+}

@@ -99,7 +99,7 @@ pub struct RunOptions {
     pub runner: RunnerConfig,
     /// Faults that the host makes on purpose.
     pub faults: Vec<HostFault>,
-    /// A request to end a run under the real clock early and in order.
+    /// A request to end the run early and in order.
     pub stop: Arc<Stop>,
     /// The commit from which the program was built, if the program knows it.
     pub commit: Option<&'static str>,
@@ -277,7 +277,7 @@ pub fn run_watched(
         });
     };
     let mut parts = match options.clock {
-        Clock::Virtual => parts::under_virtual_time(prepared, observers, progress),
+        Clock::Virtual => parts::under_virtual_time(prepared, &options.stop, observers, progress),
         Clock::Real => {
             parts::under_the_real_clock(prepared, options, &reserved, observers, progress)?
         }

@@ -23,9 +23,9 @@ impl Pace {
         (factor > 0.0).then_some(Self { factor, from: None })
     }
 
-    /// Waits until the tick at `time_ns` is due. Calls `meanwhile` many times a second. A run that is slower than its pace
-    /// does not catch up.
-    pub(super) fn wait(&mut self, time_ns: u64, mut meanwhile: impl FnMut()) {
+    /// Waits until the tick at `time_ns` is due. Calls `meanwhile` many times a second, and waits no more when
+    /// `meanwhile` returns false. A run that is slower than its pace does not catch up.
+    pub(super) fn wait(&mut self, time_ns: u64, mut meanwhile: impl FnMut() -> bool) {
         let mut now = Instant::now();
         let due = self.due(time_ns, now);
         if due.saturating_duration_since(now) < SHORTEST {
@@ -33,7 +33,9 @@ impl Pace {
         }
         while now < due {
             std::thread::sleep(SLICE.min(due - now));
-            meanwhile();
+            if !meanwhile() {
+                return;
+            }
             now = Instant::now();
         }
     }

@@ -11,7 +11,7 @@ use crate::scene::Scene;
 use rt_core::Controller;
 use runner::latency::Latencies;
 use runner::link::{LogRecord, TickCounters};
-use runner::thread::RunnerConfig;
+use runner::thread::{RunnerConfig, Stop};
 use runner::{AnyDevice, Reserved};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -90,12 +90,14 @@ impl Parts {
     }
 }
 
-/// Runs what is prepared under virtual time. `progress` is given the number of ticks done.
+/// Runs what is prepared under virtual time, until `stop` is requested. `progress` is given the number of ticks done.
 pub(super) fn under_virtual_time(
     prepared: Setup,
+    stop: &Stop,
     mut observers: Observers,
     progress: impl FnMut(u64),
 ) -> Parts {
+    let planned = prepared.timing.ticks;
     let mut pace = prepared
         .taps
         .view
@@ -109,17 +111,20 @@ pub(super) fn under_virtual_time(
         observers.take(record);
         observers.drained();
         if let (Some(pace), Some(time_ns)) = (&mut pace, time_ns) {
-            pace.wait(time_ns, || observers.drained());
+            pace.wait(time_ns, || {
+                observers.drained();
+                !stop.is_requested()
+            });
         }
     };
-    let done = virtual_clock::run(prepared, sink, progress);
+    let done = virtual_clock::run_until(prepared, stop, sink, progress);
     let observed = observers.finish();
     Parts {
         tick: TickSide {
             missed: 0,
             longest_miss: 0,
             slots: done.tick.ticks,
-            stopped: false,
+            stopped: done.tick.ticks < planned && stop.is_requested(),
             place: None,
             locked_bytes: 0,
             ticks: done.tick.ticks,

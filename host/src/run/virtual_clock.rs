@@ -17,9 +17,9 @@ use crate::engine::pacer::Pacer;
 use crate::engine::stats::WallStopwatch;
 use crate::engine::threads::{Threads, awake};
 use rt_core::Telemetry;
+use runner::Stop;
 use runner::TickLoop;
 use runner::link::LogRecord;
-use std::convert::Infallible;
 use std::time::{Duration, Instant};
 
 /// Longest time on the wall between two reports of progress, unless a single step takes longer.
@@ -31,10 +31,30 @@ pub fn run(setup: Setup, sink: impl FnMut(LogRecord<'_>), progress: impl FnMut(u
     run_seen(setup, |_, _, _| {}, sink, progress)
 }
 
+/// As [`run`]. Ends after the tick during which `stop` was requested.
+pub(super) fn run_until(
+    setup: Setup,
+    stop: &Stop,
+    sink: impl FnMut(LogRecord<'_>),
+    progress: impl FnMut(u64),
+) -> Running {
+    run_seen_until(setup, stop, |_, _, _| {}, sink, progress)
+}
+
 /// As [`run`]. After each tick, `see` is given the tick's side with the simulated devices, the record of the tick, and
 /// the physics, which is absent after a panic of the host.
 pub fn run_seen(
     setup: Setup,
+    see: impl FnMut(&TickLoop, &Telemetry, Option<&Engine>),
+    sink: impl FnMut(LogRecord<'_>),
+    progress: impl FnMut(u64),
+) -> Running {
+    run_seen_until(setup, &Stop::new(), see, sink, progress)
+}
+
+fn run_seen_until(
+    setup: Setup,
+    stop: &Stop,
     mut see: impl FnMut(&TickLoop, &Telemetry, Option<&Engine>),
     mut sink: impl FnMut(LogRecord<'_>),
     mut progress: impl FnMut(u64),
@@ -69,7 +89,8 @@ pub fn run_seen(
     };
     let mut done = 0;
     let mut said = Instant::now();
-    let Ok(()) = timeline.drive(&mut host, |host, now_ns| {
+    // A request to stop is the only error.
+    let _ = timeline.drive(&mut host, |host, now_ns| {
         let telemetry = tick.tick(now_ns, 0);
         let engine = host.panicked.is_none().then(|| host.host.engine.engine());
         see(&tick, &telemetry, engine);
@@ -80,9 +101,12 @@ pub fn run_seen(
             progress(done);
         }
         done += 1;
+        if stop.is_requested() {
+            return Err(Stopped);
+        }
         Ok(())
     });
-    tick.release(timing.ticks * timing.period_ns);
+    tick.release(done * timing.period_ns);
     Running {
         tick,
         log,
@@ -90,6 +114,9 @@ pub fn run_seen(
         panicked: host.panicked,
     }
 }
+
+/// The run was asked to end.
+struct Stopped;
 
 /// A host that is busy from the start of a publishing step until the arrival of its model.
 struct Paced {
@@ -120,13 +147,13 @@ impl Paced {
 }
 
 impl Host for Paced {
-    type Error = Infallible;
+    type Error = Stopped;
 
     fn next_ns(&self) -> Option<u64> {
         Some(self.start_ns())
     }
 
-    fn step(&mut self) -> Result<(), Infallible> {
+    fn step(&mut self) -> Result<(), Stopped> {
         let (due, start) = (self.pacer.due(), self.start_ns());
         if let Some(until_ns) = self.engine.stall(start) {
             self.free_at = until_ns;

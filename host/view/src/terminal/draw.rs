@@ -179,10 +179,16 @@ impl Screen<'_> {
         let width = usize::from(area.width);
         let notice = match (&self.view.notice, &newest.over) {
             (Some(notice), _) => Some(notice.clone()),
+            (None, Some(Over::Ended(_))) if self.view.waits => {
+                Some("the run is over; the display waits for the next run; q quits".into())
+            }
             (None, Some(Over::Ended(_))) => Some("the run is over; q quits".into()),
             (None, Some(Over::Broken(reason))) => Some(format!("{reason}; q quits")),
             (None, None) if self.view.stopped.is_some() => {
                 Some("the display is stopped, the run goes on; p continues".into())
+            }
+            (None, None) if self.view.waits && newest.hello.scene.is_empty() => {
+                Some("there is no run yet; the display waits for a run; q quits".into())
             }
             (None, None) => None,
         };

@@ -49,6 +49,8 @@ pub struct View {
     pub notice: Option<String>,
     /// The model at the moment at which the person stopped the display.
     pub stopped: Option<Box<Model>>,
+    /// Whether the display waits for a run, and for the next run after its end.
+    pub waits: bool,
 }
 
 /// What a key asks for beyond a change of the view.

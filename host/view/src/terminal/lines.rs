@@ -4,6 +4,7 @@ use super::format::{count, moment, scaled, time};
 use super::model::{Model, Over, kind};
 use super::{Ended, Options, TerminalError, signal};
 use crate::feed::Feed;
+use host::live::Message;
 use std::fmt::Write as _;
 use std::io::Write;
 use std::time::{Duration, Instant};
@@ -31,6 +32,10 @@ pub fn lines(
         let Some(message) = feed.next(WAIT)? else {
             continue;
         };
+        if matches!(message, Message::Hello(_)) {
+            // The first message of a run.
+            (greeted, next) = (false, None);
+        }
         let old = model.time_ns();
         model.take(message, Instant::now());
         let mut text = String::new();
@@ -59,7 +64,7 @@ pub fn lines(
             next = Some(if last { u64::MAX } else { second + 1 });
             text.push_str(&line(&model));
         }
-        let over = match &model.over {
+        let ended = match &model.over {
             // A log ends where it is not played any further.
             None if model
                 .playback
@@ -81,8 +86,9 @@ pub fn lines(
         };
         let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
         written.map_err(TerminalError::Lines)?;
-        if let Some(over) = over {
-            return Ok(over);
+        let waits = options.waits && matches!(model.over, Some(Over::Ended(_)));
+        if let Some(ended) = ended.filter(|_| !waits) {
+            return Ok(ended);
         }
     }
 }

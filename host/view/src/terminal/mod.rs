@@ -46,6 +46,8 @@ pub type Save = Box<dyn FnMut(&Model) -> String>;
 pub struct Options {
     /// The run has the same terminal: Ctrl-C reaches the run, and the display ends with the run.
     pub attached: bool,
+    /// The feed gives the next run after the end of a run, and the display waits for this run.
+    pub waits: bool,
     /// The colours of the terminal.
     pub colours: Colours,
     /// Saves a moment. Without it, the key `s` says that moments cannot be saved.
@@ -95,7 +97,11 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
     let mut screen = Screen::begin(options.attached)?;
     let input = Input::begin()?;
     let palette = Palette(options.colours);
-    let (mut model, mut view) = (Model::default(), View::default());
+    let mut model = Model::default();
+    let mut view = View {
+        waits: options.waits,
+        ..View::default()
+    };
     let mut broken = None;
     let mut drawn: Option<Instant> = None;
     loop {
@@ -104,7 +110,7 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
         }
         // All messages that are there, until the next picture is due.
         let mut changed = false;
-        while model.over.is_none() && drawn.is_none_or(|drawn| drawn.elapsed() < PERIOD) {
+        while goes_on(&model, options) && drawn.is_none_or(|drawn| drawn.elapsed() < PERIOD) {
             match feed.next(if changed { Duration::ZERO } else { WAIT }) {
                 Ok(Some(message)) => model.take(message, Instant::now()),
                 Ok(None) => break,
@@ -122,10 +128,10 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
             return broken.map_or(Ok(Ended::Over), |error| Err(error.into()));
         }
         // After the end of the feed, only the keys are left to wait for.
-        let mut wait = if model.over.is_some() {
-            PERIOD
-        } else {
+        let mut wait = if goes_on(&model, options) {
             Duration::ZERO
+        } else {
+            PERIOD
         };
         while let Some(event) = input.next(wait)? {
             changed = true;
@@ -155,6 +161,15 @@ pub fn show(mut feed: Box<dyn Feed>, options: &mut Options) -> Result<Ended, Ter
             })?;
             drawn = Some(now);
         }
+    }
+}
+
+/// Whether the feed may give more messages: those of this run, or those of the next run.
+fn goes_on(model: &Model, options: &Options) -> bool {
+    match model.over {
+        None => true,
+        Some(Over::Ended(_)) => options.waits,
+        Some(Over::Broken(_)) => false,
     }
 }
 

@@ -401,6 +401,12 @@ fn the_end_and_its_reason_stay_on_the_screen() {
     let mut model = synthetic(10);
     model.take(Message::End(String::new()), Instant::now());
     assert!(shown(&model, &View::default(), (80, 24)).contains("the run is over; q quits"));
+    let waiting = View {
+        waits: true,
+        ..View::default()
+    };
+    assert!(shown(&model, &waiting, (80, 24)).contains("waits for the next run; q quits"));
+    assert!(shown(&Model::default(), &waiting, (80, 24)).contains("there is no run yet"));
     model.over = Some(Over::Broken("the connection to the run broke off".into()));
     assert!(shown(&model, &View::default(), (80, 24)).contains("broke off; q quits"));
 }

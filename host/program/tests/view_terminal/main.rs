@@ -1,136 +1,17 @@
 //! `palpate view` in a terminal of tmux: what it shows, how it follows keys, and how it gives the terminal back.
 #![cfg(feature = "view")]
 
+mod live;
+mod tmux;
+
 use std::path::Path;
-use std::process::{Command, Output};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::process::Command;
 use std::time::{Duration, Instant};
+use tmux::{Terminal, dots};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_palpate");
 /// Longest wait for anything on the screen, on a loaded machine. No test passes because of this time.
 const LONGEST: Duration = Duration::from_secs(120);
-
-/// A terminal of tmux, until it is dropped.
-struct Terminal {
-    server: String,
-    folder: tempfile::TempDir,
-}
-
-impl Terminal {
-    /// Starts `command` in a terminal of this size. `None` if there is no tmux.
-    fn start(width: u16, height: u16, command: &str) -> Option<Self> {
-        static NEXT: AtomicU32 = AtomicU32::new(0);
-        if Command::new("tmux").arg("-V").output().is_err() {
-            eprintln!("SKIPPED: no tmux on this machine: the display in a terminal is not tested");
-            return None;
-        }
-        let number = NEXT.fetch_add(1, Ordering::Relaxed);
-        let terminal = Self {
-            server: format!("palpate-test-{}-{number}", std::process::id()),
-            folder: tempfile::tempdir().unwrap(),
-        };
-        // The state of the terminal before and after, and the process that draws.
-        let script = format!(
-            "cd '{}' && stty -a > before && echo IN FRONT && \
-             sh -c 'echo $$ > process; exec {command}'; \
-             echo \"code $?\"; stty -a > after; echo AT THE END; exec sleep 1000",
-            terminal.folder.path().display()
-        );
-        let size = [width.to_string(), height.to_string()];
-        let [width, height] = &size;
-        terminal.tmux(&[
-            "-f",
-            "/dev/null",
-            "new-session",
-            "-d",
-            "-x",
-            width,
-            "-y",
-            height,
-            &script,
-        ]);
-        Some(terminal)
-    }
-
-    fn tmux(&self, arguments: &[&str]) -> Output {
-        let mut tmux = Command::new("tmux");
-        tmux.env_remove("TMUX")
-            .env_remove("NO_COLOR")
-            .env("LC_ALL", "C.UTF-8");
-        let output = tmux
-            .args(["-u", "-L", &self.server])
-            .args(arguments)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{arguments:?}: {output:?}");
-        output
-    }
-
-    fn press(&self, key: &str) {
-        self.tmux(&["send-keys", key]);
-    }
-
-    fn screen(&self) -> String {
-        String::from_utf8(self.tmux(&["capture-pane", "-p"]).stdout).unwrap()
-    }
-
-    /// Waits until the screen is as wanted.
-    fn wait(&self, what: &str, is: impl Fn(&str) -> bool) -> String {
-        let start = Instant::now();
-        loop {
-            let screen = self.screen();
-            if is(&screen) {
-                return screen;
-            }
-            assert!(start.elapsed() < LONGEST, "never {what}:\n{screen}");
-            std::thread::sleep(Duration::from_millis(20));
-        }
-    }
-
-    fn wait_for(&self, text: &str) -> String {
-        self.wait(text, |screen| screen.contains(text))
-    }
-
-    fn read(&self, file: &str) -> String {
-        std::fs::read_to_string(self.folder.path().join(file)).unwrap()
-    }
-
-    /// Waits for the end of the command, with this exit code, in a terminal as it was before.
-    fn ends_with(&self, code: &str) -> String {
-        let screen = self.wait_for("AT THE END");
-        assert!(screen.contains(&format!("code {code}\n")), "{screen}");
-        assert!(
-            screen.contains("IN FRONT"),
-            "the screen of before is back:\n{screen}"
-        );
-        // The first line has the size, which a test changes.
-        let modes = |file| {
-            self.read(file)
-                .lines()
-                .skip(1)
-                .map(String::from)
-                .collect::<Vec<_>>()
-        };
-        assert!(modes("before").len() > 3);
-        assert_eq!(modes("before"), modes("after"));
-        screen
-    }
-}
-
-impl Drop for Terminal {
-    fn drop(&mut self) {
-        let _ = Command::new("tmux")
-            .args(["-L", &self.server, "kill-server"])
-            .output();
-    }
-}
-
-fn dots(screen: &str) -> String {
-    screen
-        .chars()
-        .filter(|c| ('\u{2800}'..='\u{28ff}').contains(c) || *c == '\n')
-        .collect()
-}
 
 #[test]
 fn it_draws_follows_keys_and_gives_the_terminal_back() {
@@ -196,9 +77,7 @@ fn a_signal_gives_the_terminal_back() {
             return;
         };
         terminal.wait_for("force 1 left (N)");
-        let process = terminal.read("process");
-        let killed = Command::new("kill").args([signal, process.trim()]).status();
-        assert!(killed.unwrap().success());
+        tmux::signal(terminal.process(), signal);
         terminal.ends_with(code);
     }
 }
@@ -210,7 +89,7 @@ fn it_ends_when_its_terminal_is_closed() {
         return;
     };
     terminal.wait_for("force 1 left (N)");
-    let process = Path::new("/proc").join(terminal.read("process").trim());
+    let process = Path::new("/proc").join(terminal.process().to_string());
     assert!(process.exists());
     terminal.tmux(&["kill-server"]);
     let start = Instant::now();
@@ -223,17 +102,9 @@ fn it_ends_when_its_terminal_is_closed() {
     }
 }
 
-/// Whether Ctrl-C is a signal in the terminal of a display with these arguments.
+/// Whether Ctrl-C is a signal in the terminal of a display.
 fn has_signals(terminal: &Terminal) -> bool {
-    let tty = terminal
-        .tmux(&["display-message", "-p", "#{pane_tty}"])
-        .stdout;
-    let tty = String::from_utf8(tty).unwrap();
-    let stty = Command::new("stty")
-        .args(["-a", "-F", tty.trim()])
-        .output()
-        .unwrap();
-    let modes = String::from_utf8(stty.stdout).unwrap();
+    let modes = terminal.modes();
     assert!(
         modes.contains("isig") && modes.contains("-icanon"),
         "{modes}"

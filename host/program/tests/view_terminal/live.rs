@@ -1,0 +1,317 @@
+//! A run that is watched in a terminal: it ends in order, goes on without its display, and gives the terminal back.
+
+use super::PROGRAM;
+use super::tmux::{Terminal, dots, signal, until};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+/// The clocks of a run, as options.
+const CLOCKS: [&str; 2] = ["--clock real", "--clock virtual"];
+
+/// Starts a run with its display.
+fn run(options: &str) -> Option<Terminal> {
+    let command = format!("{PROGRAM} run --view {options}");
+    Terminal::start(120, 60, &command)
+}
+
+/// Waits for a dashboard that shows a body, and for a later frame.
+fn wait_for_movement(terminal: &Terminal) {
+    let complete = |screen: &str| {
+        ["force 1 left (N)", "force 2 right (N)", "frame 0."]
+            .iter()
+            .all(|part| screen.contains(part))
+            && dots(screen).trim().chars().count() > 100
+    };
+    let first = terminal.wait("a dashboard with a body", complete);
+    terminal.wait("a later frame", |screen| {
+        complete(screen) && moment(screen) > moment(&first) && dots(screen) != dots(&first)
+    });
+}
+
+/// The time of the shown frame (s), at the right end of the first line.
+fn moment(screen: &str) -> Option<f64> {
+    let line = screen.lines().next()?;
+    let seconds = line
+        .trim_end()
+        .strip_suffix(" s old")
+        .map_or(line, |_| line);
+    let words: Vec<_> = seconds.split_whitespace().collect();
+    let at = words.iter().rposition(|word| *word == "frame")?;
+    words.get(at.checked_sub(2)?)?.parse().ok()
+}
+
+/// The display of the run with this process.
+fn display_of(process: u32) -> u32 {
+    let mut found = None;
+    until("the run has a display", || {
+        found = children(process).first().copied();
+        found.is_some()
+    });
+    found.unwrap()
+}
+
+fn children(process: u32) -> Vec<u32> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir("/proc").unwrap().flatten() {
+        let stat = std::fs::read_to_string(entry.path().join("stat")).unwrap_or_default();
+        // The name of the process, in parentheses, may have any characters.
+        let Some((_, rest)) = stat.rsplit_once(") ") else {
+            continue;
+        };
+        if rest.split(' ').nth(1) == Some(&process.to_string()) {
+            found.extend(
+                entry
+                    .file_name()
+                    .to_str()
+                    .and_then(|name| name.parse::<u32>().ok()),
+            );
+        }
+    }
+    found
+}
+
+fn is_alive(process: u32) -> bool {
+    Path::new("/proc").join(process.to_string()).exists()
+}
+
+/// A run without a terminal. It is killed at the end of a test.
+struct Background(Child);
+
+impl Background {
+    /// Starts a run at a hundredth of its pace, with its socket in `runtime`.
+    fn start(runtime: &Path) -> Self {
+        let mut command = Command::new(PROGRAM);
+        command.args(["run", "--view", "--pace", "0.01", "--duration", "100"]);
+        command.env("XDG_RUNTIME_DIR", runtime).stdin(Stdio::null());
+        command.stdout(Stdio::null()).stderr(Stdio::null());
+        let run = Self(command.spawn().unwrap());
+        let socket = runtime.join(format!("palpate/{}.sock", run.0.id()));
+        until("the run has a socket", || socket.exists());
+        run
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+#[test]
+fn ctrl_c_ends_the_run_in_order() {
+    for clock in CLOCKS {
+        let Some(terminal) = run(&format!("{clock} --duration 1000")) else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        let socket = terminal.socket(terminal.process());
+        assert!(socket.exists());
+        terminal.press("C-c");
+        let screen = terminal.ends_with("130");
+        assert!(screen.contains("  ticks "), "{clock}:\n{screen}");
+        assert!(
+            screen.contains("a signal ended the run before its end"),
+            "{clock}:\n{screen}"
+        );
+        assert!(
+            screen.contains("interrupted; shut down cleanly"),
+            "{clock}:\n{screen}"
+        );
+        assert!(!socket.exists(), "{clock}");
+    }
+}
+
+#[test]
+fn q_closes_the_display_and_the_run_goes_on() {
+    for clock in CLOCKS {
+        let Some(terminal) = run(&format!("{clock} --duration 4")) else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        terminal.press("q");
+        terminal.wait_until_restored();
+        // The progress of the run, which is not over.
+        terminal.wait_for("so far, ");
+        assert!(is_alive(terminal.process()));
+        let screen = terminal.ends_with("0");
+        assert!(
+            screen.contains("  ticks      4000 at"),
+            "{clock}:\n{screen}"
+        );
+    }
+}
+
+#[test]
+fn a_killed_display_does_not_end_the_run() {
+    for clock in CLOCKS {
+        let Some(terminal) = run(&format!("{clock} --duration 4")) else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        let display = display_of(terminal.process());
+        signal(display, "-KILL");
+        terminal.wait_until_restored();
+        until("the display is gone", || !is_alive(display));
+        assert!(is_alive(terminal.process()));
+        let screen = terminal.ends_with("0");
+        assert!(
+            screen.contains("  ticks      4000 at"),
+            "{clock}:\n{screen}"
+        );
+    }
+}
+
+#[test]
+fn a_stopped_display_is_killed_after_the_run() {
+    for clock in CLOCKS {
+        let Some(terminal) = run(&format!("{clock} --duration 3")) else {
+            return;
+        };
+        wait_for_movement(&terminal);
+        let display = display_of(terminal.process());
+        signal(display, "-STOP");
+        let screen = terminal.ends_with("0");
+        assert!(
+            screen.contains("  ticks      3000 at"),
+            "{clock}:\n{screen}"
+        );
+        assert!(!is_alive(display), "{clock}");
+    }
+}
+
+#[test]
+fn the_display_of_a_killed_run_gives_the_terminal_back() {
+    let Some(terminal) = run("--duration 1000") else {
+        return;
+    };
+    wait_for_movement(&terminal);
+    let display = display_of(terminal.process());
+    signal(terminal.process(), "-KILL");
+    until("the display is gone", || !is_alive(display));
+    terminal.wait_for("the run closed the connection");
+    terminal.wait_until_restored();
+}
+
+/// What `palpate view` prints on the standard error, and its exit code, where runs have their sockets in `runtime`.
+fn view(runtime: &Path, options: &[&str]) -> (Option<i32>, String) {
+    let mut command = Command::new(PROGRAM);
+    command.arg("view").args(options).stdin(Stdio::null());
+    let output = command.env("XDG_RUNTIME_DIR", runtime).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    (output.status.code(), said)
+}
+
+/// Starts `palpate view` in a terminal beside runs that have their sockets in `runtime`.
+fn view_in_terminal(runtime: &Path, options: &str) -> Option<Terminal> {
+    let command = format!("{PROGRAM} view {options}");
+    Terminal::start_with(Some(runtime), 120, 60, &command)
+}
+
+#[test]
+fn a_second_terminal_attaches_to_the_only_run() {
+    let Some(first) = run("--clock real --duration 1000") else {
+        return;
+    };
+    wait_for_movement(&first);
+    // A run that was killed leaves its socket, and does not count.
+    let killed = Background::start(first.folder());
+    let stale = first.socket(killed.0.id());
+    drop(killed);
+    assert!(stale.exists());
+    let Some(second) = view_in_terminal(first.folder(), "") else {
+        return;
+    };
+    wait_for_movement(&second);
+    second.press("q");
+    second.ends_with("0");
+    first.press("C-c");
+    first.ends_with("130");
+}
+
+#[test]
+fn without_a_choice_there_is_one_clear_message() {
+    let runtime = tempfile::tempdir().unwrap();
+    let none = |stale: bool| {
+        let (code, said) = view(runtime.path(), &[]);
+        assert_eq!(code, Some(1), "stale: {stale}: {said}");
+        let begins = said.starts_with("palpate: no run of this user can be watched (searched ");
+        assert!(begins && said.lines().count() == 1, "{said}");
+    };
+    none(false);
+    let (one, two) = (
+        Background::start(runtime.path()),
+        Background::start(runtime.path()),
+    );
+    let (code, said) = view(runtime.path(), &[]);
+    assert_eq!(code, Some(1), "{said}");
+    let lines: Vec<_> = said.lines().collect();
+    assert_eq!(lines[0], "palpate: found 2 runs; choose one of them:");
+    let mut listed = lines[1..].to_vec();
+    listed.sort_unstable();
+    let folder = runtime.path().join("palpate");
+    let command = |run: &Background| {
+        let socket = folder.join(format!("{}.sock", run.0.id()));
+        format!("  palpate view --socket {}", socket.display())
+    };
+    let mut expected = [command(&one), command(&two)];
+    expected.sort();
+    assert_eq!(listed, expected);
+    drop((one, two));
+    none(true);
+}
+
+#[test]
+fn a_display_waits_for_a_run_and_for_the_next_run() {
+    let runtime = tempfile::tempdir().unwrap();
+    let Some(terminal) = view_in_terminal(runtime.path(), "--wait") else {
+        return;
+    };
+    terminal.wait_for("there is no run yet");
+    for _ in 0..2 {
+        let run = Background::start(runtime.path());
+        terminal.wait("a run", |screen| {
+            screen.contains("force 1 left (N)") && !screen.contains("the run is over")
+        });
+        signal(run.0.id(), "-TERM");
+        terminal.wait_for("the run is over; the display waits for the next run");
+    }
+    terminal.press("q");
+    terminal.ends_with("0");
+}
+
+/// Presses the key that saves the moment, and checks the message and the files.
+fn save(terminal: &Terminal) {
+    terminal.press("s");
+    let screen = terminal.wait_for(" saved moment_");
+    let line = screen.lines().last().unwrap();
+    let names: Vec<_> = line.split_whitespace().skip(1).step_by(2).collect();
+    let [picture, table] = names[..] else {
+        panic!("{line}");
+    };
+    let read = |name: &str| std::fs::read(terminal.folder().join(name)).unwrap();
+    assert!(read(picture).starts_with(b"\x89PNG"));
+    let table = String::from_utf8(read(table)).unwrap();
+    assert!(table.lines().count() > 10, "{table}");
+}
+
+#[test]
+fn the_key_s_saves_the_moment_of_a_run_and_of_a_log() {
+    let Some(terminal) = run("--log run.mcap --duration 1000") else {
+        return;
+    };
+    wait_for_movement(&terminal);
+    save(&terminal);
+    terminal.press("C-c");
+    terminal.ends_with("130");
+    let log = terminal.folder().join("run.mcap");
+    let options = format!("{} --from 0.3", log.display());
+    let Some(terminal) = view_in_terminal(terminal.folder(), &options) else {
+        return;
+    };
+    terminal.wait_for("log run.mcap");
+    terminal.wait_for("force 1 left (N)");
+    save(&terminal);
+    terminal.press("q");
+    terminal.ends_with("0");
+}
