@@ -129,8 +129,8 @@ pub(super) struct RunArguments {
 #[cfg(feature = "view")]
 #[derive(Clone, Debug, Default, clap::Args)]
 struct ViewArguments {
-    /// Let viewers watch the run (`palpate view`), and show the run in this terminal. Default of the socket:
-    /// palpate/PID.sock in $XDG_RUNTIME_DIR, or /tmp/palpate-UID/PID.sock
+    /// Let viewers watch the run (`palpate view`), and show the run in this terminal: the key q closes the display, and
+    /// Ctrl-C ends the run. Default of the socket: palpate/PID.sock in $XDG_RUNTIME_DIR, or /tmp/palpate-UID/PID.sock
     #[arg(long, value_name = "SOCKET", num_args = 0..=1, require_equals = true, conflicts_with = "replay")]
     // Absent, without a value, or with a value: clap describes an option with an optional value so.
     #[allow(clippy::option_option)]

@@ -37,13 +37,13 @@ Examples:
   palpate view run.mcap --at 2.9 --plot a.svg  draw one moment of a log
   palpate view --foxglove                      serve the run to Foxglove
 
-Keys in the terminal: h lists them, q quits. A run goes on without its viewer.";
+In the terminal, the key h lists the keys, and q quits. A run goes on without its viewer.";
 
 /// Arguments of `palpate view`.
 #[derive(Clone, Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(super) struct ViewArguments {
-    /// Log to play back (MCAP). Default: the run that goes on
+    /// Log to play back (MCAP). Without a log, the viewer shows a run
     #[arg(conflicts_with = "socket")]
     log: Option<PathBuf>,
     /// Unix socket of the run. Default: that of the only run of this user
@@ -52,22 +52,22 @@ pub(super) struct ViewArguments {
     /// Print a line for each second and each event, also in a terminal
     #[arg(long, conflicts_with_all = ["web", "foxglove"])]
     lines: bool,
-    /// Serve a page on this machine alone, and print its address. Default of the port: any free port
+    /// Serve a page to browsers on this machine only, and print its address. Default of the port: any free port
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "0",
           conflicts_with = "foxglove")]
     web: Option<u16>,
-    /// Serve a run to Foxglove and other programs that speak its protocol, on this machine alone. These programs open a
+    /// Serve a run to Foxglove and other programs that speak its protocol, on this machine only. These programs open a
     /// log without a server. Default of the port: 8765
     #[arg(long, value_name = "PORT", num_args = 0..=1, require_equals = true, default_missing_value = "8765",
           conflicts_with = "log")]
     foxglove: Option<u16>,
-    /// Log: seconds of the log for each second of the wall, 0.001 to 100
+    /// Log: seconds of the log for each second of the wall clock, 0.001 to 100. Default: 1
     #[arg(long, value_name = "X", value_parser = speed, requires = "log")]
     speed: Option<f64>,
-    /// Log: begin at this moment
+    /// Log: begin at this time of the log
     #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log")]
     from: Option<f64>,
-    /// Log: write the moment at this time, with --plot and --csv, and end
+    /// Log: write the state at this time of the log with --plot, --csv or --curves, and end
     #[arg(long, value_name = "SECONDS", value_parser = moment, requires = "log",
           conflicts_with_all = ["lines", "web", "foxglove", "from", "speed"])]
     at: Option<f64>,
@@ -382,7 +382,7 @@ impl Feed for Paced {
     }
 }
 
-/// Seconds of the log for each second of the wall.
+/// Seconds of the log for each second of the wall clock.
 fn speed(text: &str) -> Result<f64, String> {
     let value: f64 = text.parse().map_err(|_| "expected a number".to_owned())?;
     if (0.001..=100.0).contains(&value) {

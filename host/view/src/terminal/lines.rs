@@ -59,7 +59,7 @@ pub fn lines(
         if model.time_ns() < old {
             next = None;
         }
-        let last = model.frame.as_ref().is_some_and(|frame| frame.last);
+        let last = model.frame.as_ref().is_some_and(|frame| frame.last) && next != Some(u64::MAX);
         if model.frame.is_some() && (last || next.is_none_or(|next| second >= next)) {
             next = Some(if last { u64::MAX } else { second + 1 });
             text.push_str(&line(&model));
