@@ -1,4 +1,4 @@
-//! Changes logs and messages at random and reads them: no panic, and bounded memory.
+//! Changes logs, messages, requests and commands of a page at random and reads them: no panic, and bounded memory.
 //!
 //! `cargo run --release -p palpate-view --example hostile -- run 1000000` reads a million inputs of each kind. The
 //! counts that are printed are the same on every machine. `-- seeds` writes the seeds of the fuzzers.
@@ -7,6 +7,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
+use view::web::hostile::{command, commands, request, requests};
 
 /// Inputs from one report to the next.
 const REPORT: u64 = 100_000;
@@ -15,16 +16,20 @@ fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         ["seeds"] => write_seeds()?,
-        ["run", count] => run(count.parse()?, "both")?,
+        ["run", count] => run(count.parse()?, "all")?,
         ["run", count, which] => run(count.parse()?, which)?,
-        _ => return Err("expected: run COUNT [log|message], or seeds".into()),
+        _ => return Err("expected: run COUNT [log|message|request|command], or seeds".into()),
     }
     Ok(())
 }
 
 fn run(count: u64, which: &str) -> Result<(), Box<dyn Error>> {
+    if !["all", "log", "message", "request", "command"].contains(&which) {
+        return Err(format!("no kind of input has the name {which}").into());
+    }
+    let asked = |kind| which == kind || which == "all";
     let mut mutator = Mutator::new(1);
-    if which != "message" {
+    if asked("log") {
         let seed = small_log()?;
         let keep = scene_of(&seed);
         report("log", count, || {
@@ -33,13 +38,21 @@ fn run(count: u64, which: &str) -> Result<(), Box<dyn Error>> {
             log(&bytes)
         });
     }
-    if which != "log" {
-        let seeds = messages();
-        report("message", count, || {
+    let mut change_one = |kind, seeds: &[Vec<u8>], read: &dyn Fn(&[u8]) -> bool| {
+        report(kind, count, || {
             let mut bytes = seeds[mutator.below(seeds.len())].clone();
             mutator.change(&mut bytes, &(0..0));
-            message(&bytes)
+            read(&bytes)
         });
+    };
+    if asked("message") {
+        change_one("message", &messages(), &message);
+    }
+    if asked("request") {
+        change_one("request", &requests(), &request);
+    }
+    if asked("command") {
+        change_one("command", &commands(), &command);
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
-//! Any bytes may be read as a log or as a message, without fuzzing tools. The long form is the example `hostile`.
+//! Any bytes may be read as a log, a message, a request or a command of a page, without fuzzing tools. The long form is the example `hostile`.
 
 use view::hostile::{Mutator, log, message, messages, scene_of, small_log};
+use view::web::hostile::{command, commands, request, requests};
 
 #[test]
 fn the_inputs_of_the_fuzzers_do_not_panic() -> std::io::Result<()> {
@@ -48,4 +49,22 @@ fn changed_messages_do_not_panic() {
         accepted += u32::from(message(&bytes));
     }
     assert!((500..20_000).contains(&accepted), "{accepted}");
+}
+
+#[test]
+fn changed_requests_and_commands_do_not_panic() {
+    type Reader = fn(&[u8]) -> bool;
+    let kinds: [(Vec<Vec<u8>>, Reader); 2] = [(requests(), request), (commands(), command)];
+    for (seeds, read) in kinds {
+        assert!(seeds.iter().all(|bytes| read(bytes)));
+        let mut mutator = Mutator::new(4);
+        let mut accepted = 0;
+        for _ in 0..20_000 {
+            let mut bytes = seeds[mutator.below(seeds.len())].clone();
+            mutator.change(&mut bytes, &(0..0));
+            accepted += u32::from(read(&bytes));
+        }
+        // Some changes leave the meaning, and most do not.
+        assert!((20..15_000).contains(&accepted), "{accepted}");
+    }
 }

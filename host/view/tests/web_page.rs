@@ -6,46 +6,21 @@
 #[path = "../examples/paced/mod.rs"]
 mod paced;
 
+mod browser;
+
+use browser::{exists, scripts};
 use host::live::{Message, Vertices};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::channel;
 use std::time::Duration;
 use view::feed::Feed;
 use view::synthetic::Synthetic;
-use view::web::{Options, serve};
+use view::web::Moment;
 
 /// Vertices along an edge of the sheet of the run: as many triangles as the boundary of a body of 6,000 tetrahedra.
 const EDGE: u32 = 37;
-
-fn exists(program: &str) -> bool {
-    let found = Command::new(program).arg("--version").output();
-    let found = found.is_ok_and(|output| output.status.success());
-    if !found {
-        eprintln!("SKIPPED: the program {program} is missing");
-    }
-    found
-}
-
-fn scripts() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/web_page")
-}
-
-/// A server until `stop`, and its address.
-fn server(feed: paced::Paced, stop: &Arc<AtomicBool>) -> (std::thread::JoinHandle<()>, String) {
-    let (sender, receiver) = channel();
-    let options = Options {
-        port: 0,
-        opened: Box::new(move |address| sender.send(address.to_owned()).unwrap()),
-        moment: Arc::new(|_, _| Ok(b"time_s\n0\n".to_vec())),
-        stop: Arc::clone(stop),
-    };
-    let thread = std::thread::spawn(move || serve(Box::new(feed), &options).unwrap());
-    let address = receiver.recv().unwrap();
-    (thread, address)
-}
 
 /// The vertices of a frame of the synthetic feed.
 fn sent(number: u64) -> Vertices {
@@ -61,31 +36,19 @@ fn sent(number: u64) -> Vertices {
 
 #[test]
 fn the_page_shows_what_was_sent_and_obeys_mouse_and_keyboard() {
-    let Some(packages) = std::env::var_os("PALPATE_NODE_MODULES") else {
-        eprintln!("SKIPPED: PALPATE_NODE_MODULES names no folder with playwright-core");
+    let Some(mut script) = browser::script("page.cjs") else {
         return;
     };
-    if !exists("node") || !exists("chromium") {
-        return;
-    }
     let stop = Arc::new(AtomicBool::new(false));
-    let (run, run_at) = server(paced::Paced::new(EDGE, false, u64::MAX), &stop);
-    let (log, log_at) = server(paced::Paced::new(21, true, u64::MAX), &stop);
-    let output = Command::new("node")
-        .arg(scripts().join("page.cjs"))
-        .args([&run_at, &log_at])
-        .env("NODE_PATH", packages)
-        .output()
-        .unwrap();
+    let moment: Arc<Moment> = Arc::new(|_, _| Ok(b"time_s\n0\n".to_vec()));
+    let serve = |feed| browser::server(Box::new(feed), Arc::clone(&moment), &stop);
+    let (run, run_at) = serve(paced::Paced::new(EDGE, false, u64::MAX));
+    let (log, log_at) = serve(paced::Paced::new(21, true, u64::MAX));
+    script.args([&run_at, &log_at]);
+    let text = browser::lines(script);
     stop.store(true, Ordering::Release);
     let _ = (run.join(), log.join());
-    let text = String::from_utf8_lossy(&output.stdout);
     eprintln!("{text}");
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
     // The vertices that the page drew are those of the feed, bit for bit.
     let drawn = text.lines().find_map(|line| line.strip_prefix("DRAWN "));
     let drawn: serde_json::Value = serde_json::from_str(drawn.unwrap()).unwrap();

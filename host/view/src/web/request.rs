@@ -106,7 +106,7 @@ pub(super) fn read(stream: &mut TcpStream) -> Result<Option<Request>, Refusal> {
 }
 
 /// The request at the start of `bytes`; `None` if its head is not complete.
-fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
+pub(super) fn parse(bytes: &[u8]) -> Result<Option<Request>, Refusal> {
     let bad = |line: String| Refusal::new("400 Bad Request", line);
     let mut fields = [httparse::EMPTY_HEADER; FIELDS];
     let mut parsed = httparse::Request::new(&mut fields);

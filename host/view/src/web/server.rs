@@ -176,7 +176,7 @@ fn connection_begins(mut stream: TcpStream, shared: &Shared, place: Place) {
 }
 
 /// The path below the token, where the request may have it.
-fn path(request: &Request, token: &str) -> Result<String, Refusal> {
+pub(super) fn path(request: &Request, token: &str) -> Result<String, Refusal> {
     let forbidden = |line: &str| Refusal::new("403 Forbidden", line);
     let Some(host) = request.field("host") else {
         let line = "The request has no field Host, or several.";

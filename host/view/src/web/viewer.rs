@@ -87,7 +87,7 @@ pub(super) fn serve(
 }
 
 /// The key of a request for a WebSocket.
-fn asked(request: &Request) -> Option<&str> {
+pub(super) fn asked(request: &Request) -> Option<&str> {
     let valid = request.lists("upgrade", "websocket")
         && request.lists("connection", "upgrade")
         && request.field("sec-websocket-version") == Some("13")
@@ -164,7 +164,7 @@ fn read(
 }
 
 /// A command for the feed; `None` for the confirmation of a frame; or a line for the person.
-fn understand(text: &str) -> Result<Option<Command>, String> {
+pub(super) fn understand(text: &str) -> Result<Option<Command>, String> {
     if serde_json::from_str::<Own>(text).is_ok() {
         return Ok(None);
     }

@@ -6,7 +6,7 @@ const net = require("net");
 const { chromium } = require("playwright-core");
 
 const ARGUMENTS = [
-  "--no-sandbox", "--disable-gpu-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
+  "--no-sandbox", "--disable-gpu-sandbox", "--enable-unsafe-swiftshader", "--disable-quic",
   "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync",
 ];
 /** Processor time of a process and its descendants (s). */

@@ -19,6 +19,8 @@ const get = (id) => document.getElementById(id);
 const state = { hello: null, frame: null, playback: null, colour: "none", run: null };
 const counts = { frames: 0, drawn: 0, surfaces: 0, gaps: 0 };
 const times = [];
+/** Least time between two changes of the numbers beside the timeline while a log plays (ms). */
+const PLAYBACK_EVERY = 100;
 
 setText(get("age-unit"), "");
 document.documentElement.dataset.theme = matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light";
@@ -81,17 +83,26 @@ on(Kind.HISTORY, (pieces) => charts.replace(pieces));
 
 on(Kind.PLAYBACK, (playback) => {
   const first = state.playback === null;
+  const turned = first || state.playback.playing !== playback.playing;
   state.playback = playback;
   timeline.take(playback);
   if (playback.events.length > 0) panel.replaceEvents(playback.events);
-  showPlayback(playback, first);
+  // While the log plays, its numbers change ten times a second: a person cannot read faster ones.
+  clearTimeout(state.playbackTimer);
+  const wait = (state.playbackShown ?? -Infinity) + PLAYBACK_EVERY - performance.now();
+  const show = () => {
+    state.playbackShown = performance.now();
+    showPlayback(state.playback, first);
+  };
+  if (turned || !playback.playing || wait <= 0) show();
+  else state.playbackTimer = setTimeout(show, wait);
   if (first) {
     const lacks = [...playback.notes];
     if (!playback.complete) lacks.unshift("The log has no end: its writer was killed.");
     get("view-note").hidden = lacks.length === 0;
     setText(get("view-note"), lacks.join(" "));
   }
-  clock();
+  if (turned || !playback.playing) clock();
 });
 
 on(Kind.END, () => clock());

@@ -11,6 +11,10 @@ import { quantity, round125 } from "./format.js";
 const ENDS = [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10];
 /** Time after which the picture stands still (ms). */
 const STILL = 400;
+/** Pixels of the drawing for each pixel of the page, in each direction, while WebGL on the processor draws motion. */
+const COARSE = 0.75;
+/** Least time between two changes of the labels while WebGL on the processor draws motion (ms). */
+const LABELS = 100;
 const UNIT = { displacement: "m", stress: "Pa" };
 const NAME = { displacement: "Displacement", stress: "Von Mises stress" };
 const up = new THREE.Vector3(0, 0, 1);
@@ -72,7 +76,7 @@ export class View {
     this.moved = -Infinity;
     this.mismatched = 0;
     this.software = isSoftware();
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, powerPreference: "low-power" });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: !this.software, alpha: false, powerPreference: "low-power" });
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(32, 1, 0.001, 10);
     this.camera.up.copy(up);
@@ -349,7 +353,7 @@ export class View {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement;
     if (width === 0 || height === 0) return;
     const still = this.software && performance.now() - this.moved > STILL;
-    const ratio = Math.min(devicePixelRatio, 2) * (still ? 2 : 1);
+    const ratio = Math.min(devicePixelRatio, 2) * (still ? 2 : this.software ? COARSE : 1);
     if (this.width !== width || this.height !== height || this.ratio !== ratio) {
       [this.width, this.height, this.ratio] = [width, height, ratio];
       this.rem = getComputedStyle(document.documentElement).fontSize;
@@ -363,7 +367,11 @@ export class View {
     this.updateHands();
     this.renderer.render(this.scene, this.camera);
     this.draws += 1;
-    this.placeLabels();
+    const now = performance.now();
+    if (!this.software || still || now - (this.labelsPlaced ?? -Infinity) >= LABELS) {
+      this.labelsPlaced = now;
+      this.placeLabels();
+    }
     this.changed();
   }
 

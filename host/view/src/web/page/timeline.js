@@ -6,6 +6,8 @@ import { send } from "./link.js";
 const MARKS = { trip: "▲", missed_deadline: "✕", stale_model: "◐", worst_tick: "◆" };
 /** Least time between two jumps while a person scrubs (ms). */
 const EVERY = 40;
+/** Least time between two drawings while the log plays (ms). */
+const DRAWN_EVERY = 100;
 
 /** The timeline. */
 export class Timeline {
@@ -16,6 +18,7 @@ export class Timeline {
     this.events = [];
     this.wanted = null;
     this.last = 0;
+    this.drawn = -Infinity;
     const at = (event) => {
       const box = canvas.getBoundingClientRect();
       this.scrub((event.clientX - box.left) / box.width);
@@ -39,12 +42,17 @@ export class Timeline {
     this.playback = playback;
     if (playback.events.length > 0) this.events = playback.events;
     if (playback.overview.length > 0) this.overview = playback.overview;
-    const { canvas } = this;
+    if (!playback.playing || this.wanted !== null) this.request();
+    else this.later ||= setTimeout(() => this.request(), Math.max(0, this.drawn + DRAWN_EVERY - performance.now()));
+  }
+
+  /** Tells assistive programs where the log is. */
+  describe() {
+    const { canvas, playback } = this;
     canvas.setAttribute("aria-valuemin", "0");
     canvas.setAttribute("aria-valuemax", seconds(playback.to_ns - playback.from_ns));
     canvas.setAttribute("aria-valuenow", seconds(playback.at_ns - playback.from_ns));
     canvas.setAttribute("aria-valuetext", `${seconds(playback.at_ns)} s, tick ${playback.tick}`);
-    this.request();
   }
 
   /** Goes to a part of the log from 0 to 1. */
@@ -92,10 +100,15 @@ export class Timeline {
 
   draw() {
     this.asked = false;
+    clearTimeout(this.later);
+    this.later = 0;
+    this.drawn = performance.now();
     const { canvas, playback } = this;
     const ratio = devicePixelRatio;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
-    if (width === 0 || !playback) return;
+    if (!playback) return;
+    this.describe();
+    if (width === 0) return;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
     const context = canvas.getContext("2d");

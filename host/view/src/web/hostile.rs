@@ -1,0 +1,87 @@
+//! What a connection sends, for the fuzzers: any bytes, no panic, and no way past the token.
+
+use super::{request, server, viewer};
+
+/// The token of the requests.
+const TOKEN: &str = "0123456789abcdef0123456789abcdef";
+
+/// Reads the head of a request and checks it as the server does. Returns whether the request may have its path.
+///
+/// # Panics
+/// If a request is admitted without the token, or without the name of this machine.
+pub fn request(bytes: &[u8]) -> bool {
+    let Ok(Some(request)) = request::parse(bytes) else {
+        return false;
+    };
+    let _ = viewer::asked(&request);
+    let admitted = server::path(&request, TOKEN).is_ok();
+    if admitted {
+        let host = request.field("host").unwrap_or_default();
+        let names = ["127.0.0.1", "localhost", "[::1]"];
+        let named = names.iter().any(|name| {
+            let start = host.as_bytes().get(..name.len());
+            start.is_some_and(|start| start.eq_ignore_ascii_case(name.as_bytes()))
+        });
+        assert!(named, "the server answers under another name: {host}");
+        let start = request.target.get(..TOKEN.len() + 2);
+        assert!(
+            start == Some(&format!("/{TOKEN}/")),
+            "the server answers without the token: {}",
+            request.target
+        );
+        let origin = request
+            .field("origin")
+            .map(|origin| origin.replacen("http://", "", 1));
+        assert!(
+            !request.has("origin") || origin.as_deref() == Some(host),
+            "the server answers another page: {origin:?}"
+        );
+    }
+    admitted
+}
+
+/// Reads a command of a page. Returns whether the server understands the command.
+///
+/// # Panics
+/// If a speed outside the allowed range is passed on.
+pub fn command(bytes: &[u8]) -> bool {
+    use crate::feed::Command;
+    // A WebSocket refuses a text that is not UTF-8 before the server reads the text.
+    let text = String::from_utf8_lossy(bytes);
+    let understood = viewer::understand(&text);
+    if let Ok(Some(Command::Speed { factor })) = understood {
+        assert!((0.001..=100.0).contains(&factor), "the speed {factor}");
+    }
+    understood.is_ok()
+}
+
+/// Requests that are sound: for the page, for a file, and for a WebSocket.
+pub fn requests() -> Vec<Vec<u8>> {
+    let page =
+        format!("GET /{TOKEN}/?a=1 HTTP/1.1\r\nHost: 127.0.0.1:8420\r\nAccept: text/html\r\n\r\n");
+    let file = format!(
+        "GET /{TOKEN}/vendor/uPlot.esm.js HTTP/1.1\r\nHost: [::1]:8420\r\nOrigin: http://[::1]:8420\r\n\r\n"
+    );
+    let socket = format!(
+        "GET /{TOKEN}/socket HTTP/1.1\r\nHost: localhost:8420\r\nOrigin: http://localhost:8420\r\n\
+         Upgrade: websocket\r\nConnection: keep-alive, Upgrade\r\nSec-WebSocket-Version: 13\r\n\
+         Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\nrest"
+    );
+    [page, file, socket].map(String::into_bytes).into()
+}
+
+/// Commands of each kind.
+pub fn commands() -> Vec<Vec<u8>> {
+    let commands = [
+        r#"{"do":"play"}"#,
+        r#"{"do":"pause"}"#,
+        r#"{"do":"step","ticks":-1}"#,
+        r#"{"do":"seek","time_ns":1500000000}"#,
+        r#"{"do":"speed","factor":0.5}"#,
+        r#"{"do":"next"}"#,
+        r#"{"do":"previous"}"#,
+        r#"{"do":"stress","on":true}"#,
+        r#"{"do":"drawn"}"#,
+    ];
+    commands.map(|text| text.as_bytes().to_vec()).into()
+}
